@@ -1,0 +1,51 @@
+# make run    start the app on http://localhost:$(PORT)
+# make test   lint, types and the whole suite
+# make bench  every speed and accuracy table against the peers
+# make setup  the set-up alone; the others call it
+
+PYTHON ?= python3
+PORT ?= 8501
+VENV := .venv
+BIN := $(VENV)/bin
+KERNELS := $(wildcard stereolag/kernels/*.py) stereolag/warming.py
+
+.PHONY: run setup setup-dev test check bench clean
+
+run: setup
+	@echo "stereolag: http://localhost:$(PORT)"
+	@exec $(BIN)/streamlit run app.py --server.port $(PORT)
+
+setup: $(VENV)/.run-ready $(VENV)/.kernels-warm
+
+setup-dev: setup $(VENV)/.dev-ready
+
+test: check
+	$(BIN)/python -m pytest
+
+check: setup-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: setup-dev
+	$(BIN)/python -m benchmarks
+
+clean:
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and f"stereolag needs Python 3.11 or newer; {sys.executable} is {v.major}.{v.minor}. Name another: make PYTHON=python3.12")'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.run-ready: requirements.txt | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.txt
+	@touch $@
+
+$(VENV)/.dev-ready: requirements-dev.txt requirements.txt | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-dev.txt
+	@touch $@
+
+# Compiling here, once, spares the first visitor of the app the wait: the machine code is kept on disk.
+$(VENV)/.kernels-warm: $(VENV)/.run-ready $(KERNELS)
+	$(BIN)/python -m stereolag.warming
+	@touch $@
