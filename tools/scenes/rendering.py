@@ -1,0 +1,34 @@
+"""From light to an 8-bit picture: path tracing, exposure, tone curve, sensor noise."""
+
+import mitsuba as mi
+import numpy as np
+
+from .scene import StereoScene
+
+SAMPLES_PER_PASS = 16  # bounds the memory of one pass; passes are averaged
+
+
+def render(scene: mi.Scene, description: StereoScene, eye: str, spp: int, seed: int) -> np.ndarray:
+    """The picture of one eye, ``(height, width, 3)`` uint8.
+
+    `seed` decides every random number; give the two eyes different ones, so that
+    the noise of one says nothing about the noise of the other.
+    """
+    sensor = mi.load_dict(description.camera.sensor(eye))
+    passes = max(1, spp // SAMPLES_PER_PASS)
+    light = np.zeros((description.camera.height, description.camera.width, 3))
+    for number in range(passes):
+        image = mi.render(scene, sensor=sensor, spp=min(spp, SAMPLES_PER_PASS), seed=seed * 10_000 + number)
+        light += np.asarray(image, dtype=np.float64)
+    picture = _develop(light / passes * description.exposure)
+    noise = np.random.default_rng(seed).normal(0.0, description.sensor_noise, picture.shape)
+    return np.clip(np.round(picture * 255 + noise), 0, 255).astype(np.uint8)
+
+
+def _develop(light: np.ndarray) -> np.ndarray:
+    """Linear light to sRGB, with a soft shoulder above 0.6 in place of clipping."""
+    knee = 0.6
+    above = np.maximum(light - knee, 0.0)
+    shoulder = knee + (1 - knee) * (1 - np.exp(-above / (1 - knee)))
+    toned = np.where(light > knee, shoulder, light)
+    return np.where(toned <= 0.0031308, 12.92 * toned, 1.055 * toned ** (1 / 2.4) - 0.055)
