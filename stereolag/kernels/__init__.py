@@ -1,0 +1,1 @@
+"""The compiled loops, each beside the plain NumPy formula it must equal."""

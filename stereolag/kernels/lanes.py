@@ -1,0 +1,234 @@
+"""Sixteen neighbours at once: the vector registers of the processor, as a type that compiled loops can use.
+
+Numba leaves it to LLVM to find out which plain loops can run on vector registers; the loops of the window correlation
+hold too many arrays for it to prove them apart, and it gives up. So they say it themselves. A value of type ``Lanes``
+is sixteen numbers side by side. LLVM lays it on what the machine has: one register of AVX-512, two of AVX2, four of
+SSE or NEON. Inside compiled code ``+ - * & |`` work on it lane by lane. Indices count elements from the start of the
+array, whatever its shape; nobody checks them.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any
+from typing import cast as declare
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic, models, overload, register_model
+
+LANES = 16
+
+Instruction = Callable[..., Any]
+
+
+def _instruction(typing_and_code: Instruction) -> Instruction:
+    """Make an instruction for compiled code; a type checker sees a plain function."""
+    return declare(Instruction, intrinsic(typing_and_code))
+
+
+class Lanes(types.Type):
+    """Sixteen numbers of one dtype, as Numba's type system sees them."""
+
+    def __init__(self, dtype: Any) -> None:
+        self.dtype = dtype
+        super().__init__(name=f"Lanes({dtype})")
+
+
+@register_model(Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, lanes: Lanes) -> None:
+        vector = ir.VectorType(manager.lookup(lanes.dtype).get_value_type(), LANES)
+        super().__init__(manager, lanes, vector)  # type: ignore[no-untyped-call]
+
+
+def _address(context: Any, builder: Any, array_type: Any, array: Any, index: Any) -> Any:
+    return builder.gep(context.make_array(array_type)(context, builder, array).data, [index])
+
+
+@_instruction
+def item(typing: Any, array: Any, index: Any) -> Any:
+    """Return one element: ``array.ravel()[index]``."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.load(_address(context, builder, signature.args[0], *arguments))
+
+    return array.dtype(array, types.intp), generate
+
+
+@_instruction
+def put(typing: Any, array: Any, index: Any, value: Any) -> Any:
+    """Set one element: ``array.ravel()[index] = value``."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address = _address(context, builder, signature.args[0], *arguments[:2])
+        builder.store(context.cast(builder, arguments[2], signature.args[2], array.dtype), address)
+
+    return types.void(array, types.intp, value), generate
+
+
+@_instruction
+def nearest(typing: Any, value: Any, dtype: Any) -> Any:
+    """Return the number of `dtype` nearest to a float64: a whole one for an integer type."""
+    target = dtype.dtype
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        number = arguments[0]
+        if isinstance(target, types.Integer):
+            rint = builder.module.declare_intrinsic("llvm.rint", [number.type])
+            return builder.fptosi(builder.call(rint, [number]), context.get_value_type(target))
+        return context.cast(builder, number, types.float64, target)
+
+    return target(types.float64, dtype), generate
+
+
+@_instruction
+def load(typing: Any, array: Any, index: Any) -> Any:
+    """Return sixteen elements: ``array.ravel()[index : index + 16]``."""
+    lanes = Lanes(array.dtype)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address = _address(context, builder, signature.args[0], *arguments)
+        vector = context.get_value_type(lanes)
+        return builder.load(builder.bitcast(address, vector.as_pointer()), align=array.dtype.bitwidth // 8)
+
+    return lanes(array, types.intp), generate
+
+
+@_instruction
+def store(typing: Any, array: Any, index: Any, lanes: Any) -> Any:
+    """Set sixteen elements: ``array.ravel()[index : index + 16] = lanes``."""
+    if lanes != Lanes(array.dtype):
+        return None
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address = _address(context, builder, signature.args[0], *arguments[:2])
+        vector = arguments[2]
+        builder.store(vector, builder.bitcast(address, vector.type.as_pointer()), align=array.dtype.bitwidth // 8)
+
+    return types.void(array, types.intp, lanes), generate
+
+
+@_instruction
+def splat(typing: Any, value: Any, dtype: Any) -> Any:
+    """Return `value`, as `dtype`, in all sixteen lanes."""
+    lanes = Lanes(dtype.dtype)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        number = context.cast(builder, arguments[0], signature.args[0], lanes.dtype)
+        nothing = ir.Constant(context.get_value_type(lanes), ir.Undefined)
+        first = builder.insert_element(nothing, number, ir.Constant(ir.IntType(32), 0))
+        return builder.shuffle_vector(first, nothing, _places([0] * LANES))
+
+    return lanes(value, dtype), generate
+
+
+@_instruction
+def cast(typing: Any, lanes: Any, dtype: Any) -> Any:
+    """Return `lanes` converted to `dtype`, lane by lane; floats lose their fraction on the way to integers."""
+    source, target = lanes.dtype, dtype.dtype
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        if source == target:
+            return arguments[0]
+        convert = getattr(builder, _conversion(source, target))
+        return convert(arguments[0], context.get_value_type(Lanes(target)))
+
+    return Lanes(target)(lanes, dtype), generate
+
+
+def _conversion(source: Any, target: Any) -> str:
+    """Return the name of LLVM's instruction; integers only ever widen here."""
+    from_integer, to_integer = isinstance(source, types.Integer), isinstance(target, types.Integer)
+    if from_integer and to_integer:
+        return "sext" if source.signed else "zext"
+    if from_integer:
+        return "sitofp" if source.signed else "uitofp"
+    if to_integer:
+        return "fptosi"
+    return "fptrunc" if target.bitwidth < source.bitwidth else "fpext"
+
+
+@_instruction
+def shifted(typing: Any, lanes: Any, following: Any) -> Any:
+    """Return lanes 1 to 15 of `lanes`, then lane 0 of `following`."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.shuffle_vector(*arguments, _places(list(range(1, LANES + 1))))
+
+    return lanes(lanes, following), generate
+
+
+@_instruction
+def lowest_lane(typing: Any, lanes: Any) -> Any:
+    """Return lane 0."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.extract_element(arguments[0], ir.Constant(ir.IntType(32), 0))
+
+    return lanes.dtype(lanes), generate
+
+
+@_instruction
+def larger(typing: Any, one: Any, other: Any) -> Any:
+    """Return the larger of two integers, lane by lane."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.select(builder.icmp_signed(">", *arguments), *arguments)
+
+    return one(one, other), generate
+
+
+@_instruction
+def where_positive(typing: Any, test: Any, lanes: Any) -> Any:
+    """Return `lanes` where `test` (floats) is above 0, and 0 elsewhere."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        positive = builder.fcmp_ordered(">", arguments[0], ir.Constant(arguments[0].type, None))
+        return builder.select(positive, arguments[1], ir.Constant(arguments[1].type, None))
+
+    return lanes(test, lanes), generate
+
+
+@_instruction
+def largest(typing: Any, lanes: Any) -> Any:
+    """Return the largest of sixteen int32."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        reduce = ir.FunctionType(ir.IntType(32), [arguments[0].type])
+        name = f"llvm.vector.reduce.smax.v{LANES}i32"
+        function = cgutils.get_or_insert_function(builder.module, reduce, name)  # type: ignore[no-untyped-call]
+        return builder.call(function, arguments)
+
+    return types.int32(lanes), generate
+
+
+def _places(lanes: list[int]) -> Any:
+    return ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes)
+
+
+def _let_operator_work(symbol: Callable[[Any, Any], Any], integers: str, floats: str | None) -> None:
+    """Give ``Lanes`` one operator: LLVM's instruction on integers, and that on floats (None: there is none)."""
+
+    @_instruction
+    def lane_by_lane(typing: Any, one: Any, other: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            if isinstance(one.dtype, types.Integer):
+                return getattr(builder, integers)(*arguments)
+            # "contract" lets a product and a sum become one fused instruction; it leaves NaN and infinity alone.
+            return getattr(builder, str(floats))(*arguments, flags=("contract",))
+
+        return one(one, other), generate
+
+    @overload(symbol, strict=False)
+    def on_lanes(one: Any, other: Any) -> Any:
+        usable = isinstance(one, Lanes) and one == other and (floats or isinstance(one.dtype, types.Integer))
+        return (lambda one, other: lane_by_lane(one, other)) if usable else None
+
+
+_let_operator_work(operator.add, "add", "fadd")
+_let_operator_work(operator.sub, "sub", "fsub")
+_let_operator_work(operator.mul, "mul", "fmul")
+_let_operator_work(operator.and_, "and_", None)
+_let_operator_work(operator.or_, "or_", None)

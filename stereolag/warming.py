@@ -1,0 +1,64 @@
+"""``python -m stereolag.warming``: compile every loop once and keep the machine code on disk.
+
+The first visitor of the app, or the first call of a script, then waits for nothing: each measurement is made once, on
+little, for every type of image and recording that a loop is compiled apart for.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereolag import CorrelationMatcher, SearchArea, match_template, signal_lag
+from stereolag.stereo.checks import AmbiguityTest, LeftRightCheck
+
+IMAGE_TYPES = (np.uint8, np.uint16, np.float32, np.float64)
+
+
+def warm() -> None:
+    """Make every measurement once, on pictures and recordings of a few samples."""
+    random = np.random.default_rng(0)
+    _warm_recordings(random)
+    _warm_templates(random)
+    _warm_stereo(random)
+
+
+def _warm_recordings(random: np.random.Generator) -> None:
+    sound = random.normal(size=4000)
+    signal_lag(sound[200:], sound[:-200], method="fft")
+    signal_lag(sound[200:], sound[:-200], method="phat")
+    signal_lag(sound[200:], sound[:-200], method="sampled", seed=0)
+    signal_lag(sound[200:], sound[:-200], method="direct", max_lag=300)
+
+
+def _warm_templates(random: np.random.Generator) -> None:
+    for kind in IMAGE_TYPES:
+        picture = random.integers(0, 255, (60, 80, 3)).astype(kind)
+        template = np.dstack([picture[20:40, 30:50], np.full((20, 20), 255, kind)])
+        template[:4, :4, 3] = 0
+        for pair in (
+            (picture, template),
+            (picture, picture[20:40, 30:50]),
+            (picture[..., 0], picture[20:40, 30:50, 0]),
+        ):
+            match_template(*pair, method="fft")
+            match_template(*pair, method="sampled", seed=0)
+
+
+def _warm_stereo(random: np.random.Generator) -> None:
+    search = SearchArea.rectified(16)
+    matchers = (
+        CorrelationMatcher(window_size=7, search=search, engine="window_sums", ambiguity=AmbiguityTest()),
+        CorrelationMatcher(window_size=7, search=search, left_right=LeftRightCheck()),
+        CorrelationMatcher(window_size=7, overlap=0.5, search=SearchArea.centred(15), engine="window_sums"),
+        CorrelationMatcher.preset("dense", num_disparities=16),
+        CorrelationMatcher.preset("accurate", num_disparities=16),
+    )
+    for kind in IMAGE_TYPES:
+        for channels in ((), (3,)):
+            left = random.integers(0, 255, (48, 64, *channels)).astype(kind)
+            for matcher in matchers:
+                matcher.compute(left, np.roll(left, -4, axis=1))
+
+
+if __name__ == "__main__":
+    warm()
