@@ -1,0 +1,38 @@
+"""Lag by correlation: between two recordings, of a template in a picture, between two eyes of a stereo camera.
+
+>>> import stereolag as sl
+>>> lag = sl.signal_lag(signal_1, signal_2, sampling_rate=44_100.0)
+>>> search = sl.match_template(picture, template)
+>>> result = sl.CorrelationMatcher.preset("accurate", num_disparities=64).compute(left, right)
+"""
+
+from stereolag.calibration import Calibration
+from stereolag.reading import read_calibration, read_disparity, read_image, read_signal
+from stereolag.signals import SignalLag, signal_lag
+from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.stereo.evaluation import Evaluation, evaluate
+from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.result import DisparityMap, Reason
+from stereolag.stereo.search import SearchArea
+from stereolag.templates import TemplateMatch, TemplateSearch, match_template
+
+__all__ = [
+    "Calibration",
+    "CorrelationMatcher",
+    "DisparityMap",
+    "Evaluation",
+    "Reason",
+    "SearchArea",
+    "SignalLag",
+    "StereoBM",
+    "StereoSGBM",
+    "TemplateMatch",
+    "TemplateSearch",
+    "evaluate",
+    "match_template",
+    "read_calibration",
+    "read_disparity",
+    "read_image",
+    "read_signal",
+    "signal_lag",
+]

@@ -1,0 +1,58 @@
+"""Many files in one: a ZIP that is the same, byte for byte, whenever its files are."""
+
+from __future__ import annotations
+
+import io
+import re
+import unicodedata
+import zipfile
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+
+LONGEST_STEM, LONGEST_SUFFIX = 50, 10
+EARLIEST = (1980, 1, 1, 0, 0, 0)
+"""The earliest date that a ZIP can hold: the time of the export would make every archive another one."""
+
+READABLE = 0o644 << 16
+UNIX = 3
+_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
+
+
+def bundle(files: Mapping[str, bytes | str]) -> bytes:
+    """Return one ZIP of all the files, in their order.
+
+    Parameters
+    ----------
+    files
+        The bytes, or the text, of each by its name, of which :func:`file_name` makes a harmless one.
+
+    Raises
+    ------
+    ValueError
+        No files at all, or two whose names become the same.
+    """
+    if not files:
+        raise ValueError("files is empty; an archive needs at least one.")
+    names = [file_name(name) for name in files]
+    # Windows and macOS do not tell A from a.
+    twins = sorted({name for name in names if [other.casefold() for other in names].count(name.casefold()) > 1})
+    if twins:
+        raise ValueError(f"files holds several that become {', '.join(twins)}; give each a name of its own.")
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, data in zip(names, files.values(), strict=True):
+            entry = zipfile.ZipInfo(name, EARLIEST)
+            entry.compress_type, entry.external_attr, entry.create_system = zipfile.ZIP_DEFLATED, READABLE, UNIX
+            archive.writestr(entry, data)
+    return stream.getvalue()
+
+
+def file_name(name: str) -> str:
+    """Return a name that is safe as a file on any system and as text on a page: no folders, no Markdown.
+
+    Letters and digits of any script, and dots, underscores and hyphens within, stay; all else becomes a hyphen.
+    """
+    last = unicodedata.normalize("NFC", re.split(r"[/\\]", name)[-1])
+    harmless = PurePosixPath(re.sub(r"[^\w.]+", "-", last).strip("-_."))
+    short = harmless.stem[:LONGEST_STEM] + harmless.suffix[:LONGEST_SUFFIX]
+    return f"file-{short}".rstrip("-") if not short or _DEVICES.match(short) else short

@@ -1,0 +1,40 @@
+"""The settings of a matcher, for this library and for OpenCV."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.opencv import BlockMatcher
+from stereolag.version import VERSION
+
+
+def settings_json(matcher: StereoMatcher) -> str:
+    """Return a matcher as JSON: its method, all its settings, and the version of this library.
+
+    :func:`stereolag.reading.read_matcher` makes the same matcher of it again.
+    """
+    document = {
+        "method": type(matcher).__name__,
+        "settings": matcher.model_dump(mode="json"),
+        "stereolag": VERSION,
+    }
+    return json.dumps(document, indent=2) + "\n"
+
+
+def opencv_yaml(matcher: BlockMatcher) -> str:
+    """Return the settings of StereoBM or StereoSGBM as OpenCV's own ``Algorithm::save`` lays them out.
+
+    OpenCV then matches 8-bit grey images as this library does: its answer is the disparity × 16, as int16.
+
+    In C++ ``Algorithm::load<cv::StereoBM>(path)`` reads the file. In Python, which has no ``load``::
+
+        storage = cv2.FileStorage(path, cv2.FILE_STORAGE_READ)  # named, for its nodes die with it
+        matcher = cv2.StereoBM.create()
+        matcher.read(storage.getFirstTopLevelNode())
+    """
+    storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    matcher.opencv_matcher().write(storage, type(matcher).__name__)
+    return str(storage.releaseAndGetString())

@@ -1,0 +1,140 @@
+"""Checks on arrays, made once, where they enter the library."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+Image: TypeAlias = npt.NDArray[Any]
+"""(rows, cols) grey or (rows, cols, 3 | 4) RGB(A); uint8, uint16 or float."""
+
+LARGEST_ORDINARY = 1e9
+"""Floats up to this, and down to its inverse, can be squared and summed over a window in either float type."""
+
+
+def as_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
+    """Return `value` as a float64 vector of at least two finite samples that are not all equal.
+
+    Raises
+    ------
+    ValueError
+        Not one-dimensional, fewer than two samples, NaN or infinite samples, or a constant signal.
+    """
+    try:
+        given = np.asarray(value)
+        if np.iscomplexobj(given):
+            raise ValueError("a recording is real, and these are complex")
+        signal = given.astype(np.float64, copy=False)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} must hold numbers only: {error}") from error
+    if signal.ndim != 1:
+        raise ValueError(f"{name} has shape {signal.shape}; a recording is one-dimensional, one channel at a time.")
+    if signal.size < 2:
+        raise ValueError(f"{name} holds {signal.size} samples; at least 2 are needed.")
+    bad = signal.size - int(np.isfinite(signal).sum())
+    if bad:
+        raise ValueError(f"{name} holds {bad} NaN or infinite samples; every sample must be a finite number.")
+    if np.ptp(signal) == 0:
+        raise ValueError(f"{name} is constant ({signal[0]:g} throughout); a correlation needs something that varies.")
+    return signal
+
+
+def as_image(value: npt.ArrayLike, name: str) -> Image:
+    """Return `value` as a (rows, cols) or (rows, cols, 3 | 4) array of uint8, uint16 or float, all finite.
+
+    Booleans become uint8 0/255; other integers that fit become uint8 or uint16; float16 and longer floats become
+    float32 or float64. A single trailing channel is dropped, and the alpha of a grey picture with alpha too.
+
+    Raises
+    ------
+    ValueError
+        Another shape, no pixels, a type that is not a picture's, or NaN and infinite pixels.
+    """
+    image = np.asarray(value)
+    if image.ndim == 3 and image.shape[2] in (1, 2):
+        image = image[:, :, 0]
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (3, 4)):
+        raise ValueError(
+            f"{name} has shape {image.shape}; allowed are (rows, cols), (rows, cols, 3) and (rows, cols, 4)."
+        )
+    if image.size == 0:
+        raise ValueError(f"{name} has shape {image.shape}: it holds no pixels.")
+    return _as_pixel_type(image, name)
+
+
+def _as_pixel_type(image: Image, name: str) -> Image:
+    if image.dtype in (np.uint8, np.uint16):
+        return image
+    if image.dtype == np.bool_:
+        return image.astype(np.uint8) * 255
+    if np.issubdtype(image.dtype, np.integer):
+        low, high = int(image.min()), int(image.max())
+        if low < 0 or high > 65535:
+            raise ValueError(f"{name} holds integers from {low} to {high}; allowed are 0 to 65535, or floats.")
+        return image.astype(np.uint8 if high < 256 else np.uint16)
+    if np.issubdtype(image.dtype, np.floating):
+        bad = image.size - int(np.isfinite(image).sum())
+        if bad:
+            raise ValueError(f"{name} holds {bad} NaN or infinite pixels; every pixel must be a finite number.")
+        return image if image.dtype in (np.float32, np.float64) else image.astype(np.float32)
+    raise ValueError(f"{name} has type {image.dtype}; allowed are uint8, uint16 and float.")
+
+
+def as_grey(image: Image) -> Image:
+    """Return the luminance (rows, cols) of a checked image, in the image's own dtype (Rec. 601 weights, as OpenCV)."""
+    if image.ndim == 2:
+        return image
+    colour = np.ascontiguousarray(image[:, :, :3])
+    if colour.dtype == np.float64:
+        return np.asarray(colour @ np.array([0.299, 0.587, 0.114]))
+    return np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY))
+
+
+def as_stereo_pair(left: npt.ArrayLike, right: npt.ArrayLike) -> tuple[Image, Image]:
+    """Return both images of a stereo pair, checked, in one dtype and of one size.
+
+    Raises
+    ------
+    ValueError
+        An image that :func:`as_image` refuses, images of different size, or integer beside float images.
+    """
+    left_image, right_image = as_image(left, "left"), as_image(right, "right")
+    if left_image.shape[:2] != right_image.shape[:2]:
+        (lh, lw), (rh, rw) = left_image.shape[:2], right_image.shape[:2]
+        raise ValueError(f"left is {lw} × {lh} and right is {rw} × {rh} pixels; both images must have the same size.")
+    if left_image.dtype != right_image.dtype:
+        raise ValueError(
+            f"left holds {left_image.dtype} and right {right_image.dtype} pixels; both images must have the same type."
+        )
+    return left_image, right_image
+
+
+def grey_level(left: Image, right: Image) -> float:
+    """Return how much one grey level of 255 is in the units of two checked images of one type.
+
+    1 for uint8 and 257 for uint16; of floats, whose range no type tells, a 255th of the range they use.
+    """
+    if left.dtype == np.uint8:
+        return 1.0
+    if left.dtype == np.uint16:
+        return 257.0
+    span = max(float(left.max()), float(right.max())) - min(float(left.min()), float(right.min()))
+    return span / 255 or 1.0
+
+
+def of_ordinary_size(left: Image, right: Image) -> tuple[Image, Image]:
+    """Return float images scaled by a power of two where the squares of their pixels would overflow or vanish.
+
+    Nothing but the unit changes; other images are returned as they are.
+    """
+    if left.dtype.kind != "f":
+        return left, right
+    largest = max(float(np.abs(left).max()), float(np.abs(right).max()))
+    if largest == 0 or LARGEST_ORDINARY**-1 <= largest <= LARGEST_ORDINARY:
+        return left, right
+    exponent = -round(float(np.log2(largest)))
+    scaled = [np.ldexp(image.astype(np.float64), exponent) for image in (left, right)]
+    return scaled[0], scaled[1]

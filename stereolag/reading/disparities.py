@@ -1,0 +1,89 @@
+"""Disparity maps, as ground truth or as results of other programs, from untrusted bytes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.reading.images import read_image
+from stereolag.reading.netpbm import parse_pfm, parse_pgm
+from stereolag.reading.npy import MAGIC as NPY_MAGIC
+from stereolag.reading.npy import parse_npy
+from stereolag.reading.sources import Source, check_pixels, read_bytes
+
+WHAT = "disparity map"
+ACCEPTED = "PFM, PNG or PGM of 16 bits (÷ 256) or 8 bits (with a divisor), and NPY"
+DIVISOR_OF_16_BITS = 256.0
+
+
+def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArray[np.float32]:
+    """Read a disparity map: PFM, PNG or PGM of 16 or 8 bits, or NPY.
+
+    Parameters
+    ----------
+    source
+        A path, the bytes of the file, or a binary file object.
+    divisor
+        What a stored value is divided by to give px. Integers of 16 bits have 256 unless told otherwise (as in KITTI
+        and in this project's examples), floats 1. Integers of 8 bits need it: the data sets that use them differ
+        (Middlebury 2003: 4 for quarter size; Tsukuba: 16).
+
+    Returns
+    -------
+    disparity
+        (rows, cols) float32, px, positive in front of infinity; NaN where the file says that nothing is known:
+        0 in a picture of integers, infinite or NaN among floats.
+
+    Raises
+    ------
+    ValueError
+        An empty, damaged or unknown file, a colour picture, more than 50 megapixels, no pixel with a disparity,
+        8-bit integers without a divisor, or a divisor that is not above 0.
+    """
+    if divisor is not None and not (divisor > 0 and math.isfinite(divisor)):
+        raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0.")
+    stored = _stored_values(read_bytes(source, WHAT))
+    if stored.ndim != 2:
+        raise ValueError(f"The {WHAT} has shape {stored.shape}; allowed is one channel, (rows, cols).")
+    is_picture = stored.dtype in (np.uint8, np.uint16)
+    if divisor is None:
+        divisor = _usual_divisor(stored.dtype) if is_picture else 1.0
+    with np.errstate(all="ignore"):  # what overflows is infinite, and that is unknown
+        disparity = np.asarray(stored / divisor, dtype=np.float32)
+    disparity[~np.isfinite(disparity)] = np.nan
+    if is_picture:
+        disparity[stored == 0] = np.nan
+    if np.isnan(disparity).all():
+        raise ValueError(f"The {WHAT} holds no disparity at all: every pixel is marked as unknown.")
+    return disparity
+
+
+def _usual_divisor(dtype: np.dtype[Any]) -> float:
+    if dtype == np.uint8:
+        raise ValueError(f"The {WHAT} has 8 bits a pixel: its divisor must be given, often 1, 2, 4 or 16.")
+    return DIVISOR_OF_16_BITS
+
+
+def _stored_values(data: bytes) -> npt.NDArray[Any]:
+    """Return the integers of a picture, or floats, as the file holds them."""
+    if data.startswith((b"Pf", b"PF")):
+        return parse_pfm(data, WHAT)
+    if data.startswith((b"P2", b"P5")):
+        return parse_pgm(data, WHAT)
+    if data.startswith(NPY_MAGIC):
+        return _floats_of_npy(data)
+    try:
+        return read_image(data)
+    except ValueError as error:
+        raise ValueError(f"The {WHAT} cannot be read; accepted are {ACCEPTED}. {error}") from error
+
+
+def _floats_of_npy(data: bytes) -> npt.NDArray[np.float64]:
+    stored = parse_npy(data, WHAT)
+    if stored.ndim == 2:
+        check_pixels(stored.shape[1], stored.shape[0], WHAT)
+    with np.errstate(all="ignore"):
+        return stored.astype(np.float64)

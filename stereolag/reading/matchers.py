@@ -1,0 +1,70 @@
+"""The settings of stereo matchers, from untrusted bytes."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+from pydantic import ValidationError
+
+from stereolag.reading.sources import Source, quoted, read_bytes
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS
+
+WHAT = "settings file"
+MAX_BYTES = 2**16
+
+
+def read_matcher(source: Source) -> StereoMatcher:
+    """Read a matcher from the JSON that :func:`stereolag.export.settings_json` writes.
+
+    Parameters
+    ----------
+    source
+        A path, the bytes of the file, or a binary file object. Settings that the file leaves out keep their defaults.
+
+    Returns
+    -------
+    matcher
+        The method that the file names, with its settings.
+
+    Raises
+    ------
+    ValueError
+        An empty file or one that is not such JSON, an unknown method, or a setting that is unknown or out of bounds.
+    """
+    data = read_bytes(source, WHAT)
+    if len(data) > MAX_BYTES:
+        raise ValueError(f"The {WHAT} has {len(data):,} bytes; at most {MAX_BYTES:,} are accepted.")
+    document = _parsed(data)
+    method = document["method"]
+    if not isinstance(method, str) or method not in METHODS:
+        raise ValueError(f"The {WHAT} names the method {quoted(str(method))}; known are {', '.join(METHODS)}.")
+    try:
+        return METHODS[method].model_validate(document["settings"])
+    except ValidationError as error:
+        raise ValueError(f"The {WHAT} for {method} is refused. {_first_refusal(error)}") from error
+
+
+def _parsed(data: bytes) -> dict[str, Any]:
+    try:
+        document = json.loads(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"The {WHAT} is not JSON, or it is damaged or cut short.") from error
+    if not isinstance(document, dict) or not {"method", "settings"} <= document.keys():
+        raise ValueError(f'The {WHAT} must be a JSON object with "method" and "settings".')
+    return document
+
+
+def _first_refusal(error: ValidationError) -> str:
+    """Return the first of the refusals as one sentence that is harmless where it is shown."""
+    first = error.errors(include_url=False)[0]
+    if first["type"] == "value_error":
+        return str(first["ctx"]["error"])
+    place = ".".join(str(part) for part in first["loc"]) or "settings"
+    return f"{_harmless(place)} is {quoted(str(first['input']))}: {_harmless(first['msg'])}."
+
+
+def _harmless(text: str) -> str:
+    return re.sub(r"[^\w .,:;'+=()-]", "?", text[:120])

@@ -1,0 +1,153 @@
+"""Recordings from untrusted bytes: audio files, columns of numbers, NumPy arrays."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import soundfile
+
+from stereolag.reading.npy import MAGIC as NPY_MAGIC
+from stereolag.reading.npy import parse_npy
+from stereolag.reading.number_columns import parse_columns
+from stereolag.reading.sources import Source, read_bytes
+
+WHAT = "recording"
+ACCEPTED = "WAV, FLAC, OGG, MP3, AIFF, NPY, and text with one number a line or columns of numbers"
+MAX_SAMPLES = 30_000_000
+MAX_CHANNELS = 64
+
+FEWEST_TICKS = 10
+UNEVENNESS = 1e-3
+"""How far a column of times may stray from a straight line, as a share of its length."""
+
+_AUDIO_MARKS = (b"RIFF", b"RIFX", b"RF64", b"fLaC", b"OggS", b"ID3", b"FORM")
+_MP3_SYNCS = (b"\xff\xfb", b"\xff\xfa", b"\xff\xf3", b"\xff\xf2", b"\xff\xe3", b"\xff\xe2")
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recording as read from a file; as an array it is its samples, so it can be given to ``signal_lag`` as it is.
+
+    Attributes
+    ----------
+    channels
+        (channels, samples) float64, all finite; audio is scaled to -1..1.
+    sampling_rate
+        Samples a second; None where the file does not tell (text and NPY).
+    """
+
+    channels: npt.NDArray[np.float64]
+    sampling_rate: float | None
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        """Return the (samples,) of a single channel, or (channels, samples) of several."""
+        samples = self.channels[0] if len(self.channels) == 1 else self.channels
+        return np.array(samples, dtype=dtype, copy=copy)
+
+    @property
+    def clock(self) -> int | None:
+        """Return the number, from 0, of a channel beside others that rises evenly: times or counts, not a signal."""
+        if len(self.channels) == 1:
+            return None
+        return next((number for number, channel in enumerate(self.channels) if _rises_evenly(channel)), None)
+
+
+def read_signal(source: Source) -> Recording:
+    """Read a recording: WAV, FLAC, OGG, MP3, AIFF, NPY or text.
+
+    Text holds one number a line, or several in columns (comma, semicolon, tab or space between them), which become
+    channels. Lines before the first number are a header; lines that begin with ``#``, ``%`` or ``//`` and blank
+    lines are skipped. A comma may be the decimal sign where it is not what separates the columns.
+    An NPY array has one dimension, or two, of which the longer is time.
+
+    Parameters
+    ----------
+    source
+        A path, the bytes of the file, or a binary file object.
+
+    Returns
+    -------
+    recording
+        Its ``channels``, (channels, samples) float64, and its ``sampling_rate`` in Hz or None.
+
+    Raises
+    ------
+    ValueError
+        An empty, damaged or unknown file; a word, a NUL byte, NaN or a missing number in a text (with its line);
+        fewer than 2 samples, more than 30 million in all, or more than 64 channels.
+    """
+    data = read_bytes(source, WHAT)
+    sampling_rate = None
+    if data.startswith(_AUDIO_MARKS + _MP3_SYNCS):
+        channels, sampling_rate = _parse_audio(data)
+    elif data.startswith(NPY_MAGIC):
+        channels = _parse_npy(data)
+    else:
+        channels = parse_columns(data, MAX_SAMPLES)
+        _check_size(*channels.shape)
+    bad = channels.size - int(np.isfinite(channels).sum())
+    if bad:
+        raise ValueError(f"The {WHAT} holds {bad} NaN or infinite samples; every sample must be a finite number.")
+    return Recording(channels, sampling_rate)
+
+
+def _check_size(channels: int, samples: int) -> None:
+    if not 1 <= channels <= MAX_CHANNELS:
+        raise ValueError(f"The {WHAT} has {channels} channels; allowed are 1 to {MAX_CHANNELS}.")
+    if samples < 2:
+        raise ValueError(f"The {WHAT} holds {samples} samples; at least 2 are needed.")
+    if channels * samples > MAX_SAMPLES:
+        raise ValueError(
+            f"The {WHAT} holds {channels} × {samples} samples; at most {MAX_SAMPLES:,} in all are accepted."
+        )
+
+
+def _rises_evenly(channel: npt.NDArray[np.float64]) -> bool:
+    """Return whether a channel never falls and keeps to a straight line, but for the rounding of its numbers."""
+    if channel.size < FEWEST_TICKS or channel[-1] <= channel[0] or (channel[1:] < channel[:-1]).any():
+        return False
+    even = np.linspace(channel[0], channel[-1], channel.size)
+    return bool(np.abs(channel - even).max() <= UNEVENNESS * (channel[-1] - channel[0]))
+
+
+class _AudioBytes(io.BytesIO):
+    """Bytes that stay where they are on an impossible seek: damaged files make libsndfile ask for negative places."""
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        try:
+            return super().seek(offset, whence)
+        except ValueError:
+            return self.tell()
+
+
+def _parse_audio(data: bytes) -> tuple[npt.NDArray[np.float64], float]:
+    try:
+        with soundfile.SoundFile(_AudioBytes(data)) as file:
+            _check_size(file.channels, file.frames)
+            samples = file.read(dtype="float64", always_2d=True)
+            sampling_rate = float(file.samplerate)
+    except RuntimeError as error:  # soundfile's own errors are of this kind
+        raise ValueError(
+            f"The {WHAT} is an audio file that is damaged, cut short or without channels; accepted are {ACCEPTED}."
+        ) from error
+    # An audio header may promise more than follows.
+    _check_size(samples.shape[1], samples.shape[0])
+    if sampling_rate <= 0:
+        raise ValueError(f"The {WHAT} has a sampling rate of {sampling_rate:g} Hz; it must be above 0.")
+    return np.ascontiguousarray(samples.T), sampling_rate
+
+
+def _parse_npy(data: bytes) -> npt.NDArray[np.float64]:
+    array = parse_npy(data, WHAT)
+    if array.ndim not in (1, 2):
+        raise ValueError(f"The {WHAT} (.npy) has shape {array.shape}; allowed are (samples,) and (channels, samples).")
+    channels = np.atleast_2d(array)
+    if channels.shape[0] > channels.shape[1]:
+        channels = channels.T
+    _check_size(*channels.shape)
+    with np.errstate(invalid="ignore"):  # signalling NaN; the caller counts all that are not finite
+        return np.array(channels, dtype=np.float64, order="C")

@@ -1,0 +1,88 @@
+"""What every reader shares: the bytes behind a source, their size limit, and how to speak of them in an error."""
+
+from __future__ import annotations
+
+import re
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import BinaryIO, TypeAlias
+
+Source: TypeAlias = str | PathLike[str] | bytes | bytearray | memoryview | BinaryIO
+"""A path, the bytes themselves, or a binary file object such as an upload of Streamlit."""
+
+MAX_BYTES = 256 * 2**20
+MAX_PIXELS = 50_000_000
+
+_quiet_lock = threading.Lock()
+
+
+def read_bytes(source: Source, what: str) -> bytes:
+    """Return all bytes of `source`; a file object is read from its beginning and left at its end.
+
+    Parameters
+    ----------
+    source
+        A path, bytes, or a binary file object.
+    what
+        What errors call it, for example ``"picture"``.
+
+    Raises
+    ------
+    ValueError
+        No bytes at all, more than 256 MB, or not a source.
+    OSError
+        A path that cannot be opened.
+    """
+    if isinstance(source, bytes | bytearray | memoryview):
+        data = bytes(source)
+    elif isinstance(source, str | PathLike):
+        with Path(source).open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    elif hasattr(source, "read"):
+        if hasattr(source, "seek"):
+            source.seek(0)
+        data = source.read(MAX_BYTES + 1)
+    else:
+        raise ValueError(f"A {what} is read from a path, bytes or a binary file, not from {type(source).__name__}.")
+    if not isinstance(data, bytes):
+        raise ValueError(f"The {what} was opened as text; open it in binary mode.")
+    if not data:
+        raise ValueError(f"The {what} is an empty file (0 bytes).")
+    if len(data) > MAX_BYTES:
+        raise ValueError(f"The {what} is larger than {MAX_BYTES // 2**20} MB, the most that is accepted.")
+    return data
+
+
+def check_pixels(width: int, height: int, what: str) -> None:
+    """Refuse a picture of no or too many pixels; called on the header, before a pixel is decoded.
+
+    Raises
+    ------
+    ValueError
+        No pixels, or more than 50 megapixels.
+    """
+    if width < 1 or height < 1:
+        raise ValueError(f"The {what} is {width} × {height} pixels: it holds none.")
+    if width * height > MAX_PIXELS:
+        raise ValueError(
+            f"The {what} is {width} × {height} pixels ({width * height / 1e6:.0f} megapixels); "
+            f"at most {MAX_PIXELS // 1_000_000} megapixels are accepted."
+        )
+
+
+def quoted(text: str) -> str:
+    """Return the start of `text` in quotes, harmless where an error is shown as Markdown or HTML."""
+    start = re.sub(r"[^\w .,:;+=-]", "?", text[:24])
+    return f"“{start}…”" if len(text) > 24 else f"“{start}”"
+
+
+@contextmanager
+def no_warnings() -> Iterator[None]:
+    """Silence what decoders warn about; the lock is there because Python's warning filters belong to the process."""
+    with _quiet_lock, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield

@@ -1,0 +1,178 @@
+"""The bundled examples: which there are, where their files lie, and what is true of them.
+
+Nothing is decoded here: `stereolag.reading` reads the paths. The examples were made by the scripts in ``tools/``, so
+the truth is exact. Every function gives its examples by name, always in the same order.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ASSETS = Path(__file__).resolve().parents[1] / "assets"
+
+
+@dataclass(frozen=True)
+class RecordingExample:
+    """Two recordings of one sound scene.
+
+    Attributes
+    ----------
+    name, title, description
+        The key, a heading, and a sentence or two.
+    signal_1, signal_2
+        FLAC files of one channel and of the same length.
+    lag
+        Samples; positive: `signal_2` hears the scene later.
+    sampling_rate
+        Hz.
+    speed
+        The speed of sound where it was recorded, m/s.
+    """
+
+    name: str
+    title: str
+    description: str
+    signal_1: Path
+    signal_2: Path
+    lag: int
+    sampling_rate: float
+    speed: float
+
+
+@dataclass(frozen=True)
+class MazeExample:
+    """A picture in which a template is hidden.
+
+    Attributes
+    ----------
+    name, title, description
+        The key, a heading, and a sentence or two.
+    picture, template
+        An RGB PNG, and an RGBA PNG whose alpha is its mask.
+    row, col
+        Where the top-left pixel of the template lies in the picture.
+    """
+
+    name: str
+    title: str
+    description: str
+    picture: Path
+    template: Path
+    row: int
+    col: int
+
+
+@dataclass(frozen=True)
+class StereoExample:
+    """A rectified stereo pair with its exact truth.
+
+    Attributes
+    ----------
+    name, title, description
+        The key, a heading, and a sentence or two.
+    left, right
+        RGB PNGs of the same size.
+    disparity
+        The truth in the left view: a 16-bit PNG of px × 256, 0 where there is none.
+    occlusion
+        A PNG, not zero where the right view cannot see what the left view sees.
+    calibration
+        A JSON file with focal length, baseline and principal point.
+    num_disparities
+        Px; every disparity of the pair is smaller.
+    """
+
+    name: str
+    title: str
+    description: str
+    left: Path
+    right: Path
+    disparity: Path
+    occlusion: Path
+    calibration: Path
+    num_disparities: int
+
+
+def recordings() -> dict[str, RecordingExample]:
+    """Return the pairs of recordings by name.
+
+    Raises
+    ------
+    FileNotFoundError
+        The examples are not beside the package.
+    """
+    folder = _folder("signals")
+    examples = [
+        RecordingExample(
+            name=entry["name"],
+            title=entry["title"],
+            description=entry["description"],
+            signal_1=folder / entry["files"][0],
+            signal_2=folder / entry["files"][1],
+            lag=entry["true_lag_samples"],
+            sampling_rate=float(entry["sampling_rate"]),
+            speed=entry["speed"],
+        )
+        for entry in _read(folder / "recordings.json")
+    ]
+    return {example.name: example for example in examples}
+
+
+def mazes() -> dict[str, MazeExample]:
+    """Return the mazes by name.
+
+    Raises
+    ------
+    FileNotFoundError
+        The examples are not beside the package.
+    """
+    folder = _folder("maze")
+    examples = [
+        MazeExample(**(entry | {"picture": folder / entry["picture"], "template": folder / entry["template"]}))
+        for entry in _read(folder / "mazes.json")
+    ]
+    return {example.name: example for example in examples}
+
+
+def stereo_pairs() -> dict[str, StereoExample]:
+    """Return the stereo pairs by name, in the order of the alphabet.
+
+    Raises
+    ------
+    FileNotFoundError
+        The examples are not beside the package.
+    """
+    calibrations = sorted(_folder("stereo").glob("*/calibration.json"))
+    return {path.parent.name: _stereo_example(path) for path in calibrations}
+
+
+def _stereo_example(calibration: Path) -> StereoExample:
+    folder = calibration.parent
+    entry = _read(calibration)
+    return StereoExample(
+        name=folder.name,
+        title=entry["title"],
+        description=entry["description"],
+        left=folder / "left.png",
+        right=folder / "right.png",
+        disparity=folder / "disparity.png",
+        occlusion=folder / "occlusion.png",
+        calibration=calibration,
+        num_disparities=entry["num_disparities"],
+    )
+
+
+def _folder(kind: str) -> Path:
+    folder = ASSETS / kind
+    if not folder.is_dir():
+        raise FileNotFoundError(
+            f"The bundled examples are not at {folder}; they come with the project's checkout, beside the package."
+        )
+    return folder
+
+
+def _read(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))

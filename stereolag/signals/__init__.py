@@ -1,0 +1,5 @@
+"""The lag between two recordings: by correlation of the whole, by phase, by votes of samples, or lag by lag."""
+
+from stereolag.signals.lag import SignalLag, SignalMethod, signal_lag
+
+__all__ = ["SignalLag", "SignalMethod", "signal_lag"]

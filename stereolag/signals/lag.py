@@ -1,0 +1,231 @@
+"""The lag between two recordings of one event."""
+
+from __future__ import annotations
+
+import operator
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.inputs import as_signal
+from stereolag.kernels.overlaps import Vector, overlap_length, overlap_pearson
+from stereolag.progress import Progress, silent
+from stereolag.signals.curves import direct_curve, fft_curve, phat_curve
+from stereolag.signals.peaks import REACH, Lags, find_peak, peak_ratio, refine_peak
+from stereolag.signals.votes import sampled_votes
+
+SignalMethod: TypeAlias = Literal["fft", "phat", "sampled", "direct"]
+
+
+@dataclass(frozen=True, eq=False)
+class SignalLag:
+    """By how much `signal_2` lags behind `signal_1`, and how sure that is.
+
+    Attributes
+    ----------
+    lag
+        Samples; positive where signal 2 hears the event later: ``signal_1[i]`` is heard in ``signal_2[i + lag]``.
+    lag_subsample
+        The same with its fraction, samples.
+    time_s
+        ``lag / sampling_rate``, seconds, signed as `lag`.
+    distance_m
+        ``abs(time_s) * speed``, metres.
+    score
+        Pearson's correlation of the samples that overlap at `lag`, -1..1.
+    peak_ratio
+        Height of the peak over the highest value outside its main lobe
+        (:func:`stereolag.signals.peaks.peak_ratio`); for "sampled" the votes for the lag over those for the runner-up.
+        Infinite where there is no rival, NaN where nothing outside the main lobe was searched or the peak is not
+        positive.
+    ties
+        How many lags are equally good, this one among them: more than 1 for periodic recordings.
+    lags, correlation
+        (N,) int64 and float64, read-only: the lags searched and the curve whose peak `lag` is. None for "sampled".
+    votes
+        Lag to number of votes, the winner first; "sampled" only, otherwise None.
+    elapsed_s
+        Seconds that the computation took, without the checks of the input.
+    """
+
+    lag: int
+    lag_subsample: float
+    time_s: float
+    distance_m: float
+    score: float
+    peak_ratio: float
+    ties: int
+    lags: npt.NDArray[np.int64] | None
+    correlation: npt.NDArray[np.float64] | None
+    votes: dict[int, int] | None
+    elapsed_s: float
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """What a method finds, in samples."""
+
+    lag: int
+    peak_ratio: float
+    ties: int
+    fraction: float
+    lags: npt.NDArray[np.int64] | None = None
+    correlation: Vector | None = None
+    votes: dict[int, int] | None = None
+
+
+def signal_lag(
+    signal_1: npt.ArrayLike,
+    signal_2: npt.ArrayLike,
+    *,
+    sampling_rate: float = 44_100.0,
+    speed: float = 333.0,
+    method: SignalMethod = "fft",
+    max_lag: int | None = None,
+    seed: int | None = None,
+    progress: Progress | None = None,
+) -> SignalLag:
+    """Return by how much `signal_2` lags behind `signal_1`: positive where signal 2 hears the event later.
+
+    Means are removed first, and nothing wraps around: a delay past half a recording does not fold back. The peak is
+    that of the signed correlation, so a copy with its sign turned is not a match.
+
+    Parameters
+    ----------
+    signal_1, signal_2
+        (N1,) and (N2,) numbers of any type; lengths may differ.
+    sampling_rate
+        Samples per second of both.
+    speed
+        Of the wave, metres per second.
+    method
+        ``"fft"``
+            Pearson's correlation of every overlap, by a zero-padded FFT and running sums. The plain product sum
+            favours long overlaps and loud passages, Pearson alone the two or three last samples, which agree by
+            chance; so the curve is Pearson times ``sqrt(overlap / longest overlap)``, in proportion to how many
+            standard deviations above chance the agreement is.
+        ``"phat"``
+            The phase correlation (GCC-PHAT): sharp to fractions of a sample, also in rooms that echo.
+        ``"sampled"``
+            Random samples of one recording, looked up by value in the other, vote for a lag (see
+            :func:`stereolag.signals.votes.sampled_votes`). Reliable while the noise of each recording stays 10 dB below
+            the sound; reads no more of the recordings than it must.
+        ``"direct"``
+            The curve of "fft", its products summed lag by lag: slow, and simple enough to trust.
+    max_lag
+        Search ``-max_lag..max_lag`` only, samples.
+    seed
+        Of the random samples, for "sampled"; None draws others each time.
+    progress
+        Called with the fraction done, 0..1.
+
+    Raises
+    ------
+    ValueError
+        A recording that is empty, constant or not finite; a sampling rate or speed that is not positive; an unknown
+        method; a `max_lag` that is not one of 0 to the longer recording's length - 1; recordings that are constant
+        wherever they overlap within `max_lag`.
+    """
+    first, second = as_signal(signal_1, "signal_1"), as_signal(signal_2, "signal_2")
+    _check_positive(sampling_rate, "sampling_rate", "samples per second")
+    _check_positive(speed, "speed", "metres per second")
+    if method not in get_args(SignalMethod):
+        raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, get_args(SignalMethod)))}.")
+    reach = _checked_reach(max_lag, max(first.size, second.size))
+    report = progress or silent
+
+    started = time.perf_counter()
+    first, second = _normalised(first), _normalised(second)
+    if method == "sampled":
+        answer = _vote(first, second, reach, seed, report)
+    else:
+        answer = _search(first, second, reach, method, report)
+    score = overlap_pearson(first, second, answer.lag)
+    report(1.0)
+    elapsed_s = time.perf_counter() - started
+    if np.isnan(score):
+        raise ValueError(
+            f"nothing varies where the recordings overlap within ±{reach} samples; allow a larger max_lag."
+        )
+    time_s = answer.lag / sampling_rate
+    return SignalLag(
+        lag=answer.lag,
+        lag_subsample=answer.lag + answer.fraction,
+        time_s=time_s,
+        distance_m=abs(time_s) * speed,
+        score=score,
+        peak_ratio=answer.peak_ratio,
+        ties=answer.ties,
+        lags=answer.lags,
+        correlation=answer.correlation,
+        votes=answer.votes,
+        elapsed_s=elapsed_s,
+    )
+
+
+def _check_positive(value: float, name: str, unit: str) -> None:
+    if not (np.isfinite(value) and value > 0):
+        raise ValueError(f"{name} is {value!r} {unit}; it must be a positive, finite number.")
+
+
+def _checked_reach(max_lag: int | None, longest: int) -> int:
+    if max_lag is None:
+        return longest - 1
+    try:
+        reach = operator.index(max_lag)
+    except TypeError:
+        reach = -1
+    if not 0 <= reach < longest:
+        raise ValueError(
+            f"max_lag is {max_lag!r}; allowed are whole samples from 0 to {longest - 1}, the longer recording less one."
+        )
+    return reach
+
+
+def _normalised(signal: Vector) -> Vector:
+    """Return the signal without its mean and of height 1, so that the squares of no unit over- or underflow."""
+    centred = signal - signal.mean()
+    return np.asarray(centred / max(centred.max(), -centred.min()))
+
+
+def _search(signal_1: Vector, signal_2: Vector, reach: int, method: SignalMethod, progress: Progress) -> _Answer:
+    first, last = -min(reach, signal_1.size - 1), min(reach, signal_2.size - 1)
+    lags = np.arange(first, last + 1)
+    overlap: Callable[[Lags], Lags] = partial(overlap_length, signal_1.size, signal_2.size)
+    if method == "direct":
+        curve = direct_curve(signal_1, signal_2, first, last, progress)
+    elif method == "fft":
+        curve = fft_curve(signal_1, signal_2, first, last)
+    else:
+        curve = phat_curve(signal_1, signal_2, first, last)
+        overlap = np.ones_like
+    peak, ties = find_peak(curve, lags, overlap)
+    around = min(REACH, peak, curve.size - 1 - peak)
+    near = slice(peak - around, peak + around + 1)
+    fraction = refine_peak(curve[near] / np.sqrt(overlap(lags[near])))
+    lags.flags.writeable = False
+    curve.flags.writeable = False
+    return _Answer(int(lags[peak]), peak_ratio(curve, peak), ties, fraction, lags, curve)
+
+
+def _vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None, progress: Progress) -> _Answer:
+    votes = sampled_votes(signal_1, signal_2, reach, np.random.default_rng(seed), progress)
+    if not votes:
+        raise ValueError(
+            f"no sample of signal_1 is found within ±{reach} samples in signal_2; "
+            "allow a larger max_lag, or use the method 'fft'."
+        )
+    lag, count = next(iter(votes.items()))
+    rivals = [others for other, others in votes.items() if abs(other - lag) > 1]
+    ratio = count / max(rivals) if rivals else float("inf")
+    ties = sum(others == count for others in votes.values())
+    around = min(REACH, signal_1.size - 1 + lag, signal_2.size - 1 - lag)
+    near = np.arange(lag - around, lag + around + 1)
+    curve = direct_curve(signal_1, signal_2, lag - around, lag + around, silent)
+    fraction = refine_peak(curve / np.sqrt(overlap_length(signal_1.size, signal_2.size, near)))
+    return _Answer(lag, ratio, ties, fraction, votes=votes)

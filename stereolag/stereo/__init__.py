@@ -1,0 +1,1 @@
+"""Stereo matching: settings, matchers, results and their evaluation."""

@@ -1,0 +1,260 @@
+"""OpenCV's block matchers behind the same face as ours."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Annotated, Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, field_validator, model_validator
+
+from stereolag.inputs import Image, as_grey
+from stereolag.progress import Progress
+from stereolag.stereo.matcher import Displacements, StereoMatcher
+from stereolag.stereo.result import Reason
+
+SUBPIXEL = 16
+"""OpenCV's disparities are whole sixteenths of a pixel."""
+
+NO_LIMIT = 1 << 20
+"""A difference of disparities, px, that no two can have."""
+
+
+BlockSize = Annotated[
+    int,
+    Field(
+        title="Block",
+        description="Side of the compared block, px; odd (OpenCV's blockSize).",
+        ge=1,
+        le=51,
+        json_schema_extra={"step": 2},
+    ),
+]
+UniquenessRatio = Annotated[
+    int,
+    Field(
+        title="Uniqueness",
+        description="By how many percent the best must beat the second (OpenCV's uniquenessRatio).",
+        ge=0,
+        le=100,
+    ),
+]
+SpeckleWindowSize = Annotated[
+    int,
+    Field(
+        title="Speckle size",
+        description="Smaller islands are dropped, px²; 0 keeps all (OpenCV's speckleWindowSize).",
+        ge=0,
+        le=5000,
+        json_schema_extra={"step": 10},
+    ),
+]
+SpeckleRange = Annotated[
+    int,
+    Field(
+        title="Speckle range",
+        description="Largest step within one island (OpenCV's speckleRange: StereoBM counts 1/16 px, StereoSGBM px).",
+        ge=0,
+        le=256,
+    ),
+]
+LeftRightTolerance = Annotated[
+    int,
+    Field(
+        title="Left-right tolerance",
+        description="Largest disagreement of the two directions, px; -1: no check (OpenCV's disp12MaxDiff).",
+        ge=-1,
+        le=64,
+    ),
+]
+
+
+class BlockMatcher(StereoMatcher):
+    """What both OpenCV matchers share: the search range, the checks, and how the answer is read."""
+
+    num_disparities: int = Field(
+        64,
+        title="Disparities searched",
+        description="How many disparities are tried, px; a multiple of 16 (OpenCV's numDisparities).",
+        ge=16,
+        le=1024,
+        multiple_of=16,
+    )
+    min_disparity: int = Field(
+        0,
+        title="Smallest disparity",
+        description="The first disparity tried, px (OpenCV's minDisparity).",
+        ge=-512,
+        le=512,
+    )
+    block_size: BlockSize = 21
+    uniqueness_ratio: UniquenessRatio = 15
+    speckle_window_size: SpeckleWindowSize = 0
+    speckle_range: SpeckleRange = 0
+    disp12_max_diff: LeftRightTolerance = -1
+
+    @field_validator("block_size")
+    @classmethod
+    def _odd(cls, value: int) -> int:
+        if value % 2 == 0:
+            raise ValueError(f"block_size is {value}; OpenCV allows odd sizes only.")
+        return value
+
+    def match(self, left: Image, right: Image, progress: Progress) -> Displacements:
+        """Run OpenCV's matcher on the pair as 8-bit grey."""
+        self._check_room(*left.shape[:2])
+        progress(0.0)
+        raw = np.asarray(self.opencv_matcher().compute(*_as_bytes(left, right)))
+        progress(1.0)
+        # The invalid code is (minDisparity - 1) * 16, which is positive for minDisparity >= 2.
+        valid = raw > (self.min_disparity - 1) * SUBPIXEL
+        reason = np.where(self._seen_by_both(*raw.shape), Reason.AMBIGUOUS, Reason.OUT_OF_FRAME).astype(np.uint8)
+        reason[valid] = Reason.MEASURED
+        nothing = np.float32(np.nan)
+        return Displacements(
+            dy=np.where(valid, np.float32(0), nothing),
+            dx=np.where(valid, raw.astype(np.float32) / -SUBPIXEL, nothing),
+            score=np.full(raw.shape, nothing),
+            reason=reason,
+        )
+
+    def _check_room(self, rows: int, cols: int) -> None:
+        if self.block_size >= min(rows, cols):
+            raise ValueError(
+                f"block_size is {self.block_size} px and the images are {cols} × {rows}; it must be smaller than both."
+            )
+        reach = max(abs(self.min_disparity), abs(self.min_disparity + self.num_disparities - 1))
+        if reach + self.block_size >= cols:
+            raise ValueError(
+                f"num_disparities is {self.num_disparities} from min_disparity {self.min_disparity}: that and a block "
+                f"of {self.block_size} px need images wider than {reach + self.block_size} px; these have {cols}."
+            )
+
+    def _seen_by_both(self, rows: int, cols: int) -> npt.NDArray[np.bool_]:
+        """Return where OpenCV can answer at all: far enough from the borders for the block and the whole search."""
+        frame = (0, 0, cols, rows)
+        x, y, width, height = cv2.getValidDisparityROI(
+            frame, frame, self.min_disparity, self.num_disparities, self.block_size
+        )
+        seen = np.zeros((rows, cols), dtype=np.bool_)
+        seen[y : y + height, x : x + width] = True
+        return seen
+
+    @abstractmethod
+    def opencv_matcher(self) -> Any:
+        """Return OpenCV's own object with these settings."""
+
+
+class StereoBM(BlockMatcher):
+    """OpenCV's ``StereoBM``: absolute differences over a block (Konolige 1997); defaults as OpenCV's own."""
+
+    pre_filter_cap: int = Field(
+        31,
+        title="Pre-filter cap",
+        description="Gradients are clipped here before they are compared (OpenCV's preFilterCap).",
+        ge=1,
+        le=63,
+    )
+    texture_threshold: int = Field(
+        10,
+        title="Texture threshold",
+        description="Blocks with less texture get no answer (OpenCV's textureThreshold).",
+        ge=0,
+        le=10_000,
+        json_schema_extra={"step": 10},
+    )
+    block_size: int = Field(
+        21,
+        title="Block",
+        description="Side of the compared block, px; odd (OpenCV's blockSize).",
+        ge=5,
+        le=255,
+        json_schema_extra={"step": 2},
+    )
+
+    def opencv_matcher(self) -> Any:
+        """Return a ``cv2.StereoBM`` with these settings."""
+        matcher = cv2.StereoBM.create(self.num_disparities, self.block_size)
+        matcher.setMinDisparity(self.min_disparity)
+        matcher.setPreFilterCap(self.pre_filter_cap)
+        matcher.setTextureThreshold(self.texture_threshold)
+        matcher.setUniquenessRatio(self.uniqueness_ratio)
+        matcher.setSpeckleWindowSize(self.speckle_window_size)
+        matcher.setSpeckleRange(self.speckle_range)
+        matcher.setDisp12MaxDiff(self.disp12_max_diff)
+        return matcher
+
+
+class StereoSGBM(BlockMatcher):
+    """OpenCV's ``StereoSGBM``: semi-global matching (Hirschmüller 2008) over Birchfield-Tomasi costs, 5 paths."""
+
+    block_size: BlockSize = 5
+    p1: int = Field(
+        200,
+        title="Small-step penalty",
+        description="Cost of a step of 1 px between neighbours (OpenCV's P1).",
+        ge=0,
+        le=20_000,
+        json_schema_extra={"step": 10},
+    )
+    p2: int = Field(
+        800,
+        title="Large-step penalty",
+        description="Cost of a larger step; more than the small one (OpenCV's P2).",
+        ge=1,
+        le=40_000,
+        json_schema_extra={"step": 10},
+    )
+    pre_filter_cap: int = Field(
+        0,
+        title="Pre-filter cap",
+        description="Gradients are clipped here before they are compared; 0 leaves it to OpenCV (preFilterCap).",
+        ge=0,
+        le=255,
+    )
+    uniqueness_ratio: UniquenessRatio = 10
+    speckle_window_size: SpeckleWindowSize = 100
+    speckle_range: SpeckleRange = 2
+    disp12_max_diff: LeftRightTolerance = 1
+
+    @model_validator(mode="after")
+    def _large_step_costs_more(self) -> StereoSGBM:
+        if self.p2 <= self.p1:
+            raise ValueError(f"p2 is {self.p2} and p1 {self.p1}; OpenCV needs p2 > p1.")
+        return self
+
+    def opencv_matcher(self) -> Any:
+        """Return a ``cv2.StereoSGBM`` with these settings."""
+        return cv2.StereoSGBM.create(
+            minDisparity=self.min_disparity,
+            numDisparities=self.num_disparities,
+            blockSize=self.block_size,
+            P1=self.p1,
+            P2=self.p2,
+            # OpenCV takes a negative limit for 1 here; only one beyond all disparities switches the check off.
+            disp12MaxDiff=self.disp12_max_diff if self.disp12_max_diff >= 0 else NO_LIMIT,
+            preFilterCap=self.pre_filter_cap,
+            uniquenessRatio=self.uniqueness_ratio,
+            speckleWindowSize=self.speckle_window_size,
+            speckleRange=self.speckle_range,
+            mode=cv2.STEREO_SGBM_MODE_SGBM,
+        )
+
+
+def _as_bytes(left: Image, right: Image) -> tuple[Image, Image]:
+    """Return both images as 8-bit grey, which is all that StereoBM takes.
+
+    Other types are stretched by one common range, so that the brightness of the two stays comparable.
+    """
+    left, right = as_grey(left), as_grey(right)
+    if left.dtype == np.uint8:
+        return left, right
+    low = min(float(left.min()), float(right.min()))
+    span = max(float(left.max()), float(right.max())) - low or 1.0
+
+    def stretched(image: Image) -> Image:
+        return np.rint((image.astype(np.float64) - low) * (255 / span)).astype(np.uint8)
+
+    return stretched(left), stretched(right)

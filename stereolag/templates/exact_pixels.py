@@ -1,0 +1,141 @@
+"""Template search from a rare pixel: only places that hold the same exact values are scored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.inputs import Image
+from stereolag.kernels.placements import placement_scores
+from stereolag.progress import Progress
+from stereolag.templates.patterns import Pattern
+
+Indices = npt.NDArray[np.intp]
+
+ATTEMPTS = 8
+"""Anchors tried, each of another colour, before the template is given up: some may be covered in the picture."""
+
+SAMPLE = 20_000
+"""Pixels of the picture from which the rarity of a colour is judged."""
+
+GRID_REACH = 1
+"""The grid of placements scored around a hit reaches this far to every side, px."""
+
+BATCH = 10_000_000
+"""Pixel values compared between two calls of the progress."""
+
+
+@dataclass(frozen=True)
+class ExactPlacements:
+    """Placements that share exact pixels with the template.
+
+    Parameters
+    ----------
+    rows, cols
+        Of their top-left pixels, in reading order.
+    scores
+        -1..1, NaN where flat.
+    candidates
+        How many placements were scored on the way, those of failed anchors included.
+    """
+
+    rows: Indices
+    cols: Indices
+    scores: npt.NDArray[np.float64]
+    candidates: int
+
+
+def exact_placements(
+    image: Image, pattern: Pattern, min_score: float, seed: int | None, progress: Progress
+) -> ExactPlacements:
+    """Score the placements at which three exact pixels of the template lie in the picture (Appendix B of the report).
+
+    The anchor is an opaque pixel of a colour that is rare in the picture. Where the picture holds its value, and
+    the two end pixels of the anchor's opaque run along the row agree too, a small grid of placements is scored.
+    If none reaches `min_score`, the next rarest colour becomes the anchor.
+
+    Parameters
+    ----------
+    image
+        (rows, cols, channels), of the dtype and channels of the pattern.
+    pattern
+        The template.
+    min_score
+        The score that ends the search for an anchor.
+    seed
+        Of the sample of the picture that tells what is rare, and of the order of equally rare colours.
+    progress
+        Called with the fraction done, as if all anchors were needed; 1 at the end.
+    """
+    image = np.ascontiguousarray(image)
+    places = image.shape[0] - pattern.shape[0] + 1, image.shape[1] - pattern.shape[1] + 1
+    anchors = _rare_pixels(image, pattern, np.random.default_rng(seed))
+    candidates = 0
+    for attempt, (row, col) in enumerate(anchors):
+        rows, cols = _grid(*_hits(image, pattern, row, col), places)
+        candidates += len(rows)
+        batch = BATCH // pattern.deviations.size + 1
+        scores = np.empty(len(rows))
+        for start in range(0, len(rows), batch):
+            part = slice(start, start + batch)
+            scores[part] = placement_scores(image, pattern.deviations, pattern.opaque, rows[part], cols[part])
+            progress((attempt + start / len(rows)) / len(anchors))
+        if (scores >= min_score).any():
+            break
+        progress((attempt + 1) / len(anchors))
+    progress(1.0)
+    return ExactPlacements(rows, cols, scores, candidates)
+
+
+def _rare_pixels(image: Image, pattern: Pattern, random: np.random.Generator) -> list[tuple[int, int]]:
+    """Return (row, col) of opaque template pixels of different colour, the rarest in a sample of the picture first."""
+    rows, cols = np.nonzero(pattern.opaque)
+    sample_rows, sample_cols = (random.integers(0, length, SAMPLE) for length in image.shape[:2])
+    colours, appearances = np.unique(_codes(image[sample_rows, sample_cols]), return_counts=True)
+    shuffled = random.permutation(len(rows))
+    codes = _codes(pattern.colours[rows[shuffled], cols[shuffled]])
+    nearest = np.minimum(np.searchsorted(colours, codes), len(colours) - 1)
+    count = np.where(colours[nearest] == codes, appearances[nearest], 0)
+    _, first_of_colour = np.unique(codes, return_index=True)
+    rarest = first_of_colour[np.lexsort((first_of_colour, count[first_of_colour]))][:ATTEMPTS]
+    return [(int(rows[index]), int(cols[index])) for index in shuffled[rarest]]
+
+
+def _codes(pixels: Image) -> npt.NDArray[np.float64]:
+    """Return one number for each pixel (pixels, channels); equal colours have equal numbers."""
+    weights = 65537.0 ** np.arange(pixels.shape[1])
+    return np.asarray((pixels * weights).sum(axis=1))
+
+
+def _hits(image: Image, pattern: Pattern, row: int, col: int) -> tuple[Indices, Indices]:
+    """Return the placements where the template's pixel (row, col) and both ends of its opaque run agree."""
+    gaps = np.flatnonzero(~pattern.opaque[row])
+    run_start = gaps[gaps < col].max(initial=-1) + 1
+    run_end = gaps[gaps > col].min(initial=pattern.opaque.shape[1]) - 1
+    value = tuple(pattern.colours[row, col].tolist())
+    places = image.shape[0] - pattern.shape[0] + 1, image.shape[1] - pattern.shape[1] + 1
+    # A placement inside the picture has its pixel (row, col) inside this part of it.
+    rows, cols = _nonzero(cv2.inRange(image[row : row + places[0], col : col + places[1]], value, value))
+    for end in (run_start, run_end):
+        agrees = (image[rows + row, cols + end] == pattern.colours[row, end]).all(axis=1)
+        rows, cols = rows[agrees], cols[agrees]
+    return rows, cols
+
+
+def _grid(rows: Indices, cols: Indices, places: tuple[int, int]) -> tuple[Indices, Indices]:
+    """Return the placements, of `places` down and across, within the grid's reach of any of these, each once."""
+    near = np.zeros(places, dtype=np.uint8)
+    near[rows, cols] = 1
+    side = 2 * GRID_REACH + 1
+    return _nonzero(cv2.dilate(near, np.ones((side, side), dtype=np.uint8)))
+
+
+def _nonzero(marks: npt.NDArray[Any]) -> tuple[Indices, Indices]:
+    """Return what :func:`numpy.nonzero` returns for a plane of uint8, several times faster."""
+    found = cv2.findNonZero(marks)
+    cols, rows = np.empty((2, 0), dtype=np.intp) if found is None else found.reshape(-1, 2).T.astype(np.intp)
+    return rows, cols

@@ -1,0 +1,101 @@
+"""What a template is while it is searched for: its opaque pixels, free of their mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.inputs import Image, as_grey
+
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """A template ready to be compared.
+
+    Parameters
+    ----------
+    colours
+        (height, width, channels), the template's own pixels and dtype, without alpha.
+    opaque
+        (height, width), True where a pixel takes part in the comparison.
+    deviations
+        (channels, height, width) float64: each channel minus its mean over the opaque pixels, 0 elsewhere.
+    """
+
+    colours: Image
+    opaque: Mask
+    deviations: npt.NDArray[np.float64]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width, px."""
+        return self.opaque.shape[0], self.opaque.shape[1]
+
+    @cached_property
+    def count(self) -> int:
+        """Opaque pixels."""
+        return int(np.count_nonzero(self.opaque))
+
+    @cached_property
+    def norm(self) -> float:
+        """Root of the summed squares of the deviations."""
+        return float(np.sqrt(np.square(self.deviations).sum()))
+
+
+def pattern_of(colours: Image, opaque: Mask) -> Pattern:
+    """Return the pattern of a template's (height, width, channels) colours and the mask of its opaque pixels.
+
+    Raises
+    ------
+    ValueError
+        No opaque pixel, or every channel constant over them: the correlation coefficient would be 0/0.
+    """
+    if not opaque.any():
+        raise ValueError("template has no opaque pixel under its mask; at least 2 of different value are needed.")
+    pixels = colours[opaque]
+    if not np.ptp(pixels, axis=0).any():
+        value = ", ".join(f"{channel:g}" for channel in pixels[0])
+        raise ValueError(
+            f"template is constant ({value} in all its {len(pixels)} opaque pixels); "
+            "a correlation needs something that varies."
+        )
+    # Relative to its first pixel a constant channel is 0 exactly, whatever the rounding of its mean.
+    relative = pixels.astype(np.float64) - pixels[0].astype(np.float64)
+    deviations = np.zeros((colours.shape[2], *opaque.shape))
+    deviations[:, opaque] = (relative - relative.mean(axis=0)).T
+    return Pattern(colours, opaque, deviations)
+
+
+def opaque_pixels(template: Image, mask: Image | None) -> Mask:
+    """Return which pixels of a checked template count: those its mask marks, else those its alpha leaves opaque.
+
+    A mask marks with any value above 0. Of an alpha channel only the highest value it holds counts as opaque,
+    because a half-transparent rim pixel shows the picture behind it.
+
+    Raises
+    ------
+    ValueError
+        A mask of another size than the template.
+    """
+    if mask is not None:
+        if mask.shape[:2] != template.shape[:2]:
+            (mh, mw), (th, tw) = mask.shape[:2], template.shape[:2]
+            raise ValueError(f"mask is {mw} × {mh} and template is {tw} × {th} pixels; both must have the same size.")
+        marked = mask if mask.ndim == 2 else mask[:, :, :3].max(axis=2)
+        return np.asarray(marked > 0)
+    if template.ndim == 3 and template.shape[2] == 4:
+        alpha = template[:, :, 3]
+        return np.asarray((alpha == alpha.max()) & (alpha > 0))
+    return np.ones(template.shape[:2], dtype=np.bool_)
+
+
+def alike(image: Image, template: Image) -> tuple[Image, Image]:
+    """Return both as (rows, cols, channels) without alpha; where one of them is grey, the other's luminance."""
+    if image.ndim == 2 or template.ndim == 2:
+        return as_grey(image)[:, :, np.newaxis], as_grey(template)[:, :, np.newaxis]
+    return image[:, :, :3], template[:, :, :3]

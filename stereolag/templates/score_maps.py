@@ -1,0 +1,197 @@
+"""The correlation coefficient (ZNCC) of a template at every place of a picture, fast by FFT and plainly by sliding.
+
+Both compute, over the opaque pixels of the template T and the window I under them, channels c with their own means:
+``sum_c (I_c - mean I_c)(T_c - mean T_c) / sqrt(sum_c (I_c - mean I_c)**2 * sum_c (T_c - mean T_c)**2)``.
+Taking the mean off the template alone already frees the products of the window's mean; the window's spread follows
+from its sums (Lewis, Fast Normalized Cross-Correlation, 1995), under a mask from correlations with the mask
+(Padfield, Masked Object Registration in the Fourier Domain, 2012).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.inputs import Image
+from stereolag.kernels.box_energy import running_box_energy
+from stereolag.kernels.pearson import fill_pearson, pearson
+from stereolag.progress import Progress
+from stereolag.templates.patterns import Pattern
+
+Plane = npt.NDArray[np.float64]
+Planes = npt.NDArray[np.float64]
+ScoreMap = npt.NDArray[np.float32]
+
+LONGEST_FFT = 720
+"""Tiles are no longer than this, px, unless the template is: they fit the cache, and most of a tile is new to it."""
+
+FFT_UNIT = 48
+"""OpenCV transforms doubles of 48 · 2**i · 3**j · 5**k points fastest; of 512 points it needs twice as long."""
+
+FLAT_INTEGERS = 0.25
+"""Of integers, the squared deviations of a window that varies at all sum to 0.5 or more."""
+
+FLAT_FLOATS = 1e-11
+"""Of floats, a window is flat whose variance is below this share of the largest square: what rounding leaves of 0."""
+
+
+def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
+    """Return the score of every placement by sliding the template along the rows: the slow, plain reference.
+
+    Parameters
+    ----------
+    image
+        (rows, cols, channels), as many channels as the pattern.
+    pattern
+        The template.
+    progress
+        Called with the fraction done after every line of the template.
+
+    Returns
+    -------
+    ndarray
+        (rows - height + 1, cols - width + 1) float32, -1..1, NaN where the window is flat.
+    """
+    planes = _centred(image)
+    squares = np.square(planes).sum(axis=0)
+    height, width = pattern.shape
+    opaque = pattern.opaque.astype(np.float64)
+    channels, rows, cols = len(planes), image.shape[0] - height + 1, image.shape[1] - width + 1
+    products, square_sums, sums = np.zeros((rows, cols)), np.zeros((rows, cols)), np.zeros((channels, rows, cols))
+    for row in range(rows):
+        for line in range(height):
+            square_sums[row] += np.correlate(squares[row + line], opaque[line], "valid")
+            for channel in range(channels):
+                pixels = planes[channel, row + line]
+                sums[channel, row] += np.correlate(pixels, opaque[line], "valid")
+                products[row] += np.correlate(pixels, pattern.deviations[channel, line], "valid")
+            progress((row + (line + 1) / height) / rows)
+    energy = square_sums - np.square(sums).sum(axis=0) / pattern.count
+    return pearson(products, energy, pattern.norm, _flatness(image, planes, pattern))
+
+
+def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
+    """Return the score of every placement by FFT, tile by tile (overlap-save), as :func:`direct_score_map` does.
+
+    All in float64: the sums of 8-bit pixels come out exact, and what a flat window leaves is far from what varies.
+    The tiles run on as many threads as OpenCV uses; `progress` is called in the caller's own.
+    """
+    height, width = pattern.shape
+    places = image.shape[0] - height + 1, image.shape[1] - width + 1
+    (down, fft_rows), (across, fft_cols) = _tiling(places[0], height), _tiling(places[1], width)
+    spectra = _Spectra.of(pattern, (fft_rows, fft_cols))
+    scores = np.empty(places, dtype=np.float32)
+    pool = ThreadPoolExecutor(max(1, cv2.getNumThreads()))
+    try:
+        jobs = [
+            pool.submit(
+                _score_tile,
+                scores[row : row + down, col : col + across],
+                image[row : row + down + height - 1, col : col + across + width - 1],
+                pattern,
+                spectra,
+            )
+            for row in range(0, places[0], down)
+            for col in range(0, places[1], across)
+        ]
+        for fraction in _finished(jobs):
+            progress(fraction)
+    finally:
+        # A progress callback may raise to cancel the search: what has not begun then never does.
+        pool.shutdown(cancel_futures=True)
+    return scores
+
+
+@dataclass(frozen=True)
+class _Spectra:
+    """Spectra, as :func:`cv2.dft` packs them, of the template's deviations and of its mask.
+
+    The mask has none where it is the full rectangle: running sums are faster then.
+    """
+
+    shape: tuple[int, int]
+    deviations: list[Plane]
+    mask: Plane | None
+
+    @classmethod
+    def of(cls, pattern: Pattern, shape: tuple[int, int]) -> _Spectra:
+        mask = None if pattern.opaque.all() else _spectrum(pattern.opaque.astype(np.float64), shape)
+        return cls(shape, [_spectrum(plane, shape) for plane in pattern.deviations], mask)
+
+
+def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, spectra: _Spectra) -> None:
+    """Write the scores of one tile; `block` is the part of the image that its placements cover."""
+    planes = _centred(block)
+    rows = len(scores)
+    channels = [_spectrum(plane, spectra.shape) for plane in planes]
+    products = _correlation(channels, spectra.deviations, rows)
+    if spectra.mask is None:
+        energy = running_box_energy(planes, *pattern.shape)
+    else:
+        # Masked sums of integers are integers: rounded to the nearest, they are exact.
+        exact = np.rint if block.dtype.kind == "u" else np.positive
+        squares = _spectrum(np.square(planes).sum(axis=0), spectra.shape)
+        energy = exact(_correlation([squares], [spectra.mask], rows))
+        for channel in channels:
+            energy -= np.square(exact(_correlation([channel], [spectra.mask], rows))) / pattern.count
+    fill_pearson(scores, products, energy, pattern.norm, _flatness(block, planes, pattern))
+
+
+def _spectrum(plane: Plane, shape: tuple[int, int]) -> Plane:
+    """Return the packed spectrum of a plane that zeros extend to `shape`."""
+    padded = np.zeros(shape)
+    padded[: plane.shape[0], : plane.shape[1]] = plane
+    return np.asarray(cv2.dft(padded, dst=padded, nonzeroRows=plane.shape[0]))
+
+
+def _correlation(images: list[Plane], templates: list[Plane], rows: int) -> Plane:
+    """Return the sum over the channels of their circular correlations, given their spectra; only the first `rows`."""
+    products = [
+        cv2.mulSpectrums(image, template, 0, conjB=True) for image, template in zip(images, templates, strict=True)
+    ]
+    total = np.asarray(sum(products[1:], start=products[0]), dtype=np.float64)
+    inverse = cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
+    return np.asarray(cv2.dft(total, dst=total, flags=inverse, nonzeroRows=rows), dtype=np.float64)[:rows]
+
+
+def _centred(image: Image) -> Planes:
+    """Return the channels (channels, rows, cols) as float64 around 0; integers stay integers."""
+    planes = np.moveaxis(image, 2, 0).astype(np.float64, order="C")
+    means = planes.mean(axis=(1, 2), keepdims=True)
+    planes -= np.rint(means) if image.dtype.kind == "u" else means
+    return planes
+
+
+def _flatness(image: Image, planes: Planes, pattern: Pattern) -> float:
+    """Return the sum of squared deviations up to which a window counts as flat."""
+    if image.dtype.kind == "u":
+        return FLAT_INTEGERS
+    return FLAT_FLOATS * pattern.count * float(np.square(planes).max())
+
+
+def _tiling(places: int, size: int) -> tuple[int, int]:
+    """Return, along one axis, how many placements a tile takes and the length of its FFT, for the least FFTs in all."""
+    longest = max(LONGEST_FFT, 2 * _fft_length(size))
+    fewest = -(-places // (longest - size + 1))
+    choices = [(-(-places // tiles), tiles) for tiles in range(fewest, 2 * fewest + 1)]
+    step, _ = min(choices, key=lambda choice: choice[1] * _fft_length(choice[0] + size - 1))
+    return step, _fft_length(step + size - 1)
+
+
+def _fft_length(least: int) -> int:
+    return FFT_UNIT * int(cv2.getOptimalDFTSize(-(-least // FFT_UNIT)))
+
+
+def _finished(jobs: list[Future[None]]) -> Iterator[float]:
+    """Yield the fraction of jobs done, at least ten times a second, until all are; raise what a job raised."""
+    pending = set(jobs)
+    while pending:
+        done, pending = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)
+        for job in done:
+            job.result()
+        yield 1 - len(pending) / len(jobs)

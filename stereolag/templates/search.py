@@ -1,0 +1,176 @@
+"""Template search: where in a picture a smaller picture lies."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.inputs import Image, as_image
+from stereolag.progress import Progress, silent
+from stereolag.templates.exact_pixels import exact_placements
+from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of
+from stereolag.templates.score_maps import direct_score_map, fft_score_map
+from stereolag.templates.suppression import peaks, suppress
+
+TemplateMethod = Literal["fft", "sampled", "direct"]
+
+Indices = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class TemplateMatch:
+    """One place of the template in the picture.
+
+    Parameters
+    ----------
+    row, col
+        Of the top-left pixel, px.
+    height, width
+        Of the template, px.
+    score
+        Pearson's correlation coefficient, -1..1: 1 for an exact copy, whatever its brightness and contrast.
+    """
+
+    row: int
+    col: int
+    height: int
+    width: int
+    score: float
+
+
+@dataclass(frozen=True)
+class TemplateSearch:
+    """What :func:`match_template` found.
+
+    Parameters
+    ----------
+    matches
+        Best first, never overlapping by more than half of their area; empty where nothing scores enough.
+    score_map
+        (rows - height + 1, cols - width + 1) float32: the score with the template's top-left pixel at each
+        (row, col), NaN where the window is flat. None for "sampled".
+    candidates
+        Placements that were scored.
+    elapsed_s
+        Seconds the search took.
+    """
+
+    matches: list[TemplateMatch]
+    score_map: npt.NDArray[np.float32] | None
+    candidates: int
+    elapsed_s: float
+
+    @property
+    def found(self) -> bool:
+        """Whether the template is in the picture at all."""
+        return bool(self.matches)
+
+
+def match_template(
+    image: npt.ArrayLike,
+    template: npt.ArrayLike,
+    *,
+    method: TemplateMethod = "fft",
+    mask: npt.ArrayLike | None = None,
+    max_matches: int = 1,
+    min_score: float = 0.5,
+    seed: int | None = None,
+    progress: Progress | None = None,
+) -> TemplateSearch:
+    """Find a template in a picture by the zero-mean normalised cross-correlation (ZNCC).
+
+    Each channel loses its own mean over the compared pixels; products and squares are then summed over all channels
+    (Pearson's coefficient, as OpenCV's TM_CCOEFF_NORMED). Its sign counts: a negative of the template is no match.
+    Every placement fully inside the picture is searched.
+
+    Parameters
+    ----------
+    image
+        (rows, cols) grey or (rows, cols, 3 | 4) RGB(A); uint8, uint16 or float. Its alpha is ignored.
+    template
+        Likewise, no larger than the image. Only its most opaque pixels are compared. Where one of the two is grey,
+        the luminance of the other is compared.
+    method
+        "fft" scores every placement, in a time that hardly depends on the size of the template.
+        "direct" gives the same by sliding the template along every row: minutes for a photograph.
+        "sampled" (Appendix B of the source report) scores only where the picture holds the exact values of a rare
+        pixel of the template and of the two ends of its opaque run: the fastest, but blind where a picture was
+        recompressed, rescaled or dulled, where "fft" still finds the template, and slow in a picture of so few
+        values that none is rare.
+    mask
+        (height, width) of the template: its pixels above 0 are compared, whatever the template's alpha.
+    max_matches
+        At most so many matches, each a local maximum of the score.
+    min_score
+        Least score of a match, -1..1.
+    seed
+        Of the choices of "sampled"; the other methods make none.
+    progress
+        Called with the fraction done, 0..1.
+
+    Returns
+    -------
+    TemplateSearch
+        `found` is False, and `matches` empty, where no placement reaches `min_score`.
+
+    Raises
+    ------
+    ValueError
+        Arrays that are no images, a template larger than the image, a mask of another size, no opaque pixel,
+        opaque pixels all of one value, an unknown method, numbers out of their bounds; for "sampled" also image
+        and template of different type.
+    """
+    _check_options(method, max_matches, min_score)
+    picture, pattern = _checked(image, template, mask)
+    report = silent if progress is None else progress
+    started = time.perf_counter()
+    score_map: npt.NDArray[np.float32] | None = None
+    scores: npt.NDArray[np.floating[Any]]
+    if method == "sampled":
+        _check_same_type(picture, pattern)
+        placements = exact_placements(picture, pattern, min_score, seed, report)
+        candidates = placements.candidates
+        enough = placements.scores >= min_score
+        rows, cols, scores = placements.rows[enough], placements.cols[enough], placements.scores[enough]
+    else:
+        score_map = (fft_score_map if method == "fft" else direct_score_map)(picture, pattern, report)
+        candidates = score_map.size
+        rows, cols = peaks(score_map, min_score)
+        scores = score_map[rows, cols]
+    kept = suppress(rows, cols, scores, pattern.shape, max_matches)
+    matches = [TemplateMatch(int(rows[i]), int(cols[i]), *pattern.shape, float(scores[i])) for i in kept]
+    return TemplateSearch(matches, score_map, candidates, time.perf_counter() - started)
+
+
+def _check_options(method: str, max_matches: int, min_score: float) -> None:
+    if method not in get_args(TemplateMethod):
+        raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, get_args(TemplateMethod)))}.")
+    if max_matches < 1:
+        raise ValueError(f"max_matches is {max_matches}; it must be 1 or more.")
+    if not -1 <= min_score <= 1:
+        raise ValueError(f"min_score is {min_score}; a correlation coefficient lies between -1 and 1.")
+
+
+def _checked(image: npt.ArrayLike, template: npt.ArrayLike, mask: npt.ArrayLike | None) -> tuple[Image, Pattern]:
+    """Return the picture (rows, cols, channels) and the pattern to look for in it."""
+    picture, small = as_image(image, "image"), as_image(template, "template")
+    if small.shape[0] > picture.shape[0] or small.shape[1] > picture.shape[1]:
+        raise ValueError(
+            f"template is {small.shape[1]} × {small.shape[0]} pixels and image {picture.shape[1]} × "
+            f"{picture.shape[0]}; the template must fit into the image."
+        )
+    opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
+    picture, colours = alike(picture, small)
+    return picture, pattern_of(colours, opaque)
+
+
+def _check_same_type(picture: Image, pattern: Pattern) -> None:
+    if picture.dtype != pattern.colours.dtype:
+        raise ValueError(
+            f"image holds {picture.dtype} and template {pattern.colours.dtype} pixels; "
+            "the method 'sampled' compares exact values and needs one type (or use 'fft')."
+        )
