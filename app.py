@@ -1,0 +1,100 @@
+"""Home: the three measurements, each with a picture of it made on the spot."""
+
+from collections.abc import Callable
+
+import streamlit as st
+
+from stereolag.figures.disparity import disparity_range, image_into_map
+from stereolag.figures.recordings import correlation_curve
+from stereolag.figures.templates import match_close_up
+from stereolag.signals import signal_lag
+from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.stereo.search import SearchArea
+from stereolag.templates import match_template
+from stereolag.ui.navigation import open_page
+from stereolag.ui.pairs import example_pair
+from stereolag.ui.pictures import example_pictures
+from stereolag.ui.recordings import example_recordings
+from stereolag.ui.results import computed
+from stereolag.ui.searches import CURVES
+
+
+def show_lag() -> None:
+    """Show the correlation of the first example."""
+    pair = example_recordings("coast")
+    result = computed(
+        lambda progress: signal_lag(pair.signal_1, pair.signal_2, sampling_rate=44_100, speed=333, progress=progress),
+        inputs=pair.digest,
+        settings="home",
+        shared=True,
+        label="Comparing two recordings …",
+    )
+    figure = correlation_curve(result, CURVES["fft"]).update_layout(height=265)
+    st.plotly_chart(figure, key="lag", config={"staticPlot": True})
+    st.markdown(
+        f"Two recordings of one beach. They agree at a lag of **{result.lag:,} samples**: sensor 2 stands "
+        f"**{result.distance_m:,.2f} m** farther away."
+    )
+
+
+def show_search() -> None:
+    """Show the place that was found in the first maze."""
+    pictures = example_pictures("maze")
+    result = computed(
+        lambda progress: match_template(pictures.picture, pictures.template, method="sampled", seed=0),
+        inputs=pictures.digest,
+        settings="home",
+        shared=True,
+        label="Looking for Rocketman …",
+    )
+    best = result.matches[0]
+    st.image(match_close_up(pictures.picture, best), width="stretch", output_format="PNG")
+    rows, cols = pictures.picture.shape[:2]
+    st.markdown(
+        f"A picture of {cols:,} × {rows:,} pixels full of people in his colours. Rocketman is at row **{best.row}**, "
+        f"column **{best.col}**."
+    )
+
+
+def show_depth() -> None:
+    """Show the depth map of an example."""
+    pair = example_pair("cube")
+    matcher = CorrelationMatcher(search=SearchArea.rectified(pair.num_disparities or 64))
+    result = computed(
+        lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
+        inputs=pair.digest,
+        settings=matcher.model_dump_json(),
+        shared=True,
+        label="Matching windows …",
+    )
+    low, high = disparity_range([result.disparity if pair.truth is None else pair.truth])
+    st.image(image_into_map(pair.left, result.disparity, low, high), width="stretch", output_format="PNG")
+    st.markdown(
+        f"Two eyes look at a puzzle cube. **{result.valid.sum():,} windows** were each found again: those that shifted "
+        "most, in purple, are the nearest."
+    )
+
+
+MEASUREMENTS: dict[str, tuple[Callable[[], None], str, str]] = {
+    "How far apart are two sensors?": (show_lag, "pages/1_Sensor_lag.py", "Sensor lag"),
+    "Where is Rocketman?": (show_search, "pages/2_Rocketman_search.py", "Rocketman search"),
+    "How far away is everything?": (show_depth, "pages/3_Depth_maps.py", "Depth maps"),
+}
+
+open_page(
+    "Slide, multiply, find the peak",
+    "Lay one thing over another, multiply what lies on top of each other, and add it up. Slide by one step and do it "
+    "again. Where the sum is largest the two agree, and how far you slid is the **lag**. This one idea measures three "
+    "things.",
+)
+for column, (question, (show, page, name)) in zip(st.columns(3, gap="medium"), MEASUREMENTS.items(), strict=True):
+    with column.container(border=True, height="stretch"):
+        st.markdown(f"#### {question}")
+        show()
+        st.page_link(page, label=f"Open {name}", icon=":material/arrow_forward:")
+st.space("small")
+st.markdown(
+    "Everything here was computed by this app. Each page comes with examples, takes files of your own, and lets you "
+    "move every setting. Your files stay in this session: nothing is written to disk or shown to anyone else.",
+    width=760,
+)

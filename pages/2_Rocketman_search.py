@@ -1,0 +1,105 @@
+"""Template search: where in a picture a smaller picture lies."""
+
+import streamlit as st
+
+from stereolag.figures import templates as figures
+from stereolag.templates import TemplateSearch, match_template
+from stereolag.ui.controls import control, last_valid
+from stereolag.ui.navigation import open_page
+from stereolag.ui.numbers import Number, show_numbers
+from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
+from stereolag.ui.results import computed
+from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED, TemplateQuery
+from stereolag.ui.wording import duration, why_not_found
+
+
+def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
+    """Return what to search for, or None where the settings are refused."""
+    template, controls = st.columns([1, 4], gap="large")
+    look = figures.what_counts(inputs.template, inputs.mask)
+    template.image(look, caption="Look for this", output_format="PNG")
+    with controls:
+        method = control(TemplateQuery, "method", key="template.method", names=TEMPLATE_METHODS)
+        st.caption(TEMPLATE_METHODS_EXPLAINED[method])
+        score, count = st.columns(2, gap="medium")
+        with score:
+            min_score = control(TemplateQuery, "min_score", key="template.min_score")
+        with count:
+            max_matches = control(TemplateQuery, "max_matches", key="template.max_matches")
+    return last_valid(
+        lambda: TemplateQuery(method=method, min_score=min_score, max_matches=max_matches), "template.query"
+    )
+
+
+def report(result: TemplateSearch, query: TemplateQuery) -> None:
+    """Say what was found, in words and in numbers."""
+    if result.found:
+        best = result.matches[0]
+        st.subheader(f"Found at row {best.row}, column {best.col}", anchor=False)
+    else:
+        st.subheader("Not found", anchor=False)
+        st.warning(why_not_found(result, query.min_score), icon=":material/search_off:")
+    score = f"{result.matches[0].score:.3f}" if result.found else "–"
+    show_numbers(
+        (
+            Number("Score", score, "1 for an exact copy, whatever its brightness and contrast."),
+            Number("Places found", f"{len(result.matches)}", "None overlaps another by more than half."),
+            Number("Candidates scored", f"{result.candidates:,}", "Places at which the correlation was computed."),
+            Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
+        )
+    )
+
+
+def show(inputs: PictureAndTemplate, result: TemplateSearch) -> None:
+    """Show the place in the picture, enlarged beside it, and the score of every place."""
+    whole, beside = st.columns([3, 1], gap="medium")
+    whole.image(figures.framed(inputs.picture, result.matches), width="stretch", output_format="PNG")
+    for match in result.matches[:3]:
+        caption = f"row {match.row}, column {match.col}, score {match.score:.3f}"
+        beside.image(figures.match_close_up(inputs.picture, match), caption, width="stretch", output_format="PNG")
+    if result.score_map is None:
+        st.caption("“Sampled” scores a few places only: there is no score map to show.")
+        return
+    st.markdown("##### How well it fits at every place")
+    scores, legend = st.columns([3, 1], gap="medium")
+    scores.image(figures.score_map_png(result.score_map, result.matches), width="stretch", output_format="PNG")
+    legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False})
+    legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
+
+
+@st.fragment
+def find(inputs: PictureAndTemplate) -> None:
+    """Ask, compute and show; moving a control reruns this part alone."""
+    query = ask(inputs)
+    if query is None:
+        return
+    try:
+        result = computed(
+            lambda progress: match_template(
+                inputs.picture, inputs.template, mask=inputs.mask, **query.model_dump(), seed=0, progress=progress
+            ),
+            inputs=inputs.digest,
+            settings=query.model_dump_json(),
+            shared=inputs.shared,
+            label="Sliding the template over the picture …",
+        )
+    except ValueError as error:
+        st.error(str(error))
+        return
+    report(result, query)
+    show(inputs, result)
+
+
+open_page(
+    "Rocketman search",
+    "Somewhere in the picture is a smaller one. Slide it over every place, multiply, add up: where the score peaks, "
+    "there it is. It is the same measurement as the lag of two recordings, in two dimensions.",
+)
+pictures = choose_pictures()
+st.caption(pictures.description)
+find(pictures)
+with st.expander("What the source report says"):
+    st.markdown(
+        "In its maze of 2446 × 1526 pixels Rocketman’s top-left corner lies at row **528**, column **982**; "
+        "the report’s (651, 982) is his bottom row. It took 0.49 s with its sampled NCC and 2.8 s with its FFT."
+    )

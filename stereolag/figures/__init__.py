@@ -1,0 +1,1 @@
+"""Results made visible: Plotly figures and coloured pictures. Knows no Streamlit."""

@@ -1,0 +1,164 @@
+"""Point clouds in three dimensions, and as seen from above."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import plotly.graph_objects as go
+from PIL import Image as PillowImage
+
+from stereolag.birds_eye import BirdsEyeView
+from stereolag.figures.colours import PEAK
+
+Points = npt.NDArray[np.float32]
+Colours = npt.NDArray[np.uint8]
+
+HEIGHT = 620
+PALETTE_SIZE = 256
+SMALLEST_POINTS, LARGEST_POINTS = 2.0, 4.0
+POINTS_AT_SMALLEST = 60_000
+
+
+def point_cloud(points: Points, colours: Colours, unit: str) -> go.Figure:
+    """Return a cloud to turn, seen at first from where the left camera stands.
+
+    Parameters
+    ----------
+    points
+        (n, 3): X to the right, Y down, Z forward; drawn with Z into the depth and Y downwards.
+    colours
+        (n, 3) RGB. They are told to the browser as numbers into a palette of 256 made for this cloud: text for each of
+        100,000 points takes it seconds.
+    unit
+        Of the coordinates.
+    """
+    palette, index = _palette(colours)
+    size = float(np.clip(SMALLEST_POINTS * np.sqrt(POINTS_AT_SMALLEST / len(points)), SMALLEST_POINTS, LARGEST_POINTS))
+    figure = go.Figure(
+        go.Scatter3d(
+            x=points[:, 0],
+            y=points[:, 2],
+            z=-points[:, 1],
+            mode="markers",
+            marker={
+                "size": size,
+                "color": index,
+                "colorscale": palette,
+                "cmin": 0,
+                "cmax": PALETTE_SIZE - 1,
+                "line": {"width": 0},
+            },
+            hovertemplate=f"%{{y:.3g}} {unit} away<extra></extra>",
+        )
+    )
+    bounds = np.array([[0.0, 0.0, 0.0], points.min(axis=0), points.max(axis=0)], dtype=np.float64)
+    low, high = bounds.min(axis=0)[[0, 2, 1]], bounds.max(axis=0)[[0, 2, 1]]
+    low[2], high[2] = -high[2], -low[2]
+    distance = float(np.median(points[:, 2]))
+    figure.update_layout(
+        height=HEIGHT,
+        margin={"l": 0, "r": 0, "t": 0, "b": 0},
+        scene={
+            "xaxis": _axis(f"X, {unit}", low[0], high[0]),
+            "yaxis": _axis(f"distance, {unit}", low[1], high[1]),
+            "zaxis": _axis(f"height, {unit}", low[2], high[2]),
+            "camera": _from_the_left_camera(low, high, distance),
+            **_equal_aspect(low, high),
+        },
+    )
+    return figure
+
+
+def birds_eye(view: BirdsEyeView, unit: str) -> go.Figure:
+    """Return a cloud as seen from above, the camera at the bottom, one unit as long in both directions."""
+    rows, cols = view.picture.shape[:2]
+    figure = go.Figure(
+        go.Image(
+            source=_png(view.picture),
+            x0=view.left + view.cell / 2,
+            dx=view.cell,
+            y0=view.near + view.cell / 2,
+            dy=view.cell,
+            hovertemplate=f"%{{x:.3g}} {unit} to the right, %{{y:.3g}} {unit} away<extra></extra>",
+        )
+    )
+    figure.add_trace(
+        go.Scatter(
+            x=[0],
+            y=[0],
+            mode="markers+text",
+            marker={"symbol": "triangle-up", "size": 14, "color": PEAK},
+            text=["  camera"],
+            textposition="middle right",
+            hoverinfo="skip",
+            cliponaxis=False,
+        )
+    )
+    far, right = view.near + rows * view.cell, view.left + cols * view.cell
+    figure.update_layout(height=HEIGHT, margin={"l": 8, "r": 8, "t": 8, "b": 8}, showlegend=False, dragmode="pan")
+    figure.update_xaxes(
+        title=f"X, {unit}", range=[min(view.left, 0), max(right, 0)], zeroline=False, constrain="domain"
+    )
+    figure.update_yaxes(
+        title=f"distance, {unit}",
+        range=[0, far],
+        zeroline=False,
+        scaleanchor="x",
+        constrain="domain",
+        rangemode="tozero",
+    )
+    return figure
+
+
+def _palette(colours: Colours) -> tuple[list[list[Any]], npt.NDArray[np.uint8]]:
+    """Return a colour scale of 256 colours that suit these, and the number of each point's colour in it."""
+    picture = PillowImage.fromarray(np.ascontiguousarray(colours[None])).quantize(
+        PALETTE_SIZE, method=PillowImage.Quantize.MEDIANCUT, dither=PillowImage.Dither.NONE
+    )
+    chosen = np.zeros((PALETTE_SIZE, 3), dtype=np.uint8)
+    found = np.array(picture.getpalette(), dtype=np.uint8).reshape(-1, 3)[:PALETTE_SIZE]
+    chosen[: len(found)] = found
+    scale = [[number / (PALETTE_SIZE - 1), "rgb({},{},{})".format(*colour)] for number, colour in enumerate(chosen)]
+    return scale, np.asarray(picture, dtype=np.uint8)[0]
+
+
+def _axis(title: str, low: float, high: float) -> dict[str, Any]:
+    return {
+        "title": title,
+        "range": [low, high],
+        "showbackground": False,
+        "showspikes": False,
+        "gridcolor": "rgba(128,128,128,0.25)",
+        "zeroline": False,
+    }
+
+
+def _equal_aspect(low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]) -> dict[str, Any]:
+    """Return the sides of the drawn box, the longest 2: a unit is as long in every direction."""
+    sides = 2 * (high - low) / (high - low).max()
+    return {"aspectmode": "manual", "aspectratio": dict(zip("xyz", sides.tolist(), strict=True))}
+
+
+def _from_the_left_camera(
+    low: npt.NDArray[np.float64], high: npt.NDArray[np.float64], distance: float
+) -> dict[str, Any]:
+    """Return the view from the origin straight ahead, to be turned about a point at some distance.
+
+    Plotly measures a view from the middle of the drawn box, in the units of its sides.
+    """
+    unit, middle = 2 / (high - low).max(), (low + high) / 2
+    eye, target = -middle * unit, (np.array([0, distance, 0]) - middle) * unit
+    return {
+        "eye": dict(zip("xyz", eye.tolist(), strict=True)),
+        "center": dict(zip("xyz", target.tolist(), strict=True)),
+        "up": {"x": 0, "y": 0, "z": 1},
+    }
+
+
+def _png(picture: npt.NDArray[np.uint8]) -> str:
+    _, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGBA2BGRA))
+    return f"data:image/png;base64,{base64.b64encode(data.tobytes()).decode()}"

@@ -1,0 +1,75 @@
+"""The pixels without an answer, coloured by the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+import plotly.graph_objects as go
+
+from stereolag.figures.colours import Rgb
+from stereolag.figures.linked_pictures import hexadecimal
+from stereolag.figures.pictures import as_rgb
+from stereolag.inputs import Image
+from stereolag.stereo.result import Reason, ReasonMap
+
+REASON_COLOURS: dict[Reason, tuple[int, int, int]] = {
+    Reason.FILLED: (178, 160, 226),
+    Reason.OUT_OF_FRAME: (122, 130, 148),
+    Reason.LOW_TEXTURE: (72, 149, 214),
+    Reason.AMBIGUOUS: (240, 178, 60),
+    Reason.LEFT_RIGHT: (220, 76, 100),
+    Reason.SPECKLE: (66, 178, 128),
+    Reason.AT_SEARCH_EDGE: (190, 110, 60),
+}
+"""A colour for each reason but MEASURED; all of one brightness or so, and far apart for colour-blind eyes too."""
+
+
+def reasons_picture(reason: ReasonMap, image: Image) -> Rgb:
+    """Return the image, pale and grey where there is a measurement, with every other pixel in its reason's colour."""
+    grey = cv2.cvtColor(np.ascontiguousarray(as_rgb(image)), cv2.COLOR_RGB2GRAY)
+    picture = np.stack([96 + grey // 2] * 3, axis=-1).astype(np.uint8)
+    for cause, colour in REASON_COLOURS.items():
+        picture[reason == cause] = colour
+    return picture
+
+
+def share_of_reasons(reasons: Mapping[str, ReasonMap], words: Mapping[Reason, str]) -> go.Figure:
+    """Return one bar for each map: how much of it has no measurement, and why.
+
+    Parameters
+    ----------
+    reasons
+        {name of the method: its reasons}.
+    words
+        What each reason is called.
+    """
+    figure = go.Figure()
+    names = list(reasons)
+    for cause, colour in REASON_COLOURS.items():
+        percent = [100 * float(np.mean(one == cause)) for one in reasons.values()]
+        if any(percent):
+            figure.add_bar(
+                y=names,
+                x=percent,
+                orientation="h",
+                name=words[cause],
+                marker={"color": hexadecimal(colour)},
+                text=[f"{share:.1f} %" if share >= 1 else "" for share in percent],
+                textposition="inside",
+                insidetextanchor="middle",
+                textangle=0,
+                hovertemplate="%{y}: %{x:.2f} %<extra>" + words[cause] + "</extra>",
+            )
+    figure.update_layout(
+        barmode="stack",
+        uniformtext={"minsize": 11, "mode": "hide"},
+        height=84 + 44 * len(names),
+        bargap=0.35,
+        margin={"l": 8, "r": 8, "t": 8, "b": 8},
+        legend={"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "traceorder": "normal"},
+    )
+    figure.update_xaxes(title="% of the pixels", range=[0, 100], fixedrange=True)
+    figure.update_yaxes(autorange="reversed", fixedrange=True)
+    return figure

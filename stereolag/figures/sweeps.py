@@ -1,0 +1,186 @@
+"""A sweep as two pictures of one grid: small disparity maps, and the merit of each cell."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import plotly.graph_objects as go
+
+from stereolag.figures.colours import PEAK, VIRIDIS, coloured
+from stereolag.figures.disparity import FAR_TO_NEAR
+from stereolag.stereo.sweep import Sweep
+
+THUMBNAIL_WIDTH = 180
+GAP = 3
+"""Px between the small maps."""
+
+DRAWN_WIDTH = 640
+"""Px that the grid of maps has on a page of usual width; its height follows."""
+
+SMALLEST_HEIGHT = 260
+MARKER = 18
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSheet:
+    """The maps of a sweep made small, side by side.
+
+    Attributes
+    ----------
+    maps
+        (n_rows * height, n_cols * width) float32, px of disparity; NaN where there is no answer.
+    height, width
+        Of one small map, px.
+    rows, cols
+        The values of the two parameters.
+    merits
+        (n_rows, n_cols), NaN where the settings do not fit.
+    """
+
+    maps: npt.NDArray[np.float32]
+    height: int
+    width: int
+    rows: tuple[Any, ...]
+    cols: tuple[Any, ...]
+    merits: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(cls, grid: Sweep, shape: Sequence[int]) -> ContactSheet:
+        """Return the sheet of a sweep over images of (H, W) pixels."""
+        width = min(THUMBNAIL_WIDTH, shape[1])
+        height = max(1, round(width * shape[0] / shape[1]))
+        blank = np.full((height, width), np.nan, dtype=np.float32)
+        small = [
+            [
+                blank if one is None else cv2.resize(one, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
+                for one in line
+            ]
+            for line in grid.maps
+        ]
+        return cls(np.block(small), height, width, grid.rows[1], grid.cols[1], grid.merits)
+
+
+def sweep_maps(
+    sheet: ContactSheet, names: tuple[str, str], low: float, high: float, current: tuple[int, int] | None
+) -> go.Figure:
+    """Return the grid of small maps, in the colours of all maps; a click gives the number of the cell.
+
+    Parameters
+    ----------
+    sheet
+        The maps.
+    names
+        What the two parameters are called, that of the rows first.
+    low, high
+        The range of colours, px.
+    current
+        (row, col) of the cell whose settings are in use.
+    """
+    figure = go.Figure(
+        go.Image(
+            source=_sheet_png(sheet, low, high),
+            x0=-0.5 + 0.5 / sheet.width,
+            dx=1 / sheet.width,
+            y0=-0.5 + 0.5 / sheet.height,
+            dy=1 / sheet.height,
+            hoverinfo="skip",
+        )
+    )
+    _as_grid(figure, sheet, names, current)
+    figure.update_yaxes(scaleanchor="x", scaleratio=sheet.height / sheet.width, constrain="domain")
+    figure.update_yaxes(constraintoward="bottom").update_xaxes(constraintoward="left")
+    return figure
+
+
+def sweep_merits(sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
+    """Return the heat map of the merit, in percent, over the same grid; a click gives the number of the cell."""
+    figure = go.Figure(
+        go.Heatmap(
+            z=(100 * sheet.merits).astype(np.float32),
+            colorscale=[[share / 255, "rgb({},{},{})".format(*VIRIDIS[share])] for share in range(0, 256, 15)],
+            showscale=False,
+            xgap=GAP,
+            ygap=GAP,
+            texttemplate="%{z:.1f}",
+            hoverinfo="skip",
+        )
+    )
+    return _as_grid(figure, sheet, names, current)
+
+
+def _sheet_png(sheet: ContactSheet, low: float, high: float) -> str:
+    """Return the maps as the data address of a PNG, transparent between them and where there is none."""
+    picture = coloured(sheet.maps, low, high, FAR_TO_NEAR)
+    rows, cols = np.ogrid[: picture.shape[0], : picture.shape[1]]
+    opaque = (rows % sheet.height < sheet.height - GAP) & (cols % sheet.width < sheet.width - GAP)
+    opaque &= np.isfinite(sheet.merits)[rows // sheet.height, cols // sheet.width]
+    shown = np.dstack([picture[:, :, ::-1], np.where(opaque, 255, 0).astype(np.uint8)])
+    _, data = cv2.imencode(".png", shown)
+    return f"data:image/png;base64,{base64.b64encode(data.tobytes()).decode()}"
+
+
+def _as_grid(
+    figure: go.Figure, sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None
+) -> go.Figure:
+    """Name the cells, frame the best and the current one, and make every cell a place to click."""
+    n_rows, n_cols = sheet.merits.shape
+    rows, cols = np.indices(sheet.merits.shape)
+    figure.add_trace(
+        go.Scatter(
+            x=cols.ravel(),
+            y=rows.ravel(),
+            mode="markers",
+            marker={"size": MARKER, "color": "rgba(0,0,0,0)", "symbol": "square"},
+            text=[
+                f"{names[0]} {row}, {names[1]} {col}<br>" + (_percent(merit) if np.isfinite(merit) else "does not fit")
+                for row, line in zip(sheet.rows, sheet.merits, strict=True)
+                for col, merit in zip(sheet.cols, line, strict=True)
+            ],
+            hovertemplate="%{text}<extra></extra>",
+            showlegend=False,
+        )
+    )
+    if np.isfinite(sheet.merits).any():
+        row, col = divmod(int(np.nanargmax(sheet.merits)), n_cols)
+        figure.add_shape(_frame((row, col), "solid"))
+    if current is not None:
+        figure.add_shape(_frame(current, "dot"))
+    height = DRAWN_WIDTH / n_cols * n_rows * sheet.height / sheet.width
+    figure.update_layout(
+        height=max(SMALLEST_HEIGHT, round(height) + 70),
+        margin={"l": 8, "r": 8, "t": 8, "b": 8},
+        dragmode=False,
+        hovermode="closest",
+        hoverdistance=-1,
+    )
+    figure.update_xaxes(
+        title=names[1], tickvals=list(range(n_cols)), ticktext=[f"{value:g}" for value in sheet.cols],
+        range=[-0.5, n_cols - 0.5], showgrid=False, zeroline=False, fixedrange=True, constrain="domain",
+    )  # fmt: skip
+    figure.update_yaxes(
+        title=names[0], tickvals=list(range(n_rows)), ticktext=[f"{value:g}" for value in sheet.rows],
+        range=[n_rows - 0.5, -0.5], showgrid=False, zeroline=False, fixedrange=True,
+    )  # fmt: skip
+    return figure
+
+
+def _frame(cell: tuple[int, int], dash: str) -> dict[str, Any]:
+    row, col = cell
+    return {
+        "type": "rect",
+        "x0": col - 0.49,
+        "x1": col + 0.47,
+        "y0": row - 0.49,
+        "y1": row + 0.47,
+        "line": {"color": PEAK, "width": 3, "dash": dash},
+    }
+
+
+def _percent(merit: float) -> str:
+    return f"{100 * merit:.1f} %"

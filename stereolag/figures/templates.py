@@ -1,0 +1,100 @@
+"""The places a template search found, framed in the picture, and its score map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import plotly.graph_objects as go
+
+from stereolag.figures.colours import FRAME, VIRIDIS, Rgb, coloured
+from stereolag.figures.legend import legend
+from stereolag.figures.pictures import as_rgb, fitted, png
+from stereolag.inputs import Image
+from stereolag.templates import TemplateMatch
+from stereolag.templates.patterns import opaque_pixels
+
+CLOSE_UP_WIDTH = 640
+SCORE_MAP_WIDTH = 700
+LEFT_OUT = 128
+
+
+def framed(picture: Image, matches: Sequence[TemplateMatch]) -> bytes:
+    """Return the picture as a PNG with a frame around every match, the best one's the boldest."""
+    shown = fitted(picture).copy()
+    scale = shown.shape[1] / picture.shape[1]
+    thickness = max(2, shown.shape[1] // 250)
+    for match in reversed(matches):
+        _frame(shown, match, scale, thickness if match is matches[0] else max(1, thickness // 2))
+    return png(shown)
+
+
+def what_counts(template: Image, mask: Image | None) -> bytes:
+    """Return the template as a PNG, neutral grey where its mask, or without one its alpha, leaves it out."""
+    if mask is None:
+        return png(as_rgb(template))
+    colours = template[:, :, :3] if template.ndim == 3 else template
+    shown = as_rgb(colours).copy()
+    shown[~opaque_pixels(template, mask)] = LEFT_OUT
+    return png(shown)
+
+
+def match_close_up(picture: Image, match: TemplateMatch) -> bytes:
+    """Return the match with what is around it, 4:3 and enlarged, as a PNG."""
+    height = 2 * max(match.height, match.width)
+    rows = _around(match.row + match.height // 2, height, picture.shape[0])
+    cols = _around(match.col + match.width // 2, height * 4 // 3, picture.shape[1])
+    part = as_rgb(picture[rows, cols])
+    scale = CLOSE_UP_WIDTH / max(part.shape[:2])
+    size = (max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale)))
+    shown = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    _frame(shown, replace(match, row=match.row - rows.start, col=match.col - cols.start), scale, 5)
+    return png(shown)
+
+
+def score_map_png(score_map: npt.NDArray[np.float32], matches: Sequence[TemplateMatch]) -> bytes:
+    """Return the score of every place as a PNG, 0 and less dark, 1 yellow, flat places grey, matches ringed.
+
+    Where a pixel of the PNG stands for several places it shows the best of them: a peak is one place wide.
+    """
+    factor = max(1, -(-score_map.shape[1] // SCORE_MAP_WIDTH))
+    shown = coloured(_best_of_blocks(score_map, factor), 0, 1)
+    for match in matches:
+        centre = (match.col // factor, match.row // factor)
+        cv2.circle(shown, centre, max(8, shown.shape[1] // 50), FRAME, max(1, shown.shape[1] // 250), cv2.LINE_AA)
+    return png(shown)
+
+
+def score_legend() -> go.Figure:
+    """Return a strip of the colours with the scores they stand for."""
+    return legend(0, 1, VIRIDIS, "score")
+
+
+def _frame(picture: Rgb, match: TemplateMatch, scale: float, thickness: int) -> None:
+    """Draw a frame just outside of the match."""
+    away = thickness // 2 + 1
+    top_left = (round(match.col * scale) - away, round(match.row * scale) - away)
+    bottom_right = (
+        round((match.col + match.width) * scale) + away,
+        round((match.row + match.height) * scale) + away,
+    )
+    cv2.rectangle(picture, top_left, bottom_right, (255, 255, 255), thickness + 2)
+    cv2.rectangle(picture, top_left, bottom_right, FRAME, thickness)
+
+
+def _around(centre: int, length: int, end: int) -> slice:
+    """Return `length` pixels around `centre`, moved (or cut) so that they lie within 0 … `end`."""
+    start = max(0, min(centre - length // 2, end - length))
+    return slice(start, min(end, start + length))
+
+
+def _best_of_blocks(score_map: npt.NDArray[np.float32], factor: int) -> npt.NDArray[np.float32]:
+    """Return the highest score of each block of factor × factor places, NaN where all of them are."""
+    rows, cols = (-(-side // factor) for side in score_map.shape)
+    padded = np.full((rows * factor, cols * factor), -np.inf, dtype=np.float32)
+    padded[: score_map.shape[0], : score_map.shape[1]] = np.nan_to_num(score_map, nan=-np.inf)
+    best = padded.reshape(rows, factor, cols, factor).max(axis=(1, 3))
+    return np.where(np.isneginf(best), np.float32(np.nan), best)

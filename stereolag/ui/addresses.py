@@ -1,0 +1,114 @@
+"""Settings as the parameters of an address: short, readable, and checked when they come back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, TypeVar
+
+from pydantic import ValidationError
+
+from stereolag.reading.sources import quoted
+from stereolag.settings import Settings
+
+SettingsT = TypeVar("SettingsT", bound=Settings)
+
+NOTHING, ON = "none", "on"
+"""No value, and a stage that is not left out, with its usual settings but for those named apart."""
+
+KIND = "kind"
+"""The field that tells settings of one kind from those of another."""
+
+
+class Recalled(NamedTuple):
+    """What an address says: settings, and a sentence for each parameter that was ignored."""
+
+    settings: Any
+    ignored: list[str]
+
+
+def parameters_of(settings: Settings, first: Settings) -> dict[str, str]:
+    """Return the settings that are not as they were at first, by name, with dots where they lie within others."""
+    found: dict[str, str] = {}
+    for name in type(settings).model_fields:
+        value, usual = getattr(settings, name), getattr(first, name)
+        if value == usual:
+            continue
+        if not isinstance(value, Settings):
+            found[name] = _written(value)
+            continue
+        if type(value) is not type(usual):
+            has_kind = KIND in type(value).model_fields
+            found |= {f"{name}.{KIND}": getattr(value, KIND)} if has_kind else {name: ON}
+            usual = type(value)()
+        found |= {f"{name}.{inner}": text for inner, text in parameters_of(value, usual).items()}
+    return found
+
+
+def settings_of(parameters: Mapping[str, str], first: SettingsT, *, prefix: str = "") -> Recalled:
+    """Return the settings that :func:`parameters_of` wrote; what is unknown or not allowed is left out.
+
+    Parameters
+    ----------
+    parameters
+        Untrusted: the parameters of an address.
+    first
+        What holds where they say nothing.
+    prefix
+        What stands before their names in the address, for the sentences about them.
+    """
+    wanted = dict(parameters)
+    ignored: list[str] = []
+    while wanted:
+        try:
+            return Recalled(type(first).model_validate(_document(wanted, first)), ignored)
+        except ValidationError as error:
+            refused = _refused(error, wanted)
+        ignored += [
+            f"{quoted(prefix + name)} = {quoted(wanted[name])} is ignored: {why}" for name, why in refused.items()
+        ]
+        wanted = {name: text for name, text in wanted.items() if name not in refused}
+    return Recalled(first, ignored)
+
+
+def _written(value: Any) -> str:
+    if value is None:
+        return NOTHING
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _document(parameters: Mapping[str, str], first: Settings) -> dict[str, Any]:
+    """Return the settings as nested dictionaries, those at first overwritten by the parameters."""
+    document = first.model_dump(mode="json")
+    # What switches or chooses comes before what lies within: of another kind nothing that was there holds.
+    for name in sorted(parameters, key=lambda name: (name.count("."), name.rpartition(".")[2] != KIND)):
+        *within, last = name.split(".")
+        place = document
+        for part in within:
+            inner = place.get(part)
+            if not isinstance(inner, dict):
+                inner = place[part] = {}
+            place = inner
+        if last == KIND:
+            place.clear()
+        place[last] = _read(parameters[name])
+    return document
+
+
+def _read(text: str) -> Any:
+    """Return what a text stands for, where that is no plain value."""
+    return {NOTHING: None, ON: {}}.get(text, text)
+
+
+def _refused(error: ValidationError, parameters: Mapping[str, str]) -> dict[str, str]:
+    """Return which parameters are to blame, and why; all of them where they are refused together."""
+    refused: dict[str, str] = {}
+    together = ""
+    for problem in error.errors():
+        message = str(problem["ctx"]["error"]) if problem["type"] == "value_error" else f"{problem['msg']}."
+        # The place also names the kind of a union, which is no part of the name.
+        places = {str(part) for part in problem["loc"]}
+        blamed = [name for name in parameters if places and set(name.split(".")) <= places]
+        blamed = blamed or [name for name in parameters if places & {name.split(".")[0]}]
+        refused |= dict.fromkeys(blamed, message)
+        together = together or message
+    return refused or dict.fromkeys(parameters, together)

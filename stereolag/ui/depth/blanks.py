@@ -1,0 +1,43 @@
+"""Why is it blank? The pixels without a measurement, by reason."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from stereolag.figures.linked_pictures import Picture, Reading, hexadecimal, word_legend
+from stereolag.figures.reasons import REASON_COLOURS, reasons_picture, share_of_reasons
+from stereolag.stereo.result import Reason
+from stereolag.ui.depth.reasons import REASON_WORDS, REASONS_EXPLAINED, reasons_of
+from stereolag.ui.depth.view import DepthView
+from stereolag.ui.linked_pictures import linked_pictures
+
+KEY = "depth.blanks"
+
+
+@st.fragment
+def show_blanks(view: DepthView) -> None:
+    """Show where each method has no measurement and why, and how much of the picture each reason costs."""
+    reasons = {name: reasons_of(view, name) for name in view.results}
+    present = [cause for cause in REASON_COLOURS if any((one == cause).any() for one in reasons.values())]
+    words = tuple(REASON_WORDS[cause] for cause in Reason)
+    linked_pictures(
+        [
+            Picture(name, reasons_picture(reason, view.pair.left), (Reading(reason, words=words),))
+            for name, reason in reasons.items()
+        ],
+        key=KEY,
+        columns=min(3, len(reasons)),
+        legends=[
+            word_legend(
+                "",
+                [hexadecimal(REASON_COLOURS[cause]) for cause in present],
+                [REASON_WORDS[cause] for cause in present],
+            )
+        ],
+    )
+    st.plotly_chart(share_of_reasons(reasons, REASON_WORDS), key=f"{KEY}.shares", config={"displayModeBar": False})
+    st.markdown("\n".join(f"- **{REASON_WORDS[cause].capitalize()}**: {REASONS_EXPLAINED[cause]}" for cause in present))
+    st.caption(
+        "StereoBM and StereoSGBM do not say why. Their reasons were found by matching again with one filter after "
+        "another switched off: the filter whose absence brings a pixel back had blanked it."
+    )

@@ -1,0 +1,57 @@
+"""The colours of all maps of the depth page: one range that holds still, and one palette."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import streamlit as st
+
+from stereolag.figures.disparity import PALETTES, disparity_range
+from stereolag.stereo.result import DisparityMap
+from stereolag.ui.depth.view import DepthView
+from stereolag.ui.pairs import StereoPair
+
+KEY = "depth.colours"
+NEGATIVE_ROOM = 32.0
+"""How far below what is there the range may begin, px."""
+
+
+def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> DepthView:
+    """Ask for the colours and return the view of all maps in them.
+
+    The range is fitted to the truth, or to the first maps where there is none, and then holds still for the pair
+    whatever the settings do, until the visitor moves it or fits it again.
+    """
+    key = f"{KEY}.range.{pair.digest}"
+    if key not in st.session_state:
+        st.session_state[key] = _fitted(pair, results)
+    low, high = st.session_state[key]
+    with st.popover("Colours", icon=":material/palette:", width="stretch"):
+        low, high = st.slider(
+            "Range of colours, px",
+            min_value=min(low, 0.0) - NEGATIVE_ROOM,
+            max_value=2 * max(high, NEGATIVE_ROOM),
+            step=1.0,
+            key=key,
+            persist_state="session",
+            help="Disparities at the ends of the colours, the same for all maps. It holds still when settings change.",
+        )
+        st.button("Fit to what is shown", on_click=_fit, args=(key, pair, results), key=f"{KEY}.fit")
+        palette = st.segmented_control(
+            "Palette",
+            [*PALETTES],
+            default="viridis",
+            format_func=str.capitalize,
+            required=True,
+            key=f"{KEY}.palette",
+            persist_state="session",
+        )
+    return DepthView(pair, results, low, max(high, low + 1), PALETTES[palette])
+
+
+def _fit(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> None:
+    st.session_state[key] = _fitted(pair, results)
+
+
+def _fitted(pair: StereoPair, results: Mapping[str, DisparityMap]) -> tuple[float, float]:
+    return disparity_range([pair.truth] if pair.truth is not None else [one.disparity for one in results.values()])

@@ -1,0 +1,108 @@
+"""The numeric settings of a stereo method, and values worth trying for each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+
+from stereolag.settings import Settings
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.merit import changed
+from stereolag.ui.controls import Bounds, Number
+from stereolag.ui.matcher_controls import APPLIES
+
+HALF_OCTAVE = math.sqrt(2)
+OUTWARDS = [sign * number for number in range(1, 13) for sign in (1, -1)]
+ENOUGH_TO_TELL = 3
+WHOLE_RANGE_UP_TO = 1.0
+"""A fraction is tried over all that is allowed, everything else around what it is set to."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number among the settings of a method.
+
+    Attributes
+    ----------
+    name
+        With dots where it belongs to settings within the settings: "search.vertical".
+    title
+        What the page calls it.
+    value
+        What it is set to.
+    bounds
+        What it may be.
+    """
+
+    name: str
+    title: str
+    value: Number
+    bounds: Bounds
+
+    def values(self, count: int) -> tuple[Number, ...]:
+        """Return at most `count` allowed values worth trying, ascending; the one it is set to is among them.
+
+        Sizes are tried in half octaves around their value, fractions over their whole range, and numbers that may be
+        negative or are zero in doubling steps away from it.
+        """
+        low, high, step = self.bounds.low, self.bounds.high, self.bounds.step
+        if low is not None and high is not None and high - low <= WHOLE_RANGE_UP_TO:
+            wanted = [low + (high - low) * number / (count - 1) for number in range(count)]
+        elif self.value > 0 and (low is None or low >= 0):
+            wanted = [self.value * HALF_OCTAVE**number for number in OUTWARDS]
+        else:
+            wanted = [self.value + step * math.copysign(2 ** (abs(number) - 1), number) for number in OUTWARDS]
+        found: list[Number] = [self.value]
+        for one in wanted:
+            allowed = self._nearest(one)
+            if allowed is not None and allowed not in found and len(found) < count:
+                found.append(allowed)
+        return tuple(sorted(found))
+
+    def _nearest(self, wanted: float) -> Number | None:
+        """Return the number whole steps from the value that is nearest to the one wanted; None beyond the bounds."""
+        low, high, step = self.bounds.low, self.bounds.high, self.bounds.step
+        nearest = self.value + step * round((wanted - self.value) / step)
+        if (low is not None and nearest < low) or (high is not None and nearest > high):
+            return None
+        return round(nearest, 9)
+
+
+def parameters(matcher: StereoMatcher) -> dict[str, Parameter]:
+    """Return the numbers among the settings of a matcher that have an effect, by name, as they are declared."""
+    values = dict(matcher)
+    return {
+        parameter.name: parameter
+        for parameter in _within(matcher, "")
+        if _matters(parameter.name, values) and _free(matcher, parameter)
+    }
+
+
+def _matters(name: str, values: Mapping[str, Any]) -> bool:
+    """Return whether a parameter has an effect as the other settings are."""
+    applies = APPLIES.get(name.partition(".")[0])
+    return applies is None or applies(values)
+
+
+def _free(matcher: StereoMatcher, parameter: Parameter) -> bool:
+    """Return whether the other settings leave a parameter any other value than the one it is set to."""
+    for value in parameter.values(ENOUGH_TO_TELL):
+        try:
+            if changed(matcher, {parameter.name: value}) != matcher:
+                return True
+        except ValidationError:
+            continue
+    return False
+
+
+def _within(settings: Settings, path: str) -> Iterator[Parameter]:
+    for name, field in type(settings).model_fields.items():
+        value = getattr(settings, name)
+        if isinstance(value, Settings):
+            yield from _within(value, f"{path}{name}.")
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield Parameter(f"{path}{name}", field.title or name, value, Bounds.of(field))

@@ -1,0 +1,200 @@
+"""Value under the cursor: disparity, depth, score and reason; the distance between two points."""
+
+from __future__ import annotations
+
+import math
+
+import streamlit as st
+
+from stereolag.distances import FIELD_OF_VIEW, SeenPoint, calibrated_by, distance_between
+from stereolag.figures.colours import PEAK
+from stereolag.stereo.result import Reason
+from stereolag.ui.depth.maps import TRUTH, left_picture, map_legends, map_picture, truth_picture
+from stereolag.ui.depth.metric import (
+    KnownDistance,
+    calibration_of,
+    disparity_error,
+    keep_known_distance,
+    known_distance,
+)
+from stereolag.ui.depth.reasons import REASON_WORDS, reasons_of
+from stereolag.ui.depth.view import DepthView
+from stereolag.ui.linked_pictures import Mark, linked_pictures
+from stereolag.ui.pairs import Disparity, StereoPair
+
+KEY = "depth.readout"
+
+Pixel = tuple[int, int]
+
+
+@st.fragment
+def show_readout(view: DepthView) -> None:
+    """Show what every method says at the cursor, at two points that were clicked, and how far those are apart."""
+    points_key = f"{KEY}.points.{view.pair.digest}"
+    points: list[Pixel] = st.session_state.get(points_key, [])
+
+    def pick(row: int, col: int) -> None:
+        st.session_state[points_key] = [*points, (row, col)] if len(points) == 1 else [(row, col)]
+
+    st.markdown(_calibration_in_words(view))
+    pictures = [left_picture(view)]
+    pictures += [map_picture(view, name, reasons_of(view, name)) for name in view.results]
+    linked_pictures(
+        [*pictures, *truth_picture(view)],
+        key=KEY,
+        legends=map_legends(view),
+        hint="Click two points to measure the distance between them; the third click begins anew.",
+        marks=_marks(points),
+        on_pick=pick,
+    )
+    if points:
+        st.markdown(_table(view, points))
+        st.caption(_uncertainty_in_words(view))
+    _ask_known_distance(view, points)
+
+
+def _marks(points: list[Pixel]) -> list[Mark]:
+    lines = [Mark(*points[0], PEAK, to=points[1])] if len(points) == 2 else []
+    return [*lines, *(Mark(*point, PEAK, label=letter) for point, letter in zip(points, "AB", strict=False))]
+
+
+def _calibration_in_words(view: DepthView) -> str:
+    """Return where the metres come from."""
+    known, calibration = known_distance(view.pair), calibration_of(view.pair)
+    if calibration is None:
+        return (
+            "**Relative**: no calibration is known, so disparity says what is nearer, not how many metres. One "
+            "distance that you know is enough: click a point and give it below."
+        )
+    product = f"focal length × baseline = **{calibration.focal_px * calibration.baseline_m:.4g} px·m**"
+    if known:
+        place = f"row {known.row}, column {known.col}"
+        return f"**Metric**, from the **{known.metres:g} m** that you gave for {place}: {product}."
+    factors = f"{calibration.focal_px:.6g} px × {calibration.baseline_m:.4g} m"
+    return f"**Metric**, from the pair’s calibration: {factors}, {product}."
+
+
+def _table(view: DepthView, points: list[Pixel]) -> str:
+    """Return what each method says at the points, as a Markdown table."""
+    metric = calibration_of(view.pair) is not None
+    heads = [
+        "",
+        *(f"{letter}: {what}" for letter in "AB"[: len(points)] for what in ("disparity", "depth")[: 1 + metric]),
+    ]
+    if len(points) == 2 and metric:
+        heads.append("A to B")
+    lines = [heads, ["---"] * len(heads)]
+    maps: dict[str, Disparity] = {name: result.disparity for name, result in view.results.items()}
+    if view.pair.truth is not None:
+        maps[TRUTH] = view.pair.truth
+    for name, disparity in maps.items():
+        cells = [f"**{name}**"]
+        for point in points:
+            cells.append(_disparity_in_words(view, name, point, float(disparity[point])))
+            if metric:
+                cells.append(_depth_in_words(view, name, float(disparity[point])))
+        if len(points) == 2 and metric:
+            cells.append(_distance_in_words(view, name, disparity, points))
+        lines.append(cells)
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def _disparity_in_words(view: DepthView, name: str, point: Pixel, disparity: float) -> str:
+    """Return the disparity with its score, or why there is none."""
+    if math.isnan(disparity):
+        return "unknown" if name == TRUTH else f"none: {REASON_WORDS[Reason(reasons_of(view, name)[point])]}"
+    said = f"{disparity:.2f} px"
+    if name == TRUTH:
+        return said
+    result = view.results[name]
+    if result.reason[point] == Reason.FILLED:
+        said += ", filled in"
+    score = float(result.score[point])
+    return said if math.isnan(score) else f"{said}, score {score:.3f}"
+
+
+def _depth_in_words(view: DepthView, name: str, disparity: float) -> str:
+    calibration = calibration_of(view.pair)
+    depth = math.nan if calibration is None else float(calibration.depth(disparity))
+    if calibration is None or math.isnan(depth):
+        return "–"
+    return _metres(depth, float(calibration.depth_uncertainty(disparity, _error(view, name))))
+
+
+def _distance_in_words(view: DepthView, name: str, disparity: Disparity, points: list[Pixel]) -> str:
+    calibration = calibration_of(view.pair)
+    if calibration is None:
+        return "–"
+    height, width = disparity.shape
+    seen = [SeenPoint(*point, float(disparity[point])) for point in points]
+    apart = distance_between(
+        calibration, seen[0], seen[1], width=width, height=height, disparity_error=_error(view, name)
+    )
+    return "–" if math.isnan(apart.metres) else f"**{_metres(apart.metres, apart.error)}**"
+
+
+def _error(view: DepthView, name: str) -> float:
+    return 0.0 if name == TRUTH else disparity_error(view, name)
+
+
+def _metres(metres: float, error: float) -> str:
+    """Return a length with as many decimals as its error leaves sure, and one more."""
+    if error == 0:
+        return f"{metres:.4g} m"
+    decimals = min(max(1 - math.floor(math.log10(error)), 0), 4)
+    return f"{metres:.{decimals}f} ± {error:.{decimals}f} m"
+
+
+def _uncertainty_in_words(view: DepthView) -> str:
+    """Return where the uncertainty comes from."""
+    formula = "The uncertainty of a depth is Z² · δd / (f · B)"
+    if view.pair.truth is None:
+        return f"{formula}, with δd = {disparity_error(view, next(iter(view.results))):g} px, usual for a good match."
+    errors = ", ".join(f"{name} {disparity_error(view, name):.2f} px" for name in view.results)
+    return f"{formula}, where δd is the median error that each method has against the truth of this pair: {errors}."
+
+
+def _ask_known_distance(view: DepthView, points: list[Pixel]) -> None:
+    """Ask for the distance of the point clicked last and make metres of it."""
+    with st.container(border=True):
+        st.markdown("**Click something whose distance you know**")
+        if not points:
+            st.caption("First click the point in one of the pictures above.")
+        else:
+            _ask_distance_of(view, points[-1], "AB"[len(points) - 1])
+        if known_distance(view.pair):
+            st.button(
+                "Forget the distance given", key=f"{KEY}.forget", on_click=keep_known_distance, args=(view.pair, None)
+            )
+
+
+def _ask_distance_of(view: DepthView, point: Pixel, letter: str) -> None:
+    doffs = view.pair.calibration.doffs_px if view.pair.calibration else 0.0
+    answers = {name: float(one.disparity[point]) for name, one in view.results.items()}
+    near = [name for name, disparity in answers.items() if disparity + doffs > 0]
+    if not near:
+        st.caption(f"No method sees {letter} in front of infinity; choose a point where one does.")
+        return
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        metres = st.number_input(
+            f"Distance of {letter} from the camera, m", min_value=0.001, value=None, key=f"{KEY}.metres", width=230
+        )
+        name = st.selectbox("Disparity there by", near, key=f"{KEY}.method", width=190)
+        st.button(
+            "Use this distance",
+            key=f"{KEY}.use",
+            disabled=metres is None,
+            type="primary",
+            on_click=_use_distance,
+            args=(view.pair, point, answers[name], metres),
+        )
+    if view.pair.calibration is None:
+        st.caption(
+            "Depths follow from this one distance. Distances across the picture also need the focal length: "
+            f"{FIELD_OF_VIEW:g}° from side to side are assumed."
+        )
+
+
+def _use_distance(pair: StereoPair, point: Pixel, disparity: float, metres: float) -> None:
+    calibration = calibrated_by(pair.calibration, disparity, metres, width=int(pair.left.shape[1]))
+    keep_known_distance(pair, KnownDistance(*point, metres, calibration))

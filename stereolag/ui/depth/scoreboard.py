@@ -1,0 +1,168 @@
+"""Every method held against the truth: a table, maps of the error, and error against coverage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import streamlit as st
+from pandas.io.formats.style import Styler
+
+from stereolag.export import metrics_csv
+from stereolag.figures.errors import error_legend, error_over_coverage, error_png
+from stereolag.stereo.coverage import CoverageCurve, error_against_coverage
+from stereolag.stereo.evaluation import Evaluation, evaluate
+from stereolag.stereo.result import DisparityMap
+from stereolag.ui.depth.view import DepthView
+from stereolag.ui.results import computed
+
+THRESHOLD_PX = 2.0
+BEST = "background-color: rgba(76, 175, 105, 0.28); font-weight: 600"
+
+ALL, VISIBLE = "All pixels", "Seen by both cameras"
+COUNTED, LEFT_OUT = "count as wrong", "are left out"
+
+MEANINGS = {
+    "Density": "Share of the pixels with a truth that have an answer.",
+    "EPE": "End-point error: mean distance from the truth of the pixels that have an answer.",
+    "D1-all": "Off by more than 3 px and more than 5 %, or missing: KITTI’s figure.",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """One map against the truth, for all its pixels and, where it is known which these are, for the visible ones."""
+
+    evaluations: Mapping[str, Evaluation]
+    curve: CoverageCurve
+
+
+@st.fragment
+def show_scoreboard(view: DepthView) -> None:
+    """Show how right every method is, where the truth is known."""
+    truth = view.pair.truth
+    if truth is None or not np.isfinite(truth).any():
+        st.info(
+            "The scoreboard needs to know what is right: add a true disparity map (PFM, PNG or NPY) beside the two "
+            "images, or pick one of the examples, which all come with theirs.",
+            icon=":material/scoreboard:",
+        )
+        return
+    judgements = {name: _judged(view, result, truth) for name, result in view.results.items()}
+    _show_tables(judgements)
+    st.markdown("##### Where they are wrong")
+    for column, (name, result) in zip(st.columns(len(view.results)), view.results.items(), strict=True):
+        column.markdown(f"**{name}**")
+        column.image(error_png(result.disparity, truth), width="stretch", output_format="PNG")
+    st.plotly_chart(error_legend(), key="depth.scoreboard.legend", config={"displayModeBar": False})
+    st.caption("Grey: no answer." if np.isfinite(truth).all() else "Grey: no answer. Black: no truth to compare with.")
+    st.markdown("##### Do they know where they are wrong?")
+    _show_curves({name: judgement.curve for name, judgement in judgements.items()})
+
+
+def _judged(view: DepthView, result: DisparityMap, truth: npt.NDArray[np.float32]) -> Judgement:
+    """Return the figures of a map; from memory where they were worked out before."""
+
+    def judge(_: object) -> Judgement:
+        evaluations = {ALL: evaluate(result.disparity, truth)}
+        visible = view.pair.visible
+        if visible is not None and (visible & np.isfinite(truth)).any():
+            evaluations[VISIBLE] = evaluate(result.disparity, truth, mask=visible)
+        curve = error_against_coverage(result.disparity, truth, result.score, threshold=THRESHOLD_PX)
+        return Judgement(evaluations, curve)
+
+    return computed(
+        judge,
+        inputs=view.pair.digest,
+        settings=f"{type(result.settings).__name__} {result.settings.model_dump_json()}",
+        shared=view.pair.shared,
+        label="Comparing with the truth …",
+    )
+
+
+def _show_tables(judgements: Mapping[str, Judgement]) -> None:
+    """Show the figures of every method, and offer them as a file."""
+    with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="bottom"):
+        missing = st.segmented_control(
+            "Pixels without an answer",
+            [COUNTED, LEFT_OUT],
+            default=COUNTED,
+            required=True,
+            key="depth.scoreboard.missing",
+            help="A method can look good by answering only where it is easy: counted as wrong, a pixel without an "
+            "answer costs as much as a wrong one. Left out, the figures tell how far to trust the answers there are.",
+        )
+        st.download_button(
+            "Figures as CSV",
+            metrics_csv(
+                {
+                    name if pixels == ALL else f"{name} (non-occluded)": evaluation
+                    for name, judgement in judgements.items()
+                    for pixels, evaluation in judgement.evaluations.items()
+                }
+            ),
+            file_name="metrics.csv",
+            mime="text/csv",
+            on_click="ignore",
+            icon=":material/download:",
+            key="depth.scoreboard.csv",
+        )
+    for pixels in (ALL, VISIBLE):
+        rows = {
+            name: _row(judgement.evaluations[pixels], missing == LEFT_OUT)
+            for name, judgement in judgements.items()
+            if pixels in judgement.evaluations
+        }
+        if rows:
+            some = next(iter(judgements.values())).evaluations[pixels]
+            st.markdown(f"**{pixels}** · {some.truth_pixels:,} with a truth")
+            st.dataframe(
+                _marked(pd.DataFrame.from_dict(rows, orient="index")),
+                column_config=_columns(some),
+                key=f"depth.scoreboard.{pixels}",
+            )
+
+
+def _row(evaluation: Evaluation, measured_only: bool) -> dict[str, float]:
+    bad = evaluation.bad_measured if measured_only else evaluation.bad
+    figures = {"Density": 100 * evaluation.density, "EPE": evaluation.epe}
+    figures |= {f"Bad-{threshold:g}": share for threshold, share in bad.items()}
+    return figures if measured_only else figures | {"D1-all": evaluation.d1_all}
+
+
+def _marked(table: pd.DataFrame) -> Styler:
+    """Return the table with the best value of each column marked, where there is more than one method to be best of."""
+
+    def best(column: pd.Series[Any]) -> list[str]:
+        winner = column.max() if column.name == "Density" else column.min()
+        return [BEST if len(column) > 1 and value == winner else "" for value in column]
+
+    return table.style.apply(best, axis=0)
+
+
+def _columns(evaluation: Evaluation) -> dict[str, Any]:
+    """Return how the columns are written, and what their headings explain."""
+    columns: dict[str, Any] = {
+        "_index": st.column_config.TextColumn("Method"),
+        "EPE": st.column_config.NumberColumn(format="%.2f px", help=MEANINGS["EPE"]),
+    }
+    meanings = {name: MEANINGS[name] for name in ("Density", "D1-all")}
+    meanings |= {f"Bad-{threshold:g}": f"Pixels off by more than {threshold:g} px." for threshold in evaluation.bad}
+    return columns | {
+        name: st.column_config.NumberColumn(format="%.1f %%", help=meaning) for name, meaning in meanings.items()
+    }
+
+
+def _show_curves(curves: Mapping[str, CoverageCurve]) -> None:
+    """Show error against coverage."""
+    st.plotly_chart(
+        error_over_coverage(curves, THRESHOLD_PX), key="depth.scoreboard.curves", config={"displayModeBar": False}
+    )
+    st.caption(
+        "Keep only the surest matches, then more and more. A line that climbs to the right knows where it is wrong: "
+        "asking for a higher score would leave the good answers. A method that gives no score is a single point."
+    )

@@ -1,0 +1,69 @@
+"""The default view of the depth page: the images, and the maps of two methods beside each other."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from stereolag.figures.disparity import disparity_legend, disparity_png
+from stereolag.figures.pictures import fitted, png
+from stereolag.stereo.evaluation import evaluate
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.result import DisparityMap
+from stereolag.ui.depth.view import DepthView
+from stereolag.ui.numbers import Number, show_numbers
+from stereolag.ui.pairs import StereoPair
+from stereolag.ui.results import computed
+from stereolag.ui.wording import duration, percent
+
+
+def measured(pair: StereoPair, matcher: StereoMatcher | None, label: str) -> DisparityMap | None:
+    """Return the disparity map of one method; None, and why, where it cannot be had."""
+    if matcher is None:
+        return None
+    try:
+        return computed(
+            lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
+            inputs=pair.digest,
+            settings=matcher.model_dump_json(),
+            shared=pair.shared,
+            label=label,
+        )
+    except ValueError as error:
+        st.error(str(error))
+        return None
+
+
+def show_map(view: DepthView, name: str) -> None:
+    """Show the map of one method and what can be said of it in numbers."""
+    if name not in view.results:
+        return
+    result = view.results[name]
+    st.image(disparity_png(result.disparity, view.low, view.high, view.palette), width="stretch", output_format="PNG")
+    numbers = [
+        Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
+        Number("Coverage", percent(result.coverage), "Share of the pixels that have an answer."),
+    ]
+    if view.pair.truth is not None:
+        judged = evaluate(result.disparity, view.pair.truth)
+        numbers += [
+            Number("Bad-2", f"{judged.bad[2.0]:.1f} %", "Pixels that are off by more than 2 px, or missing."),
+            Number("EPE", f"{judged.epe:.2f} px", "Mean error of the pixels that have an answer."),
+        ]
+    show_numbers(numbers)
+
+
+def show_images(view: DepthView) -> None:
+    """Show one of the pictures that went in, or the truth in the colours of the maps, above the legend."""
+    pair = view.pair
+    views = ["Left", "Right"] + ["Truth"] * (pair.truth is not None)
+    chosen = st.session_state.get("depth.view", "Left")
+    if chosen == "Truth" and pair.truth is not None:
+        picture = disparity_png(pair.truth, view.low, view.high, view.palette)
+    else:
+        picture = png(fitted(pair.right if chosen == "Right" else pair.left))
+    st.image(picture, width="stretch", output_format="PNG")
+    st.segmented_control("View", views, default="Left", required=True, key="depth.view", label_visibility="collapsed")
+    st.plotly_chart(
+        disparity_legend(view.low, view.high, view.palette), key="disparity_legend", config={"displayModeBar": False}
+    )
+    st.caption("One range of colours for all maps. Grey: no answer.")

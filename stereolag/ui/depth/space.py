@@ -1,0 +1,140 @@
+"""A disparity map as a room to look around in: point cloud and bird's-eye view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import streamlit as st
+
+from stereolag.birds_eye import BirdsEyeView, seen_from_above
+from stereolag.calibration import Calibration
+from stereolag.figures.clouds import birds_eye, point_cloud
+from stereolag.figures.pictures import as_rgb
+from stereolag.point_cloud import MOST_POINTS, clean_point_cloud, subsampled
+from stereolag.stereo.result import DisparityMap
+from stereolag.ui.depth.metric import calibration_of
+from stereolag.ui.depth.view import DepthView
+from stereolag.ui.results import computed
+
+KEY = "depth.space"
+FAR_BEHIND = 3.0
+"""Times the median distance: what lies beyond is not shown at first."""
+
+LEAST_SHARE, MOST_AT_FIRST = 20, 95
+CELLS = 280
+METRES, BASELINES = "m", "baselines"
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """The points of a map, all that are not farther than asked for.
+
+    Attributes
+    ----------
+    points, colours
+        (n, 3) float32 and uint8: an even choice of them, as many as a browser can turn.
+    kept, flying
+        How many there are, and how many pixels hung in the air and were left out.
+    farthest
+        The distance up to which they are shown.
+    above
+        All of them seen from above; None where there are none.
+    """
+
+    points: npt.NDArray[np.float32]
+    colours: npt.NDArray[np.uint8]
+    kept: int
+    flying: int
+    farthest: float
+    above: BirdsEyeView | None
+
+
+@st.fragment
+def show_space(view: DepthView) -> None:
+    """Show a map as a cloud of points to turn, and from above."""
+    calibration, unit = _cameras(view)
+    with st.container(horizontal=True, gap="large", vertical_alignment="bottom"):
+        names = list(view.results)
+        name = st.segmented_control("Method", names, default=names[0], required=True, key=f"{KEY}.method")
+        depth = calibration.depth(view.results[name].disparity)
+        if not np.isfinite(depth).any():
+            st.info("This map puts no point in front of the cameras: every disparity is missing or not above zero.")
+            return
+        nearest = st.slider(
+            "Nearest points shown",
+            LEAST_SHARE,
+            100,
+            _worth_showing(depth),
+            format="%d %%",
+            key=f"{KEY}.nearest.{view.pair.digest}.{name}",
+            width=320,
+            help="The farthest points are the least certain: their distance grows without bound as the disparity "
+            "nears zero. Leaving some of them out brings the rest closer.",
+        )
+    space = _space(view, view.results[name], calibration, float(np.nanpercentile(depth, nearest)))
+    if space.above is None:
+        st.info("Nothing but flying pixels: no surface has an answer over more than a few pixels.")
+        return
+    cloud, above = st.columns([3, 2], gap="medium")
+    with cloud:
+        st.markdown("**Point cloud**, from where the left camera stands: drag to turn, scroll to come closer")
+        st.plotly_chart(
+            point_cloud(space.points, space.colours, unit), key=f"{KEY}.cloud", config={"displaylogo": False}
+        )
+    with above:
+        st.markdown("**Bird’s-eye view**, the camera at the bottom")
+        st.plotly_chart(
+            birds_eye(space.above, unit), key=f"{KEY}.above", config={"displayModeBar": False, "scrollZoom": True}
+        )
+    st.caption(
+        f"{len(space.points):,} of {space.kept:,} points, up to {_distance(space.farthest)} {unit} away. Left out: "
+        f"{space.flying:,} flying pixels, which hang between the near and the far side of an edge."
+    )
+
+
+def _cameras(view: DepthView) -> tuple[Calibration, str]:
+    """Return what turns disparity into distance, and the unit; without calibration say what is assumed."""
+    known = calibration_of(view.pair)
+    if known is not None:
+        return known, METRES
+    width = int(view.pair.left.shape[1])
+    st.info(
+        f"Without a calibration all distances are **relative**. Assumed: a focal length of {width:,} px, as long as "
+        "the image is wide, and a baseline of 1, so distances count in multiples of the way from one camera to the "
+        "other. Shapes may look stretched or squeezed in depth.",
+        icon=":material/straighten:",
+    )
+    return Calibration(float(width), 1.0), BASELINES
+
+
+def _worth_showing(depth: npt.NDArray[np.float32]) -> int:
+    """Return the share of the points, %, to show at first: what lies far behind most of the scene squeezes the rest."""
+    known = depth[np.isfinite(depth)]
+    share = 100 * float(np.mean(known <= FAR_BEHIND * np.median(known)))
+    return int(np.clip(share, LEAST_SHARE, MOST_AT_FIRST))
+
+
+def _space(view: DepthView, result: DisparityMap, calibration: Calibration, farthest: float) -> Space:
+    """Return the points of a map up to a distance; from memory where they were worked out before."""
+
+    def work_out(_: object) -> Space:
+        near_enough = np.where(calibration.depth(result.disparity) <= farthest, result.disparity, np.float32(np.nan))
+        points, colours = clean_point_cloud(calibration, near_enough, as_rgb(view.pair.left), max_points=None)
+        flying = int(np.count_nonzero(np.isfinite(near_enough))) - len(points)
+        some, their_colours = subsampled(points, colours, MOST_POINTS)
+        above = seen_from_above(points, colours, cells=CELLS) if len(points) else None
+        return Space(some, their_colours, len(points), flying, farthest, above)
+
+    return computed(
+        work_out,
+        inputs=view.pair.digest,
+        settings=f"{type(result.settings).__name__} {result.settings.model_dump_json()} {calibration} {farthest}",
+        shared=view.pair.shared,
+        label="Placing the points …",
+    )
+
+
+def _distance(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"

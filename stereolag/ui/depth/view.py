@@ -1,0 +1,34 @@
+"""What the parts of the depth page look at together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from stereolag.figures.colours import Rgb
+from stereolag.figures.disparity import FAR_TO_NEAR
+from stereolag.stereo.result import DisparityMap
+from stereolag.ui.pairs import StereoPair
+
+
+@dataclass(frozen=True, eq=False)
+class DepthView:
+    """One pair, what each method made of it, and the colour range that all maps share.
+
+    Attributes
+    ----------
+    pair
+        The images, with truth, mask and calibration where they are known.
+    results
+        {name of the method as the page shows it: its map}, in the order shown; its settings are ``result.settings``.
+    low, high
+        The locked range of colours, px of disparity.
+    palette
+        (256, 3) uint8 RGB from far to near.
+    """
+
+    pair: StereoPair
+    results: Mapping[str, DisparityMap]
+    low: float
+    high: float
+    palette: Rgb = field(default_factory=lambda: FAR_TO_NEAR)

@@ -1,0 +1,68 @@
+// Elements, marks, legends, and numbers as they are read.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
+
+function element(tag, className, ...children) {
+  const made = document.createElement(tag);
+  if (className) made.className = className;
+  made.append(...children);
+  return made;
+}
+
+function drawn(tag, attributes, parent) {
+  const made = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  parent.append(made);
+  return made;
+}
+
+function numbers(value, { label, unit, digits, depth }) {
+  const texts = [[label, value.toFixed(digits).replace("-", "−"), unit].filter(Boolean).join(" ")];
+  if (depth && value + depth.doffs_px > 0) {
+    const metres = depth.focal_times_baseline / (value + depth.doffs_px);
+    const error = (metres ** 2 * depth.disparity_error) / depth.focal_times_baseline;
+    texts.push(error ? `${metric(metres, error)} ± ${metric(error, error)} m` : `${metric(metres, metres / 100)} m`);
+  }
+  return texts;
+}
+
+// As many decimals as the error leaves sure, and one more.
+function metric(metres, error) {
+  return metres.toFixed(clamp(1 - Math.floor(Math.log10(error)), 0, 4));
+}
+
+function legend({ title, colours, words, strip }) {
+  const box = element("div", "legend", ...(title ? [element("span", "title", title)] : []));
+  if (strip) {
+    const bar = element("span", "strip");
+    bar.style.background = `linear-gradient(to right, ${colours.join(", ")})`;
+    box.append(words[0], bar, words[1]);
+  } else {
+    colours.forEach((colour, index) => {
+      const swatch = element("span", "swatch");
+      swatch.style.background = colour;
+      box.append(element("span", "", swatch, words[index]));
+    });
+  }
+  return box;
+}
+
+function drawMark(mark, pixel, svg) {
+  const x = mark.height ? mark.col : mark.col + 0.5;
+  const y = mark.height ? mark.row : mark.row + 0.5;
+  let d = `M${x} ${y}h0`;
+  let [width, halo] = [9, 13];
+  if (mark.height) [d, width, halo] = [`M${x} ${y}h${mark.width}v${mark.height}h${-mark.width}z`, 2, 4];
+  if (mark.to) [d, width, halo] = [`M${x} ${y}L${mark.to[1] + 0.5} ${mark.to[0] + 0.5}`, 2, 4];
+  const dash = mark.dashed ? { "stroke-dasharray": "6 4" } : {};
+  drawn("path", { d, class: "halo", "stroke-width": halo, "stroke-linecap": "round" }, svg);
+  if (mark.filled) drawn("path", { d, style: `fill: ${mark.colour}`, "fill-opacity": 0.22 }, svg);
+  drawn("path", { d, stroke: mark.colour, "stroke-width": width, "stroke-linecap": mark.dashed ? "butt" : "round", ...dash }, svg);
+  if (mark.label) {
+    const [dx, dy] = mark.height ? [0, -5] : [9, -7];
+    const text = drawn("text", { x: x + dx * pixel, y: y + dy * pixel, "font-size": 13 * pixel }, svg);
+    text.textContent = mark.label;
+  }
+}

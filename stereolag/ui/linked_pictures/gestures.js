@@ -1,0 +1,165 @@
+// What a visitor does with the pictures: pointer, wheel, keys and buttons.
+
+const DRAG_PX = 4;
+const DOUBLE_CLICK_MS = 300;
+const views = new WeakMap();
+
+export default function ({ data, parentElement, setTriggerValue }) {
+  let view = views.get(parentElement);
+  if (!view) views.set(parentElement, (view = new HandledPictures(parentElement)));
+  view.onPick = (pixel) => setTriggerValue("picked", pixel);
+  view.load(data);
+  return () => {
+    view.close();
+    views.delete(parentElement);
+  };
+}
+
+class HandledPictures extends LinkedPictures {
+  constructor(parent) {
+    super(parent);
+    this.pointers = new Map();
+    this.listenToToolbar();
+    this.listenToStage();
+  }
+
+  listenToToolbar() {
+    this.root.addEventListener("click", ({ target }) => {
+      if (target.dataset.mode) {
+        this.mode = target.dataset.mode;
+        this.build();
+      }
+      if (target.dataset.zoom) this.zoomBy({ in: 1.5, out: 1 / 1.5, reset: 0 }[target.dataset.zoom]);
+    });
+    [".before", ".after"].forEach((name, side) => {
+      this.find(name).addEventListener("change", ({ target }) => {
+        this.pair[side] = target.value;
+        this.build();
+      });
+    });
+  }
+
+  listenToStage() {
+    const on = (type, react, options) => this.stage.addEventListener(type, react, options);
+    on("pointerdown", (event) => this.press(event));
+    on("pointermove", (event) => this.move(event));
+    on("pointerup", (event) => this.release(event));
+    on("pointercancel", (event) => this.forget(event));
+    on("pointerleave", () => {
+      this.at = null;
+      this.draw();
+    });
+    on("dblclick", (event) => this.cellOf(event) && this.zoomBy(0));
+    on("wheel", (event) => this.roll(event), { passive: false });
+    on("keydown", (event) => this.type(event));
+    on("blur", () => {
+      this.at = null;
+      this.draw();
+    });
+  }
+
+  // By place: while the pointer is captured the target of every event is the stage.
+  cellOf({ clientX, clientY }) {
+    return this.cells?.find((cell) => {
+      const box = cell.viewport.getBoundingClientRect();
+      return clientX >= box.left && clientX < box.right && clientY >= box.top && clientY < box.bottom;
+    });
+  }
+
+  // The pixel under the pointer, and where in the view it lies, 0..1.
+  place(event, cell) {
+    const box = cell.viewport.getBoundingClientRect();
+    const { rows, cols } = this.header;
+    const u = clamp((event.clientX - box.left) / box.width, 0, 1);
+    const v = clamp((event.clientY - box.top) / box.height, 0, 1);
+    const col = clamp(Math.floor(this.x + (u * cols) / this.zoom), 0, cols - 1);
+    const row = clamp(Math.floor(this.y + (v * rows) / this.zoom), 0, rows - 1);
+    return { row, col, u, v, width: box.width };
+  }
+
+  press(event) {
+    const cell = this.cellOf(event);
+    if (!cell || event.button) return;
+    this.pointers.set(event.pointerId, event);
+    const { u, width } = this.place(event, cell);
+    this.held = { cell, moved: false, onSplit: cell.moveSplit && Math.abs(u - this.split / 100) * width < 16 };
+    if (event.pointerType === "mouse" || this.zoom > 1) this.stage.setPointerCapture(event.pointerId);
+  }
+
+  move(event) {
+    const cell = this.held?.cell ?? this.cellOf(event);
+    const last = this.pointers.get(event.pointerId);
+    if (last && this.held) this.drag(event, last);
+    this.at = cell ? this.place(event, cell) : null;
+    this.draw();
+  }
+
+  drag(event, last) {
+    const [dx, dy] = [event.clientX - last.clientX, event.clientY - last.clientY];
+    if (!this.held.moved && Math.hypot(dx, dy) < DRAG_PX) return;
+    this.held.moved = true;
+    const { u, v, width } = this.place(event, this.held.cell);
+    if (this.held.onSplit) this.held.cell.moveSplit(u * 100);
+    else if (this.pointers.size === 2) {
+      const other = [...this.pointers.values()].find((one) => one.pointerId !== event.pointerId);
+      const apart = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
+      this.zoomBy(apart(event) / Math.max(1, apart(last)), u, v);
+    } else {
+      const pixel = this.header.cols / this.zoom / width;
+      this.x -= dx * pixel;
+      this.y -= dy * pixel;
+    }
+    this.root.classList.toggle("dragging", this.zoom > 1);
+    this.pointers.set(event.pointerId, event);
+  }
+
+  release(event) {
+    const held = this.held;
+    this.forget(event);
+    // The second click of a double click, which resets the zoom, picks nothing more.
+    const again = event.timeStamp - (this.lastPick ?? -1e9) < DOUBLE_CLICK_MS;
+    if (!held || held.moved || !held.cell.pickable || again) return;
+    this.lastPick = event.timeStamp;
+    const { row, col } = this.place(event, held.cell);
+    this.onPick({ row, col });
+  }
+
+  forget(event) {
+    this.pointers.delete(event.pointerId);
+    if (!this.pointers.size) this.held = null;
+    this.root.classList.remove("dragging");
+  }
+
+  roll(event) {
+    const cell = this.cellOf(event);
+    // A page is scrolled past pictures that nobody has clicked on, and past whole ones when rolling on outwards.
+    const meant = event.ctrlKey || event.metaKey || this.stage.getRootNode().activeElement === this.stage;
+    if (!cell || !meant || (event.deltaY > 0 && this.zoom === 1 && !event.ctrlKey)) return;
+    event.preventDefault();
+    const { u, v } = this.place(event, cell);
+    this.zoomBy(Math.exp(-event.deltaY * (event.ctrlKey ? 0.01 : 0.002)), u, v);
+  }
+
+  type(event) {
+    if (event.target !== this.stage || event.ctrlKey || event.metaKey || event.altKey) return;
+    const steps = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
+    const zooms = { "+": 1.5, "=": 1.5, "-": 1 / 1.5, 0: 0 };
+    const { rows, cols } = this.header;
+    if (event.key in steps) {
+      const [down, right] = steps[event.key].map((step) => step * (event.shiftKey ? 10 : 1));
+      const from = this.at ?? this.marks.find((mark) => !mark.height && !mark.to) ?? { row: rows >> 1, col: cols >> 1 };
+      this.at = { row: clamp(from.row + down, 0, rows - 1), col: clamp(from.col + right, 0, cols - 1) };
+      this.draw();
+    } else if (event.key in zooms) this.zoomBy(zooms[event.key], ...this.shareOfCross());
+    else if ((event.key === "Enter" || event.key === " ") && this.at && this.pictures.some((one) => one.pickable)) {
+      this.onPick({ row: this.at.row, col: this.at.col });
+    } else return;
+    event.preventDefault();
+  }
+
+  shareOfCross() {
+    if (!this.at) return [0.5, 0.5];
+    const { rows, cols } = this.header;
+    return [((this.at.col - this.x) * this.zoom) / cols, ((this.at.row - this.y) * this.zoom) / rows];
+  }
+}

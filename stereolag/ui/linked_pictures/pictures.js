@@ -1,0 +1,175 @@
+// Pictures of one scene: one crosshair across all, zoomed and moved together, read under the cursor, clicked on.
+// Rows and columns are those of the whole picture, whatever share of its pixels was sent.
+
+const CLOSEST_PX = 12;
+const HINT =
+  "Drag to move, double-click for the whole picture; click first, and the wheel zooms. Arrow keys move the crosshair";
+
+class LinkedPictures {
+  constructor(parent) {
+    this.find = (selector) => parent.querySelector(selector);
+    this.root = this.find(".linked");
+    this.stage = this.find(".stage");
+    this.mode = "grid";
+    this.pair = null;
+    this.split = 50;
+    this.zoom = 1;
+    this.x = this.y = 0;
+    this.at = null;
+    this.marks = [];
+    this.urls = [];
+    this.onMarks = ({ detail }) => detail.name === this.header?.name && this.setMarks(detail.marks);
+    window.addEventListener("stereolag-marks", this.onMarks);
+    this.resized = new ResizeObserver(() => this.draw());
+    this.resized.observe(this.stage);
+  }
+
+  close() {
+    window.removeEventListener("stereolag-marks", this.onMarks);
+    this.resized.disconnect();
+    this.urls.forEach(URL.revokeObjectURL);
+  }
+
+  async load(data) {
+    const { header, part } = unpacked(data);
+    if (header.digest === this.loading) return;
+    this.loading = header.digest;
+    const pictures = await Promise.all(header.pictures.map((one) => decoded(one, part)));
+    if (header.digest !== this.loading) return; // a newer set overtook this one
+    const old = this.urls;
+    const sameScene = this.header?.rows === header.rows && this.header?.cols === header.cols;
+    Object.assign(this, { header, pictures, urls: pictures.map((one) => one.url) });
+    if (!sameScene) Object.assign(this, { zoom: 1, x: 0, y: 0, at: null });
+    this.marks = window.stereolagMarks?.get(header.name) ?? [];
+    this.build();
+    old.forEach(URL.revokeObjectURL);
+  }
+
+  setMarks(marks) {
+    this.marks = marks;
+    this.draw();
+  }
+
+  build() {
+    const titles = this.pictures.map((one) => one.title);
+    const kept = this.pair?.map((title) => titles.indexOf(title));
+    const [before, after] = kept && !kept.includes(-1) ? kept : [0, Math.min(1, titles.length - 1)];
+    this.pair = [titles[before], titles[after]];
+    [".before", ".after"].forEach((name, side) => {
+      const select = this.find(name);
+      select.replaceChildren(...titles.map((title) => new Option(title, title)));
+      select.value = this.pair[side];
+    });
+    this.root.classList.toggle("slider", this.mode === "slider");
+    this.find(".modes").hidden = titles.length < 2;
+    for (const button of this.root.querySelectorAll("[data-mode]")) {
+      button.setAttribute("aria-pressed", button.dataset.mode === this.mode);
+    }
+    this.stage.style.setProperty("--columns", this.header.columns);
+    this.cells =
+      this.mode === "slider" ? [this.cell(before, after)] : this.pictures.map((_, index) => this.cell(index));
+    this.stage.replaceChildren(...this.cells.map((cell) => cell.figure));
+    const pickable = this.pictures.some((one) => one.pickable);
+    this.find(".legends").replaceChildren(...this.header.legends.map(legend));
+    this.find(".hint").textContent = [this.header.hint, `${HINT}${pickable ? ", Enter picks." : "."}`].filter(Boolean).join(" ");
+    this.draw();
+  }
+
+  cell(...indices) {
+    const layers = indices.map((index) => {
+      const image = element("img");
+      image.src = this.pictures[index].url;
+      image.alt = this.pictures[index].title;
+      image.draggable = false;
+      return element("div", "layer", image);
+    });
+    const viewport = element("div", "viewport", ...layers);
+    viewport.style.aspectRatio = `${this.header.cols} / ${this.header.rows}`;
+    const svg = drawn("svg", { preserveAspectRatio: "none" }, viewport);
+    const readings = indices.map(() => element("p", "reading"));
+    const caption = element("figcaption", "", ...indices.map((index) => element("span", "", this.pictures[index].title)));
+    const figure = element("figure", "", caption, viewport, element("div", "readings", ...readings));
+    const cell = { indices, figure, viewport, svg, layers, readings, pickable: this.pictures[indices[0]].pickable };
+    if (indices.length > 1) this.addSplit(cell);
+    return cell;
+  }
+
+  addSplit(cell) {
+    const edge = element("div", "edge");
+    const slider = element("input", "split");
+    Object.assign(slider, { type: "range", min: 0, max: 100, step: 0.1, value: this.split });
+    slider.setAttribute("aria-label", "How much of the picture on the left is seen");
+    const move = (share) => {
+      this.split = slider.value = clamp(share, 0, 100);
+      edge.style.left = `${this.split}%`;
+      cell.layers[1].style.clipPath = `inset(0 0 0 ${this.split}%)`;
+    };
+    slider.addEventListener("input", () => move(Number(slider.value)));
+    cell.moveSplit = move;
+    cell.viewport.append(edge);
+    cell.viewport.after(slider);
+    move(this.split);
+  }
+
+  draw() {
+    if (!this.cells) return;
+    const { rows, cols } = this.header;
+    this.zoom = clamp(this.zoom, 1, Math.max(1, cols / CLOSEST_PX));
+    this.x = clamp(this.x, 0, cols - cols / this.zoom);
+    this.y = clamp(this.y, 0, rows - rows / this.zoom);
+    this.root.classList.toggle("zoomed", this.zoom > 1);
+    this.find("[data-zoom=reset]").textContent = `${this.zoom < 9.95 ? +this.zoom.toFixed(1) : Math.round(this.zoom)}×`;
+    const points = this.marks.filter((mark) => !mark.height && !mark.to);
+    const read = this.at ?? points.at(-1) ?? null;
+    this.find(".where").textContent = read ? `row ${read.row}, column ${read.col}` : "";
+    for (const cell of this.cells) {
+      const width = cell.viewport.clientWidth;
+      cell.viewport.classList.toggle("near", (width * this.zoom) / cols > 3);
+      for (const layer of cell.layers) {
+        layer.firstChild.style.transform =
+          `scale(${this.zoom}) translate(${(-this.x / cols) * 100}%, ${(-this.y / rows) * 100}%)`;
+      }
+      cell.svg.setAttribute("viewBox", `${this.x} ${this.y} ${cols / this.zoom} ${rows / this.zoom}`);
+      cell.svg.replaceChildren();
+      const pixel = cols / this.zoom / (width || 1);
+      for (const mark of this.marks) {
+        if (!mark.pictures.length || mark.pictures.includes(cell.indices[0])) drawMark(mark, pixel, cell.svg);
+      }
+      if (this.at) this.drawCross(cell.svg);
+      cell.indices.forEach((index, side) => {
+        cell.readings[side].replaceChildren(...(read ? this.readAt(this.pictures[index], read) : []));
+      });
+    }
+  }
+
+  drawCross(svg) {
+    const { rows, cols } = this.header;
+    const [x, y] = [this.at.col + 0.5, this.at.row + 0.5];
+    for (const name of ["cross-halo", "cross"]) drawn("path", { class: name, d: `M0 ${y}H${cols}M${x} 0V${rows}` }, svg);
+  }
+
+  readAt(picture, { row, col }) {
+    const step = this.header.step;
+    const parts = [];
+    for (const reading of picture.readings) {
+      const value = reading.values[Math.floor(row / step) * reading.cols + Math.floor(col / step)];
+      if (reading.words.length) parts.push(reading.words[value]);
+      else if (value !== NOTHING) parts.push(...numbers(value * reading.quantum, reading));
+    }
+    return parts.filter(Boolean).flatMap((part, index) => {
+      const text = element("span", index ? "faint" : "", part);
+      return index ? [" · ", text] : [text];
+    });
+  }
+
+  // Zoom so that the pixel at the share (u, v) of the view stays where it is; a factor of 0 shows the whole picture.
+  zoomBy(factor, u = 0.5, v = 0.5) {
+    const { rows, cols } = this.header;
+    const zoom = clamp(this.zoom * factor, 1, Math.max(1, cols / CLOSEST_PX));
+    this.x += u * cols * (1 / this.zoom - 1 / zoom);
+    this.y += v * rows * (1 / this.zoom - 1 / zoom);
+    this.zoom = zoom;
+    this.draw();
+  }
+}
+

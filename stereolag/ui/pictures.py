@@ -1,0 +1,101 @@
+"""The picture and the template of the search page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import streamlit as st
+
+from stereolag import samples
+from stereolag.inputs import Image, as_image
+from stereolag.reading import read_image
+from stereolag.ui.choices import OWN, choose, example_meanwhile
+from stereolag.ui.controls import last_valid
+from stereolag.ui.uploads import PICTURE_TYPES, Upload, upload
+
+KEY = "pictures"
+
+
+@dataclass(frozen=True, eq=False)
+class PictureAndTemplate:
+    """A picture, what to look for in it, and a mask: above 0 where the template counts, None where its alpha says."""
+
+    picture: Image
+    template: Image
+    description: str
+    digest: str
+    shared: bool
+    mask: Image | None = None
+
+
+def choose_pictures() -> PictureAndTemplate:
+    """Ask where to look for what."""
+    examples = samples.mazes()
+    chosen = choose(examples, key=KEY)
+    own = _own_pictures() if chosen == OWN else None
+    if own:
+        return own
+    return example_pictures(example_meanwhile(examples, "both pictures are", key=KEY) if chosen == OWN else chosen)
+
+
+@st.cache_resource(show_spinner="Loading the example …")
+def example_pictures(name: str) -> PictureAndTemplate:
+    """Return one of the bundled pictures with its template."""
+    example = samples.mazes()[name]
+    return PictureAndTemplate(
+        read_image(example.picture), read_image(example.template), example.description, f"maze {name}", True
+    )
+
+
+def _own_pictures() -> PictureAndTemplate | None:
+    """Ask for two files and perhaps a mask; return the last that could be used together."""
+    columns = st.columns(3, gap="medium")
+    with columns[0]:
+        picture = upload("Picture", read_image, key=f"{KEY}.picture", types=PICTURE_TYPES)
+    with columns[1]:
+        template = upload(
+            "Template",
+            read_image,
+            key=f"{KEY}.template",
+            types=PICTURE_TYPES,
+            note="What to look for: cut from the picture, or of the same size there. Transparent parts do not count.",
+        )
+    with columns[2]:
+        mask = upload(
+            "Mask of the template (optional)",
+            read_image,
+            key=f"{KEY}.mask",
+            types=PICTURE_TYPES,
+            note="A picture of the template’s size, black where the template does not count, as around a cursor or a "
+            "logo. It replaces the template’s own transparency.",
+        )
+    if picture is None or template is None:
+        return None
+    return last_valid(lambda: _together(picture, template, mask), f"{KEY}.own")
+
+
+def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:
+    """Return all of them; ValueError where the template cannot be looked for in the picture, or not under this mask."""
+    image, small = as_image(picture.content, "picture"), as_image(template.content, "template")
+    if small.shape[0] > image.shape[0] or small.shape[1] > image.shape[1]:
+        raise ValueError(
+            f"The template is {small.shape[1]} × {small.shape[0]} pixels and the picture {image.shape[1]} × "
+            f"{image.shape[0]}; the template must fit into the picture."
+        )
+    digest = f"{picture.digest} {template.digest}"
+    if mask is None:
+        return PictureAndTemplate(image, small, "Your own pictures.", digest, False)
+    marked = _fitting_mask(mask.content, small)
+    return PictureAndTemplate(image, small, "Your own pictures.", f"{digest} {mask.digest}", False, marked)
+
+
+def _fitting_mask(mask: Image, template: Image) -> Image:
+    if mask.shape[:2] != template.shape[:2]:
+        (height, width), (rows, cols) = mask.shape[:2], template.shape[:2]
+        raise ValueError(
+            f"The mask is {width} × {height} and the template {cols} × {rows} pixels; they must have the same size."
+        )
+    colours = mask if mask.ndim == 2 else mask[:, :, :3]
+    if not (colours > 0).any():
+        raise ValueError("The mask is black all over; it must be brighter where the template counts.")
+    return mask

@@ -1,0 +1,123 @@
+"""The two recordings of the lag page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import streamlit as st
+
+from stereolag import samples
+from stereolag.inputs import as_signal
+from stereolag.reading import Recording, read_signal
+from stereolag.ui.choices import OWN, choose, example_meanwhile
+from stereolag.ui.controls import last_valid
+from stereolag.ui.uploads import RECORDING_TYPES, Upload, upload
+
+Vector = npt.NDArray[np.float64]
+
+KEY = "recordings"
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingPair:
+    """Two recordings and what is known about them; None where it is not."""
+
+    signal_1: Vector
+    signal_2: Vector
+    sampling_rate: float | None
+    speed: float | None
+    description: str
+    digest: str
+    shared: bool
+
+    @property
+    def longest_lag(self) -> int:
+        """Return the largest lag at which the recordings can still overlap, samples."""
+        return max(self.signal_1.size, self.signal_2.size) - 1
+
+
+def choose_recordings() -> RecordingPair:
+    """Ask which recordings to compare."""
+    examples = samples.recordings()
+    chosen = choose(examples, key=KEY)
+    own = _own_recordings() if chosen == OWN else None
+    if own:
+        return own
+    return example_recordings(example_meanwhile(examples, "your recordings are", key=KEY) if chosen == OWN else chosen)
+
+
+@st.cache_resource(show_spinner="Loading the example …")
+def example_recordings(name: str) -> RecordingPair:
+    """Return one of the bundled pairs of recordings."""
+    example = samples.recordings()[name]
+    signal_1, signal_2 = (read_signal(path).channels[0] for path in (example.signal_1, example.signal_2))
+    return RecordingPair(
+        signal_1, signal_2, example.sampling_rate, example.speed, example.description, f"recordings {name}", True
+    )
+
+
+def _own_recordings() -> RecordingPair | None:
+    """Ask for two files, or one of several channels; return the last pair that could be used."""
+    columns = st.columns(2, gap="medium")
+    with columns[0]:
+        first = upload(
+            "Sensor 1",
+            read_signal,
+            key=f"{KEY}.file_1",
+            types=RECORDING_TYPES,
+            note="A file of two channels is enough. Columns of numbers are channels too.",
+        )
+        channel_1 = _channel(first, 0, key=f"{KEY}.channel_1")
+    with columns[1]:
+        second = upload("Sensor 2", read_signal, key=f"{KEY}.file_2", types=RECORDING_TYPES)
+        both_in_one = second is None and first is not None and len(_signals(first.content)) > 1
+        holder = first if both_in_one else second
+        channel_2 = _channel(holder, 1 if both_in_one else 0, key=f"{KEY}.channel_2")
+    if first is None or holder is None:
+        return None
+    return last_valid(lambda: _pair(first, channel_1, holder, channel_2), f"{KEY}.own")
+
+
+def _signals(recording: Recording) -> list[int]:
+    """Return the numbers, from 1, of the channels that hold a signal."""
+    return [number for number in range(1, len(recording.channels) + 1) if number - 1 != recording.clock]
+
+
+def _channel(file: Upload[Recording] | None, at_first: int, *, key: str) -> int:
+    """Ask for the channel of a file that has several; return its number from 1.
+
+    `at_first` says which of the signals is chosen until the visitor chooses: 0 is the first.
+    """
+    if file is None or len(file.content.channels) == 1:
+        return 1
+    clock = file.content.clock
+    return int(
+        st.selectbox(
+            "Channel",
+            range(1, len(file.content.channels) + 1),
+            index=_signals(file.content)[at_first] - 1,
+            format_func=lambda number: f"{number} (rises evenly: time)" if number - 1 == clock else str(number),
+            key=f"{key}.{file.digest}",
+        )
+    )
+
+
+def _pair(first: Upload[Recording], channel_1: int, second: Upload[Recording], channel_2: int) -> RecordingPair:
+    """Return the two channels as a pair; ValueError where they cannot be compared."""
+    rates = {file.content.sampling_rate for file in (first, second)} - {None}
+    if len(rates) > 1:
+        raise ValueError(
+            f"The two recordings have {first.content.sampling_rate:g} and {second.content.sampling_rate:g} samples a "
+            "second; both must have the same sampling rate."
+        )
+    return RecordingPair(
+        as_signal(first.content.channels[channel_1 - 1], "The recording of sensor 1"),
+        as_signal(second.content.channels[channel_2 - 1], "The recording of sensor 2"),
+        next(iter(rates), None),
+        None,
+        "Your own recordings.",
+        f"{first.digest} {channel_1} {second.digest} {channel_2}",
+        False,
+    )
