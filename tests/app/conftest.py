@@ -1,0 +1,47 @@
+"""A page as a visitor without a browser sees it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
+
+PROJECT = Path(__file__).resolve().parents[2]
+
+OpenPage = Callable[[str], AppTest]
+
+
+@pytest.fixture(autouse=True)
+def empty_caches() -> None:
+    st.cache_data.clear()
+    st.cache_resource.clear()
+
+
+@pytest.fixture
+def open_page() -> OpenPage:
+    """Return what opens a page by its path and runs it."""
+
+    def opened(path: str) -> AppTest:
+        app = AppTest.from_file(PROJECT / "app.py", default_timeout=60)
+        if path != "app.py":
+            app.switch_page(path)
+        return app.run()
+
+    return opened
+
+
+@pytest.fixture
+def shown() -> Callable[[AppTest], str]:
+    """Return what makes a digest of every picture, chart and headline on a page."""
+
+    def digest(app: AppTest) -> str:
+        pictures = [picture.url for element in app.get("image") for picture in element.proto.imgs]
+        charts = [element.proto.spec for element in app.get("plotly_chart")]
+        headlines = [subheader.value for subheader in app.subheader]
+        return hashlib.sha256("\0".join((*pictures, *charts, *headlines)).encode()).hexdigest()
+
+    return digest

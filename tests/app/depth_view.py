@@ -1,0 +1,46 @@
+"""A small real pair with its maps, as the parts of the depth page get them: a crop of a bundled example."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from stereolag.calibration import Calibration
+from stereolag.figures.disparity import disparity_range
+from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.search import SearchArea
+from stereolag.ui.depth.view import DepthView
+from stereolag.ui.pairs import example_pair
+
+ROWS, COLS = slice(215, 375), slice(120, 400)
+
+
+def small_view(*, calibrated: bool = True, truth: bool = True) -> DepthView:
+    """Return a part of the puzzle cube, with or without what is known of it."""
+    whole = example_pair("cube")
+    known = whole.calibration
+    assert known is not None
+    assert known.cx is not None
+    assert known.cy is not None
+    assert whole.truth is not None
+    pair = replace(
+        whole,
+        left=np.ascontiguousarray(whole.left[ROWS, COLS]),
+        right=np.ascontiguousarray(whole.right[ROWS, COLS]),
+        truth=whole.truth[ROWS, COLS] if truth else None,
+        visible=None,
+        digest=f"small cube, calibrated: {calibrated}, truth: {truth}",
+        calibration=Calibration(known.focal_px, known.baseline_m, cx=known.cx - COLS.start, cy=known.cy - ROWS.start)
+        if calibrated
+        else None,
+    )
+    matchers = {
+        "Convolution": CorrelationMatcher(window_size=15, search=SearchArea.rectified(64)),
+        "StereoBM": StereoBM(num_disparities=64),
+        "StereoSGBM": StereoSGBM(num_disparities=64),
+    }
+    results = {name: matcher.compute(pair.left, pair.right) for name, matcher in matchers.items()}
+    low, high = disparity_range([result.disparity for result in results.values()])
+    return DepthView(pair, results, low, high)

@@ -1,0 +1,184 @@
+"""Every bad file is answered with one clear sentence; the page goes on with what it had."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from tests.app import uploads
+
+OpenPage = Callable[[str], AppTest]
+Shown = Callable[[AppTest], str]
+
+SCENE = uploads.texture(60, 90)
+SOUND = uploads.noise(2_000)
+
+BAD_PICTURES = {
+    "an empty file": (b"", "empty file"),
+    "a text named .png": (b"not a picture at all\n" * 20, "accepted are"),
+    "a truncated PNG": (uploads.png(SCENE)[:2_000], "cut short"),
+    "a PNG of 30000 × 30000": (uploads.huge_png(), "at most 50 megapixels are accepted"),
+}
+BAD_RECORDINGS = {
+    "an empty file": ("a.wav", b"", "empty file"),
+    "one sample": ("a.csv", b"0.5\n", "at least 2 are needed"),
+    "one sample in a wav": ("a.wav", uploads.wav(np.array([0.5])), "at least 2 are needed"),
+    "a NUL byte": ("a.csv", uploads.csv(SOUND[:50]) + b"\n\x00\n0.5", "NUL byte"),
+    "a word in the middle": ("a.csv", uploads.csv(SOUND[:50]) + b"\nhello\n0.5", "“hello”"),
+    "nothing but words": ("a.csv", b"these\nare\nwords\n", "allowed are finite numbers"),
+    "a constant signal": ("a.wav", uploads.wav(np.full(500, 0.25)), "constant"),
+    "no channels": ("a.wav", uploads.wav_without_channels(), "without channels"),
+}
+
+
+def put(app: AppTest, key: str, name: str, data: bytes) -> AppTest:
+    app.file_uploader(key=key).upload(name, data, "application/octet-stream")
+    return app.run()
+
+
+def own(open_page: OpenPage, inputs: str, page: str, **files: Any) -> AppTest:
+    """Return the page with good files of the visitor's own."""
+    app = open_page(page)
+    app.button_group(key=inputs).set_value("own").run()
+    for name, data in files.items():
+        put(app, f"{inputs}.{name}", *data)
+    assert not app.error
+    assert not app.info
+    return app
+
+
+def assert_one_sentence(app: AppTest, fragment: str) -> None:
+    assert not app.exception
+    assert len(app.error) == 1
+    said = app.error[0].value
+    assert fragment in said
+    assert said.endswith(".")
+    assert "Traceback" not in said
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize("what", BAD_PICTURES)
+@pytest.mark.parametrize(
+    ("inputs", "page", "files"),
+    [
+        ("pictures", "pages/2_Rocketman_search.py", {"template": SCENE[20:40, 30:60], "picture": SCENE}),
+        ("pairs", "pages/3_Depth_maps.py", {"right": SCENE[:, 5:], "left": SCENE[:, :-5]}),
+    ],
+)
+def test_a_bad_picture_leaves_the_page_as_it_was(
+    open_page: OpenPage, shown: Shown, inputs: str, page: str, files: dict[str, Any], what: str
+) -> None:
+    bad, fragment = BAD_PICTURES[what]
+    good = {name: (f"{name}.png", uploads.png(picture)) for name, picture in files.items()}
+    app = own(open_page, inputs, page, **good)
+    before = shown(app)
+    for name in files:
+        put(app, f"{inputs}.{name}", "bad.png", bad)
+        assert_one_sentence(app, fragment)
+        assert shown(app) == before
+        put(app, f"{inputs}.{name}", *good[name])
+        assert not app.error
+
+
+@pytest.mark.parametrize("what", BAD_RECORDINGS)
+def test_a_bad_recording_leaves_the_page_as_it_was(open_page: OpenPage, shown: Shown, what: str) -> None:
+    name, bad, fragment = BAD_RECORDINGS[what]
+    good = ("good.csv", uploads.csv(SOUND))
+    app = own(open_page, "recordings", "pages/1_Sensor_lag.py", file_1=good, file_2=good)
+    rate = next(box for box in app.number_input if box.label.startswith("Sampling rate"))
+    rate.set_value(12_345.0).run()
+    before = shown(app)
+    for key in ("recordings.file_1", "recordings.file_2"):
+        put(app, key, name, bad)
+        assert_one_sentence(app, fragment)
+        assert shown(app) == before
+        assert next(box for box in app.number_input if box.label.startswith("Sampling rate")).value == 12_345
+        put(app, key, *good)
+        assert not app.error
+
+
+@pytest.mark.parametrize("what", BAD_RECORDINGS)
+def test_a_bad_first_recording_leaves_the_example_shown(open_page: OpenPage, what: str) -> None:
+    name, bad, fragment = BAD_RECORDINGS[what]
+    app = open_page("pages/1_Sensor_lag.py")
+    app.button_group(key="recordings").set_value("own").run()
+    put(app, "recordings.file_2", "good.csv", uploads.csv(SOUND))
+    put(app, "recordings.file_1", name, bad)
+    assert_one_sentence(app, fragment)
+    assert "378.17 m" in app.subheader[0].value
+
+
+def test_a_csv_with_a_header_is_read(open_page: OpenPage) -> None:
+    good = ("good.csv", b"Samples\r\n" + uploads.csv(SOUND).replace(b"\n", b"\r\n"))
+    app = own(open_page, "recordings", "pages/1_Sensor_lag.py", file_1=good, file_2=good)
+    assert "at the same time" in app.subheader[0].value
+
+
+def test_recordings_of_two_rates_are_refused(open_page: OpenPage, shown: Shown) -> None:
+    good = ("a.wav", uploads.wav(SOUND))
+    app = own(open_page, "recordings", "pages/1_Sensor_lag.py", file_1=good, file_2=good)
+    before = shown(app)
+    put(app, "recordings.file_2", "b.wav", uploads.wav(SOUND, 16_000))
+    assert_one_sentence(app, "same sampling rate")
+    assert shown(app) == before
+
+
+def test_images_of_different_size_are_refused(open_page: OpenPage, shown: Shown) -> None:
+    good = {"right": ("r.png", uploads.png(SCENE)), "left": ("l.png", uploads.png(SCENE))}
+    app = own(open_page, "pairs", "pages/3_Depth_maps.py", **good)
+    before = shown(app)
+    put(app, "pairs.left", "smaller.png", uploads.png(SCENE[:-10]))
+    assert_one_sentence(app, "both images must have the same size")
+    assert shown(app) == before
+
+
+def test_a_truth_of_another_size_is_refused(open_page: OpenPage, shown: Shown) -> None:
+    good = {"right": ("r.png", uploads.png(SCENE)), "left": ("l.png", uploads.png(SCENE))}
+    app = own(open_page, "pairs", "pages/3_Depth_maps.py", **good)
+    before = shown(app)
+    put(app, "pairs.truth", "t.png", uploads.png(np.full((10, 10), 256, dtype=np.uint16)))
+    assert_one_sentence(app, "must have the same size")
+    assert shown(app) == before
+
+
+def test_a_template_larger_than_the_picture_is_refused(open_page: OpenPage, shown: Shown) -> None:
+    good = {"template": ("t.png", uploads.png(SCENE[:20, :20])), "picture": ("p.png", uploads.png(SCENE))}
+    app = own(open_page, "pictures", "pages/2_Rocketman_search.py", **good)
+    before = shown(app)
+    put(app, "pictures.template", "t.png", uploads.png(uploads.texture(70, 20)))
+    assert_one_sentence(app, "must fit into the picture")
+    assert shown(app) == before
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 2), (4, 5), (6, 300), (300, 7)])
+def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(
+    open_page: OpenPage, size: tuple[int, int]
+) -> None:
+    app = open_page("pages/3_Depth_maps.py")
+    app.button_group(key="pairs").set_value("own").run()
+    for seed, side in enumerate(("left", "right")):
+        put(app, f"pairs.{side}", f"{side}.png", uploads.png(uploads.texture(*size, seed)))
+    assert not app.exception
+    for part in app.button_group(key="depth.part").options:
+        app.button_group(key="depth.part").set_value(part).run()
+        assert not app.exception
+    app.button(key="depth.preset.report").click().run()
+    assert not app.exception
+    assert any("px and the images are" in error.value for error in app.error)
+    app.button_group(key="pairs").set_value("cube").run()
+    app.button(key="depth.preset.reset").click().run()
+    assert not app.exception
+    assert not app.error
+    assert app.slider(key="depth.window").value == 20
+
+
+def test_a_side_by_side_picture_of_one_column_is_refused(open_page: OpenPage) -> None:
+    app = open_page("pages/3_Depth_maps.py")
+    app.button_group(key="pairs").set_value("own").run()
+    app.button_group(key="pairs.arrangement").set_value("beside").run()
+    put(app, "pairs.beside", "both.png", uploads.png(SCENE[:, :1]))
+    assert_one_sentence(app, "at least 2 are needed")

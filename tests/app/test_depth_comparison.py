@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from streamlit.testing.v1 import AppTest
+
+
+def comparison() -> None:
+    from stereolag.ui.depth.comparison import show_comparison
+    from tests.app.depth_view import small_view
+
+    show_comparison(small_view())
+
+
+def comparison_without_truth() -> None:
+    from stereolag.ui.depth.comparison import show_comparison
+    from tests.app.depth_view import small_view
+
+    show_comparison(small_view(truth=False))
+
+
+def header(app: AppTest) -> dict[str, Any]:
+    content = app.get("bidi_component")[0].proto.bytes
+    return dict(json.loads(content[4 : 4 + int.from_bytes(content[:4], "little")]))
+
+
+def titles(app: AppTest) -> list[str]:
+    return [picture["title"] for picture in header(app)["pictures"]]
+
+
+def test_every_method_stands_beside_the_truth_in_one_range() -> None:
+    app = AppTest.from_function(comparison, default_timeout=60).run()
+    assert not app.exception
+    assert titles(app) == [
+        "Left image",
+        "Convolution",
+        "StereoBM",
+        "StereoSGBM",
+        "Truth",
+        "Convolution − Truth",
+        "Agreement",
+    ]
+    assert [legend["title"] for legend in header(app)["legends"]] == [
+        "disparity, px, far to near",
+        "",
+        "difference, px",
+        "agreement",
+    ]
+    assert "All 3 methods agree to 1 px" in app.markdown[-1].value
+    assert "are wrong by more than 1 px" in app.markdown[-1].value
+
+
+def test_any_two_maps_can_be_subtracted() -> None:
+    app = AppTest.from_function(comparison, default_timeout=60).run()
+    before = header(app)["digest"]
+    app.selectbox(key="depth.comparison.first").set_value("Truth").run()
+    app.selectbox(key="depth.comparison.second").set_value("StereoBM").run()
+    assert "Truth − StereoBM" in titles(app)
+    assert header(app)["digest"] != before
+
+
+def test_without_truth_the_methods_are_held_against_each_other() -> None:
+    app = AppTest.from_function(comparison_without_truth, default_timeout=60).run()
+    assert not app.exception
+    assert titles(app)[-2:] == ["Convolution − StereoSGBM", "Agreement"]
+    assert "wrong" not in app.markdown[-1].value

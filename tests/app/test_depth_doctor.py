@@ -1,0 +1,113 @@
+"""The input doctor's panel: what it says, and what its buttons do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from ailing_pairs import ILLS
+from streamlit.testing.v1 import AppTest
+
+from stereolag.stereo.findings import Ailment
+from stereolag.ui.depth.doctor import HEALTHY
+from stereolag.ui.pairs import StereoPair, example_pair
+
+
+def panel() -> None:
+    import streamlit as st
+
+    from stereolag.ui.depth.doctor import show_doctor, treated
+    from stereolag.ui.depth.view import DepthView
+    from stereolag.ui.matchers import ask_block_matcher
+
+    pair = treated(st.session_state["pair"])
+    matcher = ask_block_matcher(pair)
+    if matcher is not None:
+        show_doctor(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, 0, 64))
+    st.session_state["shown"] = pair
+
+
+def changed(name: str, **images: Any) -> StereoPair:
+    example = example_pair("cube")
+    given = {"left": example.left, "right": example.right} | images
+    return StereoPair(
+        given["left"], given["right"], example.truth, 64, "A test.", name, False, example.calibration, example.visible
+    )
+
+
+def opened(pair: StereoPair) -> AppTest:
+    app = AppTest.from_function(panel, default_timeout=60)
+    app.session_state["pair"] = pair
+    return app.run()
+
+
+def ill_cube(ailment: str) -> StereoPair:
+    cube = example_pair("cube")
+    left, right = ILLS[Ailment(ailment)](cube.left, cube.right)
+    return changed(ailment, left=left, right=right)
+
+
+def healthy(app: AppTest) -> bool:
+    """Whether the panel is the one green line, its details folded away."""
+    return [box.label for box in app.expander if "Input doctor" in box.label] == [HEALTHY]
+
+
+def test_a_good_pair_is_one_green_line() -> None:
+    app = opened(changed("cube"))
+    assert not app.exception
+    assert healthy(app)
+    assert not app.warning
+
+
+@pytest.mark.parametrize("ailment", ["swapped", "rows", "rotation", "exposure"])
+def test_each_ailment_is_mended_by_a_click_and_comes_back_with_undo(ailment: str) -> None:
+    pair = ill_cube(ailment)
+    app = opened(pair)
+    assert app.warning[0].value.startswith("**Input doctor:**")
+    app.button(key=f"depth.doctor.{ailment}").click().run()
+    assert not app.exception
+    mended = app.session_state["shown"]
+    assert mended.remedies == (ailment,)
+    assert mended.digest != pair.digest
+    assert mended.source == pair.source
+    assert ailment not in [button.key.rpartition(".")[2] for button in app.button if "undo" not in button.key]
+    app.button(key=f"depth.doctor.undo.{ailment}").click().run()
+    assert app.session_state["shown"] is pair
+    assert app.warning
+
+
+def test_what_no_longer_holds_is_dropped_and_said() -> None:
+    app = opened(ill_cube("swapped"))
+    app.button(key="depth.doctor.swapped").click().run()
+    mended = app.session_state["shown"]
+    assert mended.truth is None
+    assert mended.visible is None
+    assert mended.calibration is not None
+    assert any("The true disparity belongs to the other picture" in text.value for text in app.markdown)
+
+    app = opened(ill_cube("rotation"))
+    app.button(key="depth.doctor.rotation").click().run()
+    mended = app.session_state["shown"]
+    assert mended.truth is not None
+    assert mended.calibration is None
+    assert any("depth is relative" in text.value for text in app.markdown)
+
+
+def test_the_range_is_set_in_the_controls() -> None:
+    app = opened(changed("cube"))
+    app.slider(key="depth.bm.disparities.cube").set_value(16).run()
+    assert any("too small a range" in text.value for text in app.markdown)
+    app.button(key="depth.doctor.range").click().run()
+    assert app.slider(key="depth.bm.disparities.cube").value == 64
+    assert healthy(app)
+
+
+def test_a_remedy_that_cannot_be_applied_is_answered_with_a_sentence() -> None:
+    noise = np.random.default_rng(1).integers(0, 255, (2, 200, 300), dtype=np.uint8)
+    app = AppTest.from_function(panel, default_timeout=60)
+    app.session_state["pair"] = StereoPair(noise[0], noise[1], None, None, "Noise.", "noise", False)
+    app.session_state["depth.remedies"] = {"noise": ("rows",)}
+    app.run()
+    assert not app.exception
+    assert "sure matches" in app.error[0].value

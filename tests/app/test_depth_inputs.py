@@ -1,0 +1,172 @@
+"""Which pair is matched: what is done to a visitor's files, and that it is said."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from streamlit.testing.v1 import AppTest
+
+from stereolag.ui.pairs import StereoPair
+from tests.app import uploads
+
+SCENE = uploads.texture(120, 205)
+LEFT, RIGHT = SCENE[:, :-5], SCENE[:, 5:]
+TRUTH = np.full((120, 200), 5 * 256, dtype=np.uint16)
+RIG = {
+    "M1": [[180, 0, 99.5], [0, 180, 59.5], [0, 0, 1]],
+    "D1": [-0.1, 0.01, 0, 0, 0],
+    "M2": [[180, 0, 99.5], [0, 180, 59.5], [0, 0, 1]],
+    "D2": [-0.1, 0.01, 0, 0, 0],
+    "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "T": [-100, 0, 0],
+    "image_width": 200,
+    "image_height": 120,
+}
+MIDDLEBURY = """cam0=[400 0 200; 0 400 120; 0 0 1]
+cam1=[400 0 210; 0 400 120; 0 0 1]
+doffs=10
+baseline=193.001
+width=400
+height=240
+ndisp=64
+"""
+
+
+def inputs() -> None:
+    import streamlit as st
+
+    from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.matchers import ask_block_matcher, ask_correlation
+
+    pair = choose_pair()
+    st.session_state["shown"] = pair, ask_block_matcher(pair), ask_correlation(pair)
+
+
+def opened(arrangement: str = "files") -> AppTest:
+    app = AppTest.from_function(inputs, default_timeout=60)
+    app.session_state["pairs"] = "own"
+    app.session_state["pairs.arrangement"] = arrangement
+    return app.run()
+
+
+def given(app: AppTest, **files: tuple[str, bytes]) -> AppTest:
+    for key, (name, data) in files.items():
+        app.file_uploader(key=f"pairs.{key}").upload(name, data, "application/octet-stream")
+    app.run()
+    assert not app.exception
+    return app
+
+
+def shown(app: AppTest) -> StereoPair:
+    assert not app.exception
+    return app.session_state["shown"][0]
+
+
+def own(**files: tuple[str, bytes]) -> AppTest:
+    pair = {"left": ("l.png", uploads.png(LEFT)), "right": ("r.png", uploads.png(RIGHT))}
+    return given(opened(), **(pair | files))
+
+
+def said(app: AppTest) -> str:
+    return " ".join(caption.value for caption in app.caption)
+
+
+@pytest.mark.parametrize("width", [400, 401])
+def test_a_side_by_side_picture_is_split_and_an_odd_width_said(width: int) -> None:
+    beside = np.concatenate([LEFT, LEFT[:, : width - 400], RIGHT], axis=1)
+    app = given(opened("beside"), beside=("both.png", uploads.png(beside)))
+    np.testing.assert_array_equal(shown(app).left, LEFT)
+    np.testing.assert_array_equal(shown(app).right, RIGHT)
+    assert "split down the middle" in said(app)
+    assert ("its width of 401 px is odd" in said(app).lower()) == (width == 401)
+
+
+def test_a_few_pixels_of_difference_are_cropped_with_the_truth_and_said() -> None:
+    app = own(right=("r.png", uploads.png(RIGHT[:-2, :-1])), truth=("t.png", uploads.png(TRUTH)))
+    pair = shown(app)
+    assert pair.left.shape == pair.right.shape == (118, 199, 3)
+    assert pair.truth is not None
+    assert pair.truth.shape == (118, 199)
+    assert "cropped to 199 × 118" in said(app)
+
+
+def test_a_calibration_of_another_size_is_scaled_and_tells_the_range() -> None:
+    app = own(calibration=("calib.txt", MIDDLEBURY.encode()))
+    calibration = shown(app).calibration
+    assert calibration is not None
+    assert (calibration.focal_px, calibration.doffs_px) == (200, 5)
+    assert shown(app).num_disparities == 32
+    assert app.slider(key=f"depth.disparities.{shown(app).source}").value == 32
+    assert "The calibration was scaled to 200 × 120 pixels." in said(app)
+
+
+def test_both_cameras_rectify_the_pair_and_drop_the_truth() -> None:
+    app = own(calibration=("rig.json", json.dumps(RIG).encode()), truth=("t.png", uploads.png(TRUTH)))
+    app.button_group(key="pairs.unit").set_value("mm").run()
+    pair = shown(app)
+    assert pair.left.shape == LEFT.shape
+    assert not np.array_equal(pair.left, LEFT)
+    assert pair.truth is None
+    assert pair.calibration is not None
+    assert pair.calibration.rig is None
+    assert pair.calibration.baseline_m == pytest.approx(0.1)
+    assert "undistorted and rectified" in said(app)
+    assert "The true disparity is of the picture before that" in said(app)
+
+
+def test_two_typed_numbers_are_a_calibration() -> None:
+    app = own()
+    assert shown(app).calibration is None
+    app.number_input(key="pairs.focal").set_value(700.0)
+    app.number_input(key="pairs.baseline").set_value(0.12).run()
+    calibration = shown(app).calibration
+    assert calibration is not None
+    assert (calibration.focal_px, calibration.baseline_m) == (700, 0.12)
+
+
+def test_size_changes_pictures_truth_calibration_range_and_settings_together() -> None:
+    app = own(calibration=("calib.txt", MIDDLEBURY.encode()), truth=("t.png", uploads.png(TRUTH)))
+    app.slider(key="depth.window").set_value(30).run()
+    app.button_group(key="pairs.size").set_value("1/2").run()
+    pair, block_matcher, correlation = app.session_state["shown"]
+    assert pair.left.shape == (60, 100, 3)
+    np.testing.assert_allclose(pair.truth, 2.5)
+    assert pair.calibration.focal_px == 100
+    assert pair.num_disparities == 16
+    assert (correlation.window_size, correlation.search.num_disparities) == (15, 16)
+    assert block_matcher.num_disparities == 16
+    assert "Shown at 1/2 of its size: 100 × 60 of 200 × 120 pixels." in said(app)
+    app.button_group(key="pairs.size").set_value("Full").run()
+    assert app.session_state["shown"][2].window_size == 30
+    assert shown(app).left.shape == LEFT.shape
+
+
+def test_more_than_a_megapixel_is_shown_smaller_until_full_size_is_asked_for() -> None:
+    large = np.asarray(Image.fromarray(SCENE).resize((2000, 1200)))
+    file = io.BytesIO()
+    Image.fromarray(large).save(file, "BMP")
+    app = own(left=("l.bmp", file.getvalue()), right=("r.bmp", file.getvalue()))
+    assert shown(app).left.shape == (600, 1000, 3)
+    app.button_group(key="pairs.size").set_value("Full").run()
+    assert shown(app).left.shape == (1200, 2000, 3)
+
+
+@pytest.mark.parametrize(
+    ("files", "sentence"),
+    [
+        ({"calibration": ("c.txt", b"nothing")}, "calibration"),
+        ({"right": ("r.png", uploads.png(RIGHT[:-20]))}, "give or take 3 %"),
+        ({"truth": ("t.png", uploads.png(TRUTH[:50]))}, "the left image is 200 × 120 pixels"),
+        ({"calibration": ("c.txt", MIDDLEBURY.replace("240", "400").encode())}, "The calibration is for 400 × 400"),
+    ],
+)
+def test_what_does_not_belong_together_is_answered_with_one_sentence(
+    files: dict[str, tuple[str, bytes]], sentence: str
+) -> None:
+    app = own(**files)
+    assert len(app.error) == 1
+    assert sentence in app.error[0].value

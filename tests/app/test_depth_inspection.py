@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from tests.app.depth_view import small_view
+
+
+def inspection() -> None:
+    from stereolag.ui.depth.inspection import show_inspection
+    from tests.app.depth_view import small_view
+
+    show_inspection(small_view())
+
+
+PIXEL_KEY = f"depth.inspection.pixel.{small_view().pair.digest}"
+
+
+def opened(*pixel: int) -> AppTest:
+    app = AppTest.from_function(inspection, default_timeout=60)
+    if pixel:
+        app.session_state[PIXEL_KEY] = pixel
+    return app.run()
+
+
+def verdict(app: AppTest) -> str:
+    return str([*app.success, *app.warning][0].value)
+
+
+def marks(app: AppTest) -> list[dict[str, int]]:
+    return list(json.loads(app.get("bidi_component")[1].proto.json)["marks"])
+
+
+def test_a_pixel_has_its_window_its_hill_its_row_and_what_each_method_says() -> None:
+    app = opened()
+    assert not app.exception
+    assert len(app.get("plotly_chart")) == 3
+    assert len(app.get("image")) == 3
+    assert [mark["width"] for mark in marks(app)] == [78, 15, 15, 15, 0]
+    said = app.markdown[-1].value
+    assert all(f"**{name}**" in said for name in ("Convolution", "StereoBM", "StereoSGBM", "Truth"))
+
+
+@pytest.mark.parametrize(
+    ("lesson", "says"),
+    [
+        ("clear", "One clear peak"),
+        ("repeats", "the pattern repeats"),
+        ("bare", "bare wall"),
+        ("hidden", "wrong"),
+    ],
+)
+def test_the_buttons_show_what_they_promise(lesson: str, says: str) -> None:
+    app = opened()
+    app.button(key=f"depth.inspection.{lesson}").click().run()
+    assert not app.exception
+    assert says in verdict(app)
+    assert app.session_state[PIXEL_KEY] != (80, 140)
+
+
+def test_the_hill_can_be_seen_from_above() -> None:
+    app = opened()
+    hill = app.get("plotly_chart")[0].proto.spec
+    app.button_group(key="depth.inspection.shape").set_value("From above").run()
+    assert not app.exception
+    assert json.loads(app.get("plotly_chart")[0].proto.spec)["data"][0]["type"] == "heatmap"
+    assert json.loads(hill)["data"][0]["type"] == "surface"
+
+
+def test_a_pixel_at_the_corner_is_explained_too() -> None:
+    app = opened(0, 0)
+    assert not app.exception
+    assert verdict(app)

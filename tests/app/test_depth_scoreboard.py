@@ -1,0 +1,115 @@
+"""The scoreboard: right figures, the best of them marked, a word where there is no truth."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereolag.figures.colours import NO_ANSWER
+from stereolag.figures.errors import ERROR_COLOURS, NO_TRUTH, error_png
+from stereolag.reading import read_image
+from stereolag.stereo.evaluation import evaluate
+from tests.app.depth_view import small_view
+
+
+def scoreboard() -> None:
+    from stereolag.ui.depth.scoreboard import show_scoreboard
+    from tests.app.depth_view import small_view
+
+    show_scoreboard(small_view())
+
+
+def scoreboard_with_mask() -> None:
+    from dataclasses import replace
+
+    import numpy as np
+
+    from stereolag.ui.depth.scoreboard import show_scoreboard
+    from tests.app.depth_view import small_view
+
+    view = small_view()
+    visible = np.arange(view.pair.left.shape[1])[None].repeat(view.pair.left.shape[0], axis=0) > 100
+    show_scoreboard(replace(view, pair=replace(view.pair, visible=visible, digest="masked")))
+
+
+def scoreboard_without_truth() -> None:
+    from stereolag.ui.depth.scoreboard import show_scoreboard
+    from tests.app.depth_view import small_view
+
+    show_scoreboard(small_view(truth=False))
+
+
+def test_the_table_holds_the_figures_of_the_evaluation() -> None:
+    app = AppTest.from_function(scoreboard, default_timeout=60).run()
+    assert not app.exception
+    view = small_view()
+    table = app.dataframe[0].value
+    assert list(table.index) == list(view.results)
+    for name, result in view.results.items():
+        judged = evaluate(result.disparity, view.pair.truth)
+        assert table.loc[name, "Density"] == pytest.approx(100 * judged.density)
+        assert table.loc[name, "EPE"] == pytest.approx(judged.epe)
+        assert table.loc[name, "Bad-0.5"] == pytest.approx(judged.bad[0.5])
+        assert table.loc[name, "D1-all"] == pytest.approx(judged.d1_all)
+    assert len(app.get("imgs") or app.get("image")) == len(view.results)
+
+
+def test_missing_pixels_can_be_left_out() -> None:
+    app = AppTest.from_function(scoreboard, default_timeout=60).run()
+    counted = app.dataframe[0].value
+    left_out = app.segmented_control[0].set_value("are left out").run()
+    assert not left_out.exception
+    table = left_out.dataframe[0].value
+    assert "D1-all" not in table
+    assert (table["Bad-1"] < counted["Bad-1"]).all()
+
+
+def test_the_best_of_each_column_is_marked_once() -> None:
+    app = AppTest.from_function(scoreboard, default_timeout=60).run()
+    styles = app.dataframe[0].proto.arrow_data.styler.styles
+    table = app.dataframe[0].value
+    best = [table["Density"].argmax(), *(table[name].argmin() for name in table.columns[1:])]
+    for col, row in enumerate(best):
+        assert f"row{row}_col{col}" in styles
+
+
+def test_visible_pixels_are_judged_apart() -> None:
+    app = AppTest.from_function(scoreboard_with_mask, default_timeout=60).run()
+    assert not app.exception
+    everything, visible = (table.value for table in app.dataframe)
+    assert (visible["Density"] > everything["Density"]).all()
+    assert any("Seen by both cameras" in one.value for one in app.markdown)
+
+
+def test_the_curve_is_a_line_with_a_score_and_a_dot_without() -> None:
+    app = AppTest.from_function(scoreboard, default_timeout=60).run()
+    traces = json.loads(app.get("plotly_chart")[-1].proto.spec)["data"]
+    assert [trace["mode"] for trace in traces] == ["lines", "markers", "markers"]
+
+
+def test_without_truth_it_says_what_is_needed() -> None:
+    app = AppTest.from_function(scoreboard_without_truth, default_timeout=60).run()
+    assert not app.exception
+    assert "true disparity" in app.info[0].value
+    assert not app.dataframe
+
+
+def test_the_map_of_errors_has_a_colour_for_everything() -> None:
+    truth = np.array([[10, 10, 10, 10, np.nan]], dtype=np.float32)
+    disparity = np.array([[10, 14, 99, np.nan, 10]], dtype=np.float32)
+    picture = read_image(error_png(disparity, truth))[0].tolist()
+    worst = ERROR_COLOURS[-1].tolist()
+    assert picture == [ERROR_COLOURS[0].tolist(), worst, worst, list(NO_ANSWER), list(NO_TRUTH)]
+
+
+def test_a_sparse_truth_is_drawn_thicker() -> None:
+    truth = np.full((6, 7), np.nan, dtype=np.float32)
+    truth[2, 3] = truth[5, 0] = 10
+    picture = read_image(error_png(np.full((6, 7), 10, dtype=np.float32), truth))
+    right = (picture == ERROR_COLOURS[0]).all(axis=2)
+    expected = np.zeros((6, 7), dtype=bool)
+    expected[1:4, 2:5] = expected[4:, :2] = True
+    np.testing.assert_array_equal(right, expected)

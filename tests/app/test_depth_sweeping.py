@@ -1,0 +1,156 @@
+"""Sweep: the values offered, the grid, and a click that takes a cell over."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_merits
+from stereolag.reading import read_matcher
+from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.merit import Bench, changed
+from stereolag.stereo.methods import METHODS
+from stereolag.stereo.opencv import StereoBM
+from stereolag.stereo.search import SearchArea
+from stereolag.stereo.sweep import sweep
+from stereolag.ui.depth.parameters import parameters
+from tests.app.depth_view import small_view
+
+
+def sweeping() -> None:
+    from stereolag.ui.depth.sweeping import show_sweep
+    from tests.app.depth_view import small_view
+
+    show_sweep(small_view())
+
+
+def blind_sweeping() -> None:
+    from stereolag.ui.depth.sweeping import show_sweep
+    from tests.app.depth_view import small_view
+
+    show_sweep(small_view(truth=False))
+
+
+def begun(values: tuple[str, str], script: Any = sweeping) -> AppTest:
+    app = AppTest.from_function(script, default_timeout=120).run()
+    for box, text in zip(app.text_input, values, strict=True):
+        box.set_value(text)
+    return app.run()
+
+
+@pytest.mark.parametrize("matcher", [*(method() for method in METHODS.values()), CorrelationMatcher.preset("accurate")])
+def test_every_value_offered_can_be_set(matcher: StereoMatcher) -> None:
+    known = parameters(matcher)
+    assert known
+    for name, parameter in known.items():
+        values = parameter.values(7)
+        assert parameter.value in values
+        assert 2 <= len(values) <= 7
+        assert list(values) == sorted(set(values))
+        fitting = 0
+        for value in values:
+            try:
+                changed(matcher, {name: value})
+                fitting += 1
+            except ValueError as error:
+                # A field alone never refuses; only two together may: a window larger than the search area, P2 ≤ P1.
+                assert "must be" in str(error) or "needs" in str(error)
+        assert fitting >= 2
+
+
+def test_windows_are_tried_in_half_octaves_and_fractions_throughout() -> None:
+    known = parameters(CorrelationMatcher(window_size=20, search=SearchArea.rectified(64)))
+    assert known["window_size"].values(7) == (7, 10, 14, 20, 28, 40, 57)
+    assert known["search.vertical"].values(4) == (0, 1, 2, 4)
+    assert known["overlap"].values(5)[0] < 0.3
+    assert parameters(StereoBM())["block_size"].values(5) == (11, 15, 21, 29, 43)
+
+
+def test_what_has_no_effect_is_not_offered() -> None:
+    plain, weighed = CorrelationMatcher(), CorrelationMatcher.preset("accurate")
+    assert "cost.census" not in parameters(plain)
+    assert "cost.census" in parameters(weighed)
+    assert "search.vertical" not in parameters(weighed)
+    assert "speckle_range" not in parameters(StereoBM())
+    assert "speckle_range" in parameters(StereoBM(speckle_window_size=50))
+
+
+@pytest.mark.parametrize("script", [sweeping, blind_sweeping])
+def test_a_sweep_shows_a_map_and_a_figure_for_every_combination(script: Any) -> None:
+    app = begun(("32, 64", "9 15;21"), script)
+    assert not app.exception
+    assert app.button[0].label == "Sweep 6 combinations"
+    app.button[0].click().run()
+    assert not app.exception
+    maps, merits = (json.loads(chart.proto.spec) for chart in app.get("plotly_chart"))
+    assert maps["data"][0]["type"] == "image"
+    assert merits["layout"]["xaxis"]["ticktext"] == ["9", "15", "21"]
+    assert merits["layout"]["yaxis"]["ticktext"] == ["32", "64"]
+    assert len(maps["data"][1]["text"]) == 6
+    assert app.session_state["depth.sweep"].sheet.merits.shape == (2, 3)
+
+
+def test_other_values_ask_for_another_sweep() -> None:
+    app = begun(("48, 64", "11, 15"))
+    app.button[0].click().run()
+    assert len(app.get("plotly_chart")) == 2
+    app.text_input[1].set_value("11").run()
+    assert not app.get("plotly_chart")
+    app.text_input[1].set_value("15, 11").run()
+    assert len(app.get("plotly_chart")) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("5, wide", "no list of whole numbers"), ("", "holds 0 values"), (", ".join(map(str, range(30))), "30 values")],
+)
+def test_values_that_are_none_are_named(text: str, said: str) -> None:
+    app = begun((text, "15"))
+    assert not app.exception
+    assert said in app.error[0].value
+    assert not app.button
+
+
+def test_one_setting_against_itself_is_refused() -> None:
+    app = AppTest.from_function(sweeping, default_timeout=60).run()
+    app.selectbox[0].set_value("window_size").run()
+    assert not app.exception
+    assert "two different settings" in app.error[0].value
+
+
+def test_a_cell_that_is_taken_over_is_handed_to_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    from stereolag.ui.depth import adoption, sweeping
+
+    state: dict[str, str] = {}
+    monkeypatch.setattr(adoption.st, "session_state", state)
+    monkeypatch.setattr(adoption.st, "rerun", lambda scope: None)
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(64))
+    known = parameters(matcher)
+    axes = (
+        sweeping.Axis(known["search.num_disparities"], (32, 64)),
+        sweeping.Axis(known["window_size"], (9, 15, 21)),
+    )
+    sweeping._take_over(matcher, axes, 0, 2)
+    adopted = read_matcher(state[adoption.ADOPTED].encode())
+    assert adopted == CorrelationMatcher(window_size=21, search=SearchArea.rectified(32))
+
+
+def test_the_figures_show_holes_and_frames() -> None:
+    view = small_view()
+    bench = Bench.of(view.pair.left, view.pair.right, view.pair.truth)
+    centred = CorrelationMatcher(window_size=9, search=SearchArea.centred(33))
+    grid = sweep(centred, bench, rows=("window_size", [9, 41]), cols=("search.search_size", [33, 64]))
+    sheet = ContactSheet.of(grid, view.pair.left.shape)
+    assert sheet.maps.shape == (2 * sheet.height, 2 * sheet.width)
+    assert np.isnan(sheet.maps[sheet.height :, : sheet.width]).all()
+    for figure in (
+        sweep_maps(sheet, ("Window", "Search area"), 0, 64, (0, 0)),
+        sweep_merits(sheet, ("Window", "Search area"), (0, 0)),
+    ):
+        assert [shape.line.dash for shape in figure.layout.shapes] == ["solid", "dot"]
+        assert "does not fit" in figure.data[1].text[2]

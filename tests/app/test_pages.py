@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+OpenPage = Callable[[str], AppTest]
+
+
+def numbers(app: AppTest) -> dict[str, str]:
+    return {metric.label: metric.value for metric in app.metric}
+
+
+@pytest.mark.parametrize(
+    "path", ["app.py", "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py", "pages/3_Depth_maps.py"]
+)
+def test_every_page_runs_and_links_to_every_other(open_page: OpenPage, path: str) -> None:
+    app = open_page(path)
+    assert not app.exception
+    assert not app.error
+    assert len(app.title) == 1
+    assert len(app.get("page_link")) >= 4
+
+
+def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> None:
+    app = open_page("app.py")
+    prose = " ".join(block.value for block in app.markdown)
+    assert "50,082 samples" in prose
+    assert "378.17 m" in prose
+    assert "row **528**, column **982**" in prose
+    assert len(app.get("image")) == 2
+    assert len(app.get("plotly_chart")) == 1
+
+
+def test_lag_page_says_who_hears_it_later_and_how_far_apart_that_is(open_page: OpenPage) -> None:
+    app = open_page("pages/1_Sensor_lag.py")
+    assert app.subheader[0].value == "Sensor 2 hears it **1.136 s** after sensor 1: **378.17 m**."
+    assert numbers(app)["Lag, samples"] == "50,082"
+    assert len(app.get("plotly_chart")) == 4
+    assert len(app.get("audio")) == 2
+
+
+def test_lag_page_turns_the_sentence_round_for_a_negative_lag(open_page: OpenPage) -> None:
+    app = open_page("pages/1_Sensor_lag.py")
+    app.button_group(key="recordings").set_value("harbour").run()
+    assert app.subheader[0].value.startswith("Sensor 1 hears it **0.7083 s** after sensor 2")
+    assert numbers(app)["Lag, samples"] == "-31,234"
+
+
+def test_search_page_finds_him_and_says_how_many_places_it_scored(open_page: OpenPage) -> None:
+    app = open_page("pages/2_Rocketman_search.py")
+    assert app.subheader[0].value == "Found at row 528, column 982"
+    all_places = int(numbers(app)["Candidates scored"].replace(",", ""))
+    app.button_group(key="template.method").set_value("sampled").run()
+    assert app.subheader[0].value == "Found at row 528, column 982"
+    assert int(numbers(app)["Candidates scored"].replace(",", "")) < all_places
+
+
+def test_search_page_says_plainly_that_nothing_was_found_and_what_to_try(open_page: OpenPage) -> None:
+    app = open_page("pages/2_Rocketman_search.py")
+    app.button_group(key="pictures").set_value("maze_dulled").run()
+    app.slider(key="template.min_score").set_value(1.0).run()
+    assert app.subheader[0].value == "Not found"
+    assert "The best place scores" in app.warning[0].value
+    app.button_group(key="template.method").set_value("sampled").run()
+    assert app.subheader[0].value == "Not found"
+    assert "FFT" in app.warning[0].value
+
+
+def test_depth_page_shows_both_methods_with_their_figures(open_page: OpenPage) -> None:
+    app = open_page("pages/3_Depth_maps.py")
+    assert [metric.label for metric in app.metric] == 2 * ["Took", "Coverage", "Bad-2", "EPE"]
+    assert len(app.get("image")) == 3
+    assert len(app.get("plotly_chart")) == 1
+
+
+def test_settings_stay_when_another_page_is_visited(open_page: OpenPage) -> None:
+    app = open_page("pages/3_Depth_maps.py")
+    app.slider(key="depth.window").set_value(31).run()
+    app.switch_page("app.py").run()
+    app.switch_page("pages/3_Depth_maps.py").run()
+    assert app.slider(key="depth.window").value == 31

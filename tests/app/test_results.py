@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from stereolag.signals import SignalLag
+from stereolag.ui.results import RecentResults, computed
+from stereolag.ui.wording import duration, lag_in_words
+
+
+def of_bytes(count: int) -> SimpleNamespace:
+    return SimpleNamespace(array=np.zeros(count, dtype=np.uint8))
+
+
+def test_results_used_longest_ago_are_forgotten_first() -> None:
+    results = RecentResults(max_bytes=300)
+    for name in "abc":
+        results.put(name, of_bytes(100))
+    assert results.get("a") is not None
+    results.put("d", of_bytes(100))
+    assert [results.get(name) is not None for name in "abcd"] == [True, False, True, True]
+
+
+def test_the_newest_result_is_kept_whatever_its_size() -> None:
+    results = RecentResults(max_bytes=10)
+    results.put("small", of_bytes(5))
+    results.put("large", of_bytes(500))
+    assert results.get("small") is None
+    assert results.get("large") is not None
+
+
+def test_what_was_computed_is_not_computed_again() -> None:
+    calls = []
+
+    def compute(progress: object) -> SimpleNamespace:
+        calls.append(progress)
+        return of_bytes(1)
+
+    for settings in ("one", "two", "one"):
+        computed(compute, inputs="inputs", settings=settings, shared=True, label="Computing …")
+    assert len(calls) == 2
+
+
+def test_a_refusal_is_not_kept() -> None:
+    def refuse(progress: object) -> SimpleNamespace:
+        raise ValueError("no")
+
+    for _ in range(2):
+        with pytest.raises(ValueError, match="no"):
+            computed(refuse, inputs="inputs", settings="", shared=True, label="Computing …")
+
+
+@pytest.mark.parametrize(
+    ("lag", "said"),
+    [
+        (50_082, "Sensor 2 hears it **1.136 s** after sensor 1: **378.17 m**."),
+        (-50_082, "Sensor 1 hears it **1.136 s** after sensor 2: **378.17 m**."),
+        (0, "Both sensors hear it **at the same time**: neither is nearer to it."),
+    ],
+)
+def test_the_sentence_names_the_later_sensor(lag: int, said: str) -> None:
+    time_s = lag / 44_100
+    result = SignalLag(lag, lag, time_s, abs(time_s) * 333, 1.0, 1.0, 1, None, None, None, 0.0)
+    assert lag_in_words(result) == said
+
+
+def test_durations_have_the_unit_that_suits_them() -> None:
+    assert [duration(seconds) for seconds in (0.0171, 0.9, 1.28, 111)] == ["17 ms", "900 ms", "1.28 s", "111.00 s"]

@@ -1,0 +1,214 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from tests.app import uploads
+
+OpenPage = Callable[[str], AppTest]
+Shown = Callable[[AppTest], str]
+
+PAGES = {
+    "recordings": "pages/1_Sensor_lag.py",
+    "pictures": "pages/2_Rocketman_search.py",
+    "pairs": "pages/3_Depth_maps.py",
+}
+
+SCENE = uploads.texture(60, 90)
+SOUND = uploads.noise(3_000)
+
+
+@pytest.fixture
+def with_uploads(open_page: OpenPage) -> Callable[..., AppTest]:
+    """Return what opens the page of some inputs and uploads files to it."""
+
+    def opened(inputs: str, **files: tuple[str, bytes]) -> AppTest:
+        app = open_page(PAGES[inputs])
+        app.button_group(key=inputs).set_value("own").run()
+        return upload(app, inputs, **files)
+
+    return opened
+
+
+def upload(app: AppTest, inputs: str, **files: tuple[str, bytes]) -> AppTest:
+    for name, (file_name, data) in files.items():
+        app.file_uploader(key=f"{inputs}.{name}").upload(file_name, data, "application/octet-stream")
+    return app.run()
+
+
+def numbers(app: AppTest) -> dict[str, str]:
+    return {metric.label: metric.value for metric in app.metric}
+
+
+def test_until_files_are_there_an_example_is_shown(with_uploads: Callable[..., AppTest]) -> None:
+    for inputs in PAGES:
+        app = with_uploads(inputs)
+        assert not app.error
+        assert "the page shows the example" in app.info[0].value
+        assert app.metric
+
+
+@pytest.mark.parametrize("method", ["fft", "phat", "sampled", "direct"])
+@pytest.mark.parametrize("lag", [-700, 700])
+def test_two_recordings_are_compared_by_every_method(
+    with_uploads: Callable[..., AppTest], method: str, lag: int
+) -> None:
+    first, second = SOUND[max(0, lag) :][:2_000], SOUND[max(0, -lag) :][:2_000]
+    app = with_uploads("recordings", file_1=("a.wav", uploads.wav(first)), file_2=("b.csv", uploads.csv(second)))
+    app.button_group(key="lag.method").set_value(method).run()
+    assert not app.exception
+    assert not app.error
+    assert numbers(app)["Lag, samples"] == f"{lag:,}"
+    assert numbers(app)["Time"] == f"{lag / 8_000:.5g} s"  # the rate is in the wav
+
+
+def test_one_file_of_two_channels_is_enough(with_uploads: Callable[..., AppTest]) -> None:
+    both = np.column_stack((SOUND[100:], SOUND[:-100]))
+    app = with_uploads("recordings", file_1=("both.wav", uploads.wav(both)))
+    assert not app.error
+    assert numbers(app)["Lag, samples"] == "100"
+    app.selectbox[0].set_value(2)
+    app.selectbox[1].set_value(1).run()
+    assert numbers(app)["Lag, samples"] == "-100"
+
+
+def test_a_column_of_times_is_passed_over(with_uploads: Callable[..., AppTest]) -> None:
+    rows = zip(SOUND[100:], SOUND[:-100], strict=True)
+    three = "\n".join(f"{count / 8_000:.6f};{one:.6f};{other:.6f}" for count, (one, other) in enumerate(rows))
+    app = with_uploads("recordings", file_1=("log.csv", three.encode()))
+    assert not app.error
+    assert numbers(app)["Lag, samples"] == "100"
+    assert [box.value for box in app.selectbox] == [2, 3]
+    assert app.selectbox[0].options == ["1 (rises evenly: time)", "2", "3"]
+    two = "\n".join(line.rpartition(";")[0] for line in three.splitlines()).encode()
+    app = with_uploads("recordings", file_1=("1.csv", two))
+    assert "the page shows the example" in app.info[0].value  # one signal beside its times is not a pair
+
+
+@pytest.mark.parametrize("kind", ["grey", "rgb", "rgba", "palette", "16 bit"])
+def test_pictures_of_any_kind_are_searched(with_uploads: Callable[..., AppTest], kind: str) -> None:
+    make: dict[str, Callable[[Any], bytes]] = {
+        "grey": lambda picture: uploads.png(picture[:, :, 0]),
+        "rgb": uploads.png,
+        "rgba": lambda picture: uploads.png(np.dstack((picture, np.full(picture.shape[:2], 255, np.uint8)))),
+        "palette": uploads.palette_png,
+        "16 bit": lambda picture: uploads.png(picture[:, :, 0].astype(np.uint16) * 200),
+    }
+    picture, template = make[kind](SCENE), make[kind](SCENE[20:40, 30:60])
+    app = with_uploads("pictures", picture=("scene.png", picture), template=("part.png", template))
+    assert not app.exception
+    assert not app.error
+    assert app.subheader[0].value == "Found at row 20, column 30"
+
+
+def test_only_what_a_mask_marks_is_looked_for(with_uploads: Callable[..., AppTest]) -> None:
+    template = uploads.texture(20, 30, seed=1)
+    template[:, :6] = SCENE[20:40, 30:36]
+    template[:, 6:] = 255 - SCENE[20:40, 36:60]
+    mask = np.zeros((20, 30), dtype=np.uint8)
+    mask[:, :6] = 255
+    app = with_uploads("pictures", picture=("scene.png", uploads.png(SCENE)), template=("t.png", uploads.png(template)))
+    assert app.subheader[0].value == "Not found"
+    upload(app, "pictures", mask=("mask.png", uploads.png(mask)))
+    assert not app.exception
+    assert not app.error
+    assert app.subheader[0].value == "Found at row 20, column 30"
+
+
+@pytest.mark.parametrize(
+    ("mask", "fragment"),
+    [(np.full((9, 30), 255, np.uint8), "must have the same size"), (np.zeros((20, 30), np.uint8), "black all over")],
+)
+def test_a_mask_that_does_not_fit_leaves_the_page_as_it_was(
+    with_uploads: Callable[..., AppTest], shown: Shown, mask: Any, fragment: str
+) -> None:
+    files = {"picture": ("p.png", uploads.png(SCENE)), "template": ("t.png", uploads.png(SCENE[20:40, 30:60]))}
+    app = with_uploads("pictures", **files)
+    before = shown(app)
+    upload(app, "pictures", mask=("mask.png", uploads.png(mask)))
+    assert len(app.error) == 1
+    assert fragment in app.error[0].value
+    assert shown(app) == before
+
+
+def test_a_cursor_in_a_screenshot_needs_its_mask(with_uploads: Callable[..., AppTest], data_dir: Path) -> None:
+    folder = data_dir / "template" / "boofcv_desktop"
+    names = {"picture": "scene", "template": "template_cursor", "mask": "mask"}
+    files = {name: next(folder.glob(f"{stem}.*")) for name, stem in names.items()}
+    app = with_uploads("pictures", **{name: (path.name, path.read_bytes()) for name, path in files.items()})
+    assert not app.error
+    assert app.subheader[0].value == "Found at row 6, column 271"
+
+
+def test_an_own_pair_is_matched_and_judged_by_its_truth(with_uploads: Callable[..., AppTest]) -> None:
+    left, right = SCENE[:, :-5], SCENE[:, 5:]
+    truth = np.full(left.shape[:2], 5 * 256, dtype=np.uint16)
+    app = with_uploads("pairs", left=("l.png", uploads.png(left)), right=("r.png", uploads.png(right)))
+    assert not app.error
+    app.slider[[slider.label for slider in app.slider].index("Disparities searched")].set_value(16).run()
+    assert "EPE" not in numbers(app)
+    upload(app, "pairs", truth=("t.png", uploads.png(truth)))
+    assert not app.exception
+    errors = [float(metric.value.removesuffix(" px")) for metric in app.metric if metric.label == "EPE"]
+    assert len(errors) == 2
+    assert max(errors) < 0.5
+
+
+def test_a_truth_of_8_bits_asks_for_its_divisor_and_takes_it(with_uploads: Callable[..., AppTest]) -> None:
+    truth = np.full((60, 85), 40, dtype=np.uint8)
+    pair = {"left": ("l.png", uploads.png(SCENE[:, :-5])), "right": ("r.png", uploads.png(SCENE[:, 5:]))}
+    app = with_uploads("pairs", **pair, truth=("t.png", uploads.png(truth)))
+    assert len(app.error) == 1
+    assert "divisor" in app.error[0].value
+    app.number_input(key="pairs.divisor").set_value(8.0).run()
+    assert not app.error
+    assert "EPE" in numbers(app)
+
+
+def test_the_same_pixels_under_other_names_are_not_computed_again(with_uploads: Callable[..., AppTest]) -> None:
+    left, right = uploads.png(SCENE[:, :-5]), uploads.png(SCENE[:, 5:])
+    app = with_uploads("pairs", left=("l.png", left), right=("r.png", right))
+    before = numbers(app)["Took"]
+    upload(app, "pairs", left=("another.png", left))
+    assert numbers(app)["Took"] == before
+
+
+@pytest.mark.parametrize("by_page", [False, True], ids=["from an example", "from another page"])
+def test_uploads_are_still_there_when_the_visitor_comes_back(
+    with_uploads: Callable[..., AppTest], by_page: bool
+) -> None:
+    truth = uploads.png(np.full((60, 85), 40, dtype=np.uint8))
+    app = with_uploads("pairs", left=("l.png", uploads.png(SCENE[:, :-5])), right=("r.png", uploads.png(SCENE[:, 5:])))
+    app.number_input(key="pairs.divisor").set_value(8.0)
+    before = numbers(upload(app, "pairs", truth=("t.png", truth)))
+    assert "EPE" in before
+    if by_page:
+        app.switch_page("pages/1_Sensor_lag.py").run()
+        app.switch_page(PAGES["pairs"]).run()
+    else:
+        app.button_group(key="pairs").set_value("cube").run()
+        app.button_group(key="pairs").set_value("own").run()
+    assert not app.exception
+    assert not app.error
+    assert not app.info
+    assert numbers(app) == before
+    assert app.number_input(key="pairs.divisor").value == 8
+    app.number_input(key="pairs.divisor").set_value(20.0).run()
+    assert numbers(app)["EPE"] != before["EPE"]
+    app.button(key="pairs.truth.remove").click().run()
+    assert "EPE" not in numbers(app)
+    app.button(key="pairs.left.remove").click().run()
+    assert "the page shows the example" in app.info[0].value
+
+
+def test_a_file_that_is_taken_out_is_no_longer_used(with_uploads: Callable[..., AppTest]) -> None:
+    app = with_uploads("recordings", file_1=("a.csv", uploads.csv(SOUND)), file_2=("b.csv", uploads.csv(SOUND)))
+    assert not app.info
+    app.file_uploader(key="recordings.file_2").set_value(None).run()
+    assert "the page shows the example" in app.info[0].value
+    assert not [button for button in app.button if button.key == "recordings.file_2.remove"]

@@ -1,0 +1,59 @@
+"""Files as visitors upload them, good and bad."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import soundfile
+from PIL import Image
+
+
+def png(picture: npt.NDArray[Any], **options: Any) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, "PNG", **options)
+    return file.getvalue()
+
+
+def palette_png(picture: npt.NDArray[np.uint8]) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(picture).convert("P").save(file, "PNG")
+    return file.getvalue()
+
+
+def huge_png(side: int = 30_000) -> bytes:
+    """A whole PNG of side × side black pixels of one bit: small as a file, far too large as a picture."""
+    rows = zlib.compress(bytes((side + 7) // 8 + 1) * side, 9)
+    header = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", rows), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+    )
+
+
+def wav(samples: npt.NDArray[np.float64], sampling_rate: int = 8_000) -> bytes:
+    file = io.BytesIO()
+    soundfile.write(file, samples, sampling_rate, format="WAV")
+    return file.getvalue()
+
+
+def wav_without_channels() -> bytes:
+    whole = bytearray(wav(np.zeros(8)))
+    whole[22:24] = struct.pack("<H", 0)
+    return bytes(whole)
+
+
+def noise(count: int, seed: int = 0) -> npt.NDArray[np.float64]:
+    return np.random.default_rng(seed).uniform(-0.5, 0.5, count)
+
+
+def texture(rows: int, cols: int, seed: int = 0) -> npt.NDArray[np.uint8]:
+    return np.random.default_rng(seed).integers(0, 256, (rows, cols, 3), dtype=np.uint8)
+
+
+def csv(samples: npt.NDArray[np.float64]) -> bytes:
+    return "\n".join(f"{sample:.6f}" for sample in samples).encode()

@@ -1,0 +1,41 @@
+"""The real app in a real browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser
+
+from tests.browser.serving import CHROMIUM, chromium, chromium_path, served_app
+from tests.browser.visits import OpenPage, faultless_pages
+
+
+@pytest.fixture(scope="session")
+def address() -> Iterator[str]:
+    """Start the app on a free port and return its address."""
+    with served_app() as url:
+        yield url
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    path = chromium_path()
+    if path is None:
+        pytest.skip(f"no Chromium at $CHROMIUM nor at {CHROMIUM[-1]}")
+    with chromium(path) as running:
+        yield running
+
+
+@pytest.fixture
+def open_page(browser: Browser, address: str) -> Iterator[OpenPage]:
+    """Return what opens a page of the app; an error on its console fails the test."""
+    with faultless_pages(browser, address) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def keep_page(browser: Browser, address: str) -> Iterator[OpenPage]:
+    """Return what opens a page that all tests of a module share."""
+    with faultless_pages(browser, address) as opened:
+        yield opened

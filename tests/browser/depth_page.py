@@ -1,0 +1,209 @@
+"""The depth page as a visitor handles it: buttons, files, pictures and numbers by what is written on them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from playwright.sync_api import Locator, Page, TimeoutError, expect
+
+from stereolag.samples import stereo_pairs
+from tests.browser.visits import OpenPage, screenshot, settled
+
+START_MS = 120
+"""The server has begun to answer by then."""
+
+TIMEOUT_MS = 12_000
+DOUBLE_CLICK_MS = 350
+
+
+class Given(NamedTuple):
+    """A file that a visitor gives: its name and its bytes."""
+
+    name: str
+    data: bytes
+
+    @classmethod
+    def of(cls, path: Path) -> Given:
+        return cls(path.name, path.read_bytes())
+
+
+class OwnPair(NamedTuple):
+    """The files of a pair."""
+
+    left: Given
+    right: Given
+    truth: Given
+    calibration: Given
+
+
+def example_files(name: str) -> OwnPair:
+    """Return the files of one of the bundled pairs, as if they were a visitor's own."""
+    example = stereo_pairs()[name]
+    return OwnPair(*map(Given.of, (example.left, example.right, example.disparity, example.calibration)))
+
+
+def picture_file(name: str, image: np.ndarray) -> Given:
+    """Return an RGB or grey image as a PNG file."""
+    shown = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    return Given(name, cv2.imencode(".png", shown)[1].tobytes())
+
+
+class DepthPage:
+    """The page open in a browser."""
+
+    def __init__(self, page: Page, name: str = "own") -> None:
+        self.page, self.name = page, name
+        page.set_default_timeout(TIMEOUT_MS)
+
+    @classmethod
+    def with_example(cls, open_page: OpenPage, name: str, *, scheme: str = "light") -> DepthPage:
+        return cls(open_page(f"Depth_maps?pair={name}", scheme=scheme), name)
+
+    @classmethod
+    def with_files(cls, open_page: OpenPage, pair: OwnPair, *, scheme: str = "light") -> DepthPage:
+        """Open the page and give it a pair, the truth and a calibration."""
+        visit = cls(open_page("Depth_maps?pair=square", scheme=scheme))
+        visit.choose("Your own files")
+        visit.unfold("Calibration (optional)")
+        visit.give("Left image", pair.left)
+        visit.give("Right image", pair.right)
+        visit.give("True disparity", pair.truth)
+        visit.give("Calibration files", pair.calibration)
+        expect(visit.page.get_by_text("Your own pair.")).to_be_visible()
+        return visit
+
+    def settle(self) -> None:
+        """Wait until the page has answered, and without an exception."""
+        self.page.wait_for_timeout(START_MS)
+        settled(self.page)
+        expect(self.page.get_by_test_id("stException")).to_have_count(0)
+
+    def screenshot(self, name: str) -> None:
+        screenshot(self.page, f"journey-{name}")
+
+    def choose(self, name: str) -> None:
+        """Choose one of a row of buttons."""
+        self.page.get_by_role("radio", name=name, exact=True).first.click()
+        self.settle()
+
+    def pick(self, label: str, option: str) -> None:
+        """Pick an entry of a drop-down list; one that a rerun closed under the pointer is opened again."""
+        entry = self.page.get_by_role("option", name=option, exact=True)
+        for _ in range(5):
+            self.page.get_by_role("combobox", name=label).click()
+            try:
+                entry.wait_for(timeout=2_000)
+                break
+            except TimeoutError:
+                self.settle()
+        entry.click()
+        self.settle()
+
+    def press(self, name: str) -> None:
+        self.page.get_by_role("button", name=name).first.click()
+        self.settle()
+
+    def unfold(self, title: str) -> None:
+        self.page.locator("summary:visible").filter(has_text=title).first.click()
+        self.settle()
+
+    def give(self, label: str, file: Given) -> None:
+        """Give a file to the upload box with this label."""
+        box = self.page.get_by_test_id("stFileUploader").filter(has_text=label).locator("input[type=file]")
+        box.set_input_files({"name": file.name, "mimeType": "application/octet-stream", "buffer": file.data})
+        expect(self.page.get_by_text(file.name).first).to_be_visible()
+        self.settle()
+
+    def download(self, label: str) -> bytes:
+        with self.page.expect_download() as started:
+            self.page.get_by_role("button", name=label).click()
+        return Path(started.value.path()).read_bytes()
+
+    def slider(self, name: str) -> Locator:
+        return self.page.get_by_role("slider", name=name)
+
+    def move(self, name: str, *keys: str) -> None:
+        """Move a slider with the keyboard."""
+        slider = self.slider(name).first
+        slider.focus()
+        for key in keys:
+            slider.press(key)
+        self.settle()
+
+    def value(self, name: str, *, method: int = 0) -> float:
+        """Return what a slider is set to, of the first method that has one unless told."""
+        return float(self.slider(name).nth(method).input_value())
+
+    def number(self, name: str, *, method: int = 0) -> float:
+        """Return a number under the maps, of the convolution unless told."""
+        metric = self.page.get_by_test_id("stMetric").filter(has_text=name).nth(method)
+        return number_in(metric.get_by_test_id("stMetricValue").inner_text())
+
+    def figure(self, title: str) -> Locator:
+        return self.page.locator("figure", has=self.page.locator("figcaption").get_by_text(title, exact=True))
+
+    def hover(self, title: str, row: int, col: int) -> None:
+        """Point at a pixel of a picture that is shown whole."""
+        self._viewport(title).hover(position=self._place(title, row, col))  # type: ignore[arg-type]
+        expect(self.page.locator(".where")).to_have_text(f"row {row}, column {col}")
+
+    def click(self, title: str, row: int, col: int) -> None:
+        """Click a pixel of a picture that is shown whole."""
+        self.page.wait_for_timeout(DOUBLE_CLICK_MS)
+        self._viewport(title).click(position=self._place(title, row, col))  # type: ignore[arg-type]
+        self.settle()
+
+    def reading(self, title: str) -> str:
+        """Return what is read under a picture."""
+        return self.figure(title).locator(".reading").inner_text()
+
+    def table(self) -> dict[str, list[str]]:
+        """Return the rows of the last Markdown table, by their first cell."""
+        rows = self.page.locator("[data-testid=stMarkdown] table").last.locator("tbody tr").all()
+        cells = [[cell.inner_text() for cell in row.locator("td").all()] for row in rows]
+        return {first: others for first, *others in cells}
+
+    def frame(self, which: int = 0) -> list[list[str]]:
+        """Return the rows of a data table, its head left out."""
+        rows = self.page.get_by_test_id("stDataFrame").nth(which).locator("tbody tr")
+        rows.first.wait_for(state="attached")
+        return [[cell.inner_text() for cell in row.locator("td").all()] for row in rows.all()]
+
+    def said(self, text: str | re.Pattern[str]) -> Locator:
+        return self.page.get_by_text(text).first
+
+    def paragraph(self, text: str) -> Locator:
+        """Return the paragraph in which a text stands."""
+        return self.page.locator("p").filter(has_text=text).first
+
+    def _viewport(self, title: str) -> Locator:
+        return self.figure(title).locator(".viewport")
+
+    def _place(self, title: str, row: int, col: int) -> dict[str, float]:
+        viewport = self._viewport(title)
+        viewport.scroll_into_view_if_needed()
+        _, _, cols, rows = map(float, (viewport.locator("svg").get_attribute("viewBox") or "").split())
+        box = viewport.bounding_box()
+        assert box is not None
+        return {"x": (col + 0.5) / cols * box["width"], "y": (row + 0.5) / rows * box["height"]}
+
+
+def number_in(text: str) -> float:
+    """Return the first number of a text."""
+    found = re.search(r"[-−]?\d[\d,]*\.?\d*", text)
+    assert found, text
+    return float(found[0].replace(",", "").replace("−", "-"))
+
+
+def choose_cell(chart: Locator, row: int, col: int) -> None:
+    """Click a cell of a Plotly grid."""
+    place = chart.locator(".js-plotly-plot").evaluate(
+        "(plot, [row, col]) => { const { xaxis, yaxis } = plot._fullLayout;"
+        " return [xaxis._offset + xaxis.l2p(col), yaxis._offset + yaxis.l2p(row)]; }",
+        [row, col],
+    )
+    chart.click(position={"x": place[0], "y": place[1]})

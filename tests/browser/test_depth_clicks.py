@@ -1,0 +1,136 @@
+"""The pictures under one crosshair, as a visitor handles them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from tests.browser.serving import served_app
+from tests.browser.visits import OpenPage, screenshot, settled
+
+
+@pytest.fixture(scope="module")
+def parts_address(browser: Browser) -> Iterator[str]:
+    with served_app("tests/browser/depth_parts.py") as url:
+        yield url
+
+
+@pytest.fixture
+def open_part(browser: Browser, parts_address: str) -> Iterator[OpenPage]:
+    errors: list[str] = []
+    pages: list[Page] = []
+
+    def opened(part: str, *, scheme: str = "light", width: int = 1280) -> Page:
+        page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)  # type: ignore[arg-type]
+        pages.append(page)
+        page.set_default_timeout(30_000)
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(f"{parts_address}/?part={part}")
+        settled(page)
+        page.locator("figure").first.wait_for()
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()
+    assert errors == []
+
+
+def point(picture: Locator, across: float, down: float) -> dict[str, float]:
+    box = picture.bounding_box()
+    assert box is not None
+    return {"x": box["width"] * across, "y": box["height"] * down}
+
+
+def hover(picture: Locator, across: float, down: float) -> None:
+    picture.hover(position=point(picture, across, down))  # type: ignore[arg-type]
+
+
+def reading(page: Page, title: str) -> Locator:
+    return page.locator("figure", has=page.get_by_text(title, exact=True)).locator(".reading")
+
+
+def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(open_part: OpenPage) -> None:
+    page = open_part("readout")
+    left = page.locator(".viewport").first
+    hover(left, 0.503, 0.503)
+    expect(page.locator(".where")).to_have_text("row 80, column 140")
+    expect(reading(page, "Truth")).to_have_text(re.compile(r"^\d+\.\d\d px · 0\.\d+ m$"))
+    expect(reading(page, "StereoSGBM")).to_have_text(re.compile(r"^\d+\.\d\d px · 0\.\d+ ± 0\.\d+ m$"))
+    assert page.locator("svg .cross").count() == page.locator(".viewport").count()
+    hover(left, 0.01, 0.5)
+    expect(reading(page, "StereoBM")).to_have_text("no answer: out of frame")
+
+    left.click(position=point(left, 0.5, 0.6))  # type: ignore[arg-type]
+    expect(page.get_by_text("A: depth")).to_be_visible()
+    page.wait_for_timeout(400)  # longer than a double click
+    left.click(position=point(left, 0.7, 0.2))  # type: ignore[arg-type]
+    expect(page.get_by_text("A to B")).to_be_visible()
+    expect(page.locator(".viewport").first.locator("svg text")).to_have_text(["A", "B"])
+    screenshot(page, "depth-readout-light")
+
+
+def test_all_pictures_zoom_and_move_together(open_part: OpenPage) -> None:
+    page = open_part("comparison")
+    views = page.locator(".viewport svg")
+    whole = "0 0 280 160"
+    expect(views.first).to_have_attribute("viewBox", whole)
+    page.get_by_role("button", name="Zoom in").click()
+    zoomed = views.first.get_attribute("viewBox")
+    assert zoomed != whole
+    assert {view.get_attribute("viewBox") for view in views.all()} == {zoomed}
+    picture = page.locator(".viewport").nth(1)
+    hover(picture, 0.5, 0.5)
+    page.mouse.down()
+    hover(picture, 0.3, 0.4)
+    page.mouse.up()
+    moved = views.first.get_attribute("viewBox")
+    assert moved not in (zoomed, whole)
+    assert {view.get_attribute("viewBox") for view in views.all()} == {moved}
+    picture.dblclick(position=point(picture, 0.5, 0.5))  # type: ignore[arg-type]
+    expect(views.first).to_have_attribute("viewBox", whole)
+    screenshot(page, "depth-comparison-light")
+
+
+def test_before_and_after_needs_no_rerun(open_part: OpenPage) -> None:
+    page = open_part("comparison", scheme="dark")
+    page.evaluate(
+        "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
+        "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
+    )
+    page.get_by_role("button", name="Before / after").click()
+    page.get_by_label("Picture on the left", exact=True).select_option("StereoBM")
+    page.get_by_label("Picture on the right").select_option("Truth")
+    expect(page.locator("figcaption")).to_have_text("StereoBMTruth")
+    split = page.get_by_role("slider", name="How much of the picture on the left")
+    split.fill("25")
+    expect(page.locator(".layer").nth(1)).to_have_css("clip-path", "inset(0px 0px 0px 25%)")
+    hover(page.locator(".viewport"), 0.5, 0.5)
+    expect(page.locator(".reading").last).to_have_text(re.compile(r"px · 0\.\d+ m$"))
+    assert page.evaluate("document.body.dataset.reran") is None
+    screenshot(page, "depth-before-after-dark")
+
+
+def test_the_keyboard_moves_the_crosshair_and_picks(open_part: OpenPage) -> None:
+    page = open_part("inspection")
+    page.get_by_role("application").focus()
+    for key in ("Shift+ArrowRight", "ArrowRight", "ArrowUp"):
+        page.keyboard.press(key)
+    expect(page.locator(".where")).to_have_text("row 79, column 151")
+    frame = page.locator("svg").nth(0).locator("path").last.get_attribute("d")
+    page.keyboard.press("Enter")
+    expect(page.locator(".viewport").first.locator("svg path").nth(-3)).not_to_have_attribute("d", str(frame))
+    screenshot(page, "depth-inspection-light")
+
+
+@pytest.mark.parametrize("part", ["comparison", "readout", "inspection", "blanks"])
+def test_every_part_is_whole_in_the_dark_and_on_a_phone(open_part: OpenPage, part: str) -> None:
+    page = open_part(part, scheme="dark")
+    expect(page.get_by_test_id("stException")).to_have_count(0)
+    screenshot(page, f"depth-{part}-dark")
+    page.set_viewport_size({"width": 390, "height": 900})
+    screenshot(page, f"depth-{part}-phone")
+    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 390

@@ -1,0 +1,462 @@
+"""Each thing the depth page is for, done as a visitor would: on an example and on a pair of their own."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from ailing_pairs import ILLS
+from PIL import Image
+from playwright.sync_api import expect
+from ply_reader import read_ply
+
+from stereolag.distances import SeenPoint, distance_between
+from stereolag.reading import read_calibration, read_disparity, read_image
+from stereolag.stereo.evaluation import evaluate
+from stereolag.stereo.findings import Ailment
+from stereolag.stereo.opencv import StereoBM
+from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, example_files, number_in, picture_file
+from tests.browser.serving import PROJECT
+from tests.browser.visits import OpenPage
+
+DEPTH_MAPS = "Depth_maps?pair="
+
+
+@pytest.fixture(scope="module")
+def motorcycle(data_dir: Path) -> OwnPair:
+    """Return a pair of real photographs with truth and calibration."""
+    folder = data_dir / "stereo" / "motorcycle_q"
+    return OwnPair(*(Given.of(folder / name) for name in ("left.png", "right.png", "gt.pfm", "calib.json")))
+
+
+@pytest.fixture(scope="module")
+def example_page(keep_page: OpenPage) -> DepthPage:
+    return DepthPage.with_example(keep_page, "cube")
+
+
+@pytest.fixture(scope="module")
+def own_page(keep_page: OpenPage, motorcycle: OwnPair) -> DepthPage:
+    return DepthPage.with_files(keep_page, motorcycle)
+
+
+@pytest.fixture(params=["cube", "motorcycle"])
+def visit(request: pytest.FixtureRequest) -> DepthPage:
+    """Return the page with an example, and with a pair of the visitor's own where it is present."""
+    page: DepthPage = request.getfixturevalue("example_page" if request.param == "cube" else "own_page")
+    page.press("Reset")
+    return page
+
+
+@pytest.fixture
+def pair(request: pytest.FixtureRequest) -> OwnPair:
+    """Return the files of the pair that `visit` shows."""
+    shown = request.node.callspec.params["visit"]
+    files: OwnPair = example_files("cube") if shown == "cube" else request.getfixturevalue("motorcycle")
+    return files
+
+
+# 1 Inputs
+
+
+def test_own_files_are_measured_in_metres_and_resized_with_all_that_belongs_to_them(
+    own_page: DepthPage, motorcycle: OwnPair
+) -> None:
+    visit = own_page
+    expect(visit.page.get_by_text("Until both images are here")).to_have_count(0)
+    known = read_calibration(motorcycle.calibration.data)
+    disparities, error = visit.value("Disparities searched"), visit.number("EPE")
+    assert visit.number("Bad-2") < 35
+    visit.choose("Values")
+    expect(visit.paragraph("Metric")).to_contain_text(f"{known.focal_px:.6g} px × {known.baseline_m:.4g} m")
+    visit.screenshot("inputs-light")
+
+    visit.choose("1/2")
+    expect(visit.said("Shown at 1/2 of its size: 370 × 248 of 741 × 497 pixels.")).to_be_visible()
+    assert visit.value("Disparities searched") == disparities / 2
+    assert visit.number("EPE") < 0.75 * error
+    expect(visit.paragraph("Metric")).to_contain_text(f"{known.focal_px / 2:.6g} px × {known.baseline_m:.4g} m")
+    visit.choose("Automatic")
+    assert visit.number("EPE") == error
+
+
+def test_one_picture_with_both_views_is_split_down_the_middle(open_page: OpenPage) -> None:
+    files = example_files("square")
+    both = np.hstack([read_image(files.left.data), read_image(files.right.data)])
+    visit = DepthPage(open_page(DEPTH_MAPS + "square"))
+    before = visit.number("Coverage")
+    visit.choose("Your own files")
+    visit.choose("One side-by-side picture")
+    visit.give("Both images side by side", picture_file("both.png", both))
+    expect(visit.said("The picture was split down the middle.")).to_be_visible()
+    visit.give("True disparity", files.truth)
+    assert visit.number("Bad-2") < 20
+    assert abs(visit.number("Coverage") - before) <= 5
+    visit.screenshot("side-by-side-light")
+
+
+def test_sizes_that_differ_by_a_few_pixels_are_cropped_and_said(open_page: OpenPage) -> None:
+    files = example_files("square")
+    visit = DepthPage(open_page(DEPTH_MAPS + "square"))
+    visit.choose("Your own files")
+    visit.give("Left image", picture_file("left.png", read_image(files.left.data)[:200, :301]))
+    visit.give("Right image", picture_file("right.png", read_image(files.right.data)[:202, :300]))
+    expect(visit.said("The pictures differ by a few pixels and were cropped to 300 × 200.")).to_be_visible()
+    visit.give("Right image", picture_file("other.png", read_image(files.right.data)[:400, :300]))
+    expect(visit.page.get_by_test_id("stAlertContentError")).to_contain_text("200")
+    expect(visit.said("cropped to 300 × 200")).to_be_visible()
+    visit.screenshot("cropped-light")
+
+
+# 2 Input doctor
+
+REMEDIES = {
+    Ailment.SWAPPED: ("look swapped", "Swap left and right"),
+    Ailment.ROWS: ("rows of a rectified pair match", "Align the rows"),
+    Ailment.ROTATION: ("the pair is not rectified", "Rectify"),
+    Ailment.EXPOSURE: ("ZNCC does not mind", "Match the brightness"),
+}
+"""What the doctor says of each ill pair, and the button that mends it."""
+
+
+@pytest.mark.parametrize("source", ["cube", "motorcycle"])
+def test_the_doctor_catches_mends_and_takes_back(
+    open_page: OpenPage, source: str, request: pytest.FixtureRequest
+) -> None:
+    pair: OwnPair = example_files("cube") if source == "cube" else request.getfixturevalue("motorcycle")
+    left, right = read_image(pair.left.data), read_image(pair.right.data)
+    visit = DepthPage(open_page(DEPTH_MAPS + "square"))
+    visit.choose("Your own files")
+    visit.choose("One side-by-side picture")
+    for ailment, (symptom, remedy) in REMEDIES.items():
+        visit.give("Both images side by side", picture_file(f"{ailment}.png", np.hstack(ILLS[ailment](left, right))))
+        found = visit.said(symptom)
+        expect(found).to_be_visible()
+        expect(visit.said("Input doctor:")).to_be_visible()
+        ill = visit.number("Coverage", method=1)
+        if source == "motorcycle":
+            visit.screenshot(f"doctor-{source}-{ailment}-light")
+        visit.page.get_by_role("button", name=remedy).click()
+        undo = visit.page.get_by_role("button", name="Undo")
+        expect(undo).to_be_visible()
+        visit.settle()
+        expect(visit.page.get_by_text(symptom)).to_have_count(0)
+        assert visit.number("Coverage", method=1) > ill
+        undo.click()
+        expect(found).to_be_visible()
+        visit.settle()
+        assert visit.number("Coverage", method=1) == ill
+
+
+# 3 Compare
+
+
+def test_maps_are_compared_in_one_locked_range_under_one_crosshair(visit: DepthPage, pair: OwnPair) -> None:
+    truth = read_disparity(pair.truth.data)
+    row, col = 240, 420
+    visit.choose("Compare")
+    visit.hover("Left image", row, col)
+    legend = visit.page.locator(".legends")
+    colours = legend.inner_text()
+    assert re.search(r"far to near\s+\d+\s+\d+", colours)
+    found, true = number_in(visit.reading("Convolution")), number_in(visit.reading("Truth"))
+    assert true == pytest.approx(truth[row, col], abs=0.01)
+    assert number_in(visit.reading("Convolution − Truth")) == pytest.approx(found - true, abs=0.02)
+    crosses = visit.page.locator("svg .cross")
+    assert crosses.count() == visit.page.locator(".viewport").count() == 7
+    expect(visit.page.get_by_text("All 3 methods agree to 1 px on")).to_be_visible()
+    visit.screenshot(f"compare-{visit.name}-light")
+
+    visit.move("Window", "End")
+    assert visit.value("Window") == 101
+    assert legend.inner_text() == colours
+    visit.pick("Minus", "StereoSGBM")
+    expect(visit.figure("Convolution − StereoSGBM")).to_be_visible()
+
+    visit.page.get_by_role("button", name="Before / after").click()
+    visit.page.get_by_label("Picture on the right").select_option("Truth")
+    visit.page.get_by_role("slider", name="How much of the picture on the left").fill("30")
+    expect(visit.page.locator(".layer").nth(1)).to_have_css("clip-path", "inset(0px 0px 0px 30%)")
+    visit.screenshot(f"before-after-{visit.name}-light")
+
+
+# 4 Value under the cursor
+
+
+def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(visit: DepthPage, pair: OwnPair) -> None:
+    truth, known = read_disparity(pair.truth.data), read_calibration(pair.calibration.data)
+    height, width = truth.shape
+    a, b = (300, 330), (250, 420)
+    visit.choose("Values")
+    visit.hover("Truth", *a)
+    disparity, metres = map(number_in, visit.reading("Truth").split(" · "))
+    assert disparity == pytest.approx(truth[a], abs=0.01)
+    assert metres == pytest.approx(known.depth(truth[a]), rel=0.01)
+    expect(visit.figure("Convolution").locator(".reading")).to_have_text(
+        re.compile(r"^\d+\.\d\d px · \d+\.\d+ ± \d+\.\d+ m · score \d\.\d\d$")
+    )
+
+    visit.click("Left image", *a)
+    visit.click("Left image", *b)
+    expect(visit.page.get_by_text("A to B")).to_be_visible()
+    apart = distance_between(
+        known, SeenPoint(*a, float(truth[a])), SeenPoint(*b, float(truth[b])), width=width, height=height
+    )
+    assert number_in(visit.table()["Truth"][-1]) == pytest.approx(apart.metres, rel=0.01)
+    visit.screenshot(f"values-{visit.name}-light")
+
+    found = number_in(visit.table()["StereoSGBM"][2])
+    visit.page.get_by_label("Distance of B from the camera, m").fill("2.5")
+    visit.page.keyboard.press("Enter")
+    visit.settle()
+    visit.pick("Disparity there by", "StereoSGBM")
+    visit.press("Use this distance")
+    product = visit.paragraph("Metric").inner_text().rpartition("=")[2]
+    assert number_in(product) == pytest.approx(2.5 * (found + known.doffs_px), rel=0.002)
+    assert number_in(visit.table()["StereoSGBM"][3]) == pytest.approx(2.5, abs=0.01)
+    visit.screenshot(f"known-distance-{visit.name}-light")
+    visit.press("Forget the distance given")
+    expect(visit.said("from the pair’s calibration")).to_be_visible()
+
+
+# 5 Why this match?
+
+
+LESSONS = {"A clear match": "One clear peak", "A pattern that repeats": "chance decides", "A bare wall": "A bare wall"}
+
+
+def test_a_click_explains_a_match_and_the_buttons_find_walls_and_fences(visit: DepthPage, pair: OwnPair) -> None:
+    truth = read_disparity(pair.truth.data)
+    row, col = 250, 420
+    visit.choose("Why this match?")
+    visit.click("Left image: click a pixel", row, col)
+    expect(visit.page.locator(".where")).to_have_text(f"row {row}, column {col}")
+    assert number_in(visit.table()["Truth"][0]) == pytest.approx(truth[row, col], abs=0.01)
+    verdict = visit.page.get_by_text("The peak says")
+    expect(verdict).to_contain_text(f"the truth is {truth[row, col]:.2f} px")
+    visit.screenshot(f"why-{visit.name}-light")
+    visit.choose("From above")
+    said = visit.page.get_by_test_id("stAlertContainer").last
+    for lesson, finding in LESSONS.items() if visit.name == "cube" else ():
+        visit.press(lesson)
+        expect(said).to_contain_text(finding)
+
+
+# 6 Why is it blank?
+
+
+def test_blank_pixels_have_a_reason_and_the_shares_add_up(visit: DepthPage) -> None:
+    coverage = [visit.number("Coverage", method=method) for method in (0, 1)]
+    visit.choose("Why blank?")
+    visit.hover("StereoBM", 240, 8)
+    assert visit.reading("StereoBM") == "out of frame"
+    chart = visit.page.get_by_test_id("stPlotlyChart").last.locator(".js-plotly-plot")
+    shares = np.array(chart.evaluate("plot => plot._fullData.map(trace => [...trace.x])"))
+    assert 100 - shares.sum(axis=0)[:2] == pytest.approx(coverage, abs=0.51)
+    visit.screenshot(f"blank-{visit.name}-light")
+
+
+# 7 Scoreboard
+
+
+def test_the_scoreboard_says_what_the_evaluation_says(visit: DepthPage, pair: OwnPair) -> None:
+    truth = read_disparity(pair.truth.data)
+    visit.choose("Scoreboard")
+    matcher = StereoBM(num_disparities=int(visit.value("Disparities searched", method=1)))
+    judged = evaluate(matcher.compute(read_image(pair.left.data), read_image(pair.right.data)).disparity, truth)
+    rows = {first: [float(one) for one in others] for first, *others in visit.frame()}
+    expected = [100 * judged.density, judged.epe, *judged.bad.values(), judged.d1_all]
+    assert rows["StereoBM"] == pytest.approx(expected, rel=1e-5)
+    assert rows.keys() == {"Convolution", "StereoBM", "StereoSGBM"}
+    visit.screenshot(f"scoreboard-{visit.name}-light")
+    visit.choose("are left out")
+    rows = {first: [float(one) for one in others] for first, *others in visit.frame()}
+    assert rows["StereoBM"][2:] == pytest.approx(list(judged.bad_measured.values()), rel=1e-5)
+    lines = visit.download("Figures as CSV").decode().splitlines()
+    assert {line.split(",")[0] for line in lines[1:]} >= rows.keys()
+
+
+# 8 Sweep and Suggest
+
+
+def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(visit: DepthPage) -> None:
+    visit.choose("Sweep")
+    visit.page.get_by_role("radio", name="StereoBM").click()
+    visit.settle()
+    for name, values in (("Block: values", "9, 15, 21"), ("Disparities searched: values", "32, 64")):
+        box = visit.page.get_by_label(name)
+        box.fill(values)
+        box.press("Enter")
+        visit.settle()
+    visit.press("Sweep 6 combinations")
+    chart = visit.page.get_by_test_id("stPlotlyChart").last
+    merits = chart.locator(".js-plotly-plot").evaluate("plot => [...plot._fullData[0].z].map(row => [...row])")
+    assert np.shape(merits) in {(2, 3), (3, 2)}
+    visit.screenshot(f"sweep-{visit.name}-light")
+    row, col = np.unravel_index(np.argmax(merits), np.shape(merits))
+    choose_cell(chart, int(row), int(col))
+    visit.settle()
+    assert 100 - visit.number("Bad-2", method=1) == pytest.approx(np.max(merits), abs=0.06)
+
+
+def test_a_search_shows_its_progress_is_ended_and_taken_over(open_page: OpenPage) -> None:
+    visit = DepthPage(open_page(DEPTH_MAPS + "cube&sgbm.num_disparities=16"))
+    visit.choose("Suggest")
+    visit.choose("StereoSGBM")
+    visit.choose("60 s")
+    visit.page.get_by_role("button", name="Suggest settings").click()
+    expect(visit.page.get_by_test_id("stProgress")).to_contain_text(re.compile("[0-9.]+ % → [0-9.]+ %"))
+    visit.page.screenshot(path="screenshots/journey-suggest-running-light.png")
+    visit.page.get_by_role("button", name="Cancel").click()
+    said = visit.page.get_by_text("these are the best")
+    expect(said).to_contain_text("ended before it had tried everything")
+    visit.settle()
+    changes = {row[0]: float(row[2]) for row in visit.frame()}
+    visit.screenshot("suggest-light")
+    visit.press("Use these settings")
+    expect(visit.page.get_by_role("button", name="In use")).to_be_disabled()
+    visit.unfold("OpenCV StereoSGBM")
+    assert visit.value("Disparities searched") == changes["Disparities searched"] > 16
+
+
+# 9 Depth in 3-D
+
+
+def test_the_room_is_shown_from_the_camera_and_from_above(open_page: OpenPage) -> None:
+    visit = DepthPage(open_page(DEPTH_MAPS + "cube&size=1/2"), "cube")
+    visit.choose("In 3-D")
+    said = visit.page.get_by_text("flying pixels, which hang")
+    expect(said).to_be_visible()
+    drawn, kept, farthest, flying = (
+        float(one.replace(",", "")) for one in re.findall(r"[\d,]*\.?\d+", said.inner_text())
+    )
+    assert drawn == min(kept, 100_000)
+    assert flying > 0
+    cloud = visit.page.get_by_test_id("stPlotlyChart").nth(-2).locator(".js-plotly-plot")
+    points = cloud.evaluate(
+        "plot => { const points = plot._fullData[0]; return [points.x.length, ...['x', 'y', 'z'].map("
+        "axis => points[axis].reduce((most, one) => Math.max(most, one), -1e9))]; }"
+    )
+    assert points[0] == drawn
+    assert max(points[1:]) <= farthest * 1.01
+    visit.screenshot(f"space-{visit.name}-light")
+    visit.move("Nearest points shown", "PageDown")
+    assert number_in(said.inner_text().split(" of ")[1]) < kept
+
+
+# 10 Take it away
+
+
+def test_everything_is_taken_away_read_back_and_reproduced(visit: DepthPage, pair: OwnPair, tmp_path: Path) -> None:
+    visit.move("Window", "ArrowLeft", "ArrowLeft", "ArrowLeft")
+    window, covered = visit.value("Window"), visit.number("Coverage")
+    visit.unfold("Take it away")
+    with zipfile.ZipFile(io.BytesIO(visit.download("All in one ZIP"))) as whole:
+        whole.extractall(tmp_path)
+    disparity = np.load(tmp_path / "disparity.npy")
+    assert 100 * np.isfinite(disparity).mean() == pytest.approx(covered, abs=0.51)
+    kitti = cv2.imread(str(tmp_path / "disparity_kitti.png"), cv2.IMREAD_UNCHANGED)
+    near = np.nan_to_num(disparity) > 0
+    assert kitti.dtype == np.uint16
+    np.testing.assert_allclose(kitti[near] / 256, disparity[near], atol=1 / 256)
+    with Image.open(tmp_path / "disparity.pfm") as floats:
+        np.testing.assert_array_equal(np.where(np.isfinite(floats), floats, np.nan), disparity)
+    with Image.open(tmp_path / "valid.png") as mask:
+        np.testing.assert_array_equal(np.asarray(mask) > 0, np.isfinite(disparity))
+    with Image.open(tmp_path / "disparity_coloured.png") as coloured:
+        assert coloured.size[0] >= disparity.shape[1]
+        assert coloured.size[1] > disparity.shape[0]
+    points = read_ply((tmp_path / "cloud.ply").read_bytes())
+    depth = read_calibration(pair.calibration.data).depth(disparity)
+    assert 0.8 * np.isfinite(depth).sum() < len(points["z"]) <= np.isfinite(depth).sum()
+    assert max(points["z"]) <= np.nanmax(depth) * 1.0001
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "left.png"))[:, :, ::-1], read_image(pair.left.data))
+    visit.screenshot(f"take-{visit.name}-light")
+
+    (tmp_path / "disparity.npy").unlink()
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "reproduce.py")],
+        env=os.environ | {"PYTHONPATH": str(PROJECT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), disparity)
+
+    visit.press("Reset")
+    assert visit.value("Window") == 20
+    visit.give("Load settings", Given.of(tmp_path / "settings.json"))
+    expect(visit.slider("Window").first).to_have_value(f"{window:g}")
+    assert visit.number("Coverage") == covered
+
+
+def test_a_new_page_at_the_same_address_is_as_the_old_one(open_page: OpenPage) -> None:
+    visit = DepthPage.with_example(open_page, "cube")
+    visit.choose("1/2")
+    visit.move("Window", "ArrowLeft", "ArrowLeft")
+    visit.move("Uniqueness", "End")
+    visit.choose("NCC")
+    settled = visit.number("Bad-2"), visit.number("Bad-2", method=1)
+    again = DepthPage(open_page(visit.page.url.rpartition("/")[2]))
+    assert (again.number("Bad-2"), again.number("Bad-2", method=1)) == settled
+    assert again.value("Window") == visit.value("Window")
+    expect(again.page.get_by_role("radio", name="NCC", exact=True)).to_be_checked()
+    expect(again.page.get_by_role("radio", name="1/2")).to_be_checked()
+
+
+# 11 Presets, Reset, what does not apply, bounds
+
+
+def test_presets_reset_and_controls_that_do_not_apply(open_page: OpenPage) -> None:
+    visit = DepthPage.with_example(open_page, "square")
+    first = visit.number("Bad-2")
+    visit.press("Fast")
+    fast = visit.number("Bad-2")
+    assert fast < first
+    visit.page.locator("summary:visible").filter(has_text="More settings").first.click()
+    check = visit.page.get_by_role("switch", name="Left-right check").or_(
+        visit.page.get_by_role("checkbox", name="Left-right check")
+    )
+    expect(check.first).to_be_enabled()
+    visit.press("The report’s")
+    assert (visit.value("Window"), visit.value("Search area")) == (20, 40)
+    expect(visit.page.get_by_role("radio", name="Square", exact=True)).to_be_checked()
+    expect(check.first).to_be_disabled()
+    visit.screenshot("report-light")
+    visit.press("Reset")
+    assert visit.number("Bad-2") == first
+    visit.press("Accurate")
+    assert visit.number("Bad-2") < first
+    visit.screenshot("accurate-light")
+
+
+def test_settings_that_do_not_fit_together_are_answered_with_a_sentence(open_page: OpenPage) -> None:
+    visit = DepthPage.with_example(open_page, "square")
+    visit.press("The report’s")
+    before = visit.number("Bad-2")
+    visit.move("Window", "End")
+    expect(visit.page.get_by_test_id("stAlertContentError")).to_contain_text("101")
+    assert visit.number("Bad-2") == before
+    visit.screenshot("bounds-light")
+
+
+# All of it in the dark
+
+
+def test_every_part_is_whole_in_the_dark(open_page: OpenPage) -> None:
+    visit = DepthPage(open_page(DEPTH_MAPS + "giraffes&size=1/2", scheme="dark"))
+    for part in ("Compare", "Values", "Why this match?", "Why blank?", "Scoreboard", "Sweep", "In 3-D"):
+        visit.choose(part)
+        if part == "Sweep":
+            visit.press("Sweep ")
+        visit.screenshot(f"{part.strip('?').replace(' ', '-').lower()}-dark")
+    visit.choose("Suggest")
+    visit.unfold("Take it away")
+    visit.screenshot("take-dark")

@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.app import uploads
+from tests.browser.visits import OpenPage, screenshot, settled
+
+PAGES = {"home": "", "sensor-lag": "Sensor_lag", "rocketman": "Rocketman_search", "depth-maps": "Depth_maps"}
+
+
+def no_exception(page: Page) -> None:
+    expect(page.get_by_test_id("stException")).to_have_count(0)
+    expect(page.get_by_test_id("stAlertContentError")).to_have_count(0)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("name", PAGES)
+def test_every_page_opens_in_both_themes(open_page: OpenPage, name: str, scheme: str) -> None:
+    page = open_page(PAGES[name], scheme=scheme)
+    no_exception(page)
+    screenshot(page, f"{name}-{scheme}")
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_phone_shows_every_page_without_scrolling_sideways(open_page: OpenPage, name: str) -> None:
+    page = open_page(PAGES[name], width=390)
+    no_exception(page)
+    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 390
+    screenshot(page, f"{name}-phone")
+
+
+def test_the_links_lead_from_page_to_page(open_page: OpenPage) -> None:
+    page = open_page()
+    for label in ("Sensor lag", "Rocketman search", "Depth maps"):
+        page.get_by_test_id("stPageLink").get_by_text(label, exact=True).click()
+        expect(page.get_by_role("heading", level=1)).to_have_text(label)
+        settled(page)
+        no_exception(page)
+
+
+def test_a_slider_moves_the_depth_map(open_page: OpenPage) -> None:
+    page = open_page("Depth_maps")
+    depth_map = page.get_by_test_id("stImage").locator("img").nth(1)
+    before = depth_map.get_attribute("src")
+    slider = page.get_by_role("slider", name="Window")
+    slider.focus()
+    slider.press("ArrowRight")
+    expect(depth_map).not_to_have_attribute("src", str(before))
+    no_exception(page)
+
+
+def test_an_own_pair_is_uploaded_and_matched(open_page: OpenPage) -> None:
+    scene = uploads.texture(120, 165)
+    files = {"left.png": scene[:, :-5], "right.png": scene[:, 5:]}
+    truth = np.full((120, 160), 5 * 256, dtype=np.uint16)
+    page = open_page("Depth_maps")
+    page.get_by_text("Your own files").click()
+    inputs = page.get_by_test_id("stFileUploader").locator("input[type=file]")
+    expect(inputs).to_have_count(4)  # the fourth is for a calibration
+    for place, (name, picture) in enumerate((files | {"truth.png": truth}).items()):
+        inputs.nth(place).set_input_files({"name": name, "mimeType": "image/png", "buffer": uploads.png(picture)})
+        expect(page.get_by_text(name)).to_be_visible()
+    expect(page.get_by_text("Your own pair.")).to_be_visible()
+    expect(page.get_by_test_id("stMetricValue").filter(has_text=re.compile(r"^0\.0\d px$")).first).to_be_visible()
+    settled(page)
+    no_exception(page)
+    screenshot(page, "depth-maps-own-files")
+
+
+def test_a_broken_picture_is_answered_with_a_sentence(open_page: OpenPage) -> None:
+    page = open_page("Rocketman_search")
+    page.get_by_text("Your own files").click()
+    broken = {"name": "broken.png", "mimeType": "image/png", "buffer": b"this is no picture"}
+    page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(broken)
+    expect(page.get_by_test_id("stAlertContentError")).to_contain_text("accepted are")
+    expect(page.get_by_role("heading", name="Found at row 528, column 982")).to_be_visible()
+    settled(page)
+    screenshot(page, "rocketman-broken-file")

@@ -1,0 +1,66 @@
+"""What a test does with a page that is open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from playwright.sync_api import Browser, ConsoleMessage, Page
+
+SCREENSHOTS = Path(__file__).resolve().parents[2] / "screenshots"
+
+OpenPage = Callable[..., Page]
+
+
+@contextmanager
+def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
+    """Give what opens pages of the app at an address; in the end they are closed, and must not have met an error."""
+    errors: list[str] = []
+    pages: list[Page] = []
+
+    def note(message: ConsoleMessage) -> None:
+        # Opened below the root, Streamlit looks for itself at the page's own address first; the 404 is expected.
+        if message.type == "error" and "/_stcore/" not in message.location["url"]:
+            errors.append(f"{message.text} ({message.location['url']})")
+
+    def opened(path: str = "", *, scheme: str = "light", width: int = 1280) -> Page:
+        page = browser.new_page(
+            viewport={"width": width, "height": 900},
+            color_scheme=scheme,  # type: ignore[arg-type]
+        )
+        pages.append(page)
+        page.set_default_timeout(30_000)
+        page.on("console", note)
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(f"{address}/{path}")
+        settled(page)
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()
+    assert errors == [], errors
+
+
+def settled(page: Page) -> None:
+    """Wait until the script has run and every chart is drawn."""
+    page.wait_for_selector("h1")
+    page.wait_for_function(
+        "document.querySelector('[data-testid=stApp]')?.dataset.testScriptState === 'notRunning'"
+        " && !document.querySelector('[data-testid=stSkeleton], [data-testid=stSpinner]')"
+        " && [...document.querySelectorAll('[data-testid=stPlotlyChart]')].every(chart => chart.querySelector('svg'))"
+        " && [...document.images].every(image => image.complete)"
+    )
+
+
+def screenshot(page: Page, name: str) -> None:
+    """Keep a picture of the whole page in screenshots/, which git ignores."""
+    SCREENSHOTS.mkdir(exist_ok=True)
+    before = page.viewport_size
+    assert before is not None
+    height = page.evaluate("document.querySelector('[data-testid=stMain]').scrollHeight")
+    page.set_viewport_size({"width": before["width"], "height": height})
+    settled(page)
+    page.screenshot(path=SCREENSHOTS / f"{name}.png")
+    page.set_viewport_size(before)

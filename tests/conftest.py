@@ -1,0 +1,19 @@
+"""What every test may ask for: the real data, where this machine has it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """Return the folder of real recordings and pairs with known truth; skip the test where it is absent."""
+    folder = Path(os.environ.get("STEREOLAG_DATA", PROJECT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"the real data are not at {folder} (set STEREOLAG_DATA)")
+    return folder

@@ -1,0 +1,23 @@
+"""What the input doctor must find: pairs that were swapped, shifted, turned or darkened."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from stereolag.stereo.findings import Ailment
+
+
+def turned(image: np.ndarray, degrees: float, scale: float = 1.0) -> np.ndarray:
+    height, width = image.shape[:2]
+    turn = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), degrees, scale)
+    return cv2.warpAffine(image, turn, (width, height), borderMode=cv2.BORDER_REFLECT)
+
+
+ILLS = {
+    Ailment.SWAPPED: lambda left, right: (right, left),
+    Ailment.ROWS: lambda left, right: (left, np.roll(right, 3, axis=0)),
+    Ailment.ROTATION: lambda left, right: (left, turned(right, 1.0)),
+    Ailment.EXPOSURE: lambda left, right: (left, np.rint(right * 0.6).astype(np.uint8)),
+}
+"""What makes a healthy pair of 8 bits ill."""

@@ -1,0 +1,36 @@
+"""Stereo pairs made for the tests, whose displacement is known exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import gaussian_filter
+
+DoubleImage = npt.NDArray[np.float64]
+
+
+def texture(rows: int, cols: int, *, seed: int = 0, blur: float = 1.0) -> DoubleImage:
+    """Return a periodic random texture of mean 128 and standard deviation 40."""
+    noise = np.random.default_rng(seed).standard_normal((rows, cols))
+    smooth = gaussian_filter(noise, blur, mode="wrap")
+    return 128 + 40 * (smooth - smooth.mean()) / smooth.std()
+
+
+def shifted(image: DoubleImage, dy: float, dx: float) -> DoubleImage:
+    """Return the periodic image moved by (dy, dx) px, exactly, by the phase of its Fourier transform."""
+    rows, cols = np.fft.fftfreq(image.shape[0])[:, None], np.fft.fftfreq(image.shape[1])
+    return np.fft.ifft2(np.fft.fft2(image) * np.exp(-2j * np.pi * (rows * dy + cols * dx))).real
+
+
+def shifted_pair(
+    rows: int, cols: int, dy: float, dx: float, *, dtype: npt.DTypeLike = np.uint8, seed: int = 0
+) -> tuple[npt.NDArray[np.generic], npt.NDArray[np.generic]]:
+    """Return a left image and a right one displaced by (dy, dx), in the whole range of an integer dtype."""
+    left = texture(rows, cols, seed=seed)
+    pair = left, shifted(left, dy, dx)
+    kind = np.dtype(dtype)
+    if kind.kind == "f":
+        return pair[0].astype(kind), pair[1].astype(kind)
+    gain = np.iinfo(kind).max / 255
+    low, high = (np.rint(np.clip(image, 0, 255) * gain).astype(kind) for image in pair)
+    return low, high

@@ -1,0 +1,61 @@
+"""The checks of what was matched."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stereolag.stereo.checks import ambiguous, left_right_disagree, rejected
+from stereolag.stereo.result import Reason
+
+
+def test_agreeing_displacements_pass_and_what_leaves_the_frame_does_not() -> None:
+    dx = np.full((3, 10), -4, np.int16)
+    disagree = left_right_disagree(dx, dx, 0)
+    assert disagree[:, :4].all()
+    assert not disagree[:, 4:].any()
+
+
+def test_a_right_pixel_without_a_match_disagrees() -> None:
+    dx = np.zeros((2, 5), np.int16)
+    right = dx.copy()
+    right[0, 2] = -32768
+    expected = np.zeros((2, 5), bool)
+    expected[0, 2] = True
+    np.testing.assert_array_equal(left_right_disagree(dx, right, 16), expected)
+
+
+@given(st.integers(0, 99), st.integers(0, 3))
+def test_the_check_is_that_of_the_definition(seed: int, tolerance: int) -> None:
+    rng = np.random.default_rng(seed)
+    dx, right = rng.integers(-5, 6, (2, 4, 9)).astype(np.int16)
+    found = left_right_disagree(dx, right, tolerance)
+    for y in range(4):
+        for x in range(9):
+            there = x + int(dx[y, x])
+            agrees = 0 <= there < 9 and abs(int(right[y, there]) - int(dx[y, x])) <= tolerance
+            assert found[y, x] == (not agrees)
+
+
+def test_a_hidden_strip_fails_the_check() -> None:
+    left = np.zeros((1, 20), np.int16)
+    left[:, 10:15] = -4  # a near object of 5 px; the 4 px left of it are hidden from the right camera
+    right = np.zeros((1, 20), np.int16)
+    right[:, 6:11] = -4
+    np.testing.assert_array_equal(np.flatnonzero(left_right_disagree(left, right, 1)), [6, 7, 8, 9])
+
+
+def test_the_margin_is_what_the_next_best_must_cost_more() -> None:
+    lowest, runner_up = np.array([100, 100, 100, 100]), np.array([129, 130, 131, -1])
+    np.testing.assert_array_equal(ambiguous(lowest, runner_up, 30), [True, False, False, False])
+
+
+def test_the_first_reason_stays_and_the_arguments_are_left_alone() -> None:
+    disparity = np.array([[1, np.nan, 3]], np.float32)
+    reason = np.array([[Reason.MEASURED, Reason.OUT_OF_FRAME, Reason.MEASURED]], np.uint8)
+    lost, why = rejected(disparity, reason, np.array([[True, True, False]]), Reason.LEFT_RIGHT)
+    np.testing.assert_array_equal(lost, np.array([[np.nan, np.nan, 3]], np.float32))
+    np.testing.assert_array_equal(why, [[Reason.LEFT_RIGHT, Reason.OUT_OF_FRAME, Reason.MEASURED]])
+    assert disparity[0, 0] == 1 and reason[0, 0] == Reason.MEASURED
+    assert lost.dtype == np.float32 and why.dtype == np.uint8

@@ -1,0 +1,96 @@
+"""The matching cost, held to its formula."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stereolag.kernels.census import BITS, census, census_reference
+from stereolag.kernels.cost_features import NOISE
+from stereolag.kernels.cost_volume import Weights, cost_reference
+from stereolag.stereo.costs import UNSEEN, MatchingCost, eight_bit, matching_cost
+
+Picture = npt.NDArray[np.uint8]
+
+
+def noise(shape: tuple[int, int], seed: int = 0) -> Picture:
+    return np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
+
+
+def expected(
+    left: Picture, right: Picture, radius: int, first: int, count: int, cost: MatchingCost
+) -> npt.NDArray[np.float64]:
+    weights = Weights(
+        correlation=cost.correlation,
+        bit=cost.census / BITS,
+        gradient=cost.gradient,
+        unseen=int(UNSEEN * (cost.correlation + cost.census + cost.gradient)),
+    )
+    return cost_reference(left, right, radius, first, count, NOISE, cost.gradient_limit, weights)
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    rows=st.integers(6, 12),
+    cols=st.integers(6, 20),
+    radius=st.integers(1, 4),
+    first=st.integers(-24, 24),
+    count=st.integers(1, 20),
+    flat=st.booleans(),
+    seed=st.integers(0, 99),
+)
+def test_the_cost_is_that_of_the_formula(
+    rows: int, cols: int, radius: int, first: int, count: int, flat: bool, seed: int
+) -> None:
+    left, right = noise((rows, cols), seed), noise((rows, cols), seed + 1)
+    if flat:
+        left[:, : cols // 2] = 7
+        right[rows // 2 :] = 200
+    cost = MatchingCost()
+    found = matching_cost(
+        left, right, window_size=2 * radius + 1, min_disparity=first, num_disparities=count, settings=cost
+    )
+    assert np.abs(found - expected(left, right, radius, first, count, cost)).max() < 0.51
+
+
+@pytest.mark.parametrize("weights", [(100, 0, 0), (0, 100, 0), (0, 0, 50), (100, 100, 50)])
+def test_each_term_alone(weights: tuple[int, int, int]) -> None:
+    left, right = noise((9, 15)), noise((9, 15), 1)
+    cost = MatchingCost(correlation=weights[0], census=weights[1], gradient=weights[2])
+    found = matching_cost(left, right, window_size=5, min_disparity=0, num_disparities=6, settings=cost)
+    assert np.abs(found - expected(left, right, 2, 0, 6, cost)).max() < 0.51
+
+
+@pytest.mark.parametrize("shift", [-3, 0, 5])
+def test_the_true_lag_costs_least_whatever_the_exposure(shift: int) -> None:
+    scene = noise((40, 80))
+    left, right = scene[:, 10:60], scene[:, 10 + shift : 60 + shift]
+    darker = (right * 0.6 + 20).astype(np.uint8)
+    for other in (right, darker):
+        found = matching_cost(left, other, window_size=9, min_disparity=-4, num_disparities=12, settings=MatchingCost())
+        inside = found[8:-8, 14:-14]
+        assert (inside.argmin(axis=2) == shift + 4).mean() > 0.99
+
+
+def test_the_census_is_that_of_the_formula_and_ignores_exposure() -> None:
+    image = noise((11, 17))
+    np.testing.assert_array_equal(census(image), census_reference(image))
+    np.testing.assert_array_equal(census(image // 2), census((image // 2) + 9))
+
+
+def test_eight_bits_are_left_as_they_are_and_others_share_one_scale() -> None:
+    image = noise((8, 9))
+    assert eight_bit(image, image)[0] is image
+    deep = image.astype(np.uint16) * 100 + 3000
+    left, right = eight_bit(deep, deep // 2)
+    assert left.dtype == right.dtype == np.uint8
+    assert left.max() == 255 and right.min() == 0 and right.max() < 140
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32, np.float64])
+def test_a_flat_pair_of_any_type_survives(dtype: type) -> None:
+    flat = np.full((8, 9), 3, dtype)
+    assert not eight_bit(flat, flat)[0].any()

@@ -1,0 +1,162 @@
+"""The exported program, run in a process of its own, makes the same arrays bit for bit."""
+
+from __future__ import annotations
+
+import ast
+import io
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pairs import shifted_pair
+from pydantic import Field
+
+import stereolag as sl
+from stereolag.export import bundle, image_png, script
+from stereolag.export.constructors import constructor, imports
+from stereolag.settings import Settings
+
+PROJECT = Path(__file__).resolve().parents[2]
+RECTIFIED = sl.CorrelationMatcher(window_size=11, overlap=0.8, search=sl.SearchArea.rectified(24), score="zncc")
+
+
+class Smoothing(Settings):
+    """A stage nested in the settings of some later method."""
+
+    kind: Literal["smoothing"] = "smoothing"
+    strength: float = 0.5
+    label: str = "so'so"
+
+
+class Stages(Settings):
+    """Settings of every kind of value."""
+
+    nothing: None = None
+    flag: bool = True
+    pair: tuple[int, int] = (1, 2)
+    one: tuple[Smoothing, ...] = (Smoothing(),)
+    many: list[Smoothing] = Field(default_factory=lambda: [Smoothing(strength=1e-9)] * 3)
+
+
+def run(program: str, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    (folder / "program.py").write_text(program, encoding="utf-8")
+    elsewhere = folder.parent
+    environment = os.environ | {"PYTHONPATH": str(PROJECT), "PYTHONWARNINGS": "error::FutureWarning"}
+    done = subprocess.run(
+        [sys.executable, str(folder / "program.py")], cwd=elsewhere, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert "of the pixels have a disparity" in done.stdout
+    return np.load(folder / "disparity.npy"), sl.read_disparity(folder / "disparity.pfm")
+
+
+@pytest.mark.parametrize(
+    ("matcher", "crop", "scale"),
+    [
+        (RECTIFIED, None, 1.0),
+        (sl.CorrelationMatcher(overlap=0.9, search=sl.SearchArea.centred(36, vertical=2)), (70, 100), 1.0),
+        (sl.StereoBM(num_disparities=16, block_size=9), None, 0.75),
+        (sl.StereoSGBM(num_disparities=16), (64, 96), 1.25),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_the_program_measures_the_same_again(matcher, crop, scale, tmp_path):
+    left, right = (np.stack([image, image // 2, 255 - image], axis=-1) for image in shifted_pair(80, 120, 0, -5.3))
+    names = "left image (1).png", 'right\'s "eye" – µ.png'
+    for name, image in zip(names, (left, right), strict=True):
+        (tmp_path / name).write_bytes(image_png(image))
+    if crop:
+        left, right = left[: crop[0], : crop[1]], right[: crop[0], : crop[1]]
+    if scale != 1:
+        left, right = (
+            cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) for image in (left, right)
+        )
+    expected = matcher.compute(left, right).disparity
+    assert np.isfinite(expected).mean() > 0.3
+    saved, from_pfm = run(script(matcher, *names, crop=crop, scale=scale), tmp_path)
+    assert saved.dtype == np.float32
+    assert saved.tobytes() == expected.tobytes()
+    np.testing.assert_array_equal(from_pfm, expected)
+
+
+def test_the_program_runs_out_of_the_archive(tmp_path):
+    left, right = shifted_pair(60, 90, 0, -4.5, dtype=np.uint16)
+    files = {
+        "left.png": image_png(left),
+        "right.png": image_png(right),
+        "reproduce.py": script(RECTIFIED, "left.png", "right.png"),
+    }
+    folder = tmp_path / "taken away"
+    with zipfile.ZipFile(io.BytesIO(bundle(files))) as archive:
+        archive.extractall(folder)
+    saved, _ = run((folder / "reproduce.py").read_text(encoding="utf-8"), folder)
+    assert saved.tobytes() == RECTIFIED.compute(left, right).disparity.tobytes()
+
+
+def test_the_program_reads_well():
+    program = script(RECTIFIED, "left.png", "right.png")
+    assert "cv2" not in program
+    assert max(map(len, program.splitlines())) <= 120
+    assert program.endswith("\n")
+    assert (
+        """\
+matcher = sl.CorrelationMatcher(
+    window_size=11,
+    overlap=0.8,
+    search=RectifiedSearch(num_disparities=24, min_disparity=0, vertical=0),
+"""
+        in program
+    )
+
+
+@given(st.text(), st.text())
+def test_a_file_name_is_never_code_nor_a_folder(left_name, right_name):
+    tree = ast.parse(script(RECTIFIED, left_name, right_name).encode())
+    read = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == "sl.read_image"]
+    names = [ast.literal_eval(node.args[0].right) for node in read]
+    assert names == [name.replace("\\", "/").split("/")[-1] for name in (left_name, right_name)]
+
+
+@pytest.mark.parametrize("settings", [Stages(), Smoothing(), sl.CorrelationMatcher(), sl.StereoSGBM()], ids=repr)
+@pytest.mark.parametrize("before", ["", "x" * 60 + " = "])
+def test_constructors_make_equal_settings(settings, before):
+    text = constructor(settings, before=before)
+    assert text.startswith(before)
+    assert "kind=" not in text
+    known: dict[str, object] = {"sl": sl, "Stages": Stages, "Smoothing": Smoothing}
+    for line in imports(settings):
+        if "stereolag" in line:
+            exec(line, known)
+    assert eval(text.removeprefix(before), known) == settings
+
+
+def test_nested_settings_are_broken_into_lines_only_where_they_must():
+    assert constructor(Stages(many=[]), before="stages = ").splitlines() == [
+        "stages = Stages(",
+        "    flag=True,",
+        "    pair=(1, 2),",
+        '    one=(Smoothing(strength=0.5, label="so\'so"),),',
+        "    many=[],",
+        ")",
+    ]
+    assert constructor(Smoothing()) == 'Smoothing(strength=0.5, label="so\'so")'
+
+
+def test_imports_name_each_class_once_and_none_of_the_public_ones():
+    assert imports(RECTIFIED) == ["from stereolag.stereo.search import RectifiedSearch"]
+    assert imports(sl.StereoBM()) == []
+    assert imports(Stages()) == [f"from {__name__} import Smoothing, Stages"]
+
+
+@pytest.mark.parametrize("bad", [{"scale": 0}, {"scale": np.nan}, {"scale": np.inf}, {"crop": (0, 5)}])
+def test_a_program_that_could_not_run_is_refused(bad):
+    with pytest.raises(ValueError, match=next(iter(bad))):
+        script(RECTIFIED, "left.png", "right.png", **bad)

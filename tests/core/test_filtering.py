@@ -1,0 +1,131 @@
+"""Speckles taken away, edges kept, gaps filled from behind."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from stereolag.kernels.row_fill import fill_rows, fill_rows_reference
+from stereolag.kernels.weighted_median import weighted_median
+from stereolag.stereo.filling import filled_from_behind
+from stereolag.stereo.filtering import MedianFilter, SpeckleFilter, edge_respecting_median, without_speckles
+from stereolag.stereo.result import Reason
+
+FloatMap = npt.NDArray[np.float32]
+NAN = np.float32(np.nan)
+
+
+def weighted_median_reference(
+    values: FloatMap, guide: npt.NDArray[np.uint8], radius: int, spacing: int, contrast: int
+) -> FloatMap:
+    height, width, channels = guide.shape
+    out = values.copy()
+    for y, x in np.argwhere(np.isfinite(values)):
+        votes = sorted(
+            (
+                float(values[row, col]),
+                max(1, contrast * channels - int(np.abs(guide[row, col].astype(int) - guide[y, x]).sum())),
+            )
+            for row in range(y - radius, y + radius + 1, spacing)
+            for col in range(x - radius, x + radius + 1, spacing)
+            if 0 <= row < height and 0 <= col < width and np.isfinite(values[row, col])
+        )
+        weights = np.cumsum([weight for _, weight in votes])
+        out[y, x] = votes[int(np.searchsorted(2 * weights, weights[-1]))][0]
+    return out
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    seed=st.integers(0, 99),
+    reach=st.integers(1, 2),
+    spacing=st.integers(1, 3),
+    channels=st.sampled_from([1, 3]),
+    contrast=st.integers(1, 255),
+)
+def test_the_weighted_median_is_that_of_the_definition(
+    seed: int, reach: int, spacing: int, channels: int, contrast: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    values = (rng.integers(-999, 999, (9, 11)) / 8).astype(np.float32)
+    values[rng.random((9, 11)) < 0.3] = np.nan
+    guide = rng.integers(0, 256, (9, 11, channels), dtype=np.uint8)
+    radius = reach * spacing
+    found = weighted_median(values, guide, radius, spacing, contrast)
+    np.testing.assert_array_equal(found, weighted_median_reference(values, guide, radius, spacing, contrast))
+
+
+def test_even_colour_gives_the_plain_median() -> None:
+    rng = np.random.default_rng(0)
+    values = (rng.integers(0, 999, (20, 300)) / 8).astype(np.float32)
+    found = edge_respecting_median(values, np.zeros((20, 300), np.uint8), MedianFilter(radius=2))
+    inside = (slice(2, -2), slice(2, -2))
+    np.testing.assert_array_equal(found[inside], ndimage.median_filter(values, 5)[inside])
+
+
+def test_an_edge_of_colour_keeps_its_disparities_apart() -> None:
+    guide = np.zeros((30, 30, 3), np.uint8)
+    guide[:, 15:] = 200
+    disparity = np.full((30, 30), 5, np.float32)
+    disparity[:, 17:] = 20  # fattened by two columns
+    found = edge_respecting_median(disparity, guide, MedianFilter())
+    assert (found[:, 15:] == 20).all() and (found[:, :15] == 5).all()
+
+
+def measured(disparity: FloatMap) -> npt.NDArray[np.uint8]:
+    return np.where(np.isfinite(disparity), Reason.MEASURED, Reason.LEFT_RIGHT).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("size", "kept"), [(12, True), (13, False)])
+def test_a_surface_of_fewer_pixels_is_a_speckle(size: int, kept: bool) -> None:
+    disparity = np.full((20, 20), 8, np.float32)
+    disparity[5:8, 5:9] = 30
+    found, reason = without_speckles(disparity, measured(disparity), SpeckleFilter(size=size))
+    assert np.isfinite(found[6, 6]) == kept
+    assert np.isnan(found).sum() == (0 if kept else 12) == (reason == Reason.SPECKLE).sum()
+
+
+def test_a_slope_is_one_surface() -> None:
+    disparity = np.tile(np.arange(20, dtype=np.float32), (20, 1))
+    reason = measured(disparity)
+    assert np.isfinite(without_speckles(disparity, reason, SpeckleFilter(size=400, difference=1))[0]).all()
+    assert np.isnan(without_speckles(disparity, reason, SpeckleFilter(size=400, difference=0.5))[0]).all()
+
+
+def test_gaps_before_speckles_keep_their_reason() -> None:
+    disparity = np.full((9, 9), NAN)
+    found, reason = without_speckles(disparity, measured(disparity), SpeckleFilter())
+    assert np.isnan(found).all() and (reason == Reason.LEFT_RIGHT).all()
+
+
+@given(st.integers(0, 99), st.floats(0, 1))
+def test_rows_are_filled_as_by_the_formula(seed: int, gaps: float) -> None:
+    rng = np.random.default_rng(seed)
+    disparity = rng.normal(0, 9, (5, 12)).astype(np.float32)
+    disparity[rng.random((5, 12)) < gaps] = np.nan
+    np.testing.assert_array_equal(fill_rows(disparity), fill_rows_reference(disparity))
+
+
+def test_a_gap_takes_the_farther_end() -> None:
+    disparity = np.array([[NAN, 4, NAN, NAN, 9, NAN]], np.float32)
+    filled, reason = filled_from_behind(disparity, measured(disparity))
+    np.testing.assert_array_equal(filled, [[4, 4, 4, 4, 9, 9]])
+    np.testing.assert_array_equal(reason == Reason.FILLED, np.isnan(disparity))
+
+
+def test_an_empty_row_repeats_the_nearest_that_is_not() -> None:
+    disparity = np.full((7, 3), NAN)
+    disparity[2], disparity[5] = 1, 2
+    filled, reason = filled_from_behind(disparity, measured(disparity))
+    np.testing.assert_array_equal(filled[:, 0], [1, 1, 1, 1, 2, 2, 2])
+    assert (reason[[0, 1, 3, 4, 6]] == Reason.FILLED).all() and (reason[[2, 5]] == Reason.MEASURED).all()
+
+
+def test_nothing_to_fill_from_stays_empty() -> None:
+    disparity = np.full((3, 3), NAN)
+    filled, reason = filled_from_behind(disparity, measured(disparity))
+    assert np.isnan(filled).all() and (reason == Reason.LEFT_RIGHT).all()

@@ -1,0 +1,82 @@
+"""Arrays are checked once, where they enter, and refused in one sentence that names the value."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereolag.inputs import as_grey, as_image, as_signal, as_stereo_pair
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        ([], "0 samples"),
+        ([1.0], "1 samples"),
+        (np.zeros((3, 3)), "one-dimensional"),
+        ([1.0, np.nan, np.inf], "2 NaN"),
+        ([2.5, 2.5, 2.5], "constant"),
+        ([1 + 2j, 3.0], "complex"),
+        (["a", "b"], "numbers only"),
+    ],
+)
+def test_refused_signals(value: object, says: str) -> None:
+    with pytest.raises(ValueError, match=f"signal_1.*{says}"):
+        as_signal(value, "signal_1")
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.float32, np.bool_])
+def test_signals_become_doubles(dtype: type) -> None:
+    signal = as_signal(np.array([0, 1, 1, 0], dtype=dtype), "signal_1")
+    assert signal.dtype == np.float64
+    assert signal.tolist() == [0, 1, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("given", "becomes"),
+    [(np.bool_, np.uint8), (np.int32, np.uint8), (np.float16, np.float32), (np.float64, np.float64)],
+)
+def test_image_types(given: type, becomes: type) -> None:
+    image = as_image(np.array([[0, 1], [1, 0]], dtype=given), "left")
+    assert image.dtype == becomes
+    assert as_image(np.array([[0, 300]]), "left").dtype == np.uint16
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        (np.zeros(4), r"shape \(4,\)"),
+        (np.zeros((2, 2, 5)), "shape"),
+        (np.zeros((0, 4)), "no pixels"),
+        (np.array([[-1, 2]]), "from -1 to 2"),
+        (np.array([[0, 70000]]), "70000"),
+        (np.array([[np.nan, 1.0]]), "1 NaN"),
+        (np.array([["a", "b"]]), "type"),
+    ],
+)
+def test_refused_images(value: np.ndarray, says: str) -> None:
+    with pytest.raises(ValueError, match=f"left.*{says}"):
+        as_image(value, "left")
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_grey_keeps_the_type_and_ignores_alpha(dtype: type, channels: int) -> None:
+    image = np.zeros((2, 2, channels), dtype=dtype)
+    image[..., 1] = 100
+    image[..., 3:] = 7
+    grey = as_grey(image)
+    assert grey.dtype == dtype
+    np.testing.assert_allclose(grey, 58.7, atol=0.5)
+
+
+def test_single_channels_are_dropped() -> None:
+    assert as_image(np.zeros((4, 5, 1)), "left").shape == (4, 5)
+    assert as_image(np.zeros((4, 5, 2)), "left").shape == (4, 5)
+
+
+def test_a_pair_has_one_size_and_type() -> None:
+    with pytest.raises(ValueError, match=r"5 × 4 .* 6 × 4"):
+        as_stereo_pair(np.zeros((4, 5)), np.zeros((4, 6)))
+    with pytest.raises(ValueError, match=r"float64 .* uint8"):
+        as_stereo_pair(np.zeros((4, 5)), np.zeros((4, 5), np.uint8))

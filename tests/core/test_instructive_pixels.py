@@ -1,0 +1,72 @@
+"""Pixels worth looking at, on a scene whose walls, fences and hidden strips lie where the test put them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pairs import texture
+
+from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.stereo.inspection import Finding, inspect
+from stereolag.stereo.instructive_pixels import Lesson, instructive_pixel
+from stereolag.stereo.search import SearchArea
+
+MATCHER = CorrelationMatcher(window_size=11, search=SearchArea.rectified(40))
+
+WALL, FENCE, SQUARE = slice(120, 160), slice(70, 110), (slice(10, 60), slice(120, 200))
+BEHIND, NEAR = 5, 25
+
+
+def scene(*, wall: bool = True, fence: bool = True, near: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(3)
+    left = texture(170, 280, seed=1)
+    if wall:
+        left[WALL] = 90
+    if fence:
+        left[FENCE] = 128 + 60 * np.sin(np.arange(280) * 2 * np.pi / 14)
+    right = np.roll(left, -BEHIND, axis=1)
+    if near:
+        rows, cols = SQUARE
+        left[rows, cols] = texture(50, 80, seed=2)
+        right[rows, cols.start - NEAR : cols.stop - NEAR] = left[rows, cols]
+    noisy = [np.clip(np.rint(image + rng.normal(0, 1, image.shape)), 0, 255) for image in (left, right)]
+    return noisy[0].astype(np.uint8), noisy[1].astype(np.uint8)
+
+
+def test_a_clear_match_is_clear_and_right() -> None:
+    left, right = scene()
+    pixel = instructive_pixel(Lesson.CLEAR, MATCHER, left, right)
+    assert pixel is not None
+    seen = inspect(MATCHER, left, right, *pixel)
+    assert seen.finding is Finding.CLEAR
+    assert min(abs(seen.disparity - shift) for shift in (BEHIND, NEAR)) < 0.1
+
+
+def test_the_fence_and_the_wall_are_found() -> None:
+    left, right = scene()
+    repeats = instructive_pixel(Lesson.REPEATS, MATCHER, left, right)
+    assert repeats is not None
+    assert FENCE.start <= repeats[0] < FENCE.stop
+    bare = instructive_pixel(Lesson.BARE, MATCHER, left, right)
+    assert bare is not None
+    assert WALL.start <= bare[0] < WALL.stop
+
+
+def test_the_hidden_strip_lies_left_of_the_near_square() -> None:
+    left, right = scene(wall=False, fence=False)
+    pixel = instructive_pixel(Lesson.HIDDEN, MATCHER, left, right)
+    assert pixel is not None
+    rows, cols = SQUARE
+    assert rows.start <= pixel[0] < rows.stop
+    assert cols.start - (NEAR - BEHIND) <= pixel[1] < cols.start
+
+
+@pytest.mark.parametrize("lesson", [Lesson.REPEATS, Lesson.BARE, Lesson.HIDDEN])
+def test_a_scene_without_it_has_none(lesson: Lesson) -> None:
+    assert instructive_pixel(lesson, MATCHER, *scene(wall=False, fence=False, near=False)) is None
+
+
+@pytest.mark.parametrize("matcher", [MATCHER.model_copy(update={"score": "phase"}), CorrelationMatcher(window_size=16)])
+def test_every_score_and_search_can_be_asked(matcher: CorrelationMatcher) -> None:
+    left, right = scene(near=False)
+    assert instructive_pixel(Lesson.CLEAR, matcher, left, right) is not None

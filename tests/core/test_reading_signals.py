@@ -1,0 +1,219 @@
+"""Recordings: audio, columns of numbers, arrays; and what is wrong with bad ones, line by line."""
+
+from __future__ import annotations
+
+import io
+import struct
+
+import numpy as np
+import pytest
+import soundfile
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from stereolag.reading import read_signal
+from stereolag.signals import signal_lag
+
+STEREO = np.random.default_rng(3).uniform(-0.5, 0.5, (4000, 2))
+
+
+def sound(samples: np.ndarray, kind: str, rate: int = 44_100, subtype: str | None = None) -> bytes:
+    stream = io.BytesIO()
+    soundfile.write(stream, samples, rate, format=kind, subtype=subtype)
+    return stream.getvalue()
+
+
+def npy(array: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def wav_header(channels: int, rate: int = 8000, data: bytes = bytes(8)) -> bytes:
+    layout = struct.pack("<HHIIHH", 1, channels, rate, rate * channels * 2, channels * 2, 16)
+    body = b"WAVEfmt " + struct.pack("<I", 16) + layout + b"data" + struct.pack("<I", len(data)) + data
+    return b"RIFF" + struct.pack("<I", len(body)) + body
+
+
+@pytest.mark.parametrize(
+    ("kind", "subtype"), [("WAV", "DOUBLE"), ("WAV", "PCM_16"), ("FLAC", "PCM_24"), ("AIFF", None)]
+)
+@pytest.mark.parametrize("channels", [1, 2])
+def test_lossless_audio_comes_back(kind, subtype, channels):
+    recording = read_signal(sound(STEREO[:, :channels], kind, 16_000, subtype))
+    assert recording.sampling_rate == 16_000
+    assert recording.channels.dtype == np.float64
+    np.testing.assert_allclose(recording.channels, STEREO.T[:channels], atol=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["OGG", "MP3"])
+def test_lossy_audio_sounds_alike(kind):
+    tone = 0.4 * np.sin(np.arange(20_000) * 0.06)
+    recording = read_signal(sound(tone, kind))
+    assert recording.sampling_rate == 44_100
+    assert np.std(recording.channels[0]) == pytest.approx(np.std(tone), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1\n2.5\n-3e2\n", [[1, 2.5, -300]]),
+        ("Samples\r\n1\r\n2\r\n", [[1, 2]]),
+        ("1\r2\r3", [[1, 2, 3]]),
+        ("left,right\n1,2\n3,4\n", [[1, 3], [2, 4]]),
+        ("1;2\n3;4", [[1, 3], [2, 4]]),
+        ("1,5;2\n-3,25;4", [[1.5, -3.25], [2, 4]]),
+        ("0,5 1\n1,5 2", [[0.5, 1.5], [1, 2]]),
+        ("1\t2\n3\t4\n\n", [[1, 3], [2, 4]]),
+        ("  1   2 \n 3  4", [[1, 3], [2, 4]]),
+        ("1, 2\n3, 4", [[1, 3], [2, 4]]),
+        ("# a remark\nV, V\n% another\n1,2\n// 7\n3,4 # at the end", [[1, 3], [2, 4]]),
+        ("\ufeff1\n2", [[1, 2]]),
+        ("Sampling rate: 44100 Hz\nSensor 1\n\n1\n2", [[1, 2]]),
+    ],
+)
+def test_columns_of_numbers(text, expected):
+    recording = read_signal(text.encode())
+    assert recording.sampling_rate is None
+    np.testing.assert_array_equal(recording.channels, expected)
+
+
+def test_other_encodings():
+    np.testing.assert_array_equal(read_signal("Spannung in µV\n1\n2".encode("latin-1")).channels, [[1, 2]])
+    np.testing.assert_array_equal(read_signal("U\n1\n2".encode("utf-16")).channels, [[1, 2]])
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "empty file"),
+        (b"Samples\n1\n2\nhello\n3\n", "Line 4 holds “hello”; allowed are finite numbers"),
+        (b"1\n2\n3\x00\n4\n", "Line 3 holds a NUL byte"),
+        (b"\x00\x01\x02\x03", "Line 1 holds a NUL byte"),
+        (b"a\r\n\r\n1\r\nnan\r\n2\r\n", "Line 4 holds nan"),
+        (b"1\n-inf\n", "Line 2 holds -inf"),
+        (b"1,2\n3\n", "Line 2 holds 1 numbers and the lines before it 2"),
+        (b"1,2\n3,4,5\n", "Line 2 holds 3 numbers and the lines before it 2"),
+        (b"1,2\n3,\n", "Line 2 lacks a number"),
+        (b"# r\n1 # ok\n\n1_000\n", "Line 4 holds “1_000”"),
+        (b"![x](http://e.org)\n1\n2\n![x](http://e.org/long/long)", r"Line 4 holds “\?\?x\?\?http:”"),
+        (b"word\nand more words\n", "No line of the text holds numbers alone"),
+        (b"1" * 5000, "Line 1 is 5,000 characters long"),
+        (b"7\n", "holds 1 samples; at least 2"),
+        (b",".join([b"1"] * 65) + b"\n" + b",".join([b"1"] * 65), "65 channels; allowed are 1 to 64"),
+        (wav_header(0), "without channels; accepted are WAV, FLAC"),
+        (wav_header(1, data=bytes(2)), "holds 1 samples; at least 2"),
+        (wav_header(1, data=b""), "holds 0 samples; at least 2"),
+        (sound(STEREO, "FLAC")[:30], "damaged, cut short or without channels"),
+        (b"RIFF", "damaged, cut short"),
+        (sound(np.array([0.0, np.nan, 1.0]), "WAV", subtype="FLOAT"), "holds 1 NaN or infinite samples"),
+        (npy(np.array([1.0, np.inf, np.nan])), "holds 2 NaN or infinite samples"),
+        (npy(np.zeros((2, 3, 4))), r"shape \(2, 3, 4\)"),
+        (npy(np.zeros((100, 100))), "100 channels"),
+        (npy(np.zeros(1)), "holds 1 samples"),
+        (npy(np.array([1, 2j])), "holds complex128"),
+        (npy(np.array(["a", "b"])), "allowed are integers and floats"),
+        (npy(np.zeros(50))[:-8], "cut short: its header announces 50 numbers"),
+        (b"\x93NUMPY\x01\x00", "header cannot be read"),
+    ],
+)
+def test_bad_files_are_one_clear_sentence(data, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        read_signal(data)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 200
+
+
+def test_an_array_that_would_run_code_is_refused():
+    stream = io.BytesIO()
+    np.save(stream, np.array([print, 1], dtype=object), allow_pickle=True)
+    with pytest.raises(ValueError, match="holds object"):
+        read_signal(stream.getvalue())
+
+
+def test_a_header_that_promises_too_much_is_refused_before_decoding():
+    huge = bytearray(sound(np.zeros(100), "FLAC"))
+    huge[21] |= 0x0F  # the upper bits of the 36-bit count of samples in STREAMINFO
+    with pytest.raises(ValueError, match="at most 30,000,000 in all are accepted"):
+        read_signal(huge)
+    big = io.BytesIO()
+    np.lib.format.write_array_header_1_0(big, {"descr": "<f8", "fortran_order": False, "shape": (10**15,)})
+    with pytest.raises(ValueError, match="cut short"):
+        read_signal(big.getvalue() + bytes(64))
+
+
+@given(
+    samples=hnp.arrays(
+        np.float64,
+        st.tuples(st.integers(1, 4), st.integers(5, 30)),
+        elements=st.floats(allow_nan=False, allow_infinity=False),
+    ),
+    separator=st.sampled_from([",", ";", "\t", " "]),
+    newline=st.sampled_from(["\n", "\r\n", "\r"]),
+    header=st.sampled_from(["", "Samples", "# made today"]),
+)
+def test_any_numbers_survive_the_way_through_text(samples, separator, newline, header):
+    lines = [header] * bool(header) + [separator.join(map(repr, row)) for row in samples.T.tolist()]
+    np.testing.assert_array_equal(read_signal(newline.join(lines).encode()).channels, samples)
+
+
+@given(
+    array=hnp.arrays(
+        st.sampled_from([np.int16, np.float32, np.float64, np.dtype(">f8"), np.uint8]),
+        st.tuples(st.integers(1, 4), st.integers(5, 30)),
+        elements=st.integers(0, 100),
+    ),
+    order=st.sampled_from("CF"),
+    transposed=st.booleans(),
+)
+def test_arrays_come_with_time_as_the_longer_axis(array, order, transposed):
+    stored = np.array(array.T if transposed else array, order=order)
+    np.testing.assert_array_equal(read_signal(npy(stored)).channels, array)
+
+
+def test_one_dimension_is_one_channel():
+    np.testing.assert_array_equal(read_signal(npy(np.arange(5))).channels, [np.arange(5.0)])
+
+
+def test_the_recordings_of_the_report(data_dir):
+    recordings = [read_signal(data_dir / "signals" / "report" / f"sensor{i}Data.txt").channels for i in (1, 2)]
+    assert [recording.shape for recording in recordings] == [(1, 176_401)] * 2
+    np.testing.assert_array_equal(recordings[0][0, :-50_082], recordings[1][0, 50_082:])
+
+
+def test_four_microphones(data_dir):
+    for path in (data_dir / "signals" / "respeaker").glob("*.wav"):
+        recording = read_signal(path)
+        assert recording.sampling_rate == 16_000
+        assert recording.channels.shape[0] == 4
+
+
+def test_a_recording_is_an_array_of_its_samples() -> None:
+    mono = read_signal(b"1\n2\n4\n3\n")
+    assert np.asarray(mono).tolist() == [1, 2, 4, 3]
+    assert np.asarray(mono, dtype=np.float32).dtype == np.float32
+    stereo = read_signal(b"1,5\n2,6\n4,9\n")
+    assert np.asarray(stereo).shape == (2, 3)
+    noise = "\n".join(f"{value:.6f}" for value in np.random.default_rng(0).normal(size=400))
+    later = read_signal(("\n".join(["0.5"] * 7) + "\n" + noise).encode())
+    assert signal_lag(read_signal(noise.encode()), later).lag == 7
+    with pytest.raises(ValueError, match="one channel at a time"):
+        signal_lag(stereo, mono)
+
+
+@pytest.mark.parametrize(
+    ("times", "clock"),
+    [
+        (np.arange(400), 0),
+        (np.round(np.arange(400) / 44_100, 6), 0),
+        (100 - np.arange(400), None),
+        (np.zeros(400), None),
+        (np.arange(400) ** 2, None),
+    ],
+)
+def test_a_column_of_times_is_told_from_signals(times: np.ndarray, clock: int | None) -> None:
+    lines = (f"{time},{value:.6f}" for time, value in zip(times, STEREO[:400, 0], strict=True))
+    recording = read_signal("\n".join(lines).encode())
+    assert recording.clock == clock
+    assert read_signal("\n".join(map(str, times)).encode()).clock is None  # alone it is what was recorded

@@ -1,0 +1,125 @@
+"""A rig with distortion and turned cameras sees marks on a slanted board: rows and depths must come out right."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from stereolag.calibration import StereoRig
+from stereolag.rectification import rectified_calibration, rectify
+
+WIDTH, HEIGHT = 480, 360
+MARKS = np.stack(np.meshgrid(np.linspace(-0.55, 0.65, 7), np.linspace(-0.4, 0.4, 5)), axis=-1).reshape(-1, 2)
+MARK_RADIUS = 0.018
+
+
+@pytest.fixture(scope="module")
+def rig() -> StereoRig:
+    return StereoRig(
+        left_matrix=[[420, 0, 236], [0, 424, 184], [0, 0, 1]],
+        left_distortion=[-0.25, 0.08, 0.001, -0.0008, 0],
+        right_matrix=[[426, 0, 247], [0, 425, 175], [0, 0, 1]],
+        right_distortion=[-0.22, 0.06, -0.0006, 0.0012, 0.002],
+        rotation=cv2.Rodrigues(np.array([0.012, -0.03, 0.015]))[0],
+        translation=[-0.12, 0.004, -0.003],
+        width=WIDTH,
+        height=HEIGHT,
+    )
+
+
+def board_depth(x, y):
+    """The board in the frame of the left camera: z as a function of x and y."""
+    return 1.6 + 0.15 * x - 0.1 * y
+
+
+def photograph(matrix, distortion, rotation, translation) -> np.ndarray:
+    """Trace a ray of each pixel to the board z = 1.6 + 0.15 x - 0.1 y and paint Gaussian marks on it."""
+    cols, rows = np.meshgrid(np.arange(WIDTH, dtype=float), np.arange(HEIGHT, dtype=float))
+    pixels = np.stack([cols.ravel(), rows.ravel()], axis=-1)[:, None]
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-10)
+    straight = cv2.undistortPoints(pixels, matrix, distortion, criteria=criteria)[:, 0]
+    rays = np.column_stack([straight, np.ones(len(straight))]) @ rotation  # into the left frame
+    centre = -rotation.T @ translation
+    normal = np.array([-0.15, 0.1, 1.0])
+    distance = (1.6 - normal @ centre) / (rays @ normal)
+    spots = centre[:2] + rays[:, :2] * distance[:, None]
+    squared = ((spots[:, None] - MARKS) ** 2).sum(axis=2)
+    ink = np.exp(-squared / (2 * MARK_RADIUS**2)).sum(axis=1)
+    return ink.reshape(HEIGHT, WIDTH)
+
+
+@pytest.fixture(scope="module")
+def pair(rig):
+    return (
+        photograph(rig.left_matrix, rig.left_distortion, np.eye(3), np.zeros(3)),
+        photograph(rig.right_matrix, rig.right_distortion, rig.rotation, rig.translation),
+    )
+
+
+def centroids(image: np.ndarray, expected: np.ndarray, reach: int = 11) -> np.ndarray:
+    """Return the centres of mass (col, row) of the marks near where they are expected."""
+    found = []
+    for col, row in np.rint(expected).astype(int):
+        patch = image[row - reach : row + reach + 1, col - reach : col + reach + 1].astype(float)
+        rows, cols = np.mgrid[row - reach : row + reach + 1, col - reach : col + reach + 1]
+        found.append([(patch * cols).sum() / patch.sum(), (patch * rows).sum() / patch.sum()])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_rows_align_and_depths_are_right(rig, pair, dtype):
+    peak = 1 if dtype == np.float32 else np.iinfo(dtype).max
+    images = [np.rint(image * peak).astype(dtype) if peak > 1 else image.astype(dtype) for image in pair]
+    left, right, calibration = rectify(*images, rig)
+    assert left.dtype == right.dtype == dtype
+    assert left.shape == right.shape == (HEIGHT, WIDTH)
+
+    marks = np.column_stack([MARKS, board_depth(*MARKS.T)])
+    rotation = cv2.stereoRectify(
+        rig.left_matrix, rig.left_distortion, rig.right_matrix, rig.right_distortion, (WIDTH, HEIGHT),
+        rig.rotation, rig.translation[:, None], flags=cv2.CALIB_ZERO_DISPARITY, alpha=0,
+    )[0]  # fmt: skip
+    marks = marks @ rotation.T
+    expected = calibration.focal_px * marks[:, :2] / marks[:, 2:] + [calibration.cx, calibration.cy]
+    shift = calibration.focal_px * calibration.baseline_m / marks[:, 2]
+    inside = (np.abs(expected[:, 1] - HEIGHT / 2) < HEIGHT / 2 - 13) & (expected[:, 0] < WIDTH - 13)
+    inside &= expected[:, 0] - shift > 13
+    assert inside.sum() >= 20
+    in_left = centroids(left, expected[inside])
+    in_right = centroids(right, expected[inside] - np.column_stack([shift, 0 * shift])[inside])
+    assert np.abs(in_left[:, 1] - in_right[:, 1]).max() < 0.1
+    np.testing.assert_allclose(calibration.depth(in_left[:, 0] - in_right[:, 0]), marks[inside, 2], rtol=0.005)
+
+
+def test_the_baseline_is_the_distance_between_the_cameras(rig):
+    calibration = rectified_calibration(rig, (WIDTH, HEIGHT))
+    assert calibration.baseline_m == pytest.approx(np.linalg.norm(rig.translation))
+    assert calibration.doffs_px == 0
+    assert (calibration.width, calibration.height) == (WIDTH, HEIGHT)
+
+
+def test_colour_and_alpha_are_rectified_like_grey(rig, pair):
+    grey = [np.rint(image * 255).astype(np.uint8) for image in pair]
+    rgba = [np.dstack([image, 255 - image, image, np.full_like(image, 255)]) for image in grey]
+    left, right, _ = rectify(*grey, rig)
+    left_rgba, right_rgba, _ = rectify(*rgba, rig)
+    np.testing.assert_array_equal(left_rgba[:, :, 0], left)
+    np.testing.assert_array_equal(right_rgba[:, :, 2], right)
+    assert (left_rgba[:, :, 3] == 255).mean() > 0.98
+
+
+def test_resized_images_scale_the_rig(rig, pair):
+    small = [cv2.resize(image, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA) for image in pair]
+    _, _, full = rectify(*pair, rig)
+    left, _, half = rectify(*small, rig)
+    assert left.shape == (HEIGHT // 2, WIDTH // 2)
+    assert half.focal_px == pytest.approx(full.focal_px / 2, rel=0.01)
+    assert half.baseline_m == pytest.approx(full.baseline_m)
+
+
+def test_images_that_do_not_fit_are_refused(rig, pair):
+    with pytest.raises(ValueError, match="left is 480 × 360 and right is 480 × 359"):
+        rectify(pair[0], pair[1][:-1], rig)
+    with pytest.raises(ValueError, match="480 × 340 pixels and the cameras were calibrated at 480 × 360"):
+        rectify(pair[0][:340], pair[1][:340], rig)

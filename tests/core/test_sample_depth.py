@@ -1,0 +1,24 @@
+"""The matchers on the bundled pairs: right enough that a page made of them teaches something true."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereolag.reading import read_disparity, read_image
+from stereolag.samples import stereo_pairs
+from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.stereo.evaluation import evaluate
+from stereolag.stereo.search import SearchArea
+
+
+@pytest.mark.parametrize(("name", "allowed"), [("cube", 15), ("giraffes", 45), ("square", 15), ("road", 25)])
+def test_plain_correlation_measures_the_bundled_pairs(name: str, allowed: float) -> None:
+    example = stereo_pairs()[name]
+    truth = read_disparity(example.disparity)
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(example.num_disparities))
+    result = matcher.compute(read_image(example.left), read_image(example.right))
+    seen = read_image(example.occlusion) == 0
+    figures = evaluate(result.disparity, truth, mask=seen & np.isfinite(truth))
+    assert figures.density > 0.9
+    assert figures.bad_measured[2.0] < allowed

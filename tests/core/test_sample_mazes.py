@@ -1,0 +1,117 @@
+"""The bundled mazes are what they claim to be; the oracle is OpenCV's masked template matching."""
+
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from stereolag.samples import ASSETS, mazes
+from tools.maze.__main__ import make_template
+
+EXAMPLES = mazes()
+
+
+@cache
+def load(name):
+    example = EXAMPLES[name]
+    return np.array(Image.open(example.picture)), np.array(Image.open(example.template))
+
+
+def packed(pixels):
+    """One number a colour."""
+    return pixels[..., :3].astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
+
+
+def behind_the_template(name):
+    """The part of the picture where Rocketman stands, and which pixels of it are his."""
+    (picture, template), example = load(name), EXAMPLES[name]
+    height, width = template.shape[:2]
+    window = picture[example.row : example.row + height, example.col : example.col + width]
+    return window, template[..., :3], template[..., 3] == 255
+
+
+@cache
+def score_map(name):
+    """Masked ZNCC on grey, NaN where a window is flat."""
+    picture, template = load(name)
+    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    wanted = cv2.cvtColor(np.ascontiguousarray(template[..., :3]), cv2.COLOR_RGB2GRAY).astype(np.float32)
+    mask = (template[..., 3] == 255).astype(np.float32)
+    scores = cv2.matchTemplate(grey, wanted, cv2.TM_CCOEFF_NORMED, mask=mask)
+    return np.where(np.isfinite(scores), scores, -1.0)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_sizes_and_modes(name):
+    picture, template = load(name)
+    assert picture.shape == (1526, 2446, 3)
+    assert template.shape == (123, 111, 4)
+    assert picture.dtype == template.dtype == np.uint8
+
+
+def test_rocketman_stands_on_transparent_ground():
+    alpha = load("maze")[1][..., 3]
+    assert set(np.unique(alpha)) == {0, 255}
+    assert 0.4 < np.mean(alpha == 255) < 0.8
+    assert not alpha[[0, 0, -1, -1], [0, -1, 0, -1]].any()
+
+
+def test_the_script_draws_him_again():
+    assert np.array_equal(np.array(make_template()), load("maze")[1])
+
+
+def test_his_place_in_the_first_maze_is_the_one_of_the_report():
+    assert (EXAMPLES["maze"].row, EXAMPLES["maze"].col) == (528, 982)
+
+
+@pytest.mark.parametrize(("name", "lowest"), [("maze", 0.999), ("maze_dulled", 0.7)])
+def test_he_is_the_only_good_match(name, lowest):
+    scores, example = score_map(name).copy(), EXAMPLES[name]
+    place = np.unravel_index(np.argmax(scores), scores.shape)
+    assert place == (example.row, example.col)
+    assert scores[place] > lowest
+    scores[example.row - 60 : example.row + 61, example.col - 55 : example.col + 56] = -1
+    assert scores.max() < 0.55
+
+
+def test_his_pixels_are_exact_in_the_first_maze():
+    window, template, his = behind_the_template("maze")
+    assert np.array_equal(window[his], template[his])
+
+
+def test_decoys_share_every_colour_of_his():
+    picture, template = load("maze")
+    his = np.unique(packed(template)[template[..., 3] == 255])
+    values, counts = np.unique(packed(picture), return_counts=True)
+    occurrences = dict(zip(values.tolist(), counts.tolist(), strict=True))
+    assert min(occurrences[colour] for colour in his.tolist()) > 20
+
+
+def test_he_is_dulled_and_grainy_in_the_second_maze():
+    window, template, his = behind_the_template("maze_dulled")
+    exact = np.all(window == template, axis=-1)[his]
+    assert exact.mean() < 0.001
+    assert window[his].std() < 0.75 * template[his].std()
+
+
+def test_a_part_of_him_is_covered_in_the_second_maze():
+    """Where he shows, his brightness follows the template; a cover breaks the fit by far more than the grain."""
+    window, template, his = behind_the_template("maze_dulled")
+    seen, wanted = (cv2.blur(pixels.mean(axis=-1), (3, 3))[his] for pixels in (window, template))
+    slope, offset = np.polyfit(wanted, seen, 1)
+    for _ in range(10):
+        fits = np.abs(seen - slope * wanted - offset) < 18
+        slope, offset = np.polyfit(wanted[fits], seen[fits], 1)
+    assert 0.12 < np.mean(~fits) < 0.3
+
+
+def test_the_mazes_differ():
+    first, second = load("maze")[0], load("maze_dulled")[0]
+    assert np.mean(np.any(first != second, axis=-1)) > 0.9
+    assert (EXAMPLES["maze"].row, EXAMPLES["maze"].col) != (EXAMPLES["maze_dulled"].row, EXAMPLES["maze_dulled"].col)
+
+
+def test_size_budget():
+    assert sum(path.stat().st_size for path in (ASSETS / "maze").iterdir()) < 9e6

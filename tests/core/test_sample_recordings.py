@@ -1,0 +1,134 @@
+"""The bundled recordings are what they claim to be; the oracle is SciPy, none of our own correlations."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import soundfile
+from scipy import fft, signal
+
+from stereolag.samples import ASSETS, recordings
+from tools import recordings as script
+
+SAMPLES = 176_401
+EXAMPLES = recordings()
+
+
+@cache
+def load(name):
+    example = EXAMPLES[name]
+    return tuple(soundfile.read(path)[0] for path in (example.signal_1, example.signal_2))
+
+
+def common_part(name):
+    """Both recordings over the moments that both heard, mean-free."""
+    (signal_1, signal_2), lag = load(name), EXAMPLES[name].lag
+    first = signal_1[max(-lag, 0) : SAMPLES - max(lag, 0)]
+    second = signal_2[max(lag, 0) : SAMPLES - max(-lag, 0)]
+    return first - first.mean(), second - second.mean()
+
+
+def linear_correlation(name):
+    signal_1, signal_2 = (samples - samples.mean() for samples in load(name))
+    lags = signal.correlation_lags(SAMPLES, SAMPLES)
+    return lags, signal.correlate(signal_2, signal_1, method="fft")
+
+
+def circular_lag(signal_1, signal_2):
+    """The naive method: no zero padding, so the ends of the recordings meet."""
+    spectrum = fft.rfft(signal_2 - signal_2.mean()) * fft.rfft(signal_1 - signal_1.mean()).conj()
+    lag = int(np.argmax(fft.irfft(spectrum, SAMPLES)))
+    return lag if lag <= SAMPLES // 2 else lag - SAMPLES
+
+
+def phat_lag(signal_1, signal_2):
+    spectrum = fft.rfft(signal_2, 2 * SAMPLES) * fft.rfft(signal_1, 2 * SAMPLES).conj()
+    lag = int(np.argmax(fft.irfft(spectrum / np.abs(spectrum), 2 * SAMPLES)))
+    return lag if lag < SAMPLES else lag - 2 * SAMPLES
+
+
+def test_coast_is_the_setup_of_the_report():
+    example = EXAMPLES["coast"]
+    assert example.lag == 50_082
+    assert example.lag / example.sampling_rate * example.speed == pytest.approx(378.17, abs=0.005)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_files_are_mono_of_the_stated_length_rate_and_level(name):
+    example = EXAMPLES[name]
+    for path in (example.signal_1, example.signal_2):
+        information = soundfile.info(path)
+        assert (information.frames, information.channels) == (SAMPLES, 1)
+        assert information.samplerate == example.sampling_rate
+    loudest = max(np.max(np.abs(samples)) for samples in load(name))
+    assert 20 * np.log10(loudest) == pytest.approx(-3, abs=0.1)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_linear_correlation_peaks_at_the_true_lag(name):
+    lags, correlation = linear_correlation(name)
+    assert lags[np.argmax(correlation)] == EXAMPLES[name].lag
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_phat_peaks_at_the_true_lag(name):
+    assert phat_lag(*load(name)) == EXAMPLES[name].lag
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_correlation_normalised_by_the_overlap_peaks_at_the_true_lag(name):
+    lags, correlation = linear_correlation(name)
+    energy_1, energy_2 = (np.cumsum(np.r_[0, (samples - samples.mean()) ** 2]) for samples in load(name))
+    overlap = SAMPLES - np.abs(lags)
+    first = energy_1[np.minimum(SAMPLES, SAMPLES - lags)] - energy_1[np.maximum(0, -lags)]
+    second = energy_2[np.minimum(SAMPLES, SAMPLES + lags)] - energy_2[np.maximum(0, lags)]
+    enough = overlap > SAMPLES // 40
+    score = correlation[enough] / np.sqrt(first[enough] * second[enough])
+    assert lags[enough][np.argmax(score)] == EXAMPLES[name].lag
+
+
+@pytest.mark.parametrize(("name", "decibels"), [("coast", -50), ("harbour", 0)])
+def test_each_sensor_adds_its_own_noise(name, decibels):
+    first, second = common_part(name)
+    pearson = np.corrcoef(first, second)[0, 1]
+    # Equal noise-to-signal power r at both sensors makes the Pearson correlation 1 / (1 + r) over the whole recording.
+    # The horns that only one sensor hears raise the noise of harbour's common part.
+    noise = 10 * np.log10(1 / pearson - 1)
+    assert noise == pytest.approx(decibels, abs=2.5)
+
+
+def test_coast_does_not_repeat():
+    samples = load("coast")[0]
+    samples = samples - samples.mean()
+    autocorrelation = signal.correlate(samples, samples, method="fft")[SAMPLES - 1 :] / (samples @ samples)
+    assert np.max(np.abs(autocorrelation[int(0.05 * 44_100) :])) < 0.3
+
+
+def test_harbour_has_another_gain_at_each_sensor():
+    first, second = common_part("harbour")
+    assert 0.3 < np.std(second) / np.std(first) < 0.6
+
+
+def test_harbour_fools_a_circular_correlation():
+    lag = circular_lag(*load("harbour"))
+    assert abs(lag - EXAMPLES["harbour"].lag) > 10_000
+    assert circular_lag(*load("coast")) in (EXAMPLES["coast"].lag, EXAMPLES["coast"].lag - SAMPLES)
+
+
+def test_harbour_fools_who_lines_up_the_loudest_moments():
+    loudest_1, loudest_2 = (int(np.argmax(np.abs(samples))) for samples in load("harbour"))
+    assert abs(loudest_2 - loudest_1 - EXAMPLES["harbour"].lag) > 10_000
+
+
+def test_the_script_makes_them_again(monkeypatch, tmp_path):
+    monkeypatch.setattr(script, "SIGNALS", tmp_path)
+    script.main()
+    for path in (ASSETS / "signals").glob("*.flac"):
+        again, _ = soundfile.read(tmp_path / path.name, dtype="int16")
+        committed, _ = soundfile.read(path, dtype="int16")
+        # Another FFT library may round a sample the other way.
+        assert np.max(np.abs(again.astype(int) - committed)) <= 1
+
+
+def test_size_budget():
+    assert sum(path.stat().st_size for path in (ASSETS / "signals").iterdir()) < 2.5e6

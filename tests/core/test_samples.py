@@ -1,0 +1,46 @@
+from dataclasses import FrozenInstanceError, fields
+from pathlib import Path
+
+import pytest
+
+from stereolag import samples
+
+LISTS = (samples.recordings, samples.mazes, samples.stereo_pairs)
+
+
+@pytest.mark.parametrize("examples", LISTS)
+def test_every_example_is_complete(examples):
+    found = examples()
+    assert found
+    for name, example in found.items():
+        assert example.name == name
+        assert example.title
+        assert example.description.endswith(".")
+        paths = [getattr(example, field.name) for field in fields(example)]
+        assert all(path.is_file() for path in paths if isinstance(path, Path))
+
+
+@pytest.mark.parametrize("examples", LISTS)
+def test_order_is_stable_and_examples_are_frozen(examples):
+    assert list(examples()) == list(examples())
+    first = next(iter(examples().values()))
+    with pytest.raises(FrozenInstanceError):
+        first.name = "other"
+
+
+def test_the_plain_examples_come_first():
+    assert list(samples.recordings()) == ["coast", "harbour"]
+    assert list(samples.mazes()) == ["maze", "maze_dulled"]
+    assert list(samples.stereo_pairs()) == sorted(samples.stereo_pairs())
+
+
+@pytest.mark.parametrize("examples", LISTS)
+def test_absent_examples_are_named(examples, monkeypatch, tmp_path):
+    monkeypatch.setattr(samples, "ASSETS", tmp_path / "assets")
+    with pytest.raises(FileNotFoundError, match="bundled examples are not at"):
+        examples()
+
+
+def test_all_examples_fit_the_budget():
+    sizes = [path.stat().st_size for path in samples.ASSETS.rglob("*") if path.is_file()]
+    assert sum(sizes) < 25e6
