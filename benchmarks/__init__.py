@@ -1,0 +1,1 @@
+"""Every speed and accuracy table against the peers: ``python -m benchmarks``."""

@@ -1,0 +1,99 @@
+"""Print every table and keep it as Markdown and JSON in benchmarks/results/."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+from dataclasses import asdict
+from pathlib import Path
+
+import cv2
+import numba
+import numpy as np
+import scipy
+
+from benchmarks.accuracy import accuracy_tables
+from benchmarks.browser import latency_table
+from benchmarks.pairs import DATA
+from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
+from benchmarks.timing import Row
+
+RESULTS = Path(__file__).parent / "results"
+
+
+def conditions() -> dict[str, str]:
+    """Return what the figures depend on besides the code."""
+    return {
+        "Python": platform.python_version(),
+        "NumPy": np.__version__,
+        "SciPy": scipy.__version__,
+        "OpenCV": f"{cv2.__version__}, {cv2.getNumThreads()} threads",
+        "numba": numba.__version__,
+        "cores": str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()),
+        "machine": platform.machine(),
+    }
+
+
+def spoken(value: float, unit: str) -> str:
+    """Return a figure with three digits in a unit that fits."""
+    for factor, name in ((1, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")):
+        if unit == "s" and value * factor >= 1:
+            return f"{value * factor:.3g} {name}"
+    return f"{value:.3g} {unit}" if unit != "s" else f"{value * 1e12:.3g} ps"
+
+
+def table(rows: list[Row]) -> str:
+    """Return rows as a Markdown table."""
+    lines = [
+        "| task | ours | peer | | ratio | must | aim | the report | times faster |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        reported = REPORT.get(row.task)
+        then = f"{reported:g} s | {reported / row.ours:,.0f} ×" if reported else " | "
+        lines.append(
+            f"| {row.task} | {spoken(row.ours, row.unit)} | {row.peer_name} | {spoken(row.peer, row.unit)} |"
+            f" {row.ratio:.3g} | {row.must} | {row.aim} | {then} |"
+        )
+    notes = [f"\n{row.task}: {row.note}." for row in rows if row.note]
+    return "\n".join(lines + notes)
+
+
+def keep(name: str, title: str, body: str, values: object) -> None:
+    """Print a table and write it down with its conditions."""
+    state = conditions()
+    text = f"# {title}\n\n{body}\n\n" + ", ".join(f"{key} {value}" for key, value in state.items()) + ".\n"
+    print(text, flush=True)
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / f"{name}.md").write_text(text, encoding="utf-8")
+    document = json.dumps({"conditions": state, "figures": values}, indent=1)
+    (RESULTS / f"{name}.json").write_text(document + "\n", encoding="utf-8")
+
+
+def main() -> None:
+    """Run the tables that are asked for, all by default."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument(
+        "tables", nargs="*", choices=["speed", "accuracy", "browser", []], help="which tables; all by default"
+    )
+    wanted = parser.parse_args().tables or ["speed", "accuracy", "browser"]
+    if "speed" in wanted:
+        rows = [*stereo_rows(), *signal_rows(), *template_rows()]
+        keep("speed", "Speed", table(rows), [asdict(row) | {"ratio": row.ratio} for row in rows])
+    if "accuracy" in wanted:
+        if DATA.is_dir():
+            keep("accuracy", "Accuracy", *accuracy_tables())
+        else:
+            print(f"Accuracy is left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
+    if "browser" in wanted:
+        latency = latency_table()
+        if latency:
+            keep("browser", "In the browser", *latency)
+        else:
+            print("The latency is left out: there is no Chromium (set CHROMIUM).")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,64 @@
+"""Times as ratios: ours and the peer in turn, in one run, so that a machine that drifts drifts for both."""
+
+from __future__ import annotations
+
+import statistics
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+Job = Callable[[], object]
+
+
+def interleaved(jobs: Mapping[str, Job], *, runs: int = 15) -> dict[str, float]:
+    """Return the median seconds of every job, run in turn `runs` times after one warm-up each."""
+    seconds: dict[str, list[float]] = {name: [] for name in jobs}
+    for round_number in range(runs + 1):
+        for name, job in jobs.items():
+            start = time.perf_counter()
+            job()
+            if round_number:
+                seconds[name].append(time.perf_counter() - start)
+    return {name: statistics.median(times) for name, times in seconds.items()}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a table: what was measured, ours, the peer's, their ratio, and what was asked."""
+
+    task: str
+    ours: float
+    peer_name: str
+    peer: float
+    unit: str
+    must: str
+    aim: str
+    note: str = ""
+
+    @property
+    def ratio(self) -> float:
+        return self.ours / self.peer
+
+
+def peak_extra_memory(job: Job) -> float:
+    """Return by how many MB the resident memory of this process rises at the most while `job` runs."""
+    statm, page = Path("/proc/self/statm"), 4096
+    done = threading.Event()
+    start = peak = int(statm.read_text().split()[1])
+
+    def watch() -> None:
+        nonlocal peak
+        while not done.is_set():
+            peak = max(peak, int(statm.read_text().split()[1]))
+            done.wait(0.002)
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    try:
+        job()
+    finally:
+        done.set()
+        watcher.join()
+    return (peak - start) * page / 1e6
