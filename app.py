@@ -11,6 +11,7 @@ from stereolag.signals import signal_lag
 from stereolag.stereo.correlation import CorrelationMatcher
 from stereolag.stereo.search import SearchArea
 from stereolag.templates import match_template
+from stereolag.ui.images import show_png
 from stereolag.ui.navigation import open_page
 from stereolag.ui.pairs import example_pair
 from stereolag.ui.pictures import example_pictures
@@ -48,7 +49,7 @@ def show_search() -> None:
         label="Looking for Rocketman …",
     )
     best = result.matches[0]
-    st.image(match_close_up(pictures.picture, best), width="stretch", output_format="PNG")
+    show_png(match_close_up(pictures.picture, best))
     rows, cols = pictures.picture.shape[:2]
     st.markdown(
         f"A picture of {cols:,} × {rows:,} pixels full of people in his colours. Rocketman is at row **{best.row}**, "
@@ -68,7 +69,7 @@ def show_depth() -> None:
         label="Matching windows …",
     )
     low, high = disparity_range([result.disparity if pair.truth is None else pair.truth])
-    st.image(image_into_map(pair.left, result.disparity, low, high), width="stretch", output_format="PNG")
+    show_png(image_into_map(pair.left, result.disparity, low, high))
     st.markdown(
         f"Two eyes look at a puzzle cube. **{result.valid.sum():,} windows** were each found again: those that shifted "
         "most, in purple, are the nearest."

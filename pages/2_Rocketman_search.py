@@ -5,6 +5,7 @@ import streamlit as st
 from stereolag.figures import templates as figures
 from stereolag.templates import TemplateSearch, match_template
 from stereolag.ui.controls import control, last_valid
+from stereolag.ui.images import show_png
 from stereolag.ui.navigation import open_page
 from stereolag.ui.numbers import Number, show_numbers
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
@@ -16,8 +17,8 @@ from stereolag.ui.wording import duration, why_not_found
 def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
     """Return what to search for, or None where the settings are refused."""
     template, controls = st.columns([1, 4], gap="large")
-    look = figures.what_counts(inputs.template, inputs.mask)
-    template.image(look, caption="Look for this", output_format="PNG")
+    with template:
+        show_png(figures.what_counts(inputs.template, inputs.mask), "Look for this", stretch=False)
     with controls:
         method = control(TemplateQuery, "method", key="template.method", names=TEMPLATE_METHODS)
         st.caption(TEMPLATE_METHODS_EXPLAINED[method])
@@ -53,16 +54,19 @@ def report(result: TemplateSearch, query: TemplateQuery) -> None:
 def show(inputs: PictureAndTemplate, result: TemplateSearch) -> None:
     """Show the place in the picture, enlarged beside it, and the score of every place."""
     whole, beside = st.columns([3, 1], gap="medium")
-    whole.image(figures.framed(inputs.picture, result.matches), width="stretch", output_format="PNG")
-    for match in result.matches[:3]:
-        caption = f"row {match.row}, column {match.col}, score {match.score:.3f}"
-        beside.image(figures.match_close_up(inputs.picture, match), caption, width="stretch", output_format="PNG")
+    with whole:
+        show_png(figures.framed(inputs.picture, result.matches))
+    with beside:
+        for match in result.matches[:3]:
+            caption = f"row {match.row}, column {match.col}, score {match.score:.3f}"
+            show_png(figures.match_close_up(inputs.picture, match), caption)
     if result.score_map is None:
         st.caption("“Sampled” scores a few places only: there is no score map to show.")
         return
     st.markdown("##### How well it fits at every place")
     scores, legend = st.columns([3, 1], gap="medium")
-    scores.image(figures.score_map_png(result.score_map, result.matches), width="stretch", output_format="PNG")
+    with scores:
+        show_png(figures.score_map_png(result.score_map, result.matches))
     legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False})
     legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
 

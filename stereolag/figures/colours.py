@@ -22,6 +22,9 @@ FRAME = (255, 0, 160)
 NO_ANSWER = (140, 140, 140)
 """A neutral grey: no colour of viridis is one."""
 
+NO_ANSWER_NUMBER = 255
+"""Its place in a table of colours, after all others."""
+
 
 def palette(colour_map: int) -> Rgb:
     """Return one of OpenCV's colour maps as (256, 3) uint8 RGB."""
@@ -49,8 +52,19 @@ def coloured(values: npt.NDArray[np.floating[Any]], low: float, high: float, col
     picture
         (rows, cols, 3) uint8 RGB.
     """
+    return colour_table(colours)[colour_numbers(values, low, high)]
+
+
+def colour_numbers(values: npt.NDArray[np.floating[Any]], low: float, high: float) -> npt.NDArray[np.uint8]:
+    """Return which entry of a :func:`colour_table` each value gets: 0 at `low`, 254 at `high`, 255 without a value."""
+    share = (np.asarray(values, dtype=np.float32) - np.float32(low)) * np.float32((NO_ANSWER_NUMBER - 1) / (high - low))
     known = np.isfinite(values)
-    share = (np.where(known, values, low) - low) / (high - low)
-    picture = colours[np.rint(np.clip(share, 0, 1) * 255).astype(np.uint8)]
-    picture[~known] = NO_ANSWER
-    return picture
+    numbers = np.fmin(np.fmax(share, 0), NO_ANSWER_NUMBER - 1) + np.float32(0.5)
+    return np.where(known, numbers.astype(np.uint8), np.uint8(NO_ANSWER_NUMBER))
+
+
+def colour_table(colours: Rgb) -> Rgb:
+    """Return (256, 3) uint8 RGB: a ramp of 256 colours in 255 steps, and last the grey of no answer."""
+    return np.vstack([colours[np.rint(np.linspace(0, 255, NO_ANSWER_NUMBER)).astype(np.intp)], [NO_ANSWER]]).astype(
+        np.uint8
+    )

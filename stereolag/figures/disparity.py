@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.figures.colours import VIRIDIS, Rgb, coloured, palette
+from stereolag.figures.colours import VIRIDIS, Rgb, colour_numbers, colour_table, coloured, palette
 from stereolag.figures.legend import legend
-from stereolag.figures.pictures import SHOWN_WIDTH, as_rgb, png
+from stereolag.figures.pictures import as_rgb, indexed_png, png, thinned
 from stereolag.inputs import Image
 
 FAR_TO_NEAR = VIRIDIS[::-1]
@@ -42,13 +42,8 @@ def disparity_range(maps: Sequence[npt.NDArray[np.float32]]) -> tuple[float, flo
 
 
 def disparity_png(disparity: npt.NDArray[np.float32], low: float, high: float, colours: Rgb = FAR_TO_NEAR) -> bytes:
-    """Return a disparity map as a PNG: by default far yellow, near purple; no answer grey.
-
-    Of a map wider than :data:`SHOWN_WIDTH` every second, third … pixel is shown: colours mixed of several would stand
-    for a disparity that none of them has.
-    """
-    every = -(-disparity.shape[1] // SHOWN_WIDTH)
-    return png(coloured(disparity[::every, ::every], low, high, colours))
+    """Return a disparity map as a PNG, thinned where it is wide: by default far yellow, near purple; no answer grey."""
+    return indexed_png(colour_numbers(thinned(disparity), low, high), colour_table(colours))
 
 
 def image_into_map(image: Image, disparity: npt.NDArray[np.float32], low: float, high: float) -> bytes:

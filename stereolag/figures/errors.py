@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from stereolag.figures.colours import CORRELATION, PEAK, SENSOR_1, SENSOR_2, Rgb, coloured
 from stereolag.figures.legend import legend
-from stereolag.figures.pictures import png
+from stereolag.figures.pictures import png, thinned
 from stereolag.stereo.coverage import CoverageCurve
 
 MOST_SHOWN_PX = 4.0
@@ -38,11 +38,11 @@ ERROR_COLOURS = _ramp((49, 54, 149), (116, 173, 209), (224, 243, 248), (253, 174
 
 
 def error_png(disparity: npt.NDArray[np.float32], truth: npt.NDArray[np.float32]) -> bytes:
-    """Return |disparity - truth| as a PNG: red from 4 px, no answer grey, no truth black."""
+    """Return |disparity - truth| as a PNG, thinned where it is wide: red from 4 px, no answer grey, no truth black."""
     known = np.isfinite(truth)
     picture = coloured(np.abs(disparity - truth), 0, MOST_SHOWN_PX, ERROR_COLOURS)
     picture[~known] = NO_TRUTH
-    return png(_thickened(picture, known) if known.mean() < SPARSE else picture)
+    return png(thinned(_thickened(picture, known) if known.mean() < SPARSE else picture))
 
 
 def _thickened(picture: Rgb, known: npt.NDArray[np.bool_]) -> Rgb:
@@ -58,9 +58,8 @@ def _thickened(picture: Rgb, known: npt.NDArray[np.bool_]) -> Rgb:
 
 def error_legend() -> go.Figure:
     """Return a strip of the colours with the errors they stand for."""
-    figure = legend(0, MOST_SHOWN_PX, ERROR_COLOURS, "right ← error, px → wrong")
-    figure.update_xaxes(tickvals=[0, 1, 2, 3, 4], ticktext=["0", "1", "2", "3", "≥ 4"])
-    return figure
+    ticks = {0: "0", 1: "1", 2: "2", 3: "3", MOST_SHOWN_PX: "≥ 4"}
+    return legend(0, MOST_SHOWN_PX, ERROR_COLOURS, "right ← error, px → wrong", ticks)
 
 
 def error_over_coverage(curves: Mapping[str, CoverageCurve], threshold: float) -> go.Figure:

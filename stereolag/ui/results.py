@@ -69,16 +69,21 @@ def computed(compute: Callable[[Progress], T], *, inputs: str, settings: str, sh
     label
         What is shown meanwhile; it also tells different computations on the same inputs apart.
     """
+    # There whether or not anything is computed: else all that follows would change its place, and be drawn anew.
+    place = st.empty()
     key = hashlib.sha256("\0".join((label, inputs, settings)).encode()).hexdigest()
     results = _shared_results() if shared else _own_results()
     result: T | None = results.get(key)
     if result is None:
-        with shown_progress(label) as progress:
+        with place.container(), shown_progress(label) as progress:
             result = compute(progress)
+        place.empty()
         results.put(key, result)
     return result
 
 
 def _bytes_of(result: Any) -> int:
-    """Return the memory of the arrays that a result holds as attributes."""
+    """Return the memory of a file, or of the arrays that a result holds as attributes."""
+    if isinstance(result, bytes):
+        return len(result)
     return sum(value.nbytes for value in vars(result).values() if isinstance(value, np.ndarray))

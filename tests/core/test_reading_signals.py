@@ -117,6 +117,7 @@ def test_other_encodings():
         (npy(np.zeros(50))[:-8], "cut short: its header announces 50 numbers"),
         (b"\x93NUMPY\x01\x00", "header cannot be read"),
     ],
+    ids=lambda given: given if isinstance(given, str) else "file",
 )
 def test_bad_files_are_one_clear_sentence(data, message):
     with pytest.raises(ValueError, match=message) as caught:

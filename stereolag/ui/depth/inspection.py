@@ -25,6 +25,7 @@ from stereolag.stereo.instructive_pixels import Lesson, instructive_pixel
 from stereolag.stereo.result import Reason
 from stereolag.ui.depth.reasons import REASON_WORDS, reasons_of
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.images import show_png
 from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.progress import shown_progress
 
@@ -168,7 +169,7 @@ def _show_patches(view: DepthView, seen: Inspection) -> None:
     with st.container(horizontal=True, gap="small"):
         for name, image, box, score in places:
             with st.container(width=150):
-                st.image(patch_png(image, box), width="stretch", output_format="PNG")
+                show_png(patch_png(image, box))
                 st.caption(name if math.isnan(score) else f"{name}: **{score:.3f}**")
     st.caption(
         "Enlarged, in grey as they are compared, each from its darkest to its brightest. "

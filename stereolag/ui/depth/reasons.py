@@ -5,6 +5,7 @@ from __future__ import annotations
 from stereolag.stereo.blank_reasons import blank_reasons
 from stereolag.stereo.opencv import BlockMatcher
 from stereolag.stereo.result import Reason, ReasonMap
+from stereolag.ui.depth.judging import settings_of
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.results import computed
 
@@ -38,7 +39,7 @@ def reasons_of(view: DepthView, name: str) -> ReasonMap:
     explained = computed(
         lambda progress: _Reasons(blank_reasons(result, view.pair.left, view.pair.right, progress=progress)),
         inputs=view.pair.digest,
-        settings=f"{type(result.settings).__name__} {result.settings.model_dump_json()}",
+        settings=settings_of(result),
         shared=view.pair.shared,
         label=f"Asking {name} why …",
     )

@@ -17,7 +17,9 @@ from stereolag.figures.errors import error_legend, error_over_coverage, error_pn
 from stereolag.stereo.coverage import CoverageCurve, error_against_coverage
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.result import DisparityMap
+from stereolag.ui.depth.judging import judged, settings_of
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.images import show_png
 from stereolag.ui.results import computed
 
 THRESHOLD_PX = 2.0
@@ -56,8 +58,9 @@ def show_scoreboard(view: DepthView) -> None:
     _show_tables(judgements)
     st.markdown("##### Where they are wrong")
     for column, (name, result) in zip(st.columns(len(view.results)), view.results.items(), strict=True):
-        column.markdown(f"**{name}**")
-        column.image(error_png(result.disparity, truth), width="stretch", output_format="PNG")
+        with column:
+            st.markdown(f"**{name}**")
+            show_png(error_png(result.disparity, truth))
     st.plotly_chart(error_legend(), key="depth.scoreboard.legend", config={"displayModeBar": False})
     st.caption("Grey: no answer." if np.isfinite(truth).all() else "Grey: no answer. Black: no truth to compare with.")
     st.markdown("##### Do they know where they are wrong?")
@@ -68,7 +71,7 @@ def _judged(view: DepthView, result: DisparityMap, truth: npt.NDArray[np.float32
     """Return the figures of a map; from memory where they were worked out before."""
 
     def judge(_: object) -> Judgement:
-        evaluations = {ALL: evaluate(result.disparity, truth)}
+        evaluations = {ALL: judged(view.pair, result, truth)}
         visible = view.pair.visible
         if visible is not None and (visible & np.isfinite(truth)).any():
             evaluations[VISIBLE] = evaluate(result.disparity, truth, mask=visible)
@@ -78,9 +81,9 @@ def _judged(view: DepthView, result: DisparityMap, truth: npt.NDArray[np.float32
     return computed(
         judge,
         inputs=view.pair.digest,
-        settings=f"{type(result.settings).__name__} {result.settings.model_dump_json()}",
+        settings=settings_of(result),
         shared=view.pair.shared,
-        label="Comparing with the truth …",
+        label="Judging all pixels and the surest …",
     )
 
 

@@ -6,10 +6,11 @@ import streamlit as st
 
 from stereolag.figures.disparity import disparity_legend, disparity_png
 from stereolag.figures.pictures import fitted, png
-from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.result import DisparityMap
+from stereolag.ui.depth.judging import judged
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.images import show_png
 from stereolag.ui.numbers import Number, show_numbers
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.results import computed
@@ -38,16 +39,16 @@ def show_map(view: DepthView, name: str) -> None:
     if name not in view.results:
         return
     result = view.results[name]
-    st.image(disparity_png(result.disparity, view.low, view.high, view.palette), width="stretch", output_format="PNG")
+    show_png(disparity_png(result.disparity, view.low, view.high, view.palette))
     numbers = [
         Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
         Number("Coverage", percent(result.coverage), "Share of the pixels that have an answer."),
     ]
     if view.pair.truth is not None:
-        judged = evaluate(result.disparity, view.pair.truth)
+        figures = judged(view.pair, result, view.pair.truth)
         numbers += [
-            Number("Bad-2", f"{judged.bad[2.0]:.1f} %", "Pixels that are off by more than 2 px, or missing."),
-            Number("EPE", f"{judged.epe:.2f} px", "Mean error of the pixels that have an answer."),
+            Number("Bad-2", f"{figures.bad[2.0]:.1f} %", "Pixels that are off by more than 2 px, or missing."),
+            Number("EPE", f"{figures.epe:.2f} px", "Mean error of the pixels that have an answer."),
         ]
     show_numbers(numbers)
 
@@ -60,8 +61,14 @@ def show_images(view: DepthView) -> None:
     if chosen == "Truth" and pair.truth is not None:
         picture = disparity_png(pair.truth, view.low, view.high, view.palette)
     else:
-        picture = png(fitted(pair.right if chosen == "Right" else pair.left))
-    st.image(picture, width="stretch", output_format="PNG")
+        picture = computed(
+            lambda _: png(fitted(pair.right if chosen == "Right" else pair.left)),
+            inputs=pair.digest,
+            settings=chosen,
+            shared=pair.shared,
+            label="Drawing …",
+        )
+    show_png(picture)
     st.segmented_control("View", views, default="Left", required=True, key="depth.view", label_visibility="collapsed")
     st.plotly_chart(
         disparity_legend(view.low, view.high, view.palette), key="disparity_legend", config={"displayModeBar": False}

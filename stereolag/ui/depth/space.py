@@ -14,6 +14,7 @@ from stereolag.figures.clouds import birds_eye, point_cloud
 from stereolag.figures.pictures import as_rgb
 from stereolag.point_cloud import MOST_POINTS, clean_point_cloud, subsampled
 from stereolag.stereo.result import DisparityMap
+from stereolag.ui.depth.judging import settings_of
 from stereolag.ui.depth.metric import calibration_of
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.results import computed
@@ -130,7 +131,7 @@ def _space(view: DepthView, result: DisparityMap, calibration: Calibration, fart
     return computed(
         work_out,
         inputs=view.pair.digest,
-        settings=f"{type(result.settings).__name__} {result.settings.model_dump_json()} {calibration} {farthest}",
+        settings=f"{settings_of(result)} {calibration} {farthest}",
         shared=view.pair.shared,
         label="Placing the points …",
     )
