@@ -46,6 +46,7 @@ def point_cloud(points: Points, colours: Colours, unit: str) -> go.Figure:
             mode="markers",
             marker={
                 "size": size,
+                "symbol": "square",
                 "color": index,
                 "colorscale": palette,
                 "cmin": 0,

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 
 from tests.browser.serving import CHROMIUM, chromium, chromium_path, served_app
-from tests.browser.visits import OpenPage, faultless_pages
+from tests.browser.visits import TIMEOUT_MS, OpenPage, faultless_pages
+
+expect.set_options(timeout=TIMEOUT_MS)
 
 
 @pytest.fixture(scope="session")

@@ -13,10 +13,6 @@ from playwright.sync_api import Locator, Page, TimeoutError, expect
 from stereolag.samples import stereo_pairs
 from tests.browser.visits import OpenPage, screenshot, settled
 
-START_MS = 120
-"""The server has begun to answer by then."""
-
-TIMEOUT_MS = 12_000
 DOUBLE_CLICK_MS = 350
 
 
@@ -57,7 +53,6 @@ class DepthPage:
 
     def __init__(self, page: Page, name: str = "own") -> None:
         self.page, self.name = page, name
-        page.set_default_timeout(TIMEOUT_MS)
 
     @classmethod
     def with_example(cls, open_page: OpenPage, name: str, *, scheme: str = "light") -> DepthPage:
@@ -78,7 +73,6 @@ class DepthPage:
 
     def settle(self) -> None:
         """Wait until the page has answered, and without an exception."""
-        self.page.wait_for_timeout(START_MS)
         settled(self.page)
         expect(self.page.get_by_test_id("stException")).to_have_count(0)
 

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from tests.browser.serving import served_app
-from tests.browser.visits import OpenPage, screenshot, settled
+from tests.browser.visits import OpenPage, faultless_pages, screenshot
 
 
 @pytest.fixture(scope="module")
@@ -20,23 +20,14 @@ def parts_address(browser: Browser) -> Iterator[str]:
 
 @pytest.fixture
 def open_part(browser: Browser, parts_address: str) -> Iterator[OpenPage]:
-    errors: list[str] = []
-    pages: list[Page] = []
+    with faultless_pages(browser, parts_address) as open_page:
 
-    def opened(part: str, *, scheme: str = "light", width: int = 1280) -> Page:
-        page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)  # type: ignore[arg-type]
-        pages.append(page)
-        page.set_default_timeout(30_000)
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(f"{parts_address}/?part={part}")
-        settled(page)
-        page.locator("figure").first.wait_for()
-        return page
+        def opened(part: str, *, scheme: str = "light", width: int = 1280) -> Page:
+            page = open_page(f"?part={part}", scheme=scheme, width=width)
+            page.locator("figure").first.wait_for()
+            return page
 
-    yield opened
-    for page in pages:
-        page.close()
-    assert errors == []
+        yield opened
 
 
 def point(picture: Locator, across: float, down: float) -> dict[str, float]:

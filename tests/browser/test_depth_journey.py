@@ -330,7 +330,7 @@ def test_a_search_shows_its_progress_is_ended_and_taken_over(open_page: OpenPage
 
 
 def test_the_room_is_shown_from_the_camera_and_from_above(open_page: OpenPage) -> None:
-    visit = DepthPage(open_page(DEPTH_MAPS + "cube&size=1/2"), "cube")
+    visit = DepthPage(open_page(DEPTH_MAPS + "cube&size=1/4"), "cube")
     visit.choose("In 3-D")
     said = visit.page.get_by_text("flying pixels, which hang")
     expect(said).to_be_visible()

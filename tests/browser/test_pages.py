@@ -17,17 +17,18 @@ def no_exception(page: Page) -> None:
     expect(page.get_by_test_id("stAlertContentError")).to_have_count(0)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("name", PAGES)
-def test_every_page_opens_in_both_themes(open_page: OpenPage, name: str, scheme: str) -> None:
-    page = open_page(PAGES[name], scheme=scheme)
+def test_every_page_opens_in_both_themes_and_on_a_phone(open_page: OpenPage, name: str) -> None:
+    page = open_page(PAGES[name])
     no_exception(page)
-    screenshot(page, f"{name}-{scheme}")
+    screenshot(page, f"{name}-light")
 
+    page.emulate_media(color_scheme="dark")
+    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "dark")
+    screenshot(page, f"{name}-dark")
 
-@pytest.mark.parametrize("name", PAGES)
-def test_a_phone_shows_every_page_without_scrolling_sideways(open_page: OpenPage, name: str) -> None:
-    page = open_page(PAGES[name], width=390)
+    page.set_viewport_size({"width": 390, "height": 900})
+    settled(page)
     no_exception(page)
     assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 390
     screenshot(page, f"{name}-phone")

@@ -12,6 +12,22 @@ SCREENSHOTS = Path(__file__).resolve().parents[2] / "screenshots"
 
 OpenPage = Callable[..., Page]
 
+TIMEOUT_MS = 60_000
+"""Only a failure waits as long: a busy machine takes ten times what an idle one does."""
+
+HANDLED_MS = 120
+"""By then, after what a visitor does, the page has told the server, or never will."""
+
+WATCH_ANSWERS = """
+const send = WebSocket.prototype.send;
+WebSocket.prototype.send = function (...data) {
+  if (!this.watched) this.addEventListener("message", () => { window.unanswered = false; });
+  this.watched = window.unanswered = true;
+  return send.apply(this, data);
+};
+"""
+"""The page itself looks finished until the server's first word about a new run."""
+
 
 @contextmanager
 def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
@@ -30,7 +46,8 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
             color_scheme=scheme,  # type: ignore[arg-type]
         )
         pages.append(page)
-        page.set_default_timeout(30_000)
+        page.set_default_timeout(TIMEOUT_MS)
+        page.add_init_script(WATCH_ANSWERS)
         page.on("console", note)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"{address}/{path}")
@@ -44,10 +61,12 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
 
 
 def settled(page: Page) -> None:
-    """Wait until the script has run and every chart is drawn."""
+    """Wait until the server has answered, the script has run and every chart is drawn."""
     page.wait_for_selector("h1")
+    page.evaluate("wait => new Promise(done => setTimeout(done, wait))", HANDLED_MS)
     page.wait_for_function(
-        "document.querySelector('[data-testid=stApp]')?.dataset.testScriptState === 'notRunning'"
+        "!window.unanswered"
+        " && document.querySelector('[data-testid=stApp]')?.dataset.testScriptState === 'notRunning'"
         " && !document.querySelector('[data-testid=stSkeleton], [data-testid=stSpinner]')"
         " && [...document.querySelectorAll('[data-testid=stPlotlyChart]')].every(chart => chart.querySelector('svg'))"
         " && [...document.images].every(image => image.complete)"
