@@ -20,7 +20,7 @@ setup: $(VENV)/.run-ready $(VENV)/.kernels-warm
 setup-dev: setup $(VENV)/.dev-ready
 
 test: check
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
+	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup
 
 check: setup-dev
 	$(BIN)/ruff check .

@@ -1,5 +1,7 @@
 """Depth from two eyes: windowed correlation beside OpenCV's matchers, and everything to ask about the maps."""
 
+from dataclasses import replace
+
 import streamlit as st
 
 from stereolag.ui.depth.address import write_address
@@ -40,7 +42,7 @@ WHAT_FOLLOWS = (
 
 @st.fragment
 def workspace(pair: StereoPair) -> None:
-    """Ask, compute and show; moving a control reruns this part alone."""
+    """Ask, compute and show; moving a control reruns this part alone, and the maps come before all the rest."""
     show_presets(pair)
     doctor = st.container()
     titles = ("Images", "Convolution", "OpenCV StereoBM")
@@ -50,14 +52,28 @@ def workspace(pair: StereoPair) -> None:
         column.markdown(f"#### {title}")
         places.append(column.container())
     colours = columns[0].container()
-    with columns[0], st.expander("OpenCV StereoSGBM", key="depth.sgbm", on_change="rerun") as semi_global:
-        st.caption("A third method to compare with: it joins the maps below.")
-        semi_global_matcher = ask_semi_global(pair)
-    columns[0].markdown(WHAT_FOLLOWS)
     with columns[1], st.container(border=True):
         matcher = ask_correlation(pair)
     with columns[2], st.container(border=True):
         block_matcher = ask_block_matcher(pair)
+    methods = {"Convolution": (matcher, places[1]), "StereoBM": (block_matcher, places[2])}
+    results = {}
+    for name, (settings, place) in methods.items():
+        with place:
+            result = measured(pair, settings, f"{name} …")
+        if result is not None:
+            results[name] = result
+    with colours:
+        view = coloured_alike(pair, results)
+    for name, (_, place) in methods.items():
+        with place:
+            show_map(view, name)
+    with places[0]:
+        show_images(view)
+    with columns[0], st.expander("OpenCV StereoSGBM", key="depth.sgbm", on_change="rerun") as semi_global:
+        st.caption("A third method to compare with: it joins the maps below.")
+        semi_global_matcher = ask_semi_global(pair)
+    columns[0].markdown(WHAT_FOLLOWS)
     write_address(pair, (matcher, block_matcher, semi_global_matcher))
     st.subheader("Look closer", anchor="look-closer")
     part = st.segmented_control(
@@ -68,25 +84,14 @@ def workspace(pair: StereoPair) -> None:
         width="stretch",
         label_visibility="collapsed",
     )
-    methods = {"Convolution": (matcher, places[1]), "StereoBM": (block_matcher, places[2])}
     if part or semi_global.open:
-        methods[SEMI_GLOBAL] = (semi_global_matcher, columns[0])
-    results = {}
-    for name, (settings, place) in methods.items():
-        with place:
-            result = measured(pair, settings, f"{name} …")
-        if result is not None:
-            results[name] = result
-    with colours:
-        view = coloured_alike(pair, results)
-    with places[0]:
-        show_images(view)
-    for name in ("Convolution", "StereoBM"):
-        with methods[name][1]:
-            show_map(view, name)
+        with columns[0]:
+            third = measured(pair, semi_global_matcher, f"{SEMI_GLOBAL} …")
+        if third is not None:
+            view = replace(view, results=results | {SEMI_GLOBAL: third})
     with doctor:
         show_doctor(view)
-    if part and results:
+    if part and view.results:
         PARTS[part](view)
     show_downloads(view)
 

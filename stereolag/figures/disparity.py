@@ -33,7 +33,7 @@ def disparity_range(maps: Sequence[npt.NDArray[np.float32]]) -> tuple[float, flo
 
     Given the truth alone the range holds still whatever the settings; without it, the maps to compare share one.
     """
-    known = np.concatenate([np.empty(0, dtype=np.float32), *(one[np.isfinite(one)] for one in maps)])
+    known = np.concatenate([np.empty(0, dtype=np.float32), *(one[np.isfinite(one)] for one in map(thinned, maps))])
     if known.size == 0:
         return 0.0, float(ROUNDED_TO)
     low, high = np.percentile(known, (1, 99))

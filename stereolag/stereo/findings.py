@@ -105,7 +105,8 @@ def about_range(
 ) -> Finding:
     """Judge the range searched against the disparities seen, px, and suggest another."""
     last = min_disparity + num_disparities - 1
-    said = f"The pair needs about {low:.0f} to {high:.0f} px and {min_disparity} to {last} px are searched"
+    needs = f"{low:.0f} px" if round(low) == round(high) else f"{low:.0f} to {high:.0f} px"
+    said = f"The pair needs about {needs} and {min_disparity} to {last} px are searched"
     remedy = f"Search {suggested_num} disparities from {suggested_min}"
     if low < min_disparity - INFINITY_SLACK_PX or high > last + 1:
         return Finding(Ailment.RANGE, False, f"{said}: too small a range.", remedy)

@@ -20,7 +20,7 @@ KIND = "kind"
 
 
 class Recalled(NamedTuple):
-    """What an address says: settings, and a sentence for each parameter that was ignored."""
+    """What an address says: settings, and a sentence for every reason for which some were ignored."""
 
     settings: Any
     ignored: list[str]
@@ -63,9 +63,10 @@ def settings_of(parameters: Mapping[str, str], first: SettingsT, *, prefix: str 
             return Recalled(type(first).model_validate(_document(wanted, first)), ignored)
         except ValidationError as error:
             refused = _refused(error, wanted)
-        ignored += [
-            f"{quoted(prefix + name)} = {quoted(wanted[name])} is ignored: {why}" for name, why in refused.items()
-        ]
+        for reason in dict.fromkeys(refused.values()):
+            alike = [name for name, why in refused.items() if why == reason]
+            said = " and ".join(f"{quoted(prefix + name)} = {quoted(wanted[name])}" for name in alike)
+            ignored.append(f"{said} {'is' if len(alike) == 1 else 'are'} ignored: {reason}")
         wanted = {name: text for name, text in wanted.items() if name not in refused}
     return Recalled(first, ignored)
 
