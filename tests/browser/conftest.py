@@ -16,6 +16,7 @@ expect.set_options(timeout=TIMEOUT_MS)
 HERE = Path(__file__).parent
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Keep the browser tests on one worker: two browsers at once would wait for each other more than they gain."""
     for item in items:
