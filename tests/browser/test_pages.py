@@ -60,14 +60,15 @@ def test_an_own_pair_is_uploaded_and_matched(open_page: OpenPage) -> None:
     truth = np.full((120, 160), 5 * 256, dtype=np.uint16)
     page = open_page("Depth_maps")
     page.get_by_text("Your own files").click()
+    settled(page)
     inputs = page.get_by_test_id("stFileUploader").locator("input[type=file]")
     expect(inputs).to_have_count(4)  # the fourth is for a calibration
     for place, (name, picture) in enumerate((files | {"truth.png": truth}).items()):
         inputs.nth(place).set_input_files({"name": name, "mimeType": "image/png", "buffer": uploads.png(picture)})
         expect(page.get_by_text(name)).to_be_visible()
+        settled(page)  # a file that is given to a box about to be drawn anew is lost
     expect(page.get_by_text("Your own pair.")).to_be_visible()
     expect(page.get_by_test_id("stMetricValue").filter(has_text=re.compile(r"^0\.0\d px$")).first).to_be_visible()
-    settled(page)
     no_exception(page)
     screenshot(page, "depth-maps-own-files")
 
@@ -75,6 +76,7 @@ def test_an_own_pair_is_uploaded_and_matched(open_page: OpenPage) -> None:
 def test_a_broken_picture_is_answered_with_a_sentence(open_page: OpenPage) -> None:
     page = open_page("Rocketman_search")
     page.get_by_text("Your own files").click()
+    settled(page)
     broken = {"name": "broken.png", "mimeType": "image/png", "buffer": b"this is no picture"}
     page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(broken)
     expect(page.get_by_test_id("stAlertContentError")).to_contain_text("accepted are")
