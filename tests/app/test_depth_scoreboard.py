@@ -113,3 +113,14 @@ def test_a_sparse_truth_is_drawn_thicker() -> None:
     expected = np.zeros((6, 7), dtype=bool)
     expected[1:4, 2:5] = expected[4:, :2] = True
     np.testing.assert_array_equal(right, expected)
+
+
+def test_a_wide_map_of_errors_is_thinned_and_none_of_its_colours_mixed() -> None:
+    truth = np.zeros((30, 4_000), dtype=np.float32)
+    disparity = np.where(np.arange(4_000) % 7 < 3, np.float32(0), np.float32(10)) + truth
+    picture = read_image(error_png(disparity, truth))
+    assert picture.shape == (10, 1_334, 3)
+    assert {tuple(pixel) for pixel in picture.reshape(-1, 3).tolist()} == {
+        tuple(ERROR_COLOURS[0].tolist()),
+        tuple(ERROR_COLOURS[-1].tolist()),
+    }
