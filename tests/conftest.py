@@ -6,8 +6,14 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 PROJECT = Path(__file__).resolve().parents[1]
+
+# The first example of a compiled loop waits for its machine code, on a busy machine for long; and the same examples in
+# every run, so that a failure is the change's.
+settings.register_profile("stereolag", deadline=None, derandomize=True)
+settings.load_profile("stereolag")
 
 
 @pytest.fixture(scope="session")

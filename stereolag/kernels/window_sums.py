@@ -127,8 +127,7 @@ class _Matcher:
         self.rows, self.cols = (self.height - window) // step + 1, (self.image_width - window) // step + 1
         self.left, self.plain_right, self.floor = _comparable(left, right, window, score)
         self.sums_dtype = np.int32 if self.left.dtype == np.uint8 else np.float64
-        spread = max(_spread(self.left), _spread(self.plain_right))
-        self.largest_norm = window * spread / 2 or 1.0
+        self.left_norm, self.right_norm = (window * _spread(one) / 2 or 1.0 for one in (self.left, self.plain_right))
         self.share = 0.0 if score == "ncc" else 1 / window**2
         self.lags = search.within(self.height - window, self.image_width - window)
         self.found = self._room(runner_up, right_matches)
@@ -207,7 +206,7 @@ class _Matcher:
         shape = end - first, self.cols
         windows = Windows(np.empty(shape, self.sums_dtype), np.empty(shape, np.float32))
         # A right window compares the plain scores of several left windows: they need one unit.
-        norm = self.largest_norm if self.score == "cross" and self.found.right_key.size else 0.0
+        norm = self.left_norm if self.score == "cross" and self.found.right_key.size else 0.0
         describe_windows(
             self.left, self.window, self.step, first, self.share, norm, self.floor, *windows, self.texture[first:end]
         )
@@ -224,7 +223,7 @@ class _Matcher:
         if bottom > top:
             x = max(0, -self.lags.dx_first)
             inside = slice(top - begin, bottom - begin), slice(x, x + self.image_width - self.window + 1)
-            norm = self.largest_norm if self.score == "cross" else 0.0
+            norm = self.right_norm if self.score == "cross" else 0.0
             total, inverse = (field[inside] for field in windows)
             nothing = np.empty((0, 0), np.float32)
             describe_windows(
@@ -234,7 +233,7 @@ class _Matcher:
 
     def _rescale(self, first: int, end: int, left_inverse: Array) -> None:
         """Turn what the band keeps as integers into scores, in place."""
-        right_norm = self.largest_norm if self.score == "cross" else 0.0
+        right_norm = self.right_norm if self.score == "cross" else 0.0
         for kept in (*self.found.around, *self.found.runner_up[None, : self.rows]):
             if kept.size:
                 as_scores(kept[first:end], kept[first:end].view(np.float32), left_inverse, right_norm)

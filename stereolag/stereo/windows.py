@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from stereolag.inputs import Image, grey_level
+from stereolag.kernels.answers import Causes, Cells, answer
 from stereolag.kernels.lag_range import LagRange
 from stereolag.kernels.matches import WindowMatches
 from stereolag.kernels.peak_fits import fit_peaks
@@ -18,7 +17,7 @@ from stereolag.stereo.engines import Engine, Score, find_matches
 from stereolag.stereo.matcher import Displacements
 from stereolag.stereo.result import Reason, ReasonMap
 
-Value = TypeVar("Value", bound=np.generic)
+CAUSES = Causes(Reason.MEASURED, Reason.OUT_OF_FRAME, Reason.LOW_TEXTURE, Reason.AT_SEARCH_EDGE)
 
 
 @dataclass(frozen=True)
@@ -29,16 +28,12 @@ class WindowGrid:
     step: int
     shape: tuple[int, int]
 
-    def spread(self, grid: npt.NDArray[Value], outside: np.generic) -> npt.NDArray[Value]:
-        """Return the (H, W) picture of a grid of values, `outside` where no window's cell reaches.
-
-        Every pixel takes the value of the window whose centre is nearest: a window fills a cell of step × step px.
-        """
+    @property
+    def cells(self) -> Cells:
+        """Return where the windows' cells lie, and the last place in the picture where a window fits."""
+        height, width = self.shape
         first = (self.window_size - self.step) // 2
-        cells = grid if self.step == 1 else grid.repeat(self.step, axis=0).repeat(self.step, axis=1)
-        picture = np.full(self.shape, outside, dtype=grid.dtype)
-        picture[first : first + cells.shape[0], first : first + cells.shape[1]] = cells
-        return picture
+        return Cells(first, self.step, height - self.window_size, width - self.window_size)
 
 
 def match_by_windows(
@@ -86,22 +81,19 @@ def match_by_windows(
         progress=progress,
     )
     flat = (checks.texture.least if checks.texture else FLAT_TEXTURE) * grey_level(left, right)
-    reason = _reasons(matches, grid, lags, circular=circular, checks=checks, flat=flat)
-    nothing = np.float32(np.nan)
-    dy, dx = fit_peaks(matches.around)
-    dx += matches.dx
-    if lags.rows > 1:
-        dy += matches.dy
-    best = matches.score
-    # The scores around each peak take three times the memory of a map: gone before the maps are copied.
-    del matches
-    measured = reason == Reason.MEASURED
-    return Displacements(
-        dy=grid.spread(np.where(measured, dy, nothing), nothing),
-        dx=grid.spread(np.where(measured, dx, nothing), nothing),
-        score=grid.spread(best, nothing),
-        reason=grid.spread(reason, np.uint8(Reason.OUT_OF_FRAME)),
+    beside = fit_peaks(matches.around)
+    found = answer(
+        matches,
+        beside,
+        shape=grid.shape,
+        cells=grid.cells,
+        lags=lags,
+        circular=circular,
+        flat=flat,
+        causes=CAUSES,
+        before=_refused(matches, checks),
     )
+    return Displacements(dy=found.dy, dx=found.dx, score=found.score, reason=found.cause)
 
 
 def guarded(lags: LagRange) -> LagRange:
@@ -114,38 +106,15 @@ def guarded(lags: LagRange) -> LagRange:
     return LagRange(lags.dy_first - vertical, lags.dy_last + vertical, lags.dx_first - 1, lags.dx_last + 1)
 
 
-def _reasons(
-    matches: WindowMatches, grid: WindowGrid, lags: LagRange, *, circular: bool, checks: Checks, flat: float
-) -> ReasonMap:
-    """Return why each window has its answer or none; of several reasons the most basic one, which is found last."""
-    reason = np.full(matches.score.shape, Reason.MEASURED, dtype=np.uint8)
+def _refused(matches: WindowMatches, checks: Checks) -> ReasonMap | None:
+    """Return which windows the left-right check or the test for ambiguity refuses; None where neither is asked for."""
+    reason: ReasonMap | None = None
+    measured = np.full(matches.score.shape, Reason.MEASURED, dtype=np.uint8)
     # np.where runs through noise at the speed of memory; an assignment under a mask guesses every pixel's branch.
     if checks.left_right is not None and matches.right_dx is not None:
         disagree = left_right_disagree(matches.dx, matches.right_dx, checks.left_right.tolerance)
-        reason = np.where(disagree, np.uint8(Reason.LEFT_RIGHT), reason)
+        reason = np.where(disagree, np.uint8(Reason.LEFT_RIGHT), measured)
     if checks.ambiguity is not None and matches.runner_up is not None:
         level = matches.score - matches.runner_up < checks.ambiguity.lead
-        reason = np.where(level, np.uint8(Reason.AMBIGUOUS), reason)
-    if not circular:
-        reason = np.where(_inside(lags, matches), reason, np.uint8(Reason.AT_SEARCH_EDGE))
-        reason = np.where(_cut_off_by_the_frame(matches, grid, lags), np.uint8(Reason.OUT_OF_FRAME), reason)
-    reason = np.where(np.isnan(matches.score), np.uint8(Reason.OUT_OF_FRAME), reason)
-    return np.where(matches.texture <= flat, np.uint8(Reason.LOW_TEXTURE), reason)
-
-
-def _inside(lags: LagRange, matches: WindowMatches) -> npt.NDArray[np.bool_]:
-    """Return where the peak is one of the lags asked for and not on the guard around them."""
-    inside = np.asarray((matches.dx >= lags.dx_first) & (matches.dx <= lags.dx_last))
-    if lags.rows > 1:
-        inside &= (matches.dy >= lags.dy_first) & (matches.dy <= lags.dy_last)
-    return inside
-
-
-def _cut_off_by_the_frame(matches: WindowMatches, grid: WindowGrid, lags: LagRange) -> npt.NDArray[np.bool_]:
-    """Return where the frame of the right image cuts the search short right beside the peak."""
-    cols = np.arange(matches.dx.shape[1], dtype=np.int32) * grid.step + matches.dx
-    cut = (cols == 0) | (cols == grid.shape[1] - grid.window_size)
-    if lags.rows > 1:
-        rows = np.arange(matches.dy.shape[0], dtype=np.int32)[:, None] * grid.step + matches.dy
-        cut |= (rows == 0) | (rows == grid.shape[0] - grid.window_size)
-    return np.asarray(cut)
+        reason = np.where(level, np.uint8(Reason.AMBIGUOUS), measured if reason is None else reason)
+    return reason

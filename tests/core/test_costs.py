@@ -32,7 +32,7 @@ def expected(
     return cost_reference(left, right, radius, first, count, NOISE, cost.gradient_limit, weights)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     rows=st.integers(6, 12),
     cols=st.integers(6, 20),

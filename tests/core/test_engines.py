@@ -22,7 +22,7 @@ def test_the_cost_model_knows_where_each_engine_pays() -> None:
     assert cheaper_engine(IMAGE, 40, 40, square) == "fft"
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 1000),
     dtype=st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]),

@@ -39,7 +39,7 @@ def weighted_median_reference(
     return out
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     seed=st.integers(0, 99),
     reach=st.integers(1, 2),

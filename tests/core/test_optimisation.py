@@ -16,7 +16,7 @@ from stereolag.stereo.selection import valley_offset
 SHAPES = {"rows": st.integers(1, 7), "cols": st.integers(1, 8), "lags": st.integers(1, 19), "seed": st.integers(0, 99)}
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(**SHAPES)
 def test_the_paths_follow_the_recurrence(rows: int, cols: int, lags: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -27,7 +27,7 @@ def test_the_paths_follow_the_recurrence(rows: int, cols: int, lags: int, seed: 
     np.testing.assert_array_equal(first.astype(int) + second, path_sums_reference(costs, guide, 10, large))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(smallest=st.integers(-20, 20), few=st.booleans(), **SHAPES)
 def test_the_cheapest_lags_are_those_of_the_formula(
     rows: int, cols: int, lags: int, seed: int, smallest: int, few: bool

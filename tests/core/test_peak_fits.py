@@ -11,7 +11,7 @@ from stereolag.kernels.peak_fits import fit_peaks
 from stereolag.stereo.refinement import peak_offset, peak_offsets
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1, 3]), st.floats(-0.5, 0.9))
 def test_compiled_equals_plain(seed: int, rows: int, lowest: float) -> None:
     rng = np.random.default_rng(seed)

@@ -115,7 +115,7 @@ def test_mutated_files(read, originals, draws):
 
 
 @pytest.mark.parametrize(("read", "originals"), CASES)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(data=st.one_of(st.binary(max_size=200), st.text(max_size=100).map(lambda text: text.encode("utf-8", "replace"))))
 def test_random_bytes(read, originals, data):
     survives(read, data)

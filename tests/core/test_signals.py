@@ -146,7 +146,7 @@ def test_a_pulse_in_silence_is_found_however_little_overlaps(method: SignalMetho
     seed=st.integers(0, 2**32 - 1),
     method=st.sampled_from(METHODS),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_lag_is_recovered_and_swapping_only_turns_its_sign(
     size: int, share: float, seed: int, method: SignalMethod
 ) -> None:
@@ -169,7 +169,7 @@ def test_any_lag_is_recovered_and_swapping_only_turns_its_sign(
 @given(
     sizes=st.tuples(st.integers(12, 120), st.integers(12, 120)), seed=st.integers(0, 2**32 - 1), reach=st.floats(0, 1)
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_fft_and_direct_draw_the_curve_of_scipy(sizes: tuple[int, int], seed: int, reach: float) -> None:
     random = np.random.default_rng(seed)
     first, second = random.normal(size=sizes[0]), random.normal(size=sizes[1])

@@ -131,7 +131,7 @@ def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> n
     return scores
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(searches())
 def test_both_methods_equal_the_definition(search: tuple[Array, Array, npt.NDArray[np.bool_]]) -> None:
     image, template, mask = search
@@ -234,7 +234,7 @@ def test_a_negative_is_no_match(method: TemplateMethod) -> None:
         assert search.score_map.min() == pytest.approx(-1, abs=1e-6)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32), st.sampled_from(EVERY_PLACEMENT))
 def test_a_negated_template_negates_every_score(seed: int, method: TemplateMethod) -> None:
     image, template = random_image((20, 25), seed=seed), random_image((5, 4), seed=seed + 1)

@@ -12,7 +12,7 @@ from stereolag.kernels.pearson import fill_pearson, pearson
 from stereolag.kernels.placements import placement_score, placement_scores
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.integers(0, 2**32),
     st.integers(1, 4),
@@ -31,7 +31,7 @@ def test_running_box_energy_equals_the_formula(
     np.testing.assert_allclose(energy, box_energy(planes, height, width), rtol=1e-9, atol=1e-6)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32), st.integers(1, 12), st.integers(1, 12))
 def test_compiled_scores_equal_the_formula(seed: int, rows: int, cols: int) -> None:
     random = np.random.default_rng(seed)

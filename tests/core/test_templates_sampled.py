@@ -27,7 +27,7 @@ def busy_picture(seed: int) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
     return image, sprite
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32), st.integers(0, 2**32))
 def test_a_sprite_is_found_whatever_the_seed(picture_seed: int, seed: int) -> None:
     image, sprite = busy_picture(picture_seed)

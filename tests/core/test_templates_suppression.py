@@ -17,7 +17,7 @@ def overlap(one: TemplateMatch, other: TemplateMatch) -> float:
     return rows * cols / (one.height * one.width)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.integers(0, 2**32), st.integers(2, 9), st.integers(2, 9), st.integers(1, 40), st.sampled_from([-1.0, 0.0, 0.3])
 )
