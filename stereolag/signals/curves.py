@@ -25,6 +25,9 @@ from stereolag.progress import Progress
 _FADED_SHARE = 0.03
 _WHITENING_FLOOR = 1e-3
 
+_LARGEST_KEPT = 2**20
+"""Points of a right angle that is kept for the next call: 16 MB."""
+
 _PRODUCTS_PER_CALL = 200_000_000
 """Some 0.03 s of the sliding sum: how long it runs before it tells its progress."""
 
@@ -49,7 +52,7 @@ def phat_curve(signal_1: Vector, signal_2: Vector, first: int, last: int) -> Vec
     C. Knapp and G. Carter, "The generalized correlation method for estimation of time delay", IEEE Trans. ASSP 24
     (1976), the PHAT processor.
     """
-    return _lag_products(_faded(signal_1), _faded(signal_2), first, last, whiten=True)
+    return _lag_products(signal_1, signal_2, first, last, whiten=True)
 
 
 def direct_curve(signal_1: Vector, signal_2: Vector, first: int, last: int, progress: Progress) -> Vector:
@@ -75,27 +78,50 @@ def _faded(signal: Vector) -> Vector:
 def _lag_products(signal_1: Vector, signal_2: Vector, first: int, last: int, *, whiten: bool) -> Vector:
     """Return ``sum(signal_1[i] * signal_2[i + lag])`` for every lag, nothing wrapped around.
 
+    To `whiten` the spectrum the signals are faded first, see :func:`phat_curve`.
+
     Both signals are turned in the complex plane, by a right angle over the length of the transform. A product that
     wraps around the end is then a right angle off the others: it falls into the imaginary part, and is that of a
     negative lag. So a complex transform of length N does what takes a real one, zero-padded, of length 2 N, in about
     half the time (the "right-angle convolution" of negacyclic transforms).
     """
-    # Many factors of two make a length a tenth faster than the shortest fast one.
-    size = 128 * fft.next_fast_len(-(-max(signal_1.size, signal_2.size) // 128))
-    turn = _right_angle(size)
+    size = transform_length(max(signal_1.size, signal_2.size))
     turned = np.empty((2, size), dtype=np.complex128)
-    turn_forth(signal_1, turn, turned[0])
-    turn_forth(signal_2, turn, turned[1])
+    turn = _right_angle(size)
+    for signal, row in zip((signal_1, signal_2), turned, strict=True):
+        turn_forth(_faded(signal) if whiten else signal, turn, row)
+    # The transforms need the most memory: what is quickly made anew does not outlast them.
+    del turn
     spectrum = cross_spectrum(*fft.fft(turned, axis=1, workers=2, overwrite_x=True))
     if whiten:
-        magnitude = np.abs(spectrum)
-        spectrum /= magnitude + _WHITENING_FLOOR * magnitude.mean()
+        _whiten(spectrum)
     products = fft.ifft(spectrum, overwrite_x=True)
-    return turn_back(products, turn, first, last)
+    return turn_back(products, _right_angle(size), first, last)
+
+
+def _whiten(spectrum: Spectrum) -> None:
+    """Make every magnitude 1, or less where it is below a thousandth of their mean, in place."""
+    magnitude = np.abs(spectrum)
+    spectrum /= magnitude + _WHITENING_FLOOR * magnitude.mean()
+
+
+def transform_length(size: int) -> int:
+    """Return the length of the transforms for recordings of at most `size` samples."""
+    # Many factors of two make a length a tenth faster than the shortest fast one.
+    return 128 * int(fft.next_fast_len(-(-size // 128)))
+
+
+def _right_angle(size: int) -> Spectrum:
+    """Return ``exp(-0.5j * pi * i / size)``; the last two of them stay in memory unless they are large."""
+    return _kept_right_angle(size) if size <= _LARGEST_KEPT else _computed_right_angle(size)
 
 
 @lru_cache(maxsize=2)
-def _right_angle(size: int) -> Spectrum:
+def _kept_right_angle(size: int) -> Spectrum:
+    return _computed_right_angle(size)
+
+
+def _computed_right_angle(size: int) -> Spectrum:
     """Return ``exp(-0.5j * pi * i / size)``, as products of coarse and fine steps: few exponentials, which are slow."""
     fine = int(np.sqrt(size)) + 1
     angle = -0.5j * np.pi / size

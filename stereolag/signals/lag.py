@@ -12,10 +12,12 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.estimates import check_memory
 from stereolag.inputs import as_signal
 from stereolag.kernels.overlaps import Vector, overlap_length, overlap_pearson
 from stereolag.progress import Progress, silent
 from stereolag.signals.curves import direct_curve, fft_curve, phat_curve
+from stereolag.signals.estimates import estimate_lag, fitting_recordings
 from stereolag.signals.peaks import REACH, Lags, find_peak, peak_ratio, refine_peak
 from stereolag.signals.votes import sampled_votes
 
@@ -129,7 +131,8 @@ def signal_lag(
     ValueError
         A recording that is empty, constant or not finite; a sampling rate or speed that is not positive; an unknown
         method; a `max_lag` that is not one of 0 to the longer recording's length - 1; recordings that are constant
-        wherever they overlap within `max_lag`.
+        wherever they overlap within `max_lag`; more memory needed than one job may take
+        (:func:`~stereolag.signals.estimate_lag`).
     """
     first, second = as_signal(signal_1, "signal_1"), as_signal(signal_2, "signal_2")
     _check_positive(sampling_rate, "sampling_rate", "samples per second")
@@ -138,6 +141,10 @@ def signal_lag(
         raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, get_args(SignalMethod)))}.")
     reach = _checked_reach(max_lag, max(first.size, second.size))
     report = progress or silent
+    check_memory(
+        estimate_lag(first.size, second.size, method=method, max_lag=max_lag),
+        partial(fitting_recordings, sampling_rate=sampling_rate, method=method, max_lag=max_lag),
+    )
 
     started = time.perf_counter()
     first, second = _normalised(first), _normalised(second)
@@ -195,7 +202,6 @@ def _normalised(signal: Vector) -> Vector:
 
 def _search(signal_1: Vector, signal_2: Vector, reach: int, method: SignalMethod, progress: Progress) -> _Answer:
     first, last = -min(reach, signal_1.size - 1), min(reach, signal_2.size - 1)
-    lags = np.arange(first, last + 1)
     overlap: Callable[[Lags], Lags] = partial(overlap_length, signal_1.size, signal_2.size)
     if method == "direct":
         curve = direct_curve(signal_1, signal_2, first, last, progress)
@@ -204,6 +210,7 @@ def _search(signal_1: Vector, signal_2: Vector, reach: int, method: SignalMethod
     else:
         curve = phat_curve(signal_1, signal_2, first, last)
         overlap = np.ones_like
+    lags = np.arange(first, last + 1)
     peak, ties = find_peak(curve, lags, overlap)
     around = min(REACH, peak, curve.size - 1 - peak)
     near = slice(peak - around, peak + around + 1)

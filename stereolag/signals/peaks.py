@@ -54,8 +54,12 @@ def find_peak(curve: Vector, lags: Lags, overlap: Callable[[Lags], Lags]) -> tup
 
 def _tops(curve: Vector, indices: Lags) -> Lags:
     """Return the highest index of every run of adjacent `indices`."""
-    runs = np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1)
-    return np.array([run[np.argmax(curve[run])] for run in runs])
+    values = curve[indices]
+    starts = np.flatnonzero(np.diff(indices, prepend=indices[0] - 2) > 1)
+    highest = np.repeat(np.maximum.reduceat(values, starts), np.diff(starts, append=indices.size))
+    tops = np.flatnonzero(values == highest)
+    # A run may hold its highest value more than once: the first of them is the one that follows its start.
+    return np.asarray(indices[tops[np.searchsorted(tops, starts)]])
 
 
 def peak_ratio(curve: Vector, peak: int) -> float:

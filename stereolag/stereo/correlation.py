@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, model_validator
 
+from stereolag.estimates import Estimate
 from stereolag.inputs import Image, as_grey, of_ordinary_size
 from stereolag.progress import Progress
 from stereolag.stereo.checks import AmbiguityTest, Checks, LeftRightCheck, TextureTest
 from stereolag.stereo.costs import MatchingCost, eight_bit
 from stereolag.stereo.engines import Engine, Score, cheaper_engine
+from stereolag.stereo.estimates import estimate_volume, estimate_windows
 from stereolag.stereo.filling import filled_from_behind
 from stereolag.stereo.filtering import MedianFilter, SpeckleFilter, edge_respecting_median, without_speckles
 from stereolag.stereo.matcher import Displacements, StereoMatcher
@@ -150,6 +153,32 @@ class CorrelationMatcher(StereoMatcher):
     @property
     def _needs_spectrum(self) -> bool:
         return self.score == "phase" or self.search.circular(self.window_size)
+
+    def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
+        """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype."""
+        if self.optimisation is not None and isinstance(self.search, RectifiedSearch):
+            return estimate_volume(shape, dtype, num_disparities=self.search.num_disparities)
+        grid = WindowGrid(self.window_size, self.step, (shape[0], shape[1]))
+        lags = self.search.lags(self.window_size)
+        return estimate_windows(
+            shape,
+            dtype,
+            window_size=self.window_size,
+            step=self.step,
+            lags=lags if self.search.circular(self.window_size) else guarded(lags),
+            engine=self._engine_for(grid),
+            score=self.score,
+            circular=self.search.circular(self.window_size),
+            both_views=self.left_right is not None,
+            finished=self.speckle is not None or self.filling or self.median is not None,
+        )
+
+    def with_disparities(self, num_disparities: int) -> Self | None:
+        """Return the matcher with another number of disparities; None where its search area is a square."""
+        if not isinstance(self.search, RectifiedSearch):
+            return None
+        search = self.search.model_copy(update={"num_disparities": num_disparities})
+        return self.model_copy(update={"search": search})
 
     def match(self, left: Image, right: Image, progress: Progress) -> Displacements:
         """Match the images as grey, then check, filter and fill."""

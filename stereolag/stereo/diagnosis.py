@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.estimates import OVERHEAD, Estimate, check_memory, kept_blocks
 from stereolag.inputs import Image, as_grey, as_stereo_pair
 from stereolag.stereo.correspondences import find_correspondences, vertical_plane
+from stereolag.stereo.estimates import fitting_pair
 from stereolag.stereo.exposure import exposed_alike, exposure
 from stereolag.stereo.findings import (
     FEWEST_MATCHES,
@@ -31,6 +34,12 @@ FLAT_DEVIATION = 0.01
 
 RANGE_MARGIN = 0.1
 """How far beyond the disparities seen the suggested search reaches, as a share of them."""
+
+EXPOSED, TEXTURE = 9, 20
+"""Bytes of one number of the picture fitted in exposure, and of a pixel while its texture is judged."""
+
+COARSE_SECONDS, NUMBER_SECONDS = 0.2, 4e-8
+"""Seconds of the features and the coarse search, and of each number of the picture."""
 
 COARSE_WIDTH = 320
 """Width to which a pair is reduced for the look at its range, px."""
@@ -100,7 +109,7 @@ def diagnose(
     Raises
     ------
     ValueError
-        Images that are not a pair.
+        Images that are not a pair, or that need more memory than one job may take (:func:`estimate_diagnosis`).
 
     Notes
     -----
@@ -109,6 +118,11 @@ def diagnose(
     grows down it.
     """
     images = as_stereo_pair(left, right)
+    shape, dtype = images[0].shape, images[0].dtype
+    check_memory(
+        estimate_diagnosis(shape, dtype),
+        partial(fitting_pair, shape=shape, of_shape=partial(estimate_diagnosis, dtype=dtype), of_disparities=None),
+    )
     points = find_correspondences(*images)
     judged = len(points) >= FEWEST_MATCHES
     nothing = float("nan")
@@ -143,6 +157,19 @@ def diagnose(
     )
     about_range = judge_range(examined, min_disparity, num_disparities)
     return examined if about_range is None else replace(examined, findings=(*examined.findings, about_range))
+
+
+def estimate_diagnosis(shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
+    """Return what :func:`diagnose` will take for two images of a shape, with channels or without, and a dtype.
+
+    The right image is fitted to the left one's exposure in float64, every channel; the share without texture takes
+    five maps in float32. The features and the coarse search take the same for all sizes.
+    """
+    pixels, numbers, pixel = shape[0] * shape[1], int(np.prod(shape)), np.dtype(dtype).itemsize
+    memory = max(EXPOSED * numbers, TEXTURE * pixels) + pixel * numbers
+    return Estimate(
+        memory + kept_blocks(4 * pixels, 2) + 2 * OVERHEAD, COARSE_SECONDS + NUMBER_SECONDS * (numbers + pixels)
+    )
 
 
 def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) -> Finding | None:

@@ -41,4 +41,5 @@ def exposed_alike(left: Image, right: Image) -> Image:
     if right.dtype.kind == "f":
         return mended.astype(right.dtype)
     limits = np.iinfo(right.dtype)
-    return np.clip(np.rint(mended), limits.min, limits.max).astype(right.dtype)
+    np.clip(np.rint(mended, out=mended), limits.min, limits.max, out=mended)
+    return mended.astype(right.dtype)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.estimates import Estimate, check_memory
 from stereolag.inputs import Image, as_stereo_pair
 from stereolag.settings import Settings
 from stereolag.stereo.agreement import agreement, seen_from_the_right
+from stereolag.stereo.estimates import ANSWER, fitting_pair
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.scaling import scaled_disparity, scaled_image, scaled_settings
@@ -20,6 +23,15 @@ from stereolag.stereo.scaling import scaled_disparity, scaled_image, scaled_sett
 FloatMap = npt.NDArray[np.float32]
 
 RIGHT_WITHIN_PX = 2.0
+
+AGREEMENT = 120
+"""Bytes of a pixel while two maps are compared: both, the places to which they lead, and the patches there."""
+
+JUDGEMENT = 80
+"""Bytes of a pixel while a map is compared with the truth, in float64."""
+
+AGREEMENT_SECONDS = 2e-7
+"""Seconds a pixel to compare two maps, or one with the truth."""
 
 SCALES = (1.0, 0.75, 0.5, 0.35, 0.25)
 """Sizes of a bench, full size first."""
@@ -109,6 +121,23 @@ class Bench:
             known = scaled_disparity(known, scale) / np.float32(scale)
         return cls(scaled_image(images[0], scale), scaled_image(images[1], scale), known, scale)
 
+    def estimate(self, matcher: StereoMatcher) -> Estimate:
+        """Return what :meth:`merit` will take.
+
+        Without truth the pair is matched twice, and the first map waits for the second.
+        """
+        return self._estimate(matcher, self.left.shape)
+
+    def _estimate(self, matcher: StereoMatcher, shape: tuple[int, ...]) -> Estimate:
+        fitting = matcher if self.scale == 1 else scaled_settings(matcher, self.scale)
+        once = fitting.estimate(shape, self.left.dtype)
+        pixels, judged = shape[0] * shape[1], AGREEMENT_SECONDS * shape[0] * shape[1]
+        if self.truth is not None:
+            return Estimate(max(once.memory, (ANSWER + JUDGEMENT) * pixels), once.seconds + judged)
+        mirrored = 2 * int(np.prod(shape)) * self.left.dtype.itemsize
+        memory = max(once.memory + ANSWER * pixels, AGREEMENT * pixels) + mirrored
+        return Estimate(memory, 2 * once.seconds + judged)
+
     def merit(self, matcher: StereoMatcher) -> tuple[float, FloatMap]:
         """Return how good settings are, 0..1 and higher is better, and their disparity map.
 
@@ -130,8 +159,14 @@ class Bench:
         Raises
         ------
         ValueError
-            Settings that do not fit the images.
+            Settings that do not fit the images, or that need more memory than one job may take.
         """
+        check_memory(
+            self.estimate(matcher),
+            partial(
+                fitting_pair, shape=self.left.shape, of_shape=partial(self._estimate, matcher), of_disparities=None
+            ),
+        )
         fitting = matcher if self.scale == 1 else scaled_settings(matcher, self.scale)
         result = fitting.compute(self.left, self.right)
         disparity = result.disparity / np.float32(self.scale)

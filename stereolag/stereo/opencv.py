@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Self
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator, model_validator
 
+from stereolag.estimates import Estimate
 from stereolag.inputs import Image, as_grey
 from stereolag.progress import Progress
+from stereolag.stereo.estimates import estimate_opencv
 from stereolag.stereo.matcher import Displacements, StereoMatcher
 from stereolag.stereo.result import Reason
 
@@ -102,6 +104,26 @@ class BlockMatcher(StereoMatcher):
             raise ValueError(f"block_size is {value}; OpenCV allows odd sizes only.")
         return value
 
+    seconds_of_a_cost: ClassVar[float]
+    """What each pixel and disparity takes, two cores."""
+    bytes_of_a_cost: ClassVar[int]
+    """What is kept for each column and disparity of the rows in work."""
+
+    def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
+        """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype."""
+        return estimate_opencv(
+            shape,
+            dtype,
+            num_disparities=self.num_disparities,
+            bytes_of_a_cost=self.bytes_of_a_cost,
+            rows=self.block_size + 6,
+            seconds=self.seconds_of_a_cost,
+        )
+
+    def with_disparities(self, num_disparities: int) -> Self:
+        """Return the matcher with another number of disparities."""
+        return self.model_copy(update={"num_disparities": num_disparities})
+
     def match(self, left: Image, right: Image, progress: Progress) -> Displacements:
         """Run OpenCV's matcher on the pair as 8-bit grey."""
         self._check_room(*left.shape[:2])
@@ -150,6 +172,9 @@ class BlockMatcher(StereoMatcher):
 class StereoBM(BlockMatcher):
     """OpenCV's ``StereoBM``: absolute differences over a block (Konolige 1997); defaults as OpenCV's own."""
 
+    seconds_of_a_cost = 2.0e-10
+    bytes_of_a_cost = 1
+
     pre_filter_cap: int = Field(
         31,
         title="Pre-filter cap",
@@ -189,6 +214,9 @@ class StereoBM(BlockMatcher):
 
 class StereoSGBM(BlockMatcher):
     """OpenCV's ``StereoSGBM``: semi-global matching (Hirschmüller 2008) over Birchfield-Tomasi costs, 5 paths."""
+
+    seconds_of_a_cost = 2.0e-9
+    bytes_of_a_cost = 2
 
     block_size: BlockSize = 5
     p1: int = Field(

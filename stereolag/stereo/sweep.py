@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.estimates import Estimate
 from stereolag.progress import Progress, silent
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.merit import Bench, changed, setting
@@ -94,6 +95,24 @@ def sweep(
         maps=tuple(tuple(None if cell is None else cell[2] for cell in line) for line in cells),
         matchers=tuple(tuple(None if cell is None else cell[0] for cell in line) for line in cells),
     )
+
+
+def estimate_sweep(
+    matcher: StereoMatcher, bench: Bench, *, rows: tuple[str, Sequence[Any]], cols: tuple[str, Sequence[Any]]
+) -> Estimate:
+    """Return what :func:`sweep` will take: its largest cell, and the maps of all.
+
+    A cell that alone needs more than one job may take is a hole in the grid.
+    """
+    cells = []
+    for row_value in rows[1]:
+        for col_value in cols[1]:
+            try:
+                cells.append(bench.estimate(changed(matcher, {rows[0]: row_value, cols[0]: col_value})))
+            except ValueError:  # a hole
+                continue
+    maps = len(cells) * bench.left.shape[0] * bench.left.shape[1] * np.dtype(np.float32).itemsize
+    return Estimate(maps + max((cell.memory for cell in cells), default=0), sum(cell.seconds for cell in cells))
 
 
 def _cell(matcher: StereoMatcher, changes: dict[str, Any], bench: Bench) -> Cell | None:

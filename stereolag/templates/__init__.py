@@ -1,5 +1,6 @@
 """Where a template lies in a picture: every placement scored by correlation, or a few found by exact pixels."""
 
+from stereolag.templates.estimates import estimate_search
 from stereolag.templates.search import TemplateMatch, TemplateMethod, TemplateSearch, match_template
 
-__all__ = ["TemplateMatch", "TemplateMethod", "TemplateSearch", "match_template"]
+__all__ = ["TemplateMatch", "TemplateMethod", "TemplateSearch", "estimate_search", "match_template"]

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.estimates import Estimate, check_memory
 from stereolag.inputs import Image
 from stereolag.kernels.placements import placement_scores
 from stereolag.progress import Progress
@@ -24,6 +25,9 @@ SAMPLE = 20_000
 
 GRID_REACH = 1
 """The grid of placements scored around a hit reaches this far to every side, px."""
+
+HIT_BYTES = 64
+"""Indices and pixels of one place that holds the anchor's value."""
 
 BATCH = 10_000_000
 """Pixel values compared between two calls of the progress."""
@@ -119,7 +123,12 @@ def _hits(image: Image, pattern: Pattern, row: int, col: int) -> tuple[Indices, 
     value = tuple(pattern.colours[row, col].tolist())
     places = image.shape[0] - pattern.shape[0] + 1, image.shape[1] - pattern.shape[1] + 1
     # A placement inside the picture has its pixel (row, col) inside this part of it.
-    rows, cols = _nonzero(cv2.inRange(image[row : row + places[0], col : col + places[1]], value, value))
+    marks = cv2.inRange(image[row : row + places[0], col : col + places[1]], value, value)
+    check_memory(
+        Estimate(HIT_BYTES * cv2.countNonZero(marks), 0.0),
+        "No value of the template is rare in this picture; the method 'fft' does not depend on that.",
+    )
+    rows, cols = _nonzero(marks)
     for end in (run_start, run_end):
         agrees = (image[rows + row, cols + end] == pattern.colours[row, end]).all(axis=1)
         rows, cols = rows[agrees], cols[agrees]

@@ -83,7 +83,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
     """
     height, width = pattern.shape
     places = image.shape[0] - height + 1, image.shape[1] - width + 1
-    (down, fft_rows), (across, fft_cols) = _tiling(places[0], height), _tiling(places[1], width)
+    (down, fft_rows), (across, fft_cols) = tiling(places[0], height), tiling(places[1], width)
     spectra = _Spectra.of(pattern, (fft_rows, fft_cols))
     scores = np.empty(places, dtype=np.float32)
     pool = ThreadPoolExecutor(max(1, cv2.getNumThreads()))
@@ -128,17 +128,25 @@ def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, spectra: _Spec
     """Write the scores of one tile; `block` is the part of the image that its placements cover."""
     planes = _centred(block)
     rows = len(scores)
-    channels = [_spectrum(plane, spectra.shape) for plane in planes]
-    products = _correlation(channels, spectra.deviations, rows)
+    # Masked sums of integers are integers: rounded to the nearest, they are exact.
+    exact = np.rint if block.dtype.kind == "u" else np.positive
+    energy: Plane = np.empty((0, 0))
+    if spectra.mask is not None:
+        squares = _spectrum(np.square(planes).sum(axis=0), spectra.shape)
+        energy = exact(_placements(_times(squares, spectra.mask, out=squares), rows))
+    total: Plane | None = None
+    # One channel after the other: the spectra are what takes the memory.
+    for plane, template in zip(planes, spectra.deviations, strict=True):
+        channel = _spectrum(plane, spectra.shape)
+        if spectra.mask is not None:
+            energy -= np.square(exact(_placements(_times(channel, spectra.mask), rows))) / pattern.count
+        _times(channel, template, out=channel)
+        total = channel if total is None else np.add(total, channel, out=total)
+        del channel  # or it would outlive the making of the next
+    assert total is not None
+    products = _placements(total, rows)
     if spectra.mask is None:
         energy = running_box_energy(planes, *pattern.shape)
-    else:
-        # Masked sums of integers are integers: rounded to the nearest, they are exact.
-        exact = np.rint if block.dtype.kind == "u" else np.positive
-        squares = _spectrum(np.square(planes).sum(axis=0), spectra.shape)
-        energy = exact(_correlation([squares], [spectra.mask], rows))
-        for channel in channels:
-            energy -= np.square(exact(_correlation([channel], [spectra.mask], rows))) / pattern.count
     fill_pearson(scores, products, energy, pattern.norm, _flatness(block, planes, pattern))
 
 
@@ -149,14 +157,15 @@ def _spectrum(plane: Plane, shape: tuple[int, int]) -> Plane:
     return np.asarray(cv2.dft(padded, dst=padded, nonzeroRows=plane.shape[0]))
 
 
-def _correlation(images: list[Plane], templates: list[Plane], rows: int) -> Plane:
-    """Return the sum over the channels of their circular correlations, given their spectra; only the first `rows`."""
-    products = [
-        cv2.mulSpectrums(image, template, 0, conjB=True) for image, template in zip(images, templates, strict=True)
-    ]
-    total = np.asarray(sum(products[1:], start=products[0]), dtype=np.float64)
+def _times(image: Plane, template: Plane, out: Plane | None = None) -> Plane:
+    """Return the packed spectrum of a circular correlation, given those of its operands; `out` may be one of them."""
+    return np.asarray(cv2.mulSpectrums(image, template, 0, c=out, conjB=True))
+
+
+def _placements(spectrum: Plane, rows: int) -> Plane:
+    """Return what a packed spectrum stands for, in its memory; only the first `rows`."""
     inverse = cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
-    return np.asarray(cv2.dft(total, dst=total, flags=inverse, nonzeroRows=rows), dtype=np.float64)[:rows]
+    return np.asarray(cv2.dft(spectrum, dst=spectrum, flags=inverse, nonzeroRows=rows), dtype=np.float64)[:rows]
 
 
 def _centred(image: Image) -> Planes:
@@ -174,7 +183,7 @@ def _flatness(image: Image, planes: Planes, pattern: Pattern) -> float:
     return FLAT_FLOATS * pattern.count * float(np.square(planes).max())
 
 
-def _tiling(places: int, size: int) -> tuple[int, int]:
+def tiling(places: int, size: int) -> tuple[int, int]:
     """Return, along one axis, how many placements a tile takes and the length of its FFT, for the least FFTs in all."""
     longest = max(LONGEST_FFT, 2 * _fft_length(size))
     fewest = -(-places // (longest - size + 1))

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.estimates import check_memory
 from stereolag.inputs import Image, as_image
 from stereolag.progress import Progress, silent
+from stereolag.templates.estimates import estimate_search, fitting_image, has_alpha
 from stereolag.templates.exact_pixels import exact_placements
 from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of
 from stereolag.templates.score_maps import direct_score_map, fft_score_map
@@ -122,10 +125,11 @@ def match_template(
     ValueError
         Arrays that are no images, a template larger than the image, a mask of another size, no opaque pixel,
         opaque pixels all of one value, an unknown method, numbers out of their bounds; for "sampled" also image
-        and template of different type.
+        and template of different type; more memory needed than one job may take
+        (:func:`~stereolag.templates.estimate_search`).
     """
     _check_options(method, max_matches, min_score)
-    picture, pattern = _checked(image, template, mask)
+    picture, pattern = _checked(image, template, mask, method)
     report = silent if progress is None else progress
     started = time.perf_counter()
     score_map: npt.NDArray[np.float32] | None = None
@@ -155,17 +159,34 @@ def _check_options(method: str, max_matches: int, min_score: float) -> None:
         raise ValueError(f"min_score is {min_score}; a correlation coefficient lies between -1 and 1.")
 
 
-def _checked(image: npt.ArrayLike, template: npt.ArrayLike, mask: npt.ArrayLike | None) -> tuple[Image, Pattern]:
-    """Return the picture (rows, cols, channels) and the pattern to look for in it."""
+def _checked(
+    image: npt.ArrayLike, template: npt.ArrayLike, mask: npt.ArrayLike | None, method: TemplateMethod
+) -> tuple[Image, Pattern]:
+    """Return the picture (rows, cols, channels) and the pattern to look for in it, if the search has room for it."""
     picture, small = as_image(image, "image"), as_image(template, "template")
     if small.shape[0] > picture.shape[0] or small.shape[1] > picture.shape[1]:
         raise ValueError(
             f"template is {small.shape[1]} × {small.shape[0]} pixels and image {picture.shape[1]} × "
             f"{picture.shape[0]}; the template must fit into the image."
         )
+    _check_room(picture, small, method, masked=mask is not None or has_alpha(small.shape))
     opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
     picture, colours = alike(picture, small)
     return picture, pattern_of(colours, opaque)
+
+
+def _check_room(picture: Image, small: Image, method: TemplateMethod, *, masked: bool) -> None:
+    check_memory(
+        estimate_search(picture.shape, small.shape, dtype=picture.dtype, method=method, masked=masked),
+        partial(
+            fitting_image,
+            image_shape=picture.shape,
+            template_shape=small.shape,
+            dtype=picture.dtype,
+            method=method,
+            masked=masked,
+        ),
+    )
 
 
 def _check_same_type(picture: Image, pattern: Pattern) -> None:

@@ -11,13 +11,27 @@ Indices = npt.NDArray[np.intp]
 Scores = npt.NDArray[np.floating[Any]]
 
 
+ROWS_AT_ONCE = 256
+"""Rows of a score map whose peaks are looked for together: where every score counts, indices take ten times a map."""
+
+
 def peaks(score_map: Scores, min_score: float) -> tuple[Indices, Indices]:
     """Return rows and columns of the local maxima of at least `min_score`: no neighbour scores higher.
 
     The slopes of a peak are left out, so that they do not return as matches just outside its suppressed half.
     NaN is never a peak.
     """
-    rows, cols = np.divmod(np.flatnonzero(score_map >= min_score), score_map.shape[1])
+    found = [
+        _peaks_of_rows(score_map, first, first + ROWS_AT_ONCE, min_score)
+        for first in range(0, len(score_map), ROWS_AT_ONCE)
+    ]
+    return np.concatenate([rows for rows, _ in found]), np.concatenate([cols for _, cols in found])
+
+
+def _peaks_of_rows(score_map: Scores, first: int, end: int, min_score: float) -> tuple[Indices, Indices]:
+    """Return the peaks of the rows from `first` to `end`; those next to them are looked at too."""
+    rows, cols = np.divmod(np.flatnonzero(score_map[first:end] >= min_score), score_map.shape[1])
+    rows += first
     own = score_map[rows, cols]
     last_row, last_col = score_map.shape[0] - 1, score_map.shape[1] - 1
     highest = np.ones(len(rows), dtype=np.bool_)

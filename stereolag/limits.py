@@ -1,0 +1,87 @@
+"""How much one file and one job may take: set by whoever runs the app, in the environment."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from pathlib import Path
+
+from pydantic import Field, ValidationError
+
+from stereolag.settings import Settings
+
+PREFIX = "STEREOLAG_"
+
+_MEMORY_FILES = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+"""Where Linux tells a container how much memory it has (control groups 2 and 1)."""
+
+
+class Limits(Settings):
+    """What is accepted; each can be set by an environment variable, ``STEREOLAG_MAX_MEGAPIXELS`` and so on."""
+
+    max_megapixels: int = Field(50, description="Pixels of one image, millions.", ge=1, le=1000)
+    max_megasamples: int = Field(30, description="Samples of one recording, all channels, millions.", ge=1, le=10_000)
+    job_memory_mb: int | None = Field(
+        None,
+        description="Memory of one job, MB; unless set, and at the most, half of what the machine has.",
+        ge=64,
+    )
+
+    @property
+    def max_pixels(self) -> int:
+        """Return the most pixels of one image."""
+        return self.max_megapixels * 1_000_000
+
+    @property
+    def max_samples(self) -> int:
+        """Return the most samples of one recording, over all channels."""
+        return self.max_megasamples * 1_000_000
+
+    @property
+    def job_memory(self) -> int:
+        """Return how many bytes one job may take."""
+        half = machine_memory() // 2
+        return half if self.job_memory_mb is None else min(half, self.job_memory_mb * 2**20)
+
+
+_defaults: dict[str, int] = {}
+
+
+def set_defaults(**values: int) -> None:
+    """Set what holds where the environment says nothing: a server is stricter than a script on its owner's machine."""
+    _defaults.update(values)
+    limits.cache_clear()
+
+
+@cache
+def limits() -> Limits:
+    """Return the limits in force, read from the environment once.
+
+    Raises
+    ------
+    ValueError
+        A variable that holds no number, or one out of its bounds; the error names it.
+    """
+    given: dict[str, int | str] = _defaults | {
+        name: os.environ[variable]
+        for name in Limits.model_fields
+        if (variable := f"{PREFIX}{name.upper()}") in os.environ
+    }
+    try:
+        return Limits.model_validate(given)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        variable = f"{PREFIX}{str(first['loc'][0]).upper()}"
+        raise ValueError(f"The environment variable {variable} is {first['input']!r}: {first['msg']}.") from error
+
+
+@cache
+def machine_memory() -> int:
+    """Return the memory of this machine or container, bytes."""
+    total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 8 * 2**30
+    for file in _MEMORY_FILES:
+        try:
+            total = min(total, int(Path(file).read_text(encoding="ascii")))
+        except (OSError, ValueError):  # no such file, or "max"
+            continue
+    return total

@@ -1,0 +1,94 @@
+"""What the lag between two recordings will take, from what each method allocates."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting, rounded_down
+from stereolag.signals.curves import transform_length
+
+if TYPE_CHECKING:
+    from stereolag.signals.lag import SignalMethod
+
+REAL, COMPLEX, INDEX = 8, 16, 8
+"""Bytes of one number of a recording, of its spectrum, and of a lag."""
+
+FFT_SECONDS = 1.4e-8
+"""Seconds a point of the transform and doubling of its length: three transforms and all around them."""
+
+SORT_SECONDS = 1.8e-8
+"""Seconds a sample and doubling of their number: the samples of the longer recording, sorted by value."""
+
+PRODUCT_SECONDS = 2.5e-10
+"""Seconds a product of two samples, with the sums beside it."""
+
+SAMPLE_SECONDS = 1.5e-8
+"""Seconds a sample of either recording: it is made free of its mean and scaled."""
+
+
+def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_lag: int | None = None) -> Estimate:
+    """Return what :func:`stereolag.signals.signal_lag` will take.
+
+    Both recordings are held free of their mean, as float64. Beside them, at the most,
+
+    * "fft" and "phat" hold two complex spectra, the twiddle factors of the transform and a scratch vector of each of
+      two threads; later the curve, its lags and what the search for the peak picks from them: at worst all lags
+      whose overlap is at least half the longest, in seven vectors;
+    * "direct" holds the curve and the same for its peak, and the two overlaps at the peak; it takes as long as it has
+      products to sum: with every lag, ``size_1 * size_2`` of them;
+    * "sampled" holds three vectors for each recording (the means, the scales and the indices of its slices), and six
+      of the longer one while that is sorted by value.
+
+    Parameters
+    ----------
+    size_1, size_2
+        Samples of the recordings, 2 or more.
+    method, max_lag
+        As for :func:`~stereolag.signals.signal_lag`.
+    """
+    total, longest, shortest = size_1 + size_2, max(size_1, size_2), min(size_1, size_2)
+    reach = longest - 1 if max_lag is None else max_lag
+    lags = min(reach, size_1 - 1) + min(reach, size_2 - 1) + 1
+    recordings = REAL * total
+    # While they are made: what was converted to float64, and one vector on its way.
+    memory = recordings + recordings + REAL * longest
+    seconds = SAMPLE_SECONDS * total
+    if method == "sampled":
+        memory = max(memory, recordings + 3 * INDEX * total + 6 * REAL * longest)
+        seconds += SORT_SECONDS * longest * math.log2(longest)
+        return Estimate(memory + kept_blocks(REAL * longest, 3) + OVERHEAD, seconds)
+    peak = (REAL + INDEX) * lags + 7 * INDEX * min(lags, longest)
+    if method == "direct":
+        memory = max(memory, recordings + peak, recordings + (REAL + INDEX) * lags + 2 * REAL * shortest)
+        seconds += PRODUCT_SECONDS * _products(size_1, size_2, reach)
+        return Estimate(memory + kept_blocks(REAL * longest, 1) + OVERHEAD, seconds)
+    size = transform_length(longest)
+    transforms = 2 * COMPLEX * size + COMPLEX * size + 2 * COMPLEX * size
+    # The twiddle factors stay in the FFT's own memory for the next transform of this length.
+    memory = max(memory, recordings + transforms, recordings + COMPLEX * size + peak)
+    seconds = FFT_SECONDS * size * math.log2(size)
+    return Estimate(memory + kept_blocks(COMPLEX * size, 3) + OVERHEAD, seconds)
+
+
+def fitting_recordings(allowed: int, *, sampling_rate: float, method: SignalMethod, max_lag: int | None) -> str:
+    """Return a sentence that names the length of two recordings that would fit into the bytes allowed."""
+
+    def of_length(size: int) -> Estimate:
+        return estimate_lag(size, size, method=method, max_lag=None if max_lag is None else min(max_lag, size - 1))
+
+    size = rounded_down(largest_fitting(of_length, allowed // REAL, allowed))
+    return f"Two recordings of {size:,} samples ({size / sampling_rate:.3g} s at {sampling_rate:,.10g} Hz) would fit."
+
+
+def _products(size_1: int, size_2: int, reach: int) -> int:
+    """Return how many pairs of samples lie on each other, over all lags up to `reach` both ways."""
+
+    def of_one_sign(first: int, second: int) -> int:
+        """Sum ``min(first, second - lag)`` over the lags from 0 on."""
+        count = min(reach, second - 1) + 1
+        whole = min(count, max(0, second - first + 1))
+        rest = count - whole
+        return whole * first + rest * second - (whole + count - 1) * rest // 2
+
+    return of_one_sign(size_1, size_2) + of_one_sign(size_2, size_1) - min(size_1, size_2)

@@ -1,0 +1,181 @@
+"""What a template search will take, from what each method allocates."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting
+from stereolag.templates.score_maps import tiling
+
+if TYPE_CHECKING:
+    from stereolag.templates.search import TemplateMethod
+
+Shape = tuple[int, ...]
+
+DOUBLE, SCORE = 8, 4
+"""Bytes of a number the search reckons with, and of a score."""
+
+FFT_SECONDS = 1.2e-9
+"""Seconds a point of a tile and doubling of their number, one thread: one transform and the sums beside it."""
+
+PRODUCT_SECONDS = 2.8e-10
+"""Seconds a product of a pixel of the picture and one of the template."""
+
+PIXEL_SECONDS = 4e-9
+"""Seconds a pixel that is compared with a rare value."""
+
+FEWEST_MEGAPIXELS = 0.01
+"""Smaller pictures are not worth naming."""
+
+
+def estimate_search(
+    image_shape: Shape,
+    template_shape: Shape,
+    *,
+    dtype: npt.DTypeLike = np.uint8,
+    method: TemplateMethod = "fft",
+    masked: bool | None = None,
+) -> Estimate:
+    """Return what :func:`stereolag.templates.match_template` will take.
+
+    All methods hold the template's deviations from its mean, in float64, and twice as much while they are made.
+    Beside them, at the most,
+
+    * "fft" holds the map of scores, the spectrum of every channel of the template, and for every thread that works
+      on a tile the tile's channels, the spectra of one of them and of the sum, and what its windows vary;
+    * "direct" holds the picture in float64, its squares, and for every placement the products and sums of each
+      channel; it takes as long as there are placements times pixels of the template;
+    * "sampled" holds three marks for each placement. Where no value of the template is rare in the picture it needs
+      more: that is seen, and refused, when the places that hold the value are counted.
+
+    Parameters
+    ----------
+    image_shape, template_shape
+        (rows, cols) or (rows, cols, channels), the template no larger than the image.
+    dtype
+        Of the image.
+    method
+        As for :func:`~stereolag.templates.match_template`.
+    masked
+        Whether only some pixels of the template are compared; None: if it has alpha.
+    """
+    (rows, cols), (height, width) = image_shape[:2], template_shape[:2]
+    both_coloured = len(image_shape) == 3 and len(template_shape) == 3
+    channels = 3 if both_coloured else 1
+    pixels, size = rows * cols, height * width
+    places = (rows - height + 1) * (cols - width + 1)
+    pixel_type = np.dtype(dtype)
+    kept = 0
+    if not both_coloured and len(image_shape) == 3:  # its luminance, and its colours in one piece where it has alpha
+        kept += pixels * pixel_type.itemsize * (4 if image_shape[2] == 4 else 1)
+    deviations = DOUBLE * channels * size
+    making = kept + 3 * deviations + channels * pixel_type.itemsize * size
+    if method == "sampled":
+        memory = kept + deviations + 3 * places
+        if both_coloured and image_shape[2] == 4:
+            memory += 3 * pixels * pixel_type.itemsize
+        return Estimate(max(making, memory) + OVERHEAD, PIXEL_SECONDS * pixels)
+    if method == "direct":
+        planes, of_place = DOUBLE * channels * pixels, DOUBLE * places
+        sums = (2 + channels) * of_place
+        memory = kept + deviations + planes + max(planes, sums + (channels + 5) * of_place) + DOUBLE * (pixels + size)
+        seconds = PRODUCT_SECONDS * places * size * (2 * channels + 1)
+        return Estimate(max(making, memory) + OVERHEAD, seconds)
+    part = has_alpha(template_shape) if masked is None else masked
+    search = _Tiles.of(image_shape, template_shape, channels, pixel_type, part)
+    memory = kept + deviations + SCORE * places + search.shared + search.at_once * search.memory
+    seconds = search.transforms * FFT_SECONDS * search.points * math.log2(search.points) / search.at_once
+    return Estimate(max(making, memory) + OVERHEAD, seconds)
+
+
+class _Tiles:
+    """How the picture is cut up for the FFT, and what that takes.
+
+    Attributes
+    ----------
+    points
+        Of the transform of a tile.
+    at_once
+        Tiles that are worked on at one time.
+    shared, memory
+        Bytes of the template's spectra, and of the work on one tile.
+    transforms
+        In all, forth and back.
+    """
+
+    def __init__(self, points: int, at_once: int, shared: int, memory: int, transforms: int) -> None:
+        self.points, self.at_once, self.shared, self.memory = points, at_once, shared, memory
+        self.transforms = transforms
+
+    @classmethod
+    def of(
+        cls, image_shape: Shape, template_shape: Shape, channels: int, dtype: np.dtype[np.generic], masked: bool
+    ) -> _Tiles:
+        (rows, cols), (height, width) = image_shape[:2], template_shape[:2]
+        (down, fft_rows), (across, fft_cols) = tiling(rows - height + 1, height), tiling(cols - width + 1, width)
+        count = -(-(rows - height + 1) // down) * -(-(cols - width + 1) // across)
+        at_once = min(count, max(1, cv2.getNumThreads()))
+        spectrum = DOUBLE * fft_rows * fft_cols
+        planes = DOUBLE * channels * (down + height - 1) * (across + width - 1)
+        of_place = DOUBLE * down * across
+        deviations = DOUBLE * channels * height * width
+        # One channel's spectrum beside the sum; then the sum, the energy, and what tells the norm and what is flat.
+        squares = planes if dtype.kind == "f" else 0
+        memory = planes + max(min(channels, 2) * spectrum, spectrum + of_place + max(deviations, squares))
+        if masked:
+            memory = planes + max(planes + spectrum, 3 * spectrum + 3 * of_place)
+        memory += kept_blocks(spectrum, 2)
+        shared = (channels + masked) * spectrum
+        each = channels + 1 + (channels + 2) * masked
+        return cls(fft_rows * fft_cols, at_once, shared, memory, channels + masked + count * each)
+
+
+def has_alpha(shape: Shape) -> bool:
+    """Return whether pictures of that shape have an alpha channel."""
+    return len(shape) == 3 and shape[2] == 4
+
+
+def fitting_image(
+    allowed: int,
+    *,
+    image_shape: Shape,
+    template_shape: Shape,
+    dtype: npt.DTypeLike,
+    method: TemplateMethod,
+    masked: bool,
+) -> str:
+    """Return a sentence that names the size of a picture, or else of a template, that would fit into the bytes allowed.
+
+    Both keep their shape: the picture shrinks down to the template, then the template with it.
+    """
+
+    def resized(shape: Shape, width: int) -> Shape:
+        return max(1, round(shape[0] * width / shape[1])), width, *shape[2:]
+
+    def of_image(width: int) -> Estimate:
+        rows, cols, *rest = resized(image_shape, width)
+        room = max(rows, template_shape[0]), max(cols, template_shape[1]), *rest
+        return estimate_search(room, template_shape, dtype=dtype, method=method, masked=masked)
+
+    def of_template(width: int) -> Estimate:
+        small = resized(template_shape, width)
+        return estimate_search(image_shape, small, dtype=dtype, method=method, masked=masked)
+
+    width = largest_fitting(of_image, image_shape[1], allowed)
+    rows, cols = resized(image_shape, max(width, 1))[:2]
+    if width and rows >= template_shape[0] and cols >= template_shape[1]:
+        return f"With this template, a picture of {cols:,} × {rows:,} pixels ({_megapixels(rows * cols)}) would fit."
+    width = largest_fitting(of_template, template_shape[1], allowed)
+    if width:
+        rows, cols = resized(template_shape, width)[:2]
+        return f"In this picture, a template of {cols:,} × {rows:,} pixels ({_megapixels(rows * cols)}) would fit."
+    return "A smaller picture would fit."
+
+
+def _megapixels(pixels: int) -> str:
+    return f"{max(pixels / 1e6, FEWEST_MEGAPIXELS):.3g} megapixels"

@@ -1,0 +1,306 @@
+"""What a job tells before it starts is what it takes, and what is too large is refused before anything is allocated."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tracemalloc
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stereolag.estimates import Estimate, check_memory, largest_fitting, rounded_down
+from stereolag.limits import limits
+from stereolag.signals import estimate_lag, signal_lag
+from stereolag.signals.estimates import _products, fitting_recordings
+from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.stereo.diagnosis import diagnose
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.merit import Bench
+from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.search import SearchArea
+from stereolag.stereo.sweep import estimate_sweep
+from stereolag.templates import estimate_search, match_template
+from stereolag.templates.estimates import fitting_image
+
+GB = 10**9
+
+SMALL = 64 * 10**6
+"""Bytes by which the estimate of a small job may be too large."""
+
+REPOSITORY = Path(__file__).parents[2]
+
+MEASURE = """
+import sys
+import cv2
+import numpy as np
+from benchmarks.timing import peak_extra_memory
+from stereolag.signals import estimate_lag, signal_lag
+from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.templates import estimate_search, match_template
+
+random = np.random.default_rng(0)
+def picture(rows, cols):
+    return cv2.GaussianBlur(random.integers(0, 256, (rows, cols), dtype=np.uint8), (0, 0), 1)
+def pair(rows, cols):
+    left = picture(rows, cols)
+    return left, np.roll(left, -8, axis=1)
+def noise(size):
+    return random.standard_normal(size)
+preset = CorrelationMatcher.preset
+setup, warm, job, estimate = sys.argv[1:]
+exec(setup)
+eval(warm)
+measured = peak_extra_memory(lambda: eval(job))
+print(int(measured * 1e6), eval(estimate).memory)
+"""
+
+pytestmark = pytest.mark.usefixtures("_fresh_limits")
+
+
+@pytest.fixture
+def _fresh_limits() -> Iterator[None]:
+    limits.cache_clear()
+    yield
+    limits.cache_clear()
+
+
+@pytest.fixture
+def limited(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    def limit(megabytes: int) -> None:
+        monkeypatch.setenv("STEREOLAG_JOB_MEMORY_MB", str(megabytes))
+        limits.cache_clear()
+
+    return limit
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is measured where Linux tells it")
+@pytest.mark.parametrize(
+    ("setup", "warm", "job", "estimate"),
+    [
+        (
+            f"a, b = noise({size}), noise({size})",
+            f"signal_lag(a[:9000], a[100:9000], method={method!r})",
+            f"signal_lag(a, b, method={method!r})",
+            f"estimate_lag({size}, {size}, method={method!r})",
+        )
+        for method, size in (("fft", 2_000_000), ("phat", 1_500_000))
+    ]
+    + [
+        (
+            "a = picture(1500, 2000); t = a[200:900, 300:1100]",
+            "match_template(a[:200, :200], a[:20, :20])",
+            "match_template(a, t)",
+            "estimate_search(a.shape, t.shape)",
+        )
+    ]
+    + [
+        (
+            f"m = {matcher}; l, r = pair({rows}, {cols})",
+            "m.compute(l[:200, :600], r[:200, :600])",
+            "m.compute(l, r)",
+            "m.estimate(l.shape, l.dtype)",
+        )
+        for matcher, rows, cols in (
+            ("preset('dense')", 2000, 2000),
+            ("preset('accurate')", 900, 1200),
+            ("StereoBM()", 2500, 3500),
+        )
+    ],
+    ids=["fft", "phat", "template", "dense", "accurate", "StereoBM"],
+)
+def test_an_estimate_is_at_least_what_is_measured_and_at_most_twice_that(
+    setup: str, warm: str, job: str, estimate: str
+) -> None:
+    arguments = [sys.executable, "-c", MEASURE, setup, warm, job, estimate]
+    done = subprocess.run(arguments, cwd=REPOSITORY, capture_output=True, text=True, check=True)
+    measured, estimated = map(int, done.stdout.split())
+    assert measured <= estimated <= 2 * measured + SMALL
+
+
+@pytest.mark.parametrize("method", ["fft", "phat", "sampled", "direct"])
+def test_longer_recordings_take_more(method: Any) -> None:
+    estimates = [estimate_lag(size, size, method=method) for size in (10_000, 400_000, 1_000_000, 8_000_000)]
+    assert all(a.memory < b.memory and a.seconds < b.seconds for a, b in pairwise(estimates))
+
+
+def test_a_shorter_reach_of_the_direct_method_is_as_much_faster_as_it_has_fewer_products() -> None:
+    every = estimate_lag(10**6, 10**6, method="direct").seconds
+    few = estimate_lag(10**6, 10**6, method="direct", max_lag=100).seconds
+    assert every > 100  # 10**12 products
+    assert few < every / 1000
+
+
+@pytest.mark.parametrize(("size_1", "size_2", "reach"), [(5, 9, 3), (9, 5, 8), (4, 4, 3), (2, 30, 29), (7, 8, 0)])
+def test_products_are_the_pairs_of_samples_within_the_reach(size_1: int, size_2: int, reach: int) -> None:
+    pairs = sum(abs(i - j) <= reach for i in range(size_1) for j in range(size_2))
+    assert _products(size_1, size_2, reach) == pairs
+
+
+@pytest.mark.parametrize("method", ["fft", "direct", "sampled"])
+def test_larger_pictures_take_more(method: Any) -> None:
+    estimates = [estimate_search((side, side, 3), (100, 200, 3), method=method) for side in (500, 2000, 4000, 7000)]
+    assert all(a.memory < b.memory and a.seconds < b.seconds for a, b in pairwise(estimates))
+
+
+MATCHERS = [
+    *(CorrelationMatcher.preset(name) for name in ("report", "dense", "accurate")),
+    CorrelationMatcher(engine="fft", overlap=0.5),
+    CorrelationMatcher(search=SearchArea.centred(20)),
+    StereoBM(),
+    StereoSGBM(),
+]
+
+
+@pytest.mark.parametrize("matcher", MATCHERS, ids=lambda matcher: type(matcher).__name__)
+def test_larger_pairs_take_more(matcher: StereoMatcher) -> None:
+    estimates = [matcher.estimate((side, 2 * side, 3)) for side in (200, 600, 2000, 5000)]
+    assert all(a.memory < b.memory and a.seconds < b.seconds for a, b in pairwise(estimates))
+
+
+def test_a_refusal_names_the_estimate_the_limit_and_what_would_fit() -> None:
+    check_memory(Estimate(2 * GB, 1.0), "never asked for", allowed=2 * GB)
+    with pytest.raises(ValueError, match=r"needs about 2\.5 GB .* may take 2\.0 GB\. Half of it would fit\."):
+        check_memory(Estimate(5 * GB // 2, 1.0), lambda allowed: "Half of it would fit.", allowed=2 * GB)
+
+
+def test_the_largest_that_fits_is_found_by_bisection() -> None:
+    def squared(size: int) -> Estimate:
+        return Estimate(size * size, 0.0)
+
+    assert largest_fitting(squared, 1000, 10_200) == 100
+    assert largest_fitting(squared, 50, 10_200) == 50
+    assert largest_fitting(squared, 1000, 0) == 0
+    assert [rounded_down(number) for number in (7, 99, 123, 9_187_654)] == [7, 99, 120, 9_100_000]
+
+
+def test_two_long_recordings_are_refused_before_they_are_copied(limited: Callable[[int], None]) -> None:
+    limited(64)
+    first = np.arange(1_000_000.0)
+    tracemalloc.start()
+    try:
+        with pytest.raises(
+            ValueError, match=r"one job may take 67 MB\. Two recordings of [\d,]+ samples \([\d.]+ s at"
+        ):
+            signal_lag(first, first)
+        assert tracemalloc.get_traced_memory()[1] < first.nbytes
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("method", ["fft", "phat", "sampled", "direct"])
+def test_thirty_million_samples_twice_do_not_fit_into_two_gigabytes(method: Any) -> None:
+    with pytest.raises(ValueError, match="GB of memory"):
+        check_memory(estimate_lag(30_000_000, 30_000_000, method=method), "", allowed=2 * GB)
+    sentence = fitting_recordings(2 * GB, sampling_rate=44_100.0, method=method, max_lag=None)
+    found = re.fullmatch(r"Two recordings of ([\d,]+) samples \(([\d.]+) s at 44,100 Hz\) would fit\.", sentence)
+    assert found is not None
+    size = int(found[1].replace(",", ""))
+    check_memory(estimate_lag(size, size, method=method), "", allowed=2 * GB)
+    assert float(found[2]) == pytest.approx(size / 44_100, rel=0.01)
+    assert estimate_lag(size * 12 // 10, size * 12 // 10, method=method).memory > 2 * GB
+
+
+def test_a_large_template_in_a_large_picture_does_not_fit_into_two_gigabytes() -> None:
+    image, template = (7000, 7000, 3), (3000, 4000, 3)
+    with pytest.raises(ValueError, match=r"needs about 4\.\d GB"):
+        check_memory(estimate_search(image, template), "", allowed=2 * GB)
+    sentence = fitting_image(
+        2 * GB, image_shape=image, template_shape=template, dtype=np.uint8, method="fft", masked=False
+    )
+    found = re.match(r"With this template, a picture of ([\d,]+) × ([\d,]+) pixels \([\d.]+ megapixels\)", sentence)
+    assert found is not None
+    cols, rows = (int(number.replace(",", "")) for number in found.groups())
+    assert rows >= 3000
+    assert cols >= 4000
+    check_memory(estimate_search((rows, cols, 3), template), "", allowed=2 * GB)
+
+
+def test_where_the_template_alone_is_too_large_a_smaller_one_is_named() -> None:
+    image, template = (7000, 7000, 3), (3000, 4000, 3)
+    sentence = fitting_image(
+        GB // 2, image_shape=image, template_shape=template, dtype=np.uint8, method="fft", masked=False
+    )
+    found = re.match(r"In this picture, a template of ([\d,]+) × ([\d,]+) pixels", sentence)
+    assert found is not None
+    cols, rows = (int(number.replace(",", "")) for number in found.groups())
+    check_memory(estimate_search(image, (rows, cols, 3)), "", allowed=GB // 2)
+
+
+def test_a_template_search_is_refused_before_anything_is_allocated(limited: Callable[[int], None]) -> None:
+    limited(64)
+    image = np.random.default_rng(0).integers(0, 256, (2000, 2000), dtype=np.uint8)
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=r"one job may take 67 MB\. With this template, a picture of"):
+            match_template(image, image[:300, :300])
+        assert tracemalloc.get_traced_memory()[1] < image.nbytes
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_sampled_search_without_a_rare_value_is_refused(limited: Callable[[int], None]) -> None:
+    limited(64)
+    image = np.random.default_rng(0).integers(0, 2, (2000, 2000), dtype=np.uint8)
+    with pytest.raises(ValueError, match=r"No value of the template is rare in this picture; the method 'fft'"):
+        match_template(image, image[:20, :20], method="sampled")
+
+
+@pytest.mark.parametrize("matcher", MATCHERS, ids=lambda matcher: type(matcher).__name__)
+def test_a_pair_too_large_is_refused_before_it_is_matched(
+    matcher: StereoMatcher, limited: Callable[[int], None]
+) -> None:
+    limited(64)
+    left = np.random.default_rng(0).integers(0, 256, (2000, 3000), dtype=np.uint8)
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=r"one job may take 67 MB\. (\d+ % of|Half) the width and height") as told:
+            matcher.compute(left, left)
+        assert tracemalloc.get_traced_memory()[1] < left.nbytes
+    finally:
+        tracemalloc.stop()
+    named = re.search(r"(\d+) %", str(told.value))
+    percent = 50 if named is None else int(named[1])
+    assert matcher.estimate((2000 * percent // 100, 3000 * percent // 100)).memory <= limits().job_memory
+
+
+def test_a_refusal_names_the_number_of_disparities_that_would_fit(limited: Callable[[int], None]) -> None:
+    limited(256)
+    left = np.random.default_rng(0).integers(0, 256, (700, 1000), dtype=np.uint8)
+    matcher = CorrelationMatcher.preset("accurate", num_disparities=256)
+    with pytest.raises(ValueError, match=r"\d+ % of the width and height, or (\d+) disparities, would fit\.") as told:
+        matcher.compute(left, left)
+    named = re.search(r"or (\d+) disparities", str(told.value))
+    assert named is not None
+    fewer = matcher.with_disparities(int(named[1]))
+    assert fewer is not None
+    assert fewer.estimate(left.shape).memory <= limits().job_memory
+
+
+def test_a_diagnosis_is_refused_before_it_begins(limited: Callable[[int], None]) -> None:
+    limited(64)
+    left = np.random.default_rng(0).integers(0, 256, (2000, 3000, 3), dtype=np.uint8)
+    with pytest.raises(ValueError, match=r"one job may take 67 MB\. \d+ % of the width and height would fit\."):
+        diagnose(left, left)
+
+
+def test_a_bench_counts_both_views_where_there_is_no_truth() -> None:
+    left = np.random.default_rng(0).integers(0, 256, (500, 800), dtype=np.uint8)
+    blind, seeing = Bench.of(left, left), Bench.of(left, left, np.zeros(left.shape))
+    assert blind.estimate(StereoBM()).memory > seeing.estimate(StereoBM()).memory
+    assert blind.estimate(StereoBM()).seconds > seeing.estimate(StereoBM()).seconds
+
+
+def test_a_sweep_is_its_largest_cell_and_all_maps() -> None:
+    left = np.random.default_rng(0).integers(0, 256, (500, 800), dtype=np.uint8)
+    bench = Bench.of(left, left, np.zeros(left.shape))
+    told = estimate_sweep(StereoSGBM(), bench, rows=("block_size", (3, 4, 5)), cols=("num_disparities", (64, 256)))
+    largest = bench.estimate(StereoSGBM(block_size=5, num_disparities=256))
+    assert told.memory == largest.memory + 4 * 4 * left.size  # a block of 4 px is no setting
+    assert told.seconds > largest.seconds
