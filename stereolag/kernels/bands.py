@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from functools import cache
+from itertools import islice
 
 from stereolag.progress import Progress, silent
 
@@ -19,7 +20,7 @@ def available_cores() -> int:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Return the one pool that every caller shares: two callers at once take turns instead of crowding the cores."""
+    """Return the one pool that every caller shares: two callers at once take turns, band by band."""
     return ThreadPoolExecutor(available_cores(), thread_name_prefix="bands")
 
 
@@ -47,11 +48,19 @@ def over_bands(
     progress
         Called from the calling thread with the fraction of bands done.
     """
-    futures = [_pool().submit(work, first, end) for first, end in row_bands(rows, most_rows or rows)]
+    bands = row_bands(rows, most_rows or rows)
+    waiting = iter(bands)
+    pool, done = _pool(), 0
+    # No more than the cores can take at once: the bands of another caller come in between.
+    running = {pool.submit(work, *band) for band in islice(waiting, available_cores())}
     try:
-        for done, future in enumerate(as_completed(futures), start=1):
-            future.result()
-            progress(done / len(futures))
+        while running:
+            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            for future in finished:
+                future.result()
+                running |= {pool.submit(work, *band) for band in islice(waiting, 1)}
+                done += 1
+                progress(done / len(bands))
     finally:
-        for future in futures:
+        for future in running:
             future.cancel()

@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from stereolag.kernels.compilation import KEPT
+
 Array64 = npt.NDArray[np.float64]
 
 
@@ -29,7 +31,7 @@ def box_energy(planes: Array64, height: int, width: int) -> Array64:
     return np.asarray(np.square(deviations).sum(axis=(0, 3, 4)))
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=KEPT)
 def running_box_energy(planes: Array64, height: int, width: int) -> Array64:
     """Return :func:`box_energy` at a cost independent of the window: sums run down the columns, then along the row.
 

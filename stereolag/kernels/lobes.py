@@ -6,8 +6,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from stereolag.kernels.compilation import KEPT
 
-@njit(nogil=True, cache=True)
+
+@njit(nogil=True, cache=KEPT)
 def main_lobe(curve: npt.NDArray[np.float64], peak: int) -> tuple[int, int]:
     """Return the first index of the main lobe around `peak` and the one behind its last.
 

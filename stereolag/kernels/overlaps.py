@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from stereolag.kernels.compilation import KEPT
+
 Vector = npt.NDArray[np.float64]
 Spectrum = npt.NDArray[np.complex128]
 
@@ -46,7 +48,7 @@ def overlap_pearson(signal_1: Vector, signal_2: Vector, lag: int) -> float:
     return float(np.clip(_dot(first, second) / np.sqrt(energy_1 * energy_2), -1.0, 1.0))
 
 
-@njit(nogil=True, cache=True, fastmath={"reassoc", "contract"})
+@njit(nogil=True, cache=KEPT, fastmath={"reassoc", "contract"})
 def _dot(first: Vector, second: Vector) -> float:
     # numpy hands a long dot product to all threads of BLAS, which on a busy machine takes 100 times as long.
     total = 0.0
@@ -55,7 +57,7 @@ def _dot(first: Vector, second: Vector) -> float:
     return total
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=KEPT)
 def running_sums(signal: Vector) -> tuple[Vector, Vector]:
     """Return the sums and the sums of squares of the first 0, 1, … N samples, each (N + 1,)."""
     sums = np.empty(signal.size + 1)
@@ -70,7 +72,7 @@ def running_sums(signal: Vector) -> tuple[Vector, Vector]:
     return sums, squares
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=KEPT)
 def turn_forth(signal: Vector, turn: Spectrum, turned: Spectrum) -> None:
     """Fill `turned` (N,) with ``signal * turn``, and with zeros behind the end of the signal."""
     for i in range(signal.size):
@@ -78,7 +80,7 @@ def turn_forth(signal: Vector, turn: Spectrum, turned: Spectrum) -> None:
     turned[signal.size :] = 0
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=KEPT)
 def cross_spectrum(spectrum_1: Spectrum, spectrum_2: Spectrum) -> Spectrum:
     """Return ``conj(spectrum_1) * spectrum_2``, in the memory of the first."""
     for i in range(spectrum_1.size):
@@ -89,7 +91,7 @@ def cross_spectrum(spectrum_1: Spectrum, spectrum_2: Spectrum) -> Spectrum:
     return spectrum_1
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=KEPT)
 def turn_back(products: Spectrum, turn: Spectrum, first: int, last: int) -> Vector:
     """Return the lags from `first` (≤ 0) to `last` (≥ 0) of ``products * conj(turn)``: negative ones are imaginary.
 
@@ -108,7 +110,7 @@ def turn_back(products: Spectrum, turn: Spectrum, first: int, last: int) -> Vect
     return curve
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=KEPT, error_model="numpy")
 def weighted_pearson(
     products: Vector, first_lag: int, sums_1: Vector, squares_1: Vector, sums_2: Vector, squares_2: Vector
 ) -> None:
@@ -137,7 +139,7 @@ def weighted_pearson(
         products[index] = value if varies else 0.0
 
 
-@njit(nogil=True, cache=True, fastmath={"reassoc", "contract"})
+@njit(nogil=True, cache=KEPT, fastmath={"reassoc", "contract"})
 def sliding_pearson(signal_1: Vector, signal_2: Vector, first_lag: int, curve: Vector) -> None:
     """Fill `curve` with what :func:`weighted_pearson` makes, every overlap summed anew.
 

@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from stereolag.kernels.compilation import KEPT
+
 Array64 = npt.NDArray[np.float64]
 
 
@@ -30,7 +32,7 @@ def pearson(products: Array64, energy: Array64, norm: float, tolerance: float) -
     return np.where(varies, np.clip(scores, -1.0, 1.0), np.nan).astype(np.float32)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=KEPT, error_model="numpy")
 def fill_pearson(scores: npt.NDArray[Any], products: Array64, energy: Array64, norm: float, tolerance: float) -> None:
     """Write :func:`pearson` into `scores` (rows, cols); the other arrays may be larger, their excess is not read."""
     rows, cols = scores.shape

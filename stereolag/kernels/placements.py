@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from stereolag.kernels.compilation import KEPT
+
 Indices = npt.NDArray[np.intp]
 
 
@@ -37,7 +39,7 @@ def placement_score(
     return float(np.clip(np.sum(window * deviations[:, opaque].T) / norm, -1.0, 1.0))
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=KEPT)
 def placement_scores(
     image: npt.NDArray[Any],
     deviations: npt.NDArray[np.float64],

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from stereolag.kernels.compilation import KEPT
 from stereolag.kernels.overlaps import Vector
 
 Indices = npt.NDArray[np.int64]
@@ -18,7 +19,7 @@ def slice_correlation(signal_1: Vector, signal_2: Vector, start_1: int, start_2:
     return float(np.corrcoef(signal_1[start_1 : start_1 + length], signal_2[start_2 : start_2 + length])[0, 1])
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=KEPT)
 def best_matches(
     slices_1: npt.NDArray[np.float64],
     starts_1: Indices,
@@ -81,7 +82,7 @@ def best_matches(
     return lags, scores
 
 
-@njit(nogil=True, cache=True, fastmath={"reassoc", "contract"})
+@njit(nogil=True, cache=KEPT, fastmath={"reassoc", "contract"})
 def _product(piece: Vector, signal: Vector, start: int) -> float:
     # The piece is mean-free, so the mean of the other slice drops out.
     total = 0.0
