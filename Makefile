@@ -12,8 +12,7 @@ KERNELS := $(wildcard stereolag/kernels/*.py) stereolag/warming.py
 .PHONY: run setup setup-dev test check bench clean
 
 run: setup
-	@echo "stereolag: http://localhost:$(PORT)"
-	@exec $(BIN)/streamlit run app.py --server.port $(PORT)
+	@exec $(BIN)/python -P stereolag/ui/serving.py --port $(PORT)
 
 setup: $(VENV)/.run-ready $(VENV)/.kernels-warm
 

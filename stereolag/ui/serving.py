@@ -1,0 +1,110 @@
+"""Start the app if it can serve a page, and say why if it cannot.
+
+``python -P stereolag/ui/serving.py``: run as a file it imports nothing of the library, and can still tell that the
+library cannot be imported. The health address of Streamlit knows nothing of the pages.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+
+APP = Path(__file__).resolve().parents[2] / "app.py"
+
+PATIENCE_S = 300
+"""How long the first page may take: without machine code on disk all of its loops are compiled."""
+
+
+def check_page() -> None:
+    """Open the home page once, as Streamlit's own tests do: without a browser or a server.
+
+    Raises
+    ------
+    SystemExit
+        The page shows an error; the message is what it says.
+    """
+    logging.disable()  # the server says the same again
+    from streamlit import config
+    from streamlit.testing.v1 import AppTest
+
+    config.set_option("client.showErrorDetails", "full")  # visitors may be told less
+    page = AppTest.from_file(APP, default_timeout=PATIENCE_S).run()
+    faults = [f"{one.proto.type}: {one.message}" for one in page.exception] + [one.value for one in page.error]
+    if faults:
+        raise SystemExit(faults[0])
+
+
+def page_fault() -> str | None:
+    """Return in one line why the home page cannot be served, or None where it can.
+
+    It is opened in a process of its own, which may fail in any way, and leaves the server none of its memory.
+    """
+    command = [sys.executable, "-P", __file__, "--check"]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(APP.parent), os.environ.get("PYTHONPATH", "")])}
+    ran = subprocess.run(command, cwd=APP.parent, env=environment, capture_output=True, text=True, check=False)
+    if ran.returncode == 0:
+        return None
+    said = ran.stderr.split("Traceback (most recent call last):")[-1].strip().splitlines()
+    return said[-1] if said else f"Python ended with {ran.returncode}."
+
+
+def port_fault(port: int) -> str | None:
+    """Return in one line why a port cannot be listened on, or None where it can."""
+    both = socket.has_dualstack_ipv6()
+    family = socket.AF_INET6 if both else socket.AF_INET
+    try:
+        with closing(socket.create_server(("", port), family=family, dualstack_ipv6=both)):
+            return None
+    except OverflowError:
+        return f"{port} is no port: it goes up to 65535."
+    except OSError as error:
+        reason = os.strerror(error.errno or 0)
+        return f"Port {port} cannot be used ({reason}): name another, for example PORT=8600 make run."
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Start the app and return when it was stopped.
+
+    Parameters
+    ----------
+    arguments
+        Those of the command line unless given. What is unknown here goes to ``streamlit run``.
+
+    Returns
+    -------
+    int
+        The code to exit with: 1 where the app cannot be started, after one line that says why.
+    """
+    parser = argparse.ArgumentParser(description="Start the app.", allow_abbrev=False)
+    parser.add_argument("--port", type=int, default=8501, help="where it listens; 8501 unless given")
+    parser.add_argument("--check", action="store_true", help="open the home page once instead")
+    options, others = parser.parse_known_args(arguments)
+    try:
+        Path.home()
+    except RuntimeError:  # Streamlit asks for it only to look for settings there
+        os.environ["HOME"] = str(APP.parent)
+    if options.check:
+        check_page()
+        return 0
+    try:
+        fault = port_fault(options.port) or page_fault()
+        if fault:
+            print(f"stereolag cannot start: {fault}", file=sys.stderr)
+            return 1
+        from streamlit.web import cli
+
+        cli.main(["run", str(APP), "--server.port", str(options.port), *others], prog_name="streamlit")
+    except KeyboardInterrupt:  # before the server minds it
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,168 @@
+"""``make run``: one address that works and nothing asked of the outside; one sentence where there is no page."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from queue import Queue
+from threading import Thread
+
+import pytest
+from streamlit.proto.BackMsg_pb2 import BackMsg
+from streamlit.proto.ClientState_pb2 import ClientState
+from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
+from websockets.sync.client import connect
+
+PROJECT = Path(__file__).resolve().parents[2]
+LAUNCHER = "stereolag/ui/serving.py"
+PATIENCE_S = 120
+
+WATCH = """
+import os, sys
+def note(event, details):
+    if event in ("socket.connect", "socket.sendto"):
+        address = details[1]
+    elif event in ("socket.getaddrinfo", "socket.gethostbyname"):
+        address = details
+    else:
+        return
+    host = address[0] if isinstance(address, tuple) else None
+    if host not in (None, "", "localhost", "127.0.0.1", "::1", "::", "0.0.0.0"):
+        with open(os.environ["ASKED"], "a") as asked:
+            asked.write(f"{event} {host}\\n")
+sys.addaudithook(note)
+"""
+"""Runs in every Python that starts, and writes down whom it asks for anything outside this machine."""
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> dict[str, str]:
+    """Return an environment in which it is written down who is asked outside, in a file called asked."""
+    (tmp_path / "sitecustomize.py").write_text(WATCH)
+    return os.environ | {"PYTHONPATH": str(tmp_path), "ASKED": str(tmp_path / "asked"), "PYTHONUNBUFFERED": "1"}
+
+
+@pytest.fixture
+def port() -> int:
+    with socket.socket() as listener:
+        listener.bind(("localhost", 0))
+        return int(listener.getsockname()[1])
+
+
+def refused(environment: dict[str, str], *arguments: str, project: Path = PROJECT) -> str:
+    """Run the launcher where it must give up, and return the one line that it says."""
+    command = [sys.executable, "-P", LAUNCHER, *arguments]
+    ran = subprocess.run(
+        command, cwd=project, env=environment, capture_output=True, text=True, check=False, timeout=PATIENCE_S
+    )
+    assert (ran.returncode, ran.stdout) == (1, "")
+    (line,) = ran.stderr.splitlines()
+    return line
+
+
+@contextmanager
+def started(environment: dict[str, str], port: int) -> Iterator[tuple[subprocess.Popen[str], Queue[str]]]:
+    """Run the launcher, wait for the first address it prints and give the process and all lines that it prints."""
+    command = [sys.executable, "-P", LAUNCHER, "--port", str(port)]
+    lines: Queue[str] = Queue()
+    with subprocess.Popen(
+        command, cwd=PROJECT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        assert process.stdout is not None
+        Thread(target=lambda stream: [lines.put(line) for line in stream], args=[process.stdout], daemon=True).start()
+        try:
+            end = time.monotonic() + PATIENCE_S
+            while not any("http" in line for line in list(lines.queue)):
+                assert process.poll() is None, list(lines.queue)
+                assert time.monotonic() < end
+                time.sleep(0.05)
+            yield process, lines
+        finally:
+            process.kill()
+
+
+def visit(address: str) -> list[ForwardMsg]:
+    """Open the home page as a browser does and return all that the server sends for it."""
+    messages = []
+    with connect(f"{address.replace('http', 'ws')}/_stcore/stream", max_size=None) as page:
+        page.send(BackMsg(rerun_script=ClientState()).SerializeToString())
+        while not messages or messages[-1].WhichOneof("type") != "script_finished":
+            messages.append(ForwardMsg.FromString(page.recv(timeout=PATIENCE_S, decode=False)))
+    return messages
+
+
+def test_it_serves_a_page_at_the_one_address_it_prints_and_asks_nobody(
+    environment: dict[str, str], port: int, tmp_path: Path
+) -> None:
+    with started(environment, port) as (process, lines):
+        (printed,) = [line.split()[-1] for line in list(lines.queue) if "http" in line]
+        assert printed == f"http://localhost:{port}"
+        messages = visit(printed)
+        assert messages[-1].script_finished == ForwardMsg.FINISHED_SUCCESSFULLY
+        shown = [message.delta.new_element for message in messages if message.WhichOneof("type") == "delta"]
+        assert any("50,082 samples" in element.markdown.body for element in shown)
+        assert not [element for element in shown if element.WhichOneof("type") == "exception"]
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=PATIENCE_S) == 0
+    everything = "".join(lines.queue)
+    assert everything.count("://") == 1, everything
+    assert "Traceback" not in everything
+    assert not (tmp_path / "asked").exists(), (tmp_path / "asked").read_text()
+
+
+def test_an_install_without_a_library_it_needs_says_so(environment: dict[str, str], port: int, tmp_path: Path) -> None:
+    (tmp_path / "numba.py").write_text("raise ImportError('numba is not for this processor')")
+    line = refused(environment, "--port", str(port))
+    assert line == "stereolag cannot start: ImportError: numba is not for this processor"
+
+
+def test_an_install_without_its_own_files_says_so(environment: dict[str, str], port: int, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    (copy / "stereolag").mkdir(parents=True)
+    shutil.copytree(PROJECT / "stereolag/ui", copy / "stereolag/ui")
+    shutil.copy(PROJECT / "app.py", copy)
+    line = refused(environment, "--port", str(port), project=copy)
+    assert line.startswith("stereolag cannot start: ModuleNotFoundError: No module named 'stereolag.")
+
+
+def test_a_process_that_dies_is_told_of(environment: dict[str, str], port: int, tmp_path: Path) -> None:
+    (tmp_path / "numba.py").write_text("import os; os.abort()")
+    assert refused(environment, "--port", str(port)) == "stereolag cannot start: Python ended with -6."
+
+
+def test_a_port_in_use_is_told_of(environment: dict[str, str]) -> None:
+    with socket.create_server(("", 0)) as listener:
+        taken = listener.getsockname()[1]
+        line = refused(environment, "--port", str(taken))
+    assert line == (
+        f"stereolag cannot start: Port {taken} cannot be used (Address already in use): "
+        "name another, for example PORT=8600 make run."
+    )
+    assert refused(environment, "--port", "70000").endswith("70000 is no port: it goes up to 65535.")
+
+
+def test_a_user_without_a_home_can_open_the_page(environment: dict[str, str], tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(
+        "import pwd\npwd.getpwuid = {}.__getitem__  # as for a user nobody knows\n"
+    )
+    del environment["HOME"]
+    command = [sys.executable, "-P", LAUNCHER, "--check"]
+    ran = subprocess.run(command, cwd=PROJECT, env=environment, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+
+
+@pytest.mark.skipif(not shutil.which("make"), reason="make is not installed")
+def test_make_run_starts_it_on_the_port_that_is_named() -> None:
+    made = subprocess.run(
+        ["make", "--dry-run", "run", "PORT=8642"], cwd=PROJECT, capture_output=True, text=True, check=True
+    )
+    assert made.stdout.splitlines()[-1].endswith(f"python -P {LAUNCHER} --port 8642")
+    assert "http" not in made.stdout

@@ -1,0 +1,183 @@
+"""The proxy of deployment/nginx.conf before two processes of the app, in a real browser."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import socket
+import subprocess
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from email.message import Message
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, expect
+
+from tests.app import uploads
+from tests.browser.serving import PROJECT, served_app
+from tests.browser.visits import faultless_pages, settled
+
+NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))  # Debian's place for it
+PROMISED = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+}
+
+
+@dataclass(frozen=True)
+class Proxy:
+    """A proxy that runs: its address, the addresses of the processes behind it and its log."""
+
+    address: str
+    processes: frozenset[str]
+    log: Path
+
+    def visits(self) -> list[list[str]]:
+        """Return for each request that has ended: the process that answered, the status and the path."""
+        return [line.split(" ", 2) for line in self.log.read_text().splitlines()]
+
+
+def ask(
+    address: str, path: str, *, method: str = "GET", body: bytes | None = None, **headers: str
+) -> tuple[int, Message]:
+    """Return status and headers of an answer."""
+    request = urllib.request.Request(address + path, body, headers, method=method)
+    try:
+        with urllib.request.urlopen(request, timeout=60) as answer:
+            return answer.status, answer.headers
+    except urllib.error.HTTPError as answer:
+        with answer:
+            return answer.code, answer.headers
+
+
+@pytest.fixture(scope="module")
+def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
+    """Start two processes of the app and nginx before them: deployment/nginx.conf with other ports and a fuller log."""
+    if NGINX is None:
+        pytest.skip("nginx is not installed")
+    folder = tmp_path_factory.mktemp("proxy")
+    with ExitStack() as running:
+        patch = running.enter_context(pytest.MonkeyPatch.context())
+        patch.setenv("STREAMLIT_SERVER_COOKIE_SECRET", "the same for all processes")
+        ports = [running.enter_context(served_app()).rpartition(":")[2] for _ in range(2)]
+        with socket.socket() as listener:
+            listener.bind(("localhost", 0))
+            port = listener.getsockname()[1]
+        settings = (PROJECT / "deployment" / "nginx.conf").read_text(encoding="utf-8")
+        for there, here, times in (
+            ("listen 8080", f"listen {port}", 2),
+            ("127.0.0.1:8501", f"127.0.0.1:{ports[0]}", 1),
+            ("127.0.0.1:8502", f"127.0.0.1:{ports[1]}", 1),
+            (
+                "access_log access.log;",
+                "log_format process '$upstream_addr $status $uri'; access_log access.log process;",
+                1,
+            ),
+        ):
+            assert settings.count(there) == times
+            settings = settings.replace(there, here)
+        (folder / "nginx.conf").write_text(settings, encoding="utf-8")
+        nginx = running.enter_context(subprocess.Popen([NGINX, "-p", str(folder), "-c", "nginx.conf", "-e", "stderr"]))
+        running.callback(nginx.terminate)
+        address = f"http://localhost:{port}"
+        end = time.monotonic() + 60
+        while True:
+            assert nginx.poll() is None
+            assert time.monotonic() < end
+            with suppress(urllib.error.URLError):
+                ask(address, "/_stcore/health")
+                break
+            time.sleep(0.1)
+        yield Proxy(address, frozenset(f"127.0.0.1:{one}" for one in ports), folder / "access.log")
+
+
+def test_a_session_with_uploads_stays_with_one_process(browser: Browser, proxy: Proxy) -> None:
+    before = len(proxy.visits())
+    scene = uploads.texture(120, 165)
+    with faultless_pages(browser, proxy.address) as open_page:
+        page = open_page("Depth_maps")
+        page.get_by_text("Your own files").click()
+        settled(page)
+        inputs = page.get_by_test_id("stFileUploader").locator("input[type=file]")
+        for place, (name, picture) in enumerate({"left.png": scene[:, :-5], "right.png": scene[:, 5:]}.items()):
+            file = {"name": name, "mimeType": "image/png", "buffer": uploads.png(picture)}
+            inputs.nth(place).set_input_files(file)  # type: ignore[arg-type]
+            expect(page.get_by_text(name)).to_be_visible()
+            settled(page)
+        expect(page.get_by_text("Your own pair.")).to_be_visible()
+        expect(page.get_by_test_id("stImage").locator("img").first).to_be_visible()
+        page.reload()
+        settled(page)
+        expect(page.get_by_test_id("stException")).to_have_count(0)
+        expect(page.get_by_test_id("stImage").locator("img").first).to_be_visible()
+    end = time.monotonic() + 60
+    while time.monotonic() < end and sum("/_stcore/stream" in visit for visit in proxy.visits()[before:]) < 2:
+        time.sleep(0.1)  # a socket is written down when it has closed
+    visits = proxy.visits()[before:]
+    assert len({process for process, _, _ in visits}) == 1, visits
+    paths = [path for _, _, path in visits]
+    assert sum(path.startswith("/_stcore/upload_file/") for path in paths) >= 2
+    assert [status for _, status, path in visits if path == "/_stcore/stream"] == ["101", "101"]
+
+
+@pytest.mark.parametrize("path", ["", "Sensor_lag", "Rocketman_search"])
+def test_the_policy_for_contents_breaks_no_page(browser: Browser, proxy: Proxy, path: str) -> None:
+    with faultless_pages(browser, proxy.address) as open_page:
+        page = open_page(path)
+        expect(page.get_by_test_id("stPlotlyChart").first).to_be_visible()
+
+
+def test_visitors_are_shared_out_among_the_processes(proxy: Proxy) -> None:
+    before = len(proxy.visits())
+    for _ in range(32):
+        assert ask(proxy.address, "/")[0] == 200
+    assert {process for process, _, _ in proxy.visits()[before:]} == proxy.processes
+
+
+def test_a_visitor_is_named_once(proxy: Proxy) -> None:
+    _, headers = ask(proxy.address, "/")
+    (cookie,) = [one for one in headers.get_all("Set-Cookie", []) if one.startswith("stereolag_visitor=")]
+    assert re.fullmatch(r"stereolag_visitor=[0-9a-f]{32}; Path=/; HttpOnly; SameSite=Lax", cookie)
+    _, headers = ask(proxy.address, "/", Cookie=cookie.partition(";")[0])
+    assert not [one for one in headers.get_all("Set-Cookie", []) if one.startswith("stereolag_visitor=")]
+
+
+@pytest.mark.parametrize("path", ["/", "/_stcore/health", "/_stcore/metrics"])
+def test_every_answer_carries_the_security_headers_once(proxy: Proxy, path: str) -> None:
+    _, headers = ask(proxy.address, path)
+    for name, value in PROMISED.items():
+        assert headers.get_all(name) == [value]
+    (policy,) = headers.get_all("Content-Security-Policy", [])
+    assert "default-src 'none'" in policy
+    assert "unsafe-eval" not in policy
+    assert re.search(r"script-src [^;]*unsafe-inline", policy) is None
+
+
+@pytest.mark.parametrize(
+    "path", ["/_stcore/metrics", "//_stcore/metrics", "/_stcore//metrics", "/%5fstcore/metrics", "/_stcore/agent/mcp"]
+)
+def test_what_is_for_the_operator_is_refused(proxy: Proxy, path: str) -> None:
+    assert ask(proxy.address, path)[0] in (403, 404)
+
+
+def test_an_upload_above_the_limit_is_refused_before_it_reaches_the_app(proxy: Proxy) -> None:
+    before = len(proxy.visits())
+    port = int(proxy.address.rpartition(":")[2])
+    with socket.create_connection(("localhost", port), timeout=60) as connection:
+        head = f"PUT /_stcore/upload_file/session/file HTTP/1.1\r\nHost: localhost:{port}\r\n"
+        connection.sendall(f"{head}Content-Length: {66 * 2**20}\r\n\r\n".encode())
+        assert connection.recv(1000).startswith(b"HTTP/1.1 413 ")
+    assert {process for process, _, _ in proxy.visits()[before:]} <= {"-"}
+
+
+def test_requests_in_another_name_or_from_the_page_of_another_site_are_refused(proxy: Proxy) -> None:
+    assert ask(proxy.address, "/", Host="elsewhere.example")[0] == 421
+    assert ask(proxy.address, "/", Origin="http://elsewhere.example")[0] == 403
+    assert ask(proxy.address, "/", Origin=proxy.address)[0] == 200
