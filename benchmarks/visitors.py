@@ -1,0 +1,446 @@
+"""A visitor of the running app without a browser: Streamlit's own protocol, as its page in the browser speaks it."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import time
+import uuid
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from types import TracebackType
+from urllib.parse import parse_qsl
+
+from streamlit.proto.BackMsg_pb2 import BackMsg
+from streamlit.proto.Block_pb2 import Block
+from streamlit.proto.ClientState_pb2 import ClientState
+from streamlit.proto.Common_pb2 import FileURLs
+from streamlit.proto.Delta_pb2 import Delta
+from streamlit.proto.Element_pb2 import Element
+from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
+from streamlit.proto.NewSession_pb2 import NewSession
+from streamlit.proto.Slider_pb2 import Slider
+from streamlit.proto.WidgetStates_pb2 import WidgetState
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+HOST = "localhost"
+XSRF_COOKIE = "_streamlit_xsrf"
+TIMEOUT_S = 240
+LARGEST_MESSAGE = 256 * 2**20
+WIDGETS = ("slider", "button_group", "checkbox", "number_input", "file_uploader", "button", "selectbox", "text_input")
+
+Path = tuple[int, ...]
+
+
+@dataclass
+class Drawn:
+    """An element on the page, the fragment that drew it, and the run in which it was drawn last."""
+
+    element: Element
+    fragment: str
+    run: str
+
+
+@dataclass
+class Move:
+    """A move of a slider: when it was due, when it was sent, and when the first map of it or of a later one came."""
+
+    value: float
+    due: float
+    sent: float
+    answered: float | None = None
+
+    @property
+    def latency(self) -> float | None:
+        """Return the seconds from when it was due until its map; None while there is none."""
+        return None if self.answered is None else self.answered - self.due
+
+
+@dataclass
+class _Run:
+    """What arrived of one run of the script."""
+
+    name: str = ""
+    fragments: tuple[str, ...] = ()
+    images: dict[Path, float] = field(default_factory=dict)
+
+
+class Visitor:
+    """One visitor of a page, from opening it to leaving.
+
+    Parameters
+    ----------
+    port
+        Where the app listens on this machine.
+    page
+        As in the address: ``Depth_maps``; empty for the home page.
+    """
+
+    def __init__(self, port: int, page: str = "Depth_maps") -> None:
+        self._port = port
+        self._page = page
+        self._cookie = ""
+        self._session = ""
+        self._page_hash = ""
+        self._socket: ClientConnection | None = None
+        self._reader: asyncio.Task[None] | None = None
+        self._drawn: dict[Path, Drawn] = {}
+        self._states: dict[str, WidgetState] = {}
+        self._kept: dict[str, tuple[ForwardMsg, int, str]] = {}
+        self._folded: set[str] = set()
+        self._repeats: dict[str, asyncio.Task[None]] = {}
+        self._maps = 0
+        self._runs = self._oldest = 0
+        self._run = _Run()
+        self._finished = 0
+        self._change = asyncio.Condition()
+        self._addresses: dict[str, list[FileURLs]] = {}
+        self.query = ""
+        self.moves: list[Move] = []
+        self.received_bytes = 0
+
+    async def __aenter__(self) -> Visitor:
+        await self.arrive()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        await self.leave()
+
+    async def arrive(self) -> None:
+        """Open the page and wait until its script has run."""
+        self._cookie = await asyncio.to_thread(self._fetched_cookie)
+        self._socket = await connect(
+            f"ws://{HOST}:{self._port}/_stcore/stream",
+            subprotocols=[Subprotocol("streamlit"), Subprotocol(self._cookie or "PLACEHOLDER_AUTH_TOKEN")],
+            origin=f"http://{HOST}:{self._port}",  # type: ignore[arg-type]
+            additional_headers={"Cookie": f"{XSRF_COOKIE}={self._cookie}"},
+            max_size=LARGEST_MESSAGE,
+        )
+        self._reader = asyncio.create_task(self._read())
+        await self._sent_and_finished(ClientState(page_name=self._page))
+
+    async def leave(self) -> None:
+        """Close the page."""
+        self._stop_repeats()
+        if self._socket is not None:
+            await self._socket.close()
+        if self._reader is not None:
+            await self._reader
+
+    def elements(self, kind: str) -> Iterator[tuple[Path, Element]]:
+        """Yield the elements of a kind in the order in which they stand on the page."""
+        for path in sorted(self._drawn):
+            element = self._drawn[path].element
+            if element.WhichOneof("type") == kind:
+                yield path, element
+
+    def complaints(self) -> list[str]:
+        """Return what the page says in red: errors and exceptions."""
+        said = [one.exception.message for _, one in self.elements("exception")]
+        return said + [one.alert.body for _, one in self.elements("alert") if one.alert.format == one.alert.ERROR]
+
+    def keys(self, beginning: str) -> list[str]:
+        """Return the keys of the widgets on the page that begin so."""
+        identities = [getattr(one.element, kind).id for one, kind in self._widgets()]
+        return [key for key in (_key_of(one) for one in identities) if key.startswith(beginning)]
+
+    async def choose(self, key: str, option: str) -> None:
+        """Choose an option of a segmented control by its label, and wait until the script has run."""
+        drawn, widget = self._widget(key)
+        state = WidgetState(id=widget)
+        state.string_array_value.data.append(option)
+        await self._set(state, drawn.fragment)
+
+    async def upload(self, files: Mapping[str, bytes]) -> None:
+        """Give a PNG to each of the uploaders of these keys, and wait until the script has run after each."""
+        for key, content in files.items():
+            drawn, widget = self._widget(key)
+            request = BackMsg()
+            request.file_urls_request.request_id = uuid.uuid4().hex
+            request.file_urls_request.file_names.append(f"{key}.png")
+            request.file_urls_request.session_id = self._session
+            await self._send(request)
+            identity = request.file_urls_request.request_id
+            await self._until(lambda identity=identity: identity in self._addresses)
+            address = self._addresses.pop(identity)[0]
+            await asyncio.to_thread(self._put, address.upload_url, f"{key}.png", content)
+            state = WidgetState(id=widget)
+            info = state.file_uploader_state_value.uploaded_file_info.add()
+            info.file_id, info.name, info.size = address.file_id, f"{key}.png", len(content)
+            info.file_urls.CopyFrom(address)
+            await self._set(state, drawn.fragment)
+
+    async def press(self, key: str) -> None:
+        """Press a button and wait until there is another map."""
+        drawn, widget = self._widget(key)
+        maps = self._maps
+        await self._set(WidgetState(id=widget, trigger_value=True), drawn.fragment)
+        await self._until(lambda: self._maps > maps)
+
+    async def slide(self, key: str, value: float) -> None:
+        """Move a slider that is not measured, and wait until the script has run."""
+        drawn, widget = self._widget(key)
+        state = WidgetState(id=widget)
+        state.double_array_value.data.append(value)
+        await self._set(state, drawn.fragment)
+
+    async def move(self, key: str, value: float, due: float | None = None) -> Move:
+        """Move a slider; do not wait. `due` is when it should have been, by the clock of ``time.perf_counter``."""
+        drawn, widget = self._widget(key)
+        state = WidgetState(id=widget)
+        state.double_array_value.data.append(value)
+        self._states[widget] = state
+        now = time.perf_counter()
+        moved = Move(value, now if due is None else due, now)
+        self.moves.append(moved)
+        await self._send(self._rerun(drawn.fragment))
+        return moved
+
+    async def settled(self) -> None:
+        """Wait until every move has its map and the script has run."""
+        await self._until(lambda: all(one.answered is not None for one in self.moves))
+
+    async def _set(self, state: WidgetState, fragment: str) -> None:
+        self._states[state.id] = state
+        finished = self._finished
+        await self._send(self._rerun(fragment))
+        if state.WhichOneof("value") == "trigger_value":
+            del self._states[state.id]
+        await self._until(lambda: self._finished > finished)
+
+    async def _sent_and_finished(self, state: ClientState) -> None:
+        finished = self._finished
+        message = BackMsg()
+        message.rerun_script.CopyFrom(state)
+        await self._send(message)
+        await self._until(lambda: self._finished > finished)
+
+    def _rerun(self, fragment: str) -> BackMsg:
+        message = BackMsg()
+        state = message.rerun_script
+        state.query_string = self.query
+        state.page_script_hash = self._page_hash
+        state.fragment_id = fragment
+        state.widget_states.widgets.extend(self._states.values())
+        state.cached_message_hashes.extend(self._kept)
+        return message
+
+    async def _send(self, message: BackMsg) -> None:
+        assert self._socket is not None
+        await self._socket.send(message.SerializeToString())
+
+    async def _until(self, holds: object) -> None:
+        assert callable(holds) and self._reader is not None
+        async with asyncio.timeout(TIMEOUT_S), self._change:
+            await self._change.wait_for(lambda: holds() or self._reader.done())  # type: ignore[union-attr]
+        if not holds():
+            raise ConnectionError("the app closed the connection")
+
+    async def _read(self) -> None:
+        assert self._socket is not None
+        try:
+            async for data in self._socket:
+                assert isinstance(data, bytes)
+                self.received_bytes += len(data)
+                self._take(ForwardMsg.FromString(data))
+                async with self._change:
+                    self._change.notify_all()
+        finally:
+            async with self._change:
+                self._change.notify_all()
+
+    def _take(self, message: ForwardMsg) -> None:
+        kind = message.WhichOneof("type")
+        if kind == "ref_hash":
+            before, _, fragment = self._kept[message.ref_hash]
+            self._kept[message.ref_hash] = before, self._runs, fragment
+            self._draw([*message.metadata.delta_path], before.delta)
+        elif kind == "delta":
+            if message.metadata.cacheable:
+                self._kept[message.hash] = message, self._runs, message.delta.fragment_id
+            self._draw([*message.metadata.delta_path], message.delta)
+        elif kind == "new_session":
+            self._run = _Run(message.metadata.run.script_run_id, tuple(message.metadata.run.fragment_ids))
+            self._begin(message.new_session)
+        elif kind == "navigation":
+            self._page_hash = message.navigation.page_script_hash
+        elif kind == "page_info_changed":
+            self.query = message.page_info_changed.query_string
+        elif kind == "auto_rerun":
+            self._repeat(message.auto_rerun.fragment_id, message.auto_rerun.interval)
+        elif kind == "stop_auto_rerun":
+            for fragment in message.stop_auto_rerun.fragment_ids:
+                self._stop_repeat(fragment)
+        elif kind == "file_urls_response":
+            self._addresses[message.file_urls_response.response_id] = [*message.file_urls_response.file_urls]
+        elif kind == "script_finished":
+            self._end(message.script_finished)
+
+    def _begin(self, session: NewSession) -> None:
+        self._session = session.initialize.session_id or self._session
+        if not self._run.fragments:
+            self._stop_repeats()
+        self._oldest = session.config.max_cached_message_age
+
+    def _repeat(self, fragment: str, interval: float) -> None:
+        """Run a fragment again and again, as the script asked for."""
+
+        async def repeat() -> None:
+            while True:
+                await asyncio.sleep(interval)
+                message = self._rerun(fragment)
+                message.rerun_script.is_auto_rerun = True
+                await self._send(message)
+
+        self._stop_repeat(fragment)
+        self._repeats[fragment] = asyncio.create_task(repeat())
+
+    def _stop_repeat(self, fragment: str) -> None:
+        task = self._repeats.pop(fragment, None)
+        if task is not None:
+            task.cancel()
+
+    def _stop_repeats(self) -> None:
+        for fragment in [*self._repeats]:
+            self._stop_repeat(fragment)
+
+    def _draw(self, where: list[int], delta: Delta) -> None:
+        path = tuple(where)
+        kind = delta.WhichOneof("type")
+        if kind == "new_transient":
+            return
+        before = self._drawn.pop(path, None)
+        if kind == "add_block":
+            self._note_block(delta.add_block)
+            return
+        element = delta.new_element
+        for inner in [one for one in self._drawn if one[: len(path)] == path]:
+            del self._drawn[inner]
+        self._drawn[path] = Drawn(element, delta.fragment_id, self._run.name)
+        drawn_as = element.WhichOneof("type")
+        if drawn_as == "imgs" and (before is None or _source(before.element) != _source(element)):
+            self._run.images[path] = time.perf_counter()
+        elif drawn_as in WIDGETS:
+            self._note(element)
+
+    def _note_block(self, block: Block) -> None:
+        """Note the state of a folded part whose opening the script wants to know."""
+        part = block.expandable
+        if part.id:
+            self._folded.add(part.id)
+            self._states.setdefault(part.id, WidgetState(id=part.id, bool_value=part.expanded))
+
+    def _note(self, element: Element) -> None:
+        """Note the state of a widget as the page sends it: what the visitor chose, else what the script set."""
+        kind = element.WhichOneof("type")
+        assert kind is not None
+        widget = getattr(element, kind)
+        if kind == "button" or (widget.id in self._states and not getattr(widget, "set_value", False)):
+            return
+        state = WidgetState(id=widget.id)
+        if kind == "slider":
+            state.double_array_value.data.extend(widget.value if widget.set_value else widget.default)
+            if widget.type == Slider.SELECT_SLIDER:
+                return
+        elif kind == "button_group":
+            chosen = widget.raw_values if widget.set_value else [widget.options[one].content for one in widget.default]
+            state.string_array_value.data.extend(chosen)
+        elif kind == "checkbox":
+            state.bool_value = widget.value if widget.set_value else widget.default
+        elif kind == "number_input":
+            given = widget.HasField("value") if widget.set_value else widget.HasField("default")
+            number = widget.value if widget.set_value else widget.default
+            if given and widget.data_type == widget.INT:
+                state.int_value = int(number)
+            elif given:
+                state.double_value = number
+        elif kind == "file_uploader":
+            state.file_uploader_state_value.SetInParent()
+        else:
+            return
+        self._states[widget.id] = state
+
+    def _end(self, status: int) -> None:
+        self._runs += 1
+        run = self._run
+        if status in (ForwardMsg.FINISHED_SUCCESSFULLY, ForwardMsg.FINISHED_FRAGMENT_RUN_SUCCESSFULLY):
+            for path, drawn in [*self._drawn.items()]:
+                if drawn.run != run.name and (not run.fragments or drawn.fragment in run.fragments):
+                    del self._drawn[path]
+            if not run.fragments:
+                shown_now = {getattr(one.element, kind).id for one, kind in self._widgets()} | self._folded
+                self._states = {name: state for name, state in self._states.items() if name in shown_now}
+            for name, (_, used, fragment) in [*self._kept.items()]:
+                if (not run.fragments or fragment in run.fragments) and self._runs - used > self._oldest:
+                    del self._kept[name]
+        maps = [path for path, _ in self.elements("imgs")][1:2]
+        shown = [run.images[path] for path in maps if path in run.images]
+        self._maps += bool(shown)
+        value = float(dict(parse_qsl(self.query)).get("window_size", "nan"))
+        answered = [index for index, one in enumerate(self.moves) if one.value == value]
+        if shown and answered:
+            for one in self.moves[: answered[-1] + 1]:
+                one.answered = one.answered or shown[0]
+        self._finished += 1
+
+    def _widgets(self) -> list[tuple[Drawn, str]]:
+        """Return the widgets on the page and their kinds, in the order in which they stand."""
+        drawn = [self._drawn[path] for path in sorted(self._drawn)]
+        kinds = [(one, one.element.WhichOneof("type") or "") for one in drawn]
+        return [(one, kind) for one, kind in kinds if kind in WIDGETS]
+
+    def _widget(self, key: str) -> tuple[Drawn, str]:
+        """Return the widget of a key, and its identity."""
+        for drawn, kind in self._widgets():
+            identity = str(getattr(drawn.element, kind).id)
+            if _key_of(identity) == key:
+                return drawn, identity
+        raise LookupError(f"There is no widget of the key {key} on the page. {' '.join(self.complaints())}")
+
+    def _fetched_cookie(self) -> str:
+        """Return the token that the app hands to every browser."""
+        connection = http.client.HTTPConnection(HOST, self._port, timeout=TIMEOUT_S)
+        try:
+            for path in (f"/{self._page}", "/_stcore/health", "/_stcore/host-config"):
+                connection.request("GET", path)
+                answer = connection.getresponse()
+                answer.read()
+                for part in (answer.getheader("Set-Cookie") or "").split(";"):
+                    name, _, value = part.strip().partition("=")
+                    if name == XSRF_COOKIE:
+                        return value
+        finally:
+            connection.close()
+        return ""
+
+    def _put(self, address: str, name: str, content: bytes) -> None:
+        """Send a file as the form in the browser does."""
+        boundary = uuid.uuid4().hex
+        head = f'--{boundary}\r\nContent-Disposition: form-data; name="{name}"; filename="{name}"\r\n'
+        body = f"{head}Content-Type: image/png\r\n\r\n".encode() + content + f"\r\n--{boundary}--\r\n".encode()
+        connection = http.client.HTTPConnection(HOST, self._port, timeout=TIMEOUT_S)
+        try:
+            headers = {
+                "Content-Type": f"multipart/form-data; boundary={boundary}",
+                "X-Xsrftoken": self._cookie,
+                "Cookie": f"{XSRF_COOKIE}={self._cookie}",
+            }
+            connection.request("PUT", address, body, headers)
+            answer = connection.getresponse()
+            said = answer.read()
+            if answer.status >= 300:
+                raise ConnectionError(f"the app refused a file with {answer.status}: {said[:200]!r}")
+        finally:
+            connection.close()
+
+
+def _key_of(identity: str) -> str:
+    """Return the key that the script gave a widget: what follows a fixed prefix and a digest."""
+    return identity.split("-", 2)[-1]
+
+
+def _source(element: Element) -> str:
+    return "".join(one.url for one in element.imgs.imgs)
