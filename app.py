@@ -12,7 +12,7 @@ from stereolag.stereo.correlation import CorrelationMatcher
 from stereolag.stereo.search import SearchArea
 from stereolag.templates import match_template
 from stereolag.ui.images import show_png
-from stereolag.ui.navigation import open_page
+from stereolag.ui.navigation import page
 from stereolag.ui.pairs import example_pair
 from stereolag.ui.pictures import example_pictures
 from stereolag.ui.recordings import example_recordings
@@ -82,20 +82,20 @@ MEASUREMENTS: dict[str, tuple[Callable[[], None], str, str]] = {
     "How far away is everything?": (show_depth, "pages/3_Depth_maps.py", "Depth maps"),
 }
 
-open_page(
+with page(
     "Slide, multiply, find the peak",
     "Lay one thing over another, multiply what lies on top of each other, and add it up. Slide by one step and do it "
     "again. Where the sum is largest the two agree, and how far you slid is the **lag**. This one idea measures three "
     "things.",
-)
-for column, (question, (show, page, name)) in zip(st.columns(3, gap="medium"), MEASUREMENTS.items(), strict=True):
-    with column.container(border=True, height="stretch"):
-        st.markdown(f"#### {question}")
-        show()
-        st.page_link(page, label=f"Open {name}", icon=":material/arrow_forward:")
-st.space("small")
-st.markdown(
-    "Everything here was computed by this app. Each page comes with examples, takes files of your own, and lets you "
-    "move every setting. Your files stay in this session: nothing is written to disk or shown to anyone else.",
-    width=760,
-)
+):
+    for column, (question, (show, path, name)) in zip(st.columns(3, gap="medium"), MEASUREMENTS.items(), strict=True):
+        with column.container(border=True, height="stretch"):
+            st.markdown(f"#### {question}")
+            show()
+            st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
+    st.space("small")
+    st.markdown(
+        "Everything here was computed by this app. Each page comes with examples, takes files of your own, and lets "
+        "you move every setting. Your files stay in this session: nothing is written to disk or shown to anyone else.",
+        width=760,
+    )

@@ -3,13 +3,14 @@
 import streamlit as st
 
 from stereolag.figures import recordings as figures
-from stereolag.signals import SignalLag, signal_lag
+from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui.controls import control, last_valid
+from stereolag.ui.failures import fragment
 from stereolag.ui.listening import player
-from stereolag.ui.navigation import open_page
+from stereolag.ui.navigation import page
 from stereolag.ui.numbers import Number, show_numbers
 from stereolag.ui.recordings import RecordingPair, choose_recordings
-from stereolag.ui.results import computed
+from stereolag.ui.results import computed_in_turn
 from stereolag.ui.searches import CURVES, LAG_METHODS, LAG_METHODS_EXPLAINED, LagSearch
 from stereolag.ui.wording import duration, lag_in_words
 
@@ -76,15 +77,16 @@ def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     st.plotly_chart(figures.close_up(pair.signal_1, pair.signal_2, result.lag, start), key="close_up")
 
 
-@st.fragment
+@fragment
 def measure(pair: RecordingPair) -> None:
     """Ask, compute and show; moving a control reruns this part alone."""
     search = ask(pair)
     if search is None:
         return
     try:
-        result = computed(
+        result = computed_in_turn(
             lambda progress: signal_lag(pair.signal_1, pair.signal_2, **search.model_dump(), seed=0, progress=progress),
+            estimate_lag(pair.signal_1.size, pair.signal_2.size, method=search.method, max_lag=search.max_lag),
             inputs=pair.digest,
             settings=search.model_dump_json(),
             shared=pair.shared,
@@ -93,23 +95,25 @@ def measure(pair: RecordingPair) -> None:
     except ValueError as error:
         st.error(str(error))
         return
+    if result is None:
+        return
     report(result)
     with st.spinner("Drawing …"):
         show(pair, result, search)
         listen(pair, search)
 
 
-open_page(
+with page(
     "Sensor lag",
     "Two sensors record the same sound. Slide one recording along the other, multiply, add up: where the sum peaks, "
     "the two agree. That lag is the time the wave took from one sensor to the other, and with its speed, the distance.",
-)
-recordings = choose_recordings()
-st.caption(recordings.description)
-measure(recordings)
-with st.expander("What the source report says"):
-    st.markdown(
-        "Its two recordings hold 176,401 samples each, at 44.1 kHz, and lie 50,082 samples apart. "
-        "At 333 m/s that is 50,082 ÷ 44,100 × 333 = **378.17 m**; the report’s 378.19 m is a slip. "
-        "Its sliding correlation took 1.5 to 3.5 s, its FFT 1.71 s."
-    )
+):
+    recordings = choose_recordings()
+    st.caption(recordings.description)
+    measure(recordings)
+    with st.expander("What the source report says"):
+        st.markdown(
+            "Its two recordings hold 176,401 samples each, at 44.1 kHz, and lie 50,082 samples apart. "
+            "At 333 m/s that is 50,082 ÷ 44,100 × 333 = **378.17 m**; the report’s 378.19 m is a slip. "
+            "Its sliding correlation took 1.5 to 3.5 s, its FFT 1.71 s."
+        )

@@ -3,13 +3,14 @@
 import streamlit as st
 
 from stereolag.figures import templates as figures
-from stereolag.templates import TemplateSearch, match_template
+from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui.controls import control, last_valid
+from stereolag.ui.failures import fragment
 from stereolag.ui.images import show_png
-from stereolag.ui.navigation import open_page
+from stereolag.ui.navigation import page
 from stereolag.ui.numbers import Number, show_numbers
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
-from stereolag.ui.results import computed
+from stereolag.ui.results import computed_in_turn
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED, TemplateQuery
 from stereolag.ui.wording import duration, why_not_found
 
@@ -71,16 +72,19 @@ def show(inputs: PictureAndTemplate, result: TemplateSearch) -> None:
     legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
 
 
-@st.fragment
+@fragment
 def find(inputs: PictureAndTemplate) -> None:
     """Ask, compute and show; moving a control reruns this part alone."""
     query = ask(inputs)
     if query is None:
         return
     try:
-        result = computed(
+        result = computed_in_turn(
             lambda progress: match_template(
                 inputs.picture, inputs.template, mask=inputs.mask, **query.model_dump(), seed=0, progress=progress
+            ),
+            estimate_search(
+                inputs.picture.shape, inputs.template.shape, dtype=inputs.picture.dtype, method=query.method
             ),
             inputs=inputs.digest,
             settings=query.model_dump_json(),
@@ -90,20 +94,22 @@ def find(inputs: PictureAndTemplate) -> None:
     except ValueError as error:
         st.error(str(error))
         return
+    if result is None:
+        return
     report(result, query)
     show(inputs, result)
 
 
-open_page(
+with page(
     "Rocketman search",
     "Somewhere in the picture is a smaller one. Slide it over every place, multiply, add up: where the score peaks, "
     "there it is. It is the same measurement as the lag of two recordings, in two dimensions.",
-)
-pictures = choose_pictures()
-st.caption(pictures.description)
-find(pictures)
-with st.expander("What the source report says"):
-    st.markdown(
-        "In its maze of 2446 × 1526 pixels Rocketman’s top-left corner lies at row **528**, column **982**; "
-        "the report’s (651, 982) is his bottom row. It took 0.49 s with its sampled NCC and 2.8 s with its FFT."
-    )
+):
+    pictures = choose_pictures()
+    st.caption(pictures.description)
+    find(pictures)
+    with st.expander("What the source report says"):
+        st.markdown(
+            "In its maze of 2446 × 1526 pixels Rocketman’s top-left corner lies at row **528**, column **982**; "
+            "the report’s (651, 982) is his bottom row. It took 0.49 s with its sampled NCC and 2.8 s with its FFT."
+        )

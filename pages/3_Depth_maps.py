@@ -19,8 +19,9 @@ from stereolag.ui.depth.side_by_side import measured, show_images, show_map
 from stereolag.ui.depth.space import show_space
 from stereolag.ui.depth.suggesting import show_suggest
 from stereolag.ui.depth.sweeping import show_sweep
+from stereolag.ui.failures import fragment
 from stereolag.ui.matchers import ask_block_matcher, ask_correlation, ask_semi_global
-from stereolag.ui.navigation import open_page
+from stereolag.ui.navigation import page
 from stereolag.ui.pairs import StereoPair
 
 PARTS = {
@@ -40,7 +41,7 @@ WHAT_FOLLOWS = (
 )
 
 
-@st.fragment
+@fragment
 def workspace(pair: StereoPair) -> None:
     """Ask, compute and show; moving a control reruns this part alone, and the maps come before all the rest."""
     show_presets(pair)
@@ -71,8 +72,9 @@ def workspace(pair: StereoPair) -> None:
     with places[0]:
         show_images(view)
     with columns[0], st.expander("OpenCV StereoSGBM", key="depth.sgbm", on_change="rerun") as semi_global:
-        st.caption("A third method to compare with: it joins the maps below.")
-        semi_global_matcher = ask_semi_global(pair)
+        if semi_global.open:
+            st.caption("A third method to compare with: it joins the maps below.")
+        semi_global_matcher = ask_semi_global(pair, drawn=bool(semi_global.open))
     columns[0].markdown(WHAT_FOLLOWS)
     write_address(pair, (matcher, block_matcher, semi_global_matcher))
     st.subheader("Look closer", anchor="look-closer")
@@ -96,16 +98,16 @@ def workspace(pair: StereoPair) -> None:
     show_downloads(view)
 
 
-open_page(
+with page(
     "Depth maps",
     "Near things shift more between two eyes than far ones. Cut the left image into small windows and slide each along "
     "the right image: the lag of the best match is its disparity, large for near things and small for far ones.",
-)
-workspace(choose_pair())
-with st.expander("What the source report says"):
-    st.markdown(
-        "Near things have the **large** lag, and the report’s cameras run at 10 Hz, not 10 kHz. With a window of 20 px "
-        "and an overlap of 0.95 its depth map took 111 s, and StereoBM 0.28 s: that is 400 times, not 1000. "
-        "The report’s preset shows its depth map; ZNCC, the default here, also takes out how bright and how contrasty "
-        "each window is."
-    )
+):
+    workspace(choose_pair())
+    with st.expander("What the source report says"):
+        st.markdown(
+            "Near things have the **large** lag, and the report’s cameras run at 10 Hz, not 10 kHz. With a window of "
+            "20 px and an overlap of 0.95 its depth map took 111 s, and StereoBM 0.28 s: that is 400 times, not 1000. "
+            "The report’s preset shows its depth map; ZNCC, the default here, also takes out how bright and how "
+            "contrasty each window is."
+        )

@@ -9,6 +9,7 @@ from stereolag.export.maps import check_kitti, kitti_png, npy, pfm
 from stereolag.export.programs import script
 from stereolag.export.rasters import image_png, image_tiff, reason_png, valid_mask_png
 from stereolag.export.settings import opencv_yaml, settings_json
+from stereolag.export.sounds import wav
 from stereolag.export.tables import metrics_csv
 
 __all__ = [
@@ -27,4 +28,5 @@ __all__ = [
     "script",
     "settings_json",
     "valid_mask_png",
+    "wav",
 ]

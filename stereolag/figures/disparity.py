@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 import numpy.typing as npt
-import plotly.graph_objects as go
 
 from stereolag.figures.colours import VIRIDIS, Rgb, colour_numbers, colour_table, coloured, palette
-from stereolag.figures.legend import legend
+from stereolag.figures.legend import strip
 from stereolag.figures.pictures import as_rgb, indexed_png, png, thinned
 from stereolag.inputs import Image
 
@@ -54,6 +53,6 @@ def image_into_map(image: Image, disparity: npt.NDArray[np.float32], low: float,
     return png(picture)
 
 
-def disparity_legend(low: float, high: float, colours: Rgb = FAR_TO_NEAR) -> go.Figure:
-    """Return a strip of the colours with the disparities they stand for."""
-    return legend(low, high, colours, "far ← disparity, px → near")
+def disparity_legend(low: float, high: float, colours: Rgb = FAR_TO_NEAR) -> str:
+    """Return a strip of the colours with the disparities they stand for, as HTML."""
+    return strip(low, high, colours, "far ← disparity, px → near")

@@ -1,7 +1,8 @@
-"""The strip of colours that says what the colours of a map stand for."""
+"""The strip of colours that says what the colours of a map stand for: as a figure, or as lighter HTML."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import lru_cache
 
@@ -40,3 +41,31 @@ def _legend(low: float, high: float, colours: bytes, title: str, ticks: tuple[tu
         figure.update_xaxes(tickvals=[value for value, _ in ticks], ticktext=[text for _, text in ticks])
     figure.update_yaxes(visible=False, fixedrange=True)
     return figure
+
+
+def strip(low: float, high: float, palette: Rgb, title: str) -> str:
+    """Return the colours of a (256, 3) palette, from `low` to `high`, over round values and a title, as HTML.
+
+    It takes the text's colour and size from where it stands, and none of the time that Plotly takes.
+    """
+    colours = ", ".join("rgb({},{},{})".format(*colour) for colour in palette[::15])
+    marks = "".join(
+        f'<span style="position: absolute; left: {100 * (value - low) / (high - low):.2f}%; '
+        f'transform: translateX(-50%)">{value:g}</span>'.replace(">-", ">−")
+        for value in round_values(low, high)
+    )
+    return (
+        f'<div role="img" aria-label="Legend: {title}, {low:g} to {high:g}" style="padding: 0 0.75rem; '
+        f'font-size: 0.8rem; opacity: 0.85">'
+        f'<div style="height: 1.5rem; border-radius: 3px; background: linear-gradient(to right, {colours})"></div>'
+        f'<div style="position: relative; height: 1.4rem">{marks}</div>'
+        f'<div style="text-align: center">{title}</div></div>'
+    )
+
+
+def round_values(low: float, high: float, most_steps: int = 8) -> list[float]:
+    """Return the multiples of 1, 2 or 5 times a power of ten from low to high, in `most_steps` steps at the most."""
+    power = 10 ** math.floor(math.log10((high - low) / most_steps))
+    step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= most_steps)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [float(f"{number * step:.12g}") for number in range(first, last + 1)]

@@ -17,6 +17,8 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 FASTEST_COMPRESSION = 1
 
+JPEG_QUALITY = 92
+
 SHOWN_WIDTH = 1400
 """What is wider, px, is made smaller here: Streamlit would do it, slowly, and mix the colours of a map."""
 
@@ -60,6 +62,13 @@ def png(picture: Rgb) -> bytes:
     """Return an RGB picture as the bytes of a PNG."""
     bgr = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2BGR)
     _, data = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, FASTEST_COMPRESSION])
+    return data.tobytes()
+
+
+def jpeg(picture: Rgb) -> bytes:
+    """Return an RGB photograph as the bytes of a JPEG that looks the same, for a page to show."""
+    bgr = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2BGR)
+    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return data.tobytes()
 
 

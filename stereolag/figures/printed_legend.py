@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from PIL import Image as PillowImage
 from PIL import ImageDraw, ImageFont
 
 from stereolag.figures.colours import NO_ANSWER, Rgb
+from stereolag.figures.legend import round_values
 
 NARROWEST = 360
 DESIGNED_FOR = 900
@@ -16,7 +15,6 @@ DESIGNED_FOR = 900
 
 TEXT, MARGIN, BAR, TICK, GAP = 14, 24, 14, 5, 8
 PAPER, INK = (255, 255, 255), (30, 30, 30)
-MOST_STEPS = 8
 
 
 def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str) -> Rgb:
@@ -57,16 +55,8 @@ def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str)
     bottom = top + unit * BAR
     bar = PillowImage.fromarray(palette[None]).resize((round(right - left), round(bottom - top)))
     canvas.paste(bar, (round(left), round(top)))
-    for value in _ticks(low, high):
+    for value in round_values(low, high):
         column = left + (value - low) / (high - low) * (right - left)
         draw.line((column, bottom, column, bottom + unit * TICK), INK, max(1, round(unit)))
         draw.text((column, bottom + unit * (TICK + GAP / 2)), f"{value:g}", INK, font, anchor="mt")
     return np.array(canvas)
-
-
-def _ticks(low: float, high: float) -> list[float]:
-    """Return the multiples of 1, 2 or 5 times a power of ten from low to high, at most nine of them."""
-    power = 10 ** math.floor(math.log10((high - low) / MOST_STEPS))
-    step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= MOST_STEPS)
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return [float(f"{number * step:.12g}") for number in range(first, last + 1)]

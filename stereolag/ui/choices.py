@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from typing import Protocol, TypeVar
 
 import streamlit as st
 
+from stereolag.ui.uploads import expect_uploads, refused
+
+T = TypeVar("T")
+
 OWN = "own"
+
+GONE = (
+    "The files you had here are gone: the server was started again, or this page was away from it for too long. "
+    "Add them once more."
+)
 
 
 class Example(Protocol):
@@ -20,6 +29,7 @@ class Example(Protocol):
 
 def choose(examples: Mapping[str, Example], *, key: str) -> str:
     """Return the name of the example chosen, or ``OWN``."""
+    first_run = f"{key}.gone" not in st.session_state
     chosen = st.segmented_control(
         "Inputs",
         [*examples, OWN],
@@ -30,13 +40,52 @@ def choose(examples: Mapping[str, Example], *, key: str) -> str:
         persist_state="session",
         label_visibility="collapsed",
     )
+    if first_run:
+        # Only a browser that knew an earlier session begins with files of its own.
+        st.session_state[f"{key}.gone"] = chosen == OWN
     if chosen != OWN:
         st.session_state[f"{key}.example"] = chosen
     return str(chosen)
 
 
-def example_meanwhile(examples: Mapping[str, Example], what: str, *, key: str) -> str:
-    """Return the example that is shown until the visitor's files are there, and say so."""
+def own_or_example(
+    chosen: str,
+    ask: Callable[[], T | None],
+    load: Callable[[str], T],
+    examples: Mapping[str, Example],
+    *,
+    key: str,
+    awaited: str,
+) -> T:
+    """Return the inputs chosen; the page ends here where those of the visitor were refused.
+
+    Parameters
+    ----------
+    chosen
+        As :func:`choose` returned it.
+    ask
+        Asks for the visitor's own files; returns None while they are not there.
+    load
+        Loads an example by its name.
+    examples, key
+        As :func:`choose` took them.
+    awaited
+        What is said to be missing until the visitor's files are there: "both images are".
+    """
+    if chosen != OWN:
+        return load(chosen)
+    expect_uploads()
+    own = ask()
+    if own is not None:
+        st.session_state[f"{key}.gone"] = False
+        return own
+    if refused():
+        # What an example gives must not stand below a file that was refused.
+        st.stop()
+    if st.session_state[f"{key}.gone"]:
+        st.warning(GONE, icon=":material/cloud_off:")
     name: str = st.session_state.get(f"{key}.example", next(iter(examples)))
-    st.info(f"Until {what} here, the page shows the example “{examples[name].title}”.", icon=":material/upload_file:")
-    return name
+    st.info(
+        f"Until {awaited} here, the page shows the example “{examples[name].title}”.", icon=":material/upload_file:"
+    )
+    return load(name)

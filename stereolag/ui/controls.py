@@ -83,6 +83,7 @@ def control(
     when_empty: str | None = None,
     beside: str = "",
     disabled: bool = False,
+    drawn: bool = True,
 ) -> Any:
     """Draw the control of one field and return what it is set to.
 
@@ -107,9 +108,14 @@ def control(
         Another name of the field, shown beside its title.
     disabled
         Whether it cannot be moved now, because nothing would change.
+    drawn
+        False where it is folded away: then it is not drawn, which takes time, and keeps its value.
     """
     field = settings.model_fields[name]
     at_first = st.session_state.get(_adopted_key(key), field.default if value is None else value)
+    if not drawn:
+        kept = st.session_state.get(key, at_first)
+        return kept if _adopted_key(key) in st.session_state else _within(field, kept, low, high)
     title = field.title or name
     widget: dict[str, Any] = {
         "label": f"{title} `{beside}`" if beside else title,
@@ -141,6 +147,13 @@ def control(
         widget |= {"key": f"{key}.only", "disabled": True}
     widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": at_first}
     return st.slider(**widget)
+
+
+def _within(field: FieldInfo, value: Any, low: Number | None, high: Number | None) -> Any:
+    """Return a value within the bounds that its control would have."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return value
+    return Bounds.of(field).narrowed(low, high).nearest(value)
 
 
 def adopt_value(key: str, value: Any) -> None:

@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import streamlit as st
 
+from stereolag.ui.private_files import show_player
+
 AUDIBLE_RATES = (3_000, 384_000)
 """Samples a second that browsers play."""
 
@@ -20,4 +22,4 @@ def player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> 
         return
     heard = signal[: round(LONGEST_S * sampling_rate)]
     st.caption(f"Listen to {name}" + ("" if heard.size == signal.size else f" (the first {LONGEST_S} s)"))
-    st.audio(heard, sample_rate=round(sampling_rate))
+    show_player(heard, sampling_rate)

@@ -60,7 +60,14 @@ APPLIES: dict[str, Callable[[Mapping[str, Any]], bool]] = {
 
 
 def ask(
-    kind: type[StereoMatcher], name: str, values: Values, pair: StereoPair, *, value: Any = None, **options: Any
+    kind: type[StereoMatcher],
+    name: str,
+    values: Values,
+    pair: StereoPair,
+    *,
+    value: Any = None,
+    drawn: bool = True,
+    **options: Any,
 ) -> None:
     """Draw the control of one setting of a matcher, and note in `values` what it is set to.
 
@@ -77,6 +84,8 @@ def ask(
         What the matcher will work on.
     value
         What the control is set to at first; the field's own default unless given.
+    drawn
+        False where it is folded away.
     **options
         As :func:`stereolag.ui.controls.control` takes them.
     """
@@ -86,14 +95,16 @@ def ask(
     stage = _stage(kind, name)
     if stage is None:
         beside = opencv_name(name) if issubclass(kind, BlockMatcher) else ""
-        found = control(kind, name, key=key, value=value, beside=beside, disabled=not applies, **options)
-    elif field.default is None:
+        found = control(kind, name, key=key, value=value, beside=beside, disabled=not applies, drawn=drawn, **options)
+    elif field.default is not None:
+        found = _ask_stage(stage, key, pair, disabled=not applies, drawn=drawn)
+    elif drawn:
         wanted = st.toggle(
             field.title or name, help=field.description, key=key, persist_state="session", disabled=not applies
         )
-        found = _ask_stage(stage, key, pair, disabled=not applies) if wanted else None
+        found = _ask_stage(stage, key, pair, disabled=not applies, drawn=True) if wanted else None
     else:
-        found = _ask_stage(stage, key, pair, disabled=not applies)
+        found = _ask_stage(stage, key, pair, disabled=False, drawn=False) if st.session_state.get(key) else None
     values[name] = found if applies else field.default
 
 
@@ -119,10 +130,13 @@ def opencv_name(name: str) -> str:
     return first + "".join(word.capitalize() for word in others) if others else name.capitalize()
 
 
-def _ask_stage(stage: type[Settings], prefix: str, pair: StereoPair, *, disabled: bool) -> Settings:
+def _ask_stage(stage: type[Settings], prefix: str, pair: StereoPair, *, disabled: bool, drawn: bool) -> Settings:
     """Draw the controls of a stage and return its settings, each of which is within its own bounds."""
     return stage(
-        **{name: control(stage, name, key=key_of(prefix, name, pair), disabled=disabled) for name in stage.model_fields}
+        **{
+            name: control(stage, name, key=key_of(prefix, name, pair), disabled=disabled, drawn=drawn)
+            for name in stage.model_fields
+        }
     )
 
 

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from typing import Any, TypeVar, cast
 
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
+from streamlit.elements.lib.mutable_expander_container import ExpanderContainer
 
 from stereolag.stereo.correlation import CorrelationMatcher
 from stereolag.stereo.matcher import StereoMatcher
@@ -42,7 +42,7 @@ def ask_correlation(pair: StereoPair) -> CorrelationMatcher | None:
     values: Values = {}
     ask(CorrelationMatcher, "window_size", values, pair, high=_largest_window(pair))
     ask(CorrelationMatcher, "overlap", values, pair)
-    area, scores, more = st.container(), st.container(), st.expander("More settings")
+    area, scores, more = st.container(), st.container(), _more_settings(CorrelationMatcher)
     with area:
         values["search"] = _ask_search(pair, more)
     with scores:
@@ -50,7 +50,8 @@ def ask_correlation(pair: StereoPair) -> CorrelationMatcher | None:
     with more:
         for name in CorrelationMatcher.model_fields:
             if name not in values:
-                ask(CorrelationMatcher, name, values, pair, **({"names": ENGINES} if name == "engine" else {}))
+                names = {"names": ENGINES} if name == "engine" else {}
+                ask(CorrelationMatcher, name, values, pair, drawn=bool(more.open), **names)
     return last_valid(lambda: CorrelationMatcher(**values), _kept_key(CorrelationMatcher))
 
 
@@ -59,9 +60,9 @@ def ask_block_matcher(pair: StereoPair) -> StereoBM | None:
     return _ask_opencv(StereoBM, pair)
 
 
-def ask_semi_global(pair: StereoPair) -> StereoSGBM | None:
-    """Return OpenCV's StereoSGBM as the visitor set it."""
-    return _ask_opencv(StereoSGBM, pair)
+def ask_semi_global(pair: StereoPair, *, drawn: bool = True) -> StereoSGBM | None:
+    """Return OpenCV's StereoSGBM as the visitor set it; `drawn` is False where its controls are folded away."""
+    return _ask_opencv(StereoSGBM, pair, drawn=drawn)
 
 
 def first_settings(kind: type[Matcher], pair: StereoPair) -> Matcher:
@@ -90,27 +91,34 @@ def _kept_key(kind: type[StereoMatcher]) -> str:
     return f"{PREFIXES[kind]}.valid"
 
 
-def _ask_opencv(kind: type[OpenCvMatcher], pair: StereoPair) -> OpenCvMatcher | None:
+def _ask_opencv(kind: type[OpenCvMatcher], pair: StereoPair, *, drawn: bool = True) -> OpenCvMatcher | None:
     values: Values = {}
     for name in FIRST_SHOWN[kind]:
-        _ask_opencv_setting(kind, name, values, pair)
-    with st.expander("More settings"):
+        _ask_opencv_setting(kind, name, values, pair, drawn=drawn)
+    more = _more_settings(kind) if drawn else None
+    with more or nullcontext():
         for name in kind.model_fields:
             if name not in values:
-                _ask_opencv_setting(kind, name, values, pair)
+                _ask_opencv_setting(kind, name, values, pair, drawn=more is not None and bool(more.open))
     return last_valid(lambda: kind(**values), _kept_key(kind))
 
 
-def _ask_opencv_setting(kind: type[BlockMatcher], name: str, values: Values, pair: StereoPair) -> None:
+def _more_settings(kind: type[StereoMatcher]) -> ExpanderContainer:
+    """Return where the settings of a method are that are seldom changed; folded away, they are not drawn."""
+    return st.expander("More settings", key=f"{PREFIXES[kind]}.more", on_change="rerun")
+
+
+def _ask_opencv_setting(kind: type[BlockMatcher], name: str, values: Values, pair: StereoPair, *, drawn: bool) -> None:
     ends: dict[str, dict[str, Any]] = {
         "num_disparities": {"high": LARGEST_REACH},
         "min_disparity": {"low": -NEGATIVE_REACH, "high": NEGATIVE_REACH},
         "block_size": {"high": _largest_window(pair)},
     }
-    ask(kind, name, values, pair, value=getattr(first_settings(kind, pair), name), **ends.get(name, {}))
+    first = getattr(first_settings(kind, pair), name)
+    ask(kind, name, values, pair, value=first, drawn=drawn, **ends.get(name, {}))
 
 
-def _ask_search(pair: StereoPair, more: DeltaGenerator) -> AnySearch:
+def _ask_search(pair: StereoPair, more: ExpanderContainer) -> AnySearch:
     """Return the search area, what is seldom changed of it asked for in `more`.
 
     Whether the window fits into it is checked with all settings together.
@@ -151,8 +159,10 @@ def _ask_search(pair: StereoPair, more: DeltaGenerator) -> AnySearch:
     }
     found = {}
     for name, narrower in ends.items():
-        with more if name == "min_disparity" else nullcontext():
-            found[name] = control(RectifiedSearch, name, key=search_key(RectifiedSearch, name, pair), **narrower)
+        folded = name == "min_disparity"
+        with more if folded else nullcontext():
+            key = search_key(RectifiedSearch, name, pair)
+            found[name] = control(RectifiedSearch, name, key=key, drawn=bool(more.open) or not folded, **narrower)
     return RectifiedSearch(**found)
 
 

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import functools
 import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import streamlit as st
+from starlette.formparsers import MultiPartParser
+
+from stereolag.limits import set_defaults
+from stereolag.ui.departures import this_visit
+from stereolag.ui.failures import failures_answered
+from stereolag.ui.reconnection import run_again_when_reconnected
 
 ICON = Path(__file__).with_name("icon.svg")
 
@@ -18,19 +26,35 @@ PAGES = {
 }
 
 
-def open_page(title: str, introduction: str) -> None:
-    """Begin a page: browser title, links, heading and a paragraph that says what the page is for."""
+JOB_MEMORY_MB = 2048
+"""What one job may take of a server that many share, unless whoever runs it says otherwise."""
+
+
+@contextmanager
+def page(title: str, introduction: str) -> Iterator[None]:
+    """Begin a page: browser title, links, heading and a paragraph that says what the page is for.
+
+    Its content goes inside; where that fails, the visitor is told so.
+    """
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=ICON, layout="wide")
-    _freeze_imports()
+    _prepare_process()
+    this_visit()
     with st.container(horizontal=True, gap="medium", vertical_alignment="center"):
         for path, (label, icon) in PAGES.items():
             st.page_link(path, label=label, icon=icon)
     st.title(title, anchor=False)
     st.markdown(introduction, width=760)
+    run_again_when_reconnected()
+    with failures_answered():
+        yield
 
 
 @functools.cache
-def _freeze_imports() -> None:
-    """Take what the imports left behind out of every later garbage collection: with many sessions it is the pauses."""
+def _prepare_process() -> None:
+    """Set, once a process, what a server needs that a script does not."""
+    set_defaults(job_memory_mb=JOB_MEMORY_MB)
+    # An upload above 1 MB would be put down in a temporary file on its way into memory.
+    MultiPartParser.spool_max_size = st.get_option("server.maxUploadSize") * 2**20
+    # With many sessions the pauses of garbage collection grow with what the imports left behind.
     gc.collect()
     gc.freeze()

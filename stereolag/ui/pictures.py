@@ -9,9 +9,8 @@ import streamlit as st
 from stereolag import samples
 from stereolag.inputs import Image, as_image
 from stereolag.reading import read_image
-from stereolag.ui.choices import OWN, choose, example_meanwhile
-from stereolag.ui.controls import last_valid
-from stereolag.ui.uploads import PICTURE_TYPES, Upload, upload
+from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui.uploads import PICTURE_TYPES, Upload, put_together, upload
 
 KEY = "pictures"
 
@@ -32,10 +31,7 @@ def choose_pictures() -> PictureAndTemplate:
     """Ask where to look for what."""
     examples = samples.mazes()
     chosen = choose(examples, key=KEY)
-    own = _own_pictures() if chosen == OWN else None
-    if own:
-        return own
-    return example_pictures(example_meanwhile(examples, "both pictures are", key=KEY) if chosen == OWN else chosen)
+    return own_or_example(chosen, _own_pictures, example_pictures, examples, key=KEY, awaited="both pictures are")
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -71,7 +67,7 @@ def _own_pictures() -> PictureAndTemplate | None:
         )
     if picture is None or template is None:
         return None
-    return last_valid(lambda: _together(picture, template, mask), f"{KEY}.own")
+    return put_together(lambda: _together(picture, template, mask), f"{KEY}.own")
 
 
 def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:

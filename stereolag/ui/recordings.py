@@ -11,9 +11,8 @@ import streamlit as st
 from stereolag import samples
 from stereolag.inputs import as_signal
 from stereolag.reading import Recording, read_signal
-from stereolag.ui.choices import OWN, choose, example_meanwhile
-from stereolag.ui.controls import last_valid
-from stereolag.ui.uploads import RECORDING_TYPES, Upload, upload
+from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui.uploads import RECORDING_TYPES, Upload, put_together, upload
 
 Vector = npt.NDArray[np.float64]
 
@@ -42,10 +41,7 @@ def choose_recordings() -> RecordingPair:
     """Ask which recordings to compare."""
     examples = samples.recordings()
     chosen = choose(examples, key=KEY)
-    own = _own_recordings() if chosen == OWN else None
-    if own:
-        return own
-    return example_recordings(example_meanwhile(examples, "your recordings are", key=KEY) if chosen == OWN else chosen)
+    return own_or_example(chosen, _own_recordings, example_recordings, examples, key=KEY, awaited="your recordings are")
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -77,7 +73,7 @@ def _own_recordings() -> RecordingPair | None:
         channel_2 = _channel(holder, 1 if both_in_one else 0, key=f"{KEY}.channel_2")
     if first is None or holder is None:
         return None
-    return last_valid(lambda: _pair(first, channel_1, holder, channel_2), f"{KEY}.own")
+    return put_together(lambda: _pair(first, channel_1, holder, channel_2), f"{KEY}.own")
 
 
 def _signals(recording: Recording) -> list[int]:

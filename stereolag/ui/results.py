@@ -11,13 +11,21 @@ from typing import Any, TypeVar
 import numpy as np
 import streamlit as st
 
+from stereolag.estimates import Estimate
+from stereolag.limits import limits
 from stereolag.progress import Progress
+from stereolag.ui.departures import this_visit
+from stereolag.ui.jobs import Job, waiting_in_words
+from stereolag.ui.limiter import is_heavy
 from stereolag.ui.progress import shown_progress
 
 T = TypeVar("T")
 
 SHARED_BYTES = 512 * 2**20
 OWN_BYTES = 192 * 2**20
+
+BETWEEN_LOOKS_S = 0.4
+"""How often the page shows anew how far a job is."""
 
 
 class RecentResults:
@@ -71,8 +79,8 @@ def computed(compute: Callable[[Progress], T], *, inputs: str, settings: str, sh
     """
     # There whether or not anything is computed: else all that follows would change its place, and be drawn anew.
     place = st.empty()
-    key = hashlib.sha256("\0".join((label, inputs, settings)).encode()).hexdigest()
-    results = _shared_results() if shared else _own_results()
+    key = _key(label, inputs, settings)
+    results = _results(shared)
     result: T | None = results.get(key)
     if result is None:
         with place.container(), shown_progress(label) as progress:
@@ -80,6 +88,77 @@ def computed(compute: Callable[[Progress], T], *, inputs: str, settings: str, sh
         place.empty()
         results.put(key, result)
     return result
+
+
+def computed_in_turn(
+    compute: Callable[[Progress], T], estimate: Estimate, *, inputs: str, settings: str, shared: bool, label: str
+) -> T | None:
+    """Return what :func:`computed` returns, or None while a heavy job waits, is computed, or was cancelled.
+
+    What is light is computed at once. What is heavy takes its turn beside the page, which shows how far it is, offers
+    to cancel it, and runs again when it is done; so does other work on the page meanwhile. Of one label there is one
+    job at a time: with other inputs or settings, the one before is called off.
+
+    Parameters
+    ----------
+    compute, inputs, settings, shared, label
+        As :func:`computed` takes them.
+    estimate
+        What the job will take.
+    """
+    key = _key(label, inputs, settings)
+    jobs = this_visit().jobs
+    before, job = jobs.get(label, (key, None))
+    if job is not None and before != key:
+        job.cancel()
+        del jobs[label]
+        job = None
+    results = _results(shared)
+    result: T | None = results.get(key)
+    refused = estimate.memory > limits().job_memory
+    if job is None and (result is not None or refused or not is_heavy(estimate)):
+        return computed(compute, inputs=inputs, settings=settings, shared=shared, label=label)
+    place = st.empty()
+    if job is None:
+        job = Job(lambda job: compute(job.report_or_end), estimate)
+        jobs[label] = key, job
+    if job.running and not job.cancelled:
+        with place.container():
+            st.fragment(_show_job, run_every=BETWEEN_LOOKS_S)(job, label)
+        return None
+    if job.cancelled:
+        with place.container(horizontal=True, vertical_alignment="center"):
+            st.caption("Cancelled.", width="content")
+            st.button("Compute", key=f"results.again.{label}", on_click=_forget_job, args=(label,))
+        return None
+    del jobs[label]
+    result = job.result()
+    results.put(key, result)
+    return result
+
+
+def _forget_job(label: str) -> None:
+    this_visit().jobs.pop(label, None)
+
+
+def _show_job(job: Job[Any], label: str) -> None:
+    """Show how far a job is, and let it be called off."""
+    if job.cancelled or not job.running:
+        st.rerun(scope="app")
+    with st.container(horizontal=True, vertical_alignment="center"):
+        if job.ahead:
+            st.info(waiting_in_words(job), icon=":material/groups:")
+        else:
+            st.progress(min(max(job.progress, 0.0), 1.0), label)
+        st.button("Cancel", key=f"results.cancel.{label}", on_click=job.cancel, icon=":material/stop_circle:")
+
+
+def _key(label: str, inputs: str, settings: str) -> str:
+    return hashlib.sha256("\0".join((label, inputs, settings)).encode()).hexdigest()
+
+
+def _results(shared: bool) -> RecentResults:
+    return _shared_results() if shared else _own_results()
 
 
 def _bytes_of(result: Any) -> int:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import streamlit as st
+from streamlit.runtime.uploaded_file_manager import UploadedFile
+
+from stereolag.ui.controls import sentence
 
 T = TypeVar("T")
 
@@ -15,6 +20,14 @@ PICTURE_TYPES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm
 RECORDING_TYPES = ("wav", "flac", "ogg", "mp3", "aif", "aiff", "txt", "csv", "tsv", "dat", "npy")
 DISPARITY_TYPES = ("pfm", "png", "pgm", "npy")
 CALIBRATION_TYPES = ("txt", "yaml", "yml", "json")
+
+ARRIVAL_S = 2.0
+"""How long an uploader may be empty before its file counts as removed: one dropped over another empties it first."""
+
+SET_ASIDE_S = 120.0
+"""How long a file that seemed removed can still come back, in place of a slow one that proves unreadable."""
+
+REFUSED_KEY = "uploads.refused"
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +38,25 @@ class Upload(Generic[T]):
     content: T
 
 
+@dataclass(frozen=True, eq=False)
+class _Kept(Generic[T]):
+    """An upload that was read: from which files, with which variant, and their bytes where they may be read again."""
+
+    upload: Upload[T]
+    files: tuple[str, ...]
+    variant: str | None
+    contents: list[bytes]
+
+
+@dataclass(frozen=True)
+class _Refusal:
+    """A sentence about files that could not be read, so that they are not read at every move of a control."""
+
+    files: tuple[str, ...]
+    variant: str | None
+    sentence: str
+
+
 def upload(
     label: str,
     read: Callable[[bytes], T],
@@ -32,7 +64,7 @@ def upload(
     key: str,
     types: Sequence[str],
     note: str = "",
-    variant: str = "",
+    variant: str | None = None,
     lasting: bool = True,
 ) -> Upload[T] | None:
     """Ask for a file and return what `read` makes of it, or None while there is none.
@@ -50,15 +82,13 @@ def upload(
     types
         File extensions offered.
     variant
-        Whatever else the reading depends on.
+        Whatever else the reading depends on; None where nothing does, and the bytes need not be kept.
     lasting
         Whether the file is still there when the visitor comes back from another page or from an example.
     """
-    file = st.file_uploader(
-        label, type=types, key=key, help=note or None, on_change=_forget_if_removed, kwargs={"key": key}
-    )
-    contents = [] if file is None else [file.getvalue()]
-    return _read_once(contents, lambda contents: read(contents[0]), key, variant, lasting)
+    file = st.file_uploader(label, type=types, key=key, help=note or None, on_change=_note_emptied, args=(key,))
+    files = [] if file is None else [file]
+    return _read_once(files, lambda contents: read(contents[0]), key, variant, lasting)
 
 
 def upload_together(
@@ -71,43 +101,95 @@ def upload_together(
         key=key,
         help=note or None,
         accept_multiple_files=True,
-        on_change=_forget_if_removed,
-        kwargs={"key": key},
+        on_change=_note_emptied,
+        args=(key,),
     )
-    return _read_once([file.getvalue() for file in files], read, key, variant, True)
+    return _read_once(files, read, key, variant, True)
 
 
-@dataclass(frozen=True, eq=False)
-class _Kept(Generic[T]):
-    """An upload that was read, and the files it was read from."""
+def put_together(make: Callable[[], T], key: str) -> T | None:
+    """Return what `make` makes of several uploads; where they do not fit together say why, and return the last."""
+    try:
+        made = make()
+    except ValueError as error:
+        st.error(sentence(error))
+        kept: T | None = st.session_state.get(key)
+        st.session_state[REFUSED_KEY] = kept is None
+        return kept
+    st.session_state[key] = made
+    return made
 
-    upload: Upload[T]
-    contents: list[bytes]
+
+def expect_uploads() -> None:
+    """Begin a run: nothing is refused in it yet."""
+    st.session_state[REFUSED_KEY] = False
+
+
+def refused() -> bool:
+    """Return whether, in this run, files were refused in whose place nothing else is."""
+    return bool(st.session_state.get(REFUSED_KEY, False))
 
 
 def _read_once(
-    contents: list[bytes], read: Callable[[list[bytes]], T], key: str, variant: str, lasting: bool
+    files: Sequence[UploadedFile], read: Callable[[list[bytes]], T], key: str, variant: str | None, lasting: bool
 ) -> Upload[T] | None:
-    """Return what was made of these contents before; make it now if there is none."""
+    """Return what was made of these files before; make it now if there is none."""
     kept: _Kept[T] | None = st.session_state.get(_kept_key(key))
-    if not contents:
-        # Streamlit forgets the files of an uploader that was not drawn for a while.
+    if not files:
+        if kept is not None and lasting and st.session_state.get(_emptied_key(key)):
+            _wait_for_another()
+            st.session_state[_set_aside_key(key)] = time.monotonic(), kept
+            kept = None
         if kept is None or not lasting:
             _forget(key)
             return None
-        contents = kept.contents
         _say_still_in_use(key)
-    digest = " ".join(hashlib.sha256(content).hexdigest() for content in contents) + variant
-    if kept is not None and kept.upload.digest == digest:
-        return kept.upload
-    try:
-        with st.spinner("Reading the file …"):
-            read_now = Upload(digest, read(contents))
-    except ValueError as error:
-        st.error(f"{error} The file before it stays in use." if kept else str(error))
-        return kept.upload if kept else None
-    st.session_state[_kept_key(key)] = _Kept(read_now, contents)
-    return read_now
+        if kept.variant == variant:
+            return kept.upload
+        names, contents = kept.files, kept.contents
+    else:
+        st.session_state.pop(_emptied_key(key), None)
+        names = tuple(file.file_id for file in files)
+        if kept is not None and (kept.files, kept.variant) == (names, variant):
+            return kept.upload
+        contents = [file.getvalue() for file in files]
+    kept = kept or _taken_back(key)
+    refusal: _Refusal | None = st.session_state.get(_refusal_key(key))
+    if refusal is None or (refusal.files, refusal.variant) != (names, variant):
+        digest = " ".join(hashlib.sha256(content).hexdigest() for content in contents) + (variant or "")
+        try:
+            with st.spinner("Reading the file …"):
+                read_now = Upload(digest, read(contents))
+        except ValueError as error:
+            refusal = _Refusal(names, variant, str(error))
+        else:
+            _forget(key)
+            again = [] if variant is None else contents
+            st.session_state[_kept_key(key)] = _Kept(read_now, names, variant, again)
+            return read_now
+    st.session_state[_refusal_key(key)] = refusal
+    st.error(f"{refusal.sentence} The file before it stays in use." if kept else refusal.sentence)
+    if kept is None:
+        st.session_state[REFUSED_KEY] = True
+        return None
+    st.session_state[_kept_key(key)] = kept
+    return kept.upload
+
+
+def _wait_for_another() -> None:
+    """Return when no other file has come for a while; where one comes, its own run of the page ends this one here."""
+    end = time.monotonic() + ARRIVAL_S
+    with st.spinner("Removing the file …"):
+        pulse = st.empty()
+        while time.monotonic() < end:
+            time.sleep(0.05)
+            pulse.empty()
+
+
+def _taken_back(key: str) -> _Kept[T] | None:
+    """Return the file that seemed removed a short while ago."""
+    moment, kept = st.session_state.pop(_set_aside_key(key), (-math.inf, None))
+    return kept if time.monotonic() - moment <= SET_ASIDE_S else None
 
 
 def _say_still_in_use(key: str) -> None:
@@ -116,14 +198,27 @@ def _say_still_in_use(key: str) -> None:
         st.button("Remove", key=f"{key}.remove", type="tertiary", on_click=_forget, args=(key,))
 
 
-def _forget_if_removed(key: str) -> None:
+def _note_emptied(key: str) -> None:
     if not st.session_state[key]:
-        _forget(key)
+        st.session_state[_emptied_key(key)] = True
 
 
 def _forget(key: str) -> None:
-    st.session_state.pop(_kept_key(key), None)
+    for place in (_kept_key(key), _refusal_key(key), _emptied_key(key)):
+        st.session_state.pop(place, None)
 
 
 def _kept_key(key: str) -> str:
     return f"{key}.kept"
+
+
+def _set_aside_key(key: str) -> str:
+    return f"{key}.aside"
+
+
+def _refusal_key(key: str) -> str:
+    return f"{key}.refusal"
+
+
+def _emptied_key(key: str) -> str:
+    return f"{key}.emptied"

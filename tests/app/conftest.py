@@ -16,6 +16,9 @@ PROJECT = Path(__file__).resolve().parents[2]
 
 OpenPage = Callable[[str], AppTest]
 
+FOLDS = ("depth.more", "depth.bm.more", "depth.sgbm", "depth.sgbm.more")
+"""What is folded away on the depth page at first, and not drawn."""
+
 
 @pytest.fixture(scope="session", autouse=True)
 def components() -> Iterator[None]:
@@ -31,6 +34,14 @@ def empty_caches() -> None:
     st.cache_resource.clear()
 
 
+@pytest.fixture(autouse=True)
+def no_failure_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
+    """A page answers its own failures with a sentence: that a test does not see one is not enough."""
+    yield
+    failures = [record for record in caplog.get_records("call") if record.name == "stereolag" and record.exc_info]
+    assert not failures, failures
+
+
 @pytest.fixture
 def open_page() -> OpenPage:
     """Return what opens a page by its path and runs it."""
@@ -40,6 +51,21 @@ def open_page() -> OpenPage:
         if path != "app.py":
             app.switch_page(path)
         return app.run()
+
+    return opened
+
+
+@pytest.fixture
+def open_unfolded(open_page: OpenPage) -> OpenPage:
+    """Return what opens a page with all its controls drawn."""
+
+    def opened(path: str) -> AppTest:
+        app = open_page(path)
+        if "Depth" in path:
+            for fold in FOLDS:
+                app.session_state[fold] = True
+            app.run()
+        return app
 
     return opened
 

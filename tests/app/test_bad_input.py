@@ -102,14 +102,31 @@ def test_a_bad_recording_leaves_the_page_as_it_was(open_page: OpenPage, shown: S
 
 
 @pytest.mark.parametrize("what", BAD_RECORDINGS)
-def test_a_bad_first_recording_leaves_the_example_shown(open_page: OpenPage, what: str) -> None:
+def test_a_bad_first_recording_leaves_no_answer_of_the_example(open_page: OpenPage, what: str) -> None:
     name, bad, fragment = BAD_RECORDINGS[what]
     app = open_page("pages/1_Sensor_lag.py")
     app.button_group(key="recordings").set_value("own").run()
     put(app, "recordings.file_2", "good.csv", uploads.csv(SOUND))
     put(app, "recordings.file_1", name, bad)
     assert_one_sentence(app, fragment)
-    assert "378.17 m" in app.subheader[0].value
+    assert not app.subheader
+    assert not app.metric
+    put(app, "recordings.file_1", "good.csv", uploads.csv(SOUND))
+    assert not app.error
+    assert "at the same time" in app.subheader[0].value
+
+
+def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPage) -> None:
+    app = open_page("pages/3_Depth_maps.py")
+    app.button_group(key="pairs").set_value("own").run()
+    assert app.metric
+    put(app, "pairs.left", "left.png", b"no picture")
+    assert_one_sentence(app, "accepted are")
+    assert not app.metric
+    put(app, "pairs.left", "left.png", uploads.png(SCENE))
+    put(app, "pairs.right", "right.png", uploads.png(SCENE[:30]))
+    assert_one_sentence(app, "give or take 3 %")
+    assert not app.metric
 
 
 def test_a_csv_with_a_header_is_read(open_page: OpenPage) -> None:

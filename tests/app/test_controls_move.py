@@ -91,13 +91,13 @@ def controls(app: AppTest) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("page", MOVES)
-def test_every_control_of_the_page_is_tested_here(open_page: OpenPage, page: str) -> None:
-    assert controls(open_page(page)).keys() - SEEN_IN_THE_TIME_ALONE == MOVES[page].keys()
+def test_every_control_of_the_page_is_tested_here(open_unfolded: OpenPage, page: str) -> None:
+    assert controls(open_unfolded(page)).keys() - SEEN_IN_THE_TIME_ALONE == MOVES[page].keys()
 
 
 @pytest.mark.parametrize(("page", "key"), [(page, key) for page, moves in MOVES.items() for key in moves])
-def test_moving_a_control_changes_what_is_shown(open_page: OpenPage, shown: Shown, page: str, key: str) -> None:
-    app = open_page(page)
+def test_moving_a_control_changes_what_is_shown(open_unfolded: OpenPage, shown: Shown, page: str, key: str) -> None:
+    app = open_unfolded(page)
     for other, value in FIRST.get(key, {}).items():
         controls(app)[other].set_value(value).run()
     before = shown(app)
@@ -109,9 +109,9 @@ def test_moving_a_control_changes_what_is_shown(open_page: OpenPage, shown: Show
 
 @pytest.mark.parametrize("key", ONLY_WITH_A_SQUARE_SEARCH)
 def test_moving_a_control_of_the_square_search_changes_what_is_shown(
-    open_page: OpenPage, shown: Shown, key: str
+    open_unfolded: OpenPage, shown: Shown, key: str
 ) -> None:
-    app = open_page(DEPTH)
+    app = open_unfolded(DEPTH)
     controls(app)["depth.window"].set_value(31)
     controls(app)["depth.overlap"].set_value(0.5)  # few windows: a large square is searched in a moment
     controls(app)["depth.search"].set_value("centred").run()
@@ -122,8 +122,8 @@ def test_moving_a_control_of_the_square_search_changes_what_is_shown(
     assert shown(app) != before
 
 
-def test_going_back_to_a_setting_shows_the_same_again(open_page: OpenPage, shown: Shown) -> None:
-    app = open_page(DEPTH)
+def test_going_back_to_a_setting_shows_the_same_again(open_unfolded: OpenPage, shown: Shown) -> None:
+    app = open_unfolded(DEPTH)
     before = shown(app), [metric.value for metric in app.metric]
     app.slider(key="depth.window").set_value(31).run()
     app.slider(key="depth.window").set_value(20).run()
@@ -131,9 +131,9 @@ def test_going_back_to_a_setting_shows_the_same_again(open_page: OpenPage, shown
 
 
 def test_a_window_larger_than_its_search_area_is_refused_and_the_last_map_stays(
-    open_page: OpenPage, shown: Shown
+    open_unfolded: OpenPage, shown: Shown
 ) -> None:
-    app = open_page(DEPTH)
+    app = open_unfolded(DEPTH)
     controls(app)["depth.overlap"].set_value(0.5)
     controls(app)["depth.search"].set_value("centred").run()
     controls(app)["depth.search_size.pair cube"].set_value(60).run()
@@ -145,3 +145,29 @@ def test_a_window_larger_than_its_search_area_is_refused_and_the_last_map_stays(
     ]
     assert shown(app) == before
     assert app.slider(key="depth.window").value == 91
+
+
+def test_folding_settings_away_changes_nothing(open_unfolded: OpenPage, shown: Shown) -> None:
+    app = open_unfolded(DEPTH)
+    for key, value in {"depth.left_right": True, "depth.smallest": 20, "depth.bm.smallest": 20}.items():
+        controls(app)[key].set_value(value).run()
+    before = shown(app)
+    for fold in ("depth.more", "depth.bm.more"):
+        app.session_state[fold] = False
+        app.run()
+        assert shown(app) == before
+    assert "depth.smallest" not in controls(app)
+    app.session_state["depth.more"] = True
+    app.run()
+    assert controls(app)["depth.smallest"].value == 20
+    assert controls(app)["depth.left_right"].value
+    assert shown(app) == before
+
+
+def test_an_adopted_value_beyond_the_page_s_own_bounds_is_kept_when_folded_away(open_page: OpenPage) -> None:
+    app = open_page(f"{DEPTH}")
+    app.session_state["depth.smallest"] = app.session_state["depth.smallest.adopted"] = -100
+    app.run()
+    app.session_state["depth.more"] = True
+    app.run()
+    assert app.slider(key="depth.smallest").value == -100

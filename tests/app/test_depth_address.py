@@ -65,8 +65,8 @@ def test_a_bad_link_is_answered_with_a_sentence_and_opens_the_page(name: str, va
     assert address(app) == {}
 
 
-def test_presets_set_the_controls_and_reset_takes_them_back(open_page: OpenPage) -> None:
-    app = open_page(DEPTH)
+def test_presets_set_the_controls_and_reset_takes_them_back(open_unfolded: OpenPage) -> None:
+    app = open_unfolded(DEPTH)
     app.button(key="depth.preset.report").click().run()
     assert not app.exception
     assert app.button_group(key="depth.search").value == "centred"
@@ -84,8 +84,8 @@ def test_presets_set_the_controls_and_reset_takes_them_back(open_page: OpenPage)
     assert not app.toggle(key="depth.left_right").value
 
 
-def test_what_does_not_apply_is_disabled_and_counts_for_nothing(open_page: OpenPage) -> None:
-    app = open_page(DEPTH)
+def test_what_does_not_apply_is_disabled_and_counts_for_nothing(open_unfolded: OpenPage) -> None:
+    app = open_unfolded(DEPTH)
     assert app.slider(key="depth.bm.speckle_range").disabled
     app.slider(key="depth.bm.speckle_window_size").set_value(50).run()
     assert not app.slider(key="depth.bm.speckle_range").disabled

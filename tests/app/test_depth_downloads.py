@@ -136,6 +136,7 @@ def test_every_file_has_a_button_and_those_that_cannot_be_had_are_disabled() -> 
 
 def test_settings_are_loaded_again_and_the_controls_can_be_moved_from_there() -> None:
     app = opened(small_pair())
+    app.session_state["depth.bm.more"] = True
     settings = StereoBM(min_disparity=-70, num_disparities=32, block_size=7, speckle_window_size=70, speckle_range=9)
     app.file_uploader[0].upload("settings.json", settings_json(settings).encode(), "application/json").run()
     assert not app.exception

@@ -9,7 +9,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -31,16 +31,23 @@ CHROMIUM_OPTIONS = (
 START_TIMEOUT_S = 60
 
 
-@contextmanager
-def served_app(script: str = "app.py") -> Iterator[str]:
-    """Run the app on a free port and give its address."""
+def free_port() -> int:
+    """Return a port that nobody listens on."""
     with socket.socket() as listener:
         listener.bind(("localhost", 0))
-        port = listener.getsockname()[1]
+        return int(listener.getsockname()[1])
+
+
+@contextmanager
+def served_app(
+    script: str = "app.py", *, port: int | None = None, environment: Mapping[str, str] | None = None
+) -> Iterator[str]:
+    """Run the app, on a free port unless told otherwise and with more in its environment, and give its address."""
+    port = port or free_port()
     command = [sys.executable, "-m", "streamlit", "run", script, "--server.port", str(port)]
     options = ["--server.headless", "true", "--server.fileWatcherType", "none"]
-    environment = os.environ | {"PYTHONPATH": str(PROJECT)}
-    with subprocess.Popen(command + options, cwd=PROJECT, env=environment, stdout=subprocess.DEVNULL) as server:
+    variables = os.environ | {"PYTHONPATH": str(PROJECT)} | dict(environment or {})
+    with subprocess.Popen(command + options, cwd=PROJECT, env=variables, stdout=subprocess.DEVNULL) as server:
         try:
             _wait_until_healthy(server, f"http://localhost:{port}/_stcore/health")
             yield f"http://localhost:{port}"

@@ -9,12 +9,13 @@ from stereolag.figures.reasons import REASON_COLOURS, reasons_picture, share_of_
 from stereolag.stereo.result import Reason
 from stereolag.ui.depth.reasons import REASON_WORDS, REASONS_EXPLAINED, reasons_of
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.failures import fragment
 from stereolag.ui.linked_pictures import linked_pictures
 
 KEY = "depth.blanks"
 
 
-@st.fragment
+@fragment
 def show_blanks(view: DepthView) -> None:
     """Show where each method has no measurement and why, and how much of the picture each reason costs."""
     reasons = {name: reasons_of(view, name) for name in view.results}

@@ -19,6 +19,7 @@ from stereolag.stereo.consensus import consensus
 from stereolag.stereo.evaluation import evaluate
 from stereolag.ui.depth.maps import TRUTH, left_picture, map_legends, map_picture, truth_picture
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.failures import fragment
 from stereolag.ui.linked_pictures import linked_pictures
 from stereolag.ui.pairs import Disparity
 from stereolag.ui.wording import percent
@@ -26,7 +27,7 @@ from stereolag.ui.wording import percent
 KEY = "depth.comparison"
 
 
-@st.fragment
+@fragment
 def show_comparison(view: DepthView) -> None:
     """Show all maps in one range of colours, the difference of two of them, and where the methods agree."""
     maps = {name: result.disparity for name, result in view.results.items()}

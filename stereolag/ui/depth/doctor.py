@@ -60,8 +60,8 @@ def show_doctor(view: DepthView) -> None:
             st.warning(f"**Input doctor:** {_counted(len(ill))} on this pair.", icon=":material/stethoscope:")
         for one in ill:
             _show(one)
-        for ailment, done in zip(pair.remedies, pair.notes[-len(pair.remedies) :], strict=False):
-            _show_remedy(pair, ailment, done)
+        for number, done in enumerate(pair.notes[len(pair.notes) - len(pair.remedies) :]):
+            _show_remedy(pair, number, done)
         _show_all(advice, "All that was looked at" if ill else HEALTHY)
 
 
@@ -98,12 +98,16 @@ def _set_ranges(diagnosis: Diagnosis, matchers: list[StereoMatcher], pair: Stere
 
 
 def _prescribe(pair: StereoPair, ailment: Ailment) -> None:
-    """Note that the visitor wants this remedy."""
-    st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*pair.remedies, ailment)
+    """Note that the visitor wants this remedy; swapping what was swapped is no remedy but undoes the other."""
+    if ailment == Ailment.SWAPPED and ailment in pair.remedies:
+        _undo(pair, pair.remedies.index(ailment))
+    else:
+        st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*pair.remedies, ailment)
 
 
-def _undo(pair: StereoPair, ailment: Ailment) -> None:
-    st.session_state[REMEDIES_KEY][pair.source] = tuple(one for one in pair.remedies if one != ailment)
+def _undo(pair: StereoPair, number: int) -> None:
+    remedies = (*pair.remedies[:number], *pair.remedies[number + 1 :])
+    st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = remedies
 
 
 def _mended(pair: StereoPair, ailment: Ailment) -> StereoPair:
@@ -150,10 +154,12 @@ def _show(advice: Advice) -> None:
             _button(advice.finding.remedy, f"depth.doctor.{advice.finding.ailment}", advice.mend)
 
 
-def _show_remedy(pair: StereoPair, ailment: Ailment, done: str) -> None:
+def _show_remedy(pair: StereoPair, number: int, done: str) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         st.markdown(f":blue[:material/healing:] {done}", width="stretch")
-        _button("Undo", f"depth.doctor.undo.{ailment}", partial(_undo, pair, ailment))
+        earlier = pair.remedies[:number].count(pair.remedies[number])
+        key = f"depth.doctor.undo.{pair.remedies[number]}" + (f".{earlier}" if earlier else "")
+        _button("Undo", key, partial(_undo, pair, number))
 
 
 def _button(label: str, key: str, act: Callable[[], None]) -> None:

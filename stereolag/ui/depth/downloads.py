@@ -37,6 +37,7 @@ from stereolag.stereo.result import DisparityMap
 from stereolag.ui.depth.adoption import adopt
 from stereolag.ui.depth.metric import calibration_of
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.private_files import download_button
 from stereolag.ui.uploads import upload
 
 KEY = "depth.take"
@@ -63,19 +64,25 @@ def show_downloads(view: DepthView) -> None:
         chosen = st.segmented_control("Result of", names, default=names[0], required=True, key=f"{KEY}.result")
         offered = files(view, chosen if chosen in view.results else names[0])
         with st.container(horizontal=True, gap="small"):
-            st.download_button(
+            download_button(
                 "All in one ZIP",
                 partial(archive, offered),
                 "stereolag.zip",
                 "application/zip",
                 key=f"{KEY}.zip",
-                type="primary",
+                meaning="All files on offer here, with the pair as it was matched.",
                 icon=":material/folder_zip:",
-                on_click="ignore",
-                help="All files on offer here, with the pair as it was matched.",
+                primary=True,
             )
             for file in offered:
-                _button(file)
+                download_button(
+                    file.label,
+                    file.make,
+                    file.name,
+                    key=f"{KEY}.{file.name}",
+                    meaning=file.refusal or file.meaning,
+                    disabled=bool(file.refusal),
+                )
         if view.pair.notes:
             st.caption("The pair in the ZIP is the one that was matched. " + " ".join(view.pair.notes))
         _load_settings()
@@ -127,24 +134,6 @@ def files(view: DepthView, method: str) -> list[File]:
 def archive(offered: list[File]) -> bytes:
     """Return one ZIP of the files that can be had."""
     return bundle({file.name: file.make() for file in offered if not file.refusal})
-
-
-def _button(file: File) -> None:
-    st.download_button(
-        file.label,
-        partial(_as_bytes, file.make),
-        file.name,
-        "application/octet-stream",
-        key=f"{KEY}.{file.name}",
-        on_click="ignore",
-        help=file.refusal or file.meaning,
-        disabled=bool(file.refusal),
-    )
-
-
-def _as_bytes(make: Callable[[], bytes | str]) -> bytes:
-    made = make()
-    return made.encode() if isinstance(made, str) else made
 
 
 def _picture(side: str, image: Image) -> File:

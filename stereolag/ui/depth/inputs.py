@@ -5,7 +5,7 @@ from __future__ import annotations
 import streamlit as st
 
 from stereolag import samples
-from stereolag.ui.choices import OWN, choose, example_meanwhile
+from stereolag.ui.choices import choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings
 from stereolag.ui.depth.adoption import take_over
 from stereolag.ui.depth.doctor import treated
@@ -28,9 +28,7 @@ def choose_pair() -> StereoPair:
     choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
     with choices:
         chosen = choose(examples, key=KEY)
-    pair = ask_own_pair(KEY) if chosen == OWN else None
-    if pair is None:
-        pair = example_pair(example_meanwhile(examples, "both images are", key=KEY) if chosen == OWN else chosen)
+    pair = own_or_example(chosen, lambda: ask_own_pair(KEY), example_pair, examples, key=KEY, awaited="both images are")
     with choices:
         pair = ask_size(pair, KEY)
     pair = treated(rectified(pair))

@@ -25,6 +25,7 @@ from stereolag.stereo.instructive_pixels import Lesson, instructive_pixel
 from stereolag.stereo.result import Reason
 from stereolag.ui.depth.reasons import REASON_WORDS, reasons_of
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.failures import fragment
 from stereolag.ui.images import show_png
 from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.progress import shown_progress
@@ -44,7 +45,7 @@ LESSONS = {
 Pixel = tuple[int, int]
 
 
-@st.fragment
+@fragment
 def show_inspection(view: DepthView) -> None:
     """Show for one pixel the window, where it was looked for, every score, and what the other methods say there."""
     matcher = next(

@@ -10,10 +10,11 @@ from stereolag.calibration import Calibration
 from stereolag.inputs import Image, as_stereo_pair
 from stereolag.reading import read_disparity, read_image
 from stereolag.stereo.pairing import calibration_for, cropped_alike, halves
-from stereolag.ui.controls import last_valid
 from stereolag.ui.depth.calibrating import Calibrated, ask_calibration
 from stereolag.ui.pairs import Disparity, StereoPair
-from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, upload
+from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, put_together, upload
+
+SAME_PICTURE = "Left and right are one and the same picture: every disparity is 0, and there is no depth to see."
 
 ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side picture"}
 
@@ -48,7 +49,7 @@ def ask_own_pair(key: str) -> StereoPair | None:
     calibration = ask_calibration(key)
     if pictures is None:
         return None
-    return last_valid(lambda: _together(pictures, truth, calibration), f"{key}.own.{arrangement}")
+    return put_together(lambda: _together(pictures, truth, calibration), f"{key}.own.{arrangement}")
 
 
 def _ask_two_pictures(key: str) -> Pictures | None:
@@ -59,7 +60,8 @@ def _ask_two_pictures(key: str) -> Pictures | None:
         right = upload("Right image", read_image, key=f"{key}.right", types=PICTURE_TYPES)
     if left is None or right is None:
         return None
-    return Pictures(left.content, right.content, f"{left.digest} {right.digest}")
+    notes = (SAME_PICTURE,) if left.digest == right.digest else ()
+    return Pictures(left.content, right.content, f"{left.digest} {right.digest}", notes)
 
 
 def _ask_one_picture(key: str) -> Pictures | None:

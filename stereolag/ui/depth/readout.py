@@ -19,6 +19,7 @@ from stereolag.ui.depth.metric import (
 )
 from stereolag.ui.depth.reasons import REASON_WORDS, reasons_of
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.failures import fragment
 from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.pairs import Disparity, StereoPair
 
@@ -27,7 +28,7 @@ KEY = "depth.readout"
 Pixel = tuple[int, int]
 
 
-@st.fragment
+@fragment
 def show_readout(view: DepthView) -> None:
     """Show what every method says at the cursor, at two points that were clicked, and how far those are apart."""
     points_key = f"{KEY}.points.{view.pair.digest}"

@@ -19,7 +19,9 @@ from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.result import DisparityMap
 from stereolag.ui.depth.judging import judged, settings_of
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.failures import fragment
 from stereolag.ui.images import show_png
+from stereolag.ui.private_files import download_button
 from stereolag.ui.results import computed
 
 THRESHOLD_PX = 2.0
@@ -43,7 +45,7 @@ class Judgement:
     curve: CoverageCurve
 
 
-@st.fragment
+@fragment
 def show_scoreboard(view: DepthView) -> None:
     """Show how right every method is, where the truth is known."""
     truth = view.pair.truth
@@ -99,20 +101,18 @@ def _show_tables(judgements: Mapping[str, Judgement]) -> None:
             help="A method can look good by answering only where it is easy: counted as wrong, a pixel without an "
             "answer costs as much as a wrong one. Left out, the figures tell how far to trust the answers there are.",
         )
-        st.download_button(
+        figures = {
+            name if pixels == ALL else f"{name} (non-occluded)": evaluation
+            for name, judgement in judgements.items()
+            for pixels, evaluation in judgement.evaluations.items()
+        }
+        download_button(
             "Figures as CSV",
-            metrics_csv(
-                {
-                    name if pixels == ALL else f"{name} (non-occluded)": evaluation
-                    for name, judgement in judgements.items()
-                    for pixels, evaluation in judgement.evaluations.items()
-                }
-            ),
-            file_name="metrics.csv",
-            mime="text/csv",
-            on_click="ignore",
-            icon=":material/download:",
+            metrics_csv(figures),
+            "metrics.csv",
+            "text/csv",
             key="depth.scoreboard.csv",
+            icon=":material/download:",
         )
     for pixels in (ALL, VISIBLE):
         rows = {

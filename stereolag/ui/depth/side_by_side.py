@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import streamlit as st
 
 from stereolag.figures.disparity import disparity_legend, disparity_png
-from stereolag.figures.pictures import fitted, png
+from stereolag.figures.pictures import fitted, jpeg
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.result import DisparityMap
-from stereolag.ui.depth.judging import judged
+from stereolag.ui.depth.judging import judged, settings_of
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.images import show_png
+from stereolag.ui.images import show_jpeg, show_png
 from stereolag.ui.numbers import Number, show_numbers
 from stereolag.ui.pairs import StereoPair
-from stereolag.ui.results import computed
+from stereolag.ui.results import computed, computed_in_turn
 from stereolag.ui.wording import duration, percent
 
 
 def measured(pair: StereoPair, matcher: StereoMatcher | None, label: str) -> DisparityMap | None:
-    """Return the disparity map of one method; None, and why, where it cannot be had."""
+    """Return the disparity map of one method; None, and why, where it cannot be had, or not yet."""
     if matcher is None:
         return None
     try:
-        return computed(
+        return computed_in_turn(
             lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
+            matcher.estimate(pair.left.shape, pair.left.dtype),
             inputs=pair.digest,
             settings=matcher.model_dump_json(),
             shared=pair.shared,
@@ -39,7 +42,15 @@ def show_map(view: DepthView, name: str) -> None:
     if name not in view.results:
         return
     result = view.results[name]
-    show_png(disparity_png(result.disparity, view.low, view.high, view.palette))
+    show_png(
+        computed(
+            lambda _: disparity_png(result.disparity, view.low, view.high, view.palette),
+            inputs=view.pair.digest,
+            settings=f"{settings_of(result)} {_colours_of(view)}",
+            shared=view.pair.shared,
+            label="Colouring …",
+        )
+    )
     numbers = [
         Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
         Number("Coverage", percent(result.coverage), "Share of the pixels that have an answer."),
@@ -59,18 +70,30 @@ def show_images(view: DepthView) -> None:
     views = ["Left", "Right"] + ["Truth"] * (pair.truth is not None)
     chosen = st.session_state.get("depth.view", "Left")
     if chosen == "Truth" and pair.truth is not None:
-        picture = disparity_png(pair.truth, view.low, view.high, view.palette)
-    else:
-        picture = computed(
-            lambda _: png(fitted(pair.right if chosen == "Right" else pair.left)),
-            inputs=pair.digest,
-            settings=chosen,
-            shared=pair.shared,
-            label="Drawing …",
+        truth = pair.truth
+        show_png(
+            computed(
+                lambda _: disparity_png(truth, view.low, view.high, view.palette),
+                inputs=pair.digest,
+                settings=f"{chosen} {_colours_of(view)}",
+                shared=pair.shared,
+                label="Colouring …",
+            )
         )
-    show_png(picture)
+    else:
+        show_jpeg(
+            computed(
+                lambda _: jpeg(fitted(pair.right if chosen == "Right" else pair.left)),
+                inputs=pair.digest,
+                settings=chosen,
+                shared=pair.shared,
+                label="Drawing …",
+            )
+        )
     st.segmented_control("View", views, default="Left", required=True, key="depth.view", label_visibility="collapsed")
-    st.plotly_chart(
-        disparity_legend(view.low, view.high, view.palette), key="disparity_legend", config={"displayModeBar": False}
-    )
+    st.html(disparity_legend(view.low, view.high, view.palette))
     st.caption("One range of colours for all maps. Grey: no answer.")
+
+
+def _colours_of(view: DepthView) -> str:
+    return f"{view.low} {view.high} {hashlib.sha256(view.palette.tobytes()).hexdigest()}"

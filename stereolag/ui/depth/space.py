@@ -17,6 +17,7 @@ from stereolag.stereo.result import DisparityMap
 from stereolag.ui.depth.judging import settings_of
 from stereolag.ui.depth.metric import calibration_of
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.failures import fragment
 from stereolag.ui.results import computed
 
 KEY = "depth.space"
@@ -52,7 +53,7 @@ class Space:
     above: BirdsEyeView | None
 
 
-@st.fragment
+@fragment
 def show_space(view: DepthView) -> None:
     """Show a map as a cloud of points to turn, and from above."""
     calibration, unit = _cameras(view)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from concurrent.futures import CancelledError
+from dataclasses import dataclass, replace
 
 import pandas as pd
 import streamlit as st
@@ -11,11 +12,13 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.merit import affordable_bench
 from stereolag.stereo.suggestion import Suggestion, suggest
 from stereolag.ui.controls import sentence
+from stereolag.ui.departures import this_visit
 from stereolag.ui.depth.adoption import adopt
 from stereolag.ui.depth.parameters import parameters
 from stereolag.ui.depth.sweeping import ask_method, merit_in_words
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.jobs import Job
+from stereolag.ui.failures import fragment
+from stereolag.ui.jobs import Job, waiting_in_words
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.wording import percent
 
@@ -34,7 +37,7 @@ class Search:
     job: Job[Suggestion]
 
 
-@st.fragment
+@fragment
 def show_suggest(view: DepthView) -> None:
     """Ask for a method and a time, search its settings, and offer what was found."""
     st.markdown(
@@ -93,7 +96,10 @@ def _begin(pair: StereoPair, matcher: StereoMatcher, budget_s: float) -> None:
             cancelled=lambda: job.cancelled,
         )
 
-    st.session_state[KEY] = Search(pair.digest, matcher, Job(work))
+    once = matcher.estimate(pair.left.shape, pair.left.dtype)
+    job = Job(work, replace(once, seconds=min(budget_s, trials * once.seconds)))
+    this_visit().jobs[KEY] = pair.digest, job
+    st.session_state[KEY] = Search(pair.digest, matcher, job)
 
 
 def _show_search(view: DepthView, search: Search, was_running: bool) -> None:
@@ -105,6 +111,8 @@ def _show_search(view: DepthView, search: Search, was_running: bool) -> None:
         st.rerun(scope="app")
     try:
         found = search.job.result()
+    except CancelledError:  # before its turn came
+        return
     except ValueError as error:
         st.error(sentence(error))
         return
@@ -114,7 +122,10 @@ def _show_search(view: DepthView, search: Search, was_running: bool) -> None:
 def _show_progress(job: Job[Suggestion]) -> None:
     """Show how far the search is and what it has found so far, and let it be ended."""
     best = job.so_far
-    st.progress(job.progress, _so_far(best) if best else "Looking at the settings in use …")
+    if job.ahead:
+        st.info(waiting_in_words(job), icon=":material/groups:")
+    else:
+        st.progress(job.progress, _so_far(best) if best else "Looking at the settings in use …")
     st.button(
         "Cancel" if not job.cancelled else "Ending …",
         key=f"{KEY}.cancel",

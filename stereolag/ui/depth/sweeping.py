@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import streamlit as st
 
 from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_merits
+from stereolag.progress import Progress
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.merit import affordable_bench, changed
 from stereolag.stereo.sweep import sweep
@@ -17,10 +18,12 @@ from stereolag.ui.controls import Number, sentence
 from stereolag.ui.depth.adoption import adopt
 from stereolag.ui.depth.parameters import Parameter, parameters
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.progress import shown_progress
+from stereolag.ui.failures import fragment
+from stereolag.ui.results import computed_in_turn
 from stereolag.ui.wording import percent
 
 KEY = "depth.sweep"
+WANTED_KEY = f"{KEY}.wanted"
 BUDGET_S = 20.0
 FEWER, MORE = 5, 7
 """Values tried at first, down and across."""
@@ -45,7 +48,7 @@ class Axis:
     values: tuple[Number, ...]
 
 
-@st.fragment
+@fragment
 def show_sweep(view: DepthView) -> None:
     """Ask for two parameters, try all their combinations, and show them; a click takes a cell's settings over."""
     st.markdown(
@@ -59,6 +62,8 @@ def show_sweep(view: DepthView) -> None:
     key = _key(view, matcher, axes)
     combinations = len(axes[0].values) * len(axes[1].values)
     if st.button(f"Sweep {combinations} combinations", key=f"{KEY}.start", type="primary", icon=":material/grid_on:"):
+        st.session_state[WANTED_KEY] = key
+    if st.session_state.get(WANTED_KEY) == key:
         _compute(view, matcher, axes, key)
     shown: SweepShown | None = st.session_state.get(KEY)
     if shown is not None and shown.key == key:
@@ -153,24 +158,33 @@ def _key(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tu
 
 
 def _compute(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], key: tuple[str, ...]) -> None:
-    """Try all combinations and keep what came out; of what was there before, nothing is lost if that fails."""
+    """Try all combinations and keep what comes out; of what was there before, nothing is lost if that fails."""
     pair = view.pair
     rows, cols = ((axis.parameter.name, axis.values) for axis in axes)
+    trials = len(rows[1]) * len(cols[1])
+    once = matcher.estimate(pair.left.shape, pair.left.dtype)
+
+    def work(progress: Progress) -> SweepShown:
+        bench = affordable_bench(matcher, pair.left, pair.right, pair.truth, trials=trials, budget_s=BUDGET_S)
+        grid = sweep(matcher, bench, rows=rows, cols=cols, progress=progress)
+        return SweepShown(key, bench.scale, ContactSheet.of(grid, pair.left.shape))
+
     try:
-        with shown_progress("Trying all combinations …") as progress:
-            bench = affordable_bench(
-                matcher,
-                pair.left,
-                pair.right,
-                pair.truth,
-                trials=len(rows[1]) * len(cols[1]),
-                budget_s=BUDGET_S,
-            )
-            grid = sweep(matcher, bench, rows=rows, cols=cols, progress=progress)
+        shown = computed_in_turn(
+            work,
+            replace(once, seconds=min(BUDGET_S, trials * once.seconds)),
+            inputs=pair.digest,
+            settings=repr(key),
+            shared=pair.shared,
+            label="Trying all combinations …",
+        )
     except ValueError as error:
         st.error(sentence(error))
-        return
-    st.session_state[KEY] = SweepShown(key, bench.scale, ContactSheet.of(grid, pair.left.shape))
+        shown = None
+        del st.session_state[WANTED_KEY]
+    if shown is not None:
+        st.session_state[KEY] = shown
+        del st.session_state[WANTED_KEY]
 
 
 def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shown: SweepShown) -> None:
