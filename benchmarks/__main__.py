@@ -16,10 +16,14 @@ import scipy
 
 from benchmarks.accuracy import accuracy_tables
 from benchmarks.browser import latency_table
+from benchmarks.hostile import hostile_table
+from benchmarks.load import load_table
 from benchmarks.pairs import DATA
 from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
 from benchmarks.timing import Row
 
+USUAL = ["speed", "accuracy", "browser"]
+TABLES = [*USUAL, "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -76,9 +80,9 @@ def main() -> None:
     """Run the tables that are asked for, all by default."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument(
-        "tables", nargs="*", choices=["speed", "accuracy", "browser", []], help="which tables; all by default"
+        "tables", nargs="*", choices=[*TABLES, []], help=f"which tables; {', '.join(USUAL)} unless named"
     )
-    wanted = parser.parse_args().tables or ["speed", "accuracy", "browser"]
+    wanted = parser.parse_args().tables or USUAL
     if "speed" in wanted:
         rows = [*stereo_rows(), *signal_rows(), *template_rows()]
         keep("speed", "Speed", table(rows), [asdict(row) | {"ratio": row.ratio} for row in rows])
@@ -93,6 +97,10 @@ def main() -> None:
             keep("browser", "In the browser", *latency)
         else:
             print("The latency is left out: there is no Chromium (set CHROMIUM).")
+    if "load" in wanted:
+        keep("load", "Many visitors at once", *load_table())
+    if "hostile" in wanted:
+        keep("hostile", "Hostile files", *hostile_table())
 
 
 if __name__ == "__main__":

@@ -12,6 +12,12 @@ from stereolag.inputs import Image, as_image
 
 Float32Array = npt.NDArray[np.float32]
 
+FOCAL_PX = (1e-3, 1e7)
+BASELINE_M = (1e-9, 1e9)
+MAX_CENTRE_PX = 1e7
+MAX_DISTORTION = 1e9
+"""Cameras from those of a microscope to those of two satellites; beyond, a product would overflow or mean nothing."""
+
 
 @dataclass(frozen=True, eq=False)
 class StereoRig:
@@ -42,19 +48,21 @@ class StereoRig:
     def __post_init__(self) -> None:
         self._set("left_matrix", (3, 3))
         self._set("right_matrix", (3, 3))
-        self._set("rotation", (3, 3))
-        self._set("translation", (3,))
+        self._set("rotation", (3, 3), 10.0)
+        self._set("translation", (3,), BASELINE_M[1])
         for name in ("left_distortion", "right_distortion"):
             size = np.size(getattr(self, name))
             if size not in (0, 4, 5, 8, 12, 14):
                 raise ValueError(f"{name} holds {size} coefficients; allowed are 0, 4, 5, 8, 12 and 14.")
-            self._set(name, (size,))
+            self._set(name, (size,), MAX_DISTORTION)
             if size == 0:
                 object.__setattr__(self, name, np.zeros(5))
         for name in ("left_matrix", "right_matrix"):
             matrix = getattr(self, name)
             if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.array_equal(matrix[2], (0, 0, 1))):
                 raise ValueError(f"{name} is not [[f, 0, cx], [0, f, cy], [0, 0, 1]] with focal lengths above 0.")
+            for focal in (matrix[0, 0], matrix[1, 1]):
+                _check_range(float(focal), f"The focal length in {name}", FOCAL_PX)
         if not np.allclose(self.rotation @ self.rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(self.rotation) < 0:
             raise ValueError("rotation is not a rotation: its rows must be orthogonal and of length 1.")
         if not -self.translation[0] > abs(self.translation[1]):
@@ -63,10 +71,13 @@ class StereoRig:
                 "the second: the second camera stands to the right of the first."
             )
 
-    def _set(self, name: str, shape: tuple[int, ...]) -> None:
+    def _set(self, name: str, shape: tuple[int, ...], most: float = MAX_CENTRE_PX) -> None:
         array = np.array(getattr(self, name), dtype=np.float64)
         if array.size != math.prod(shape) or not np.isfinite(array).all():
             raise ValueError(f"{name} has shape {array.shape}; allowed are {math.prod(shape)} finite numbers, {shape}.")
+        largest = max(array.flat, key=abs, default=0.0)
+        if abs(largest) > most:
+            raise ValueError(f"{name} holds {largest:g}; allowed are numbers from -{most:g} to {most:g}.")
         object.__setattr__(self, name, array.reshape(shape))
 
     def scaled(self, factor: float) -> StereoRig:
@@ -106,7 +117,8 @@ class Calibration:
     Raises
     ------
     ValueError
-        A focal length or baseline that is not above 0, or a number that is not finite.
+        A focal length or baseline that is not above 0, a number that is not finite, or one far beyond any camera's:
+        a focal length outside 1e-3 to 1e7 px, a baseline outside 1e-9 to 1e9 m, a centre beyond 1e7 px.
     """
 
     focal_px: float
@@ -120,12 +132,14 @@ class Calibration:
     rig: StereoRig | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        _check_positive(self.focal_px, "focal_px")
-        _check_positive(self.baseline_m, "baseline_m")
+        _check_range(self.focal_px, "focal_px", FOCAL_PX)
+        _check_range(self.baseline_m, "baseline_m", BASELINE_M)
         for name in ("doffs_px", "cx", "cy"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
                 raise ValueError(f"{name} is {value}; allowed are finite numbers.")
+            if value is not None and abs(value) > MAX_CENTRE_PX:
+                raise ValueError(f"{name} is {value:g}; allowed are -{MAX_CENTRE_PX:g} to {MAX_CENTRE_PX:g} px.")
         for name in ("width", "height", "num_disparities"):
             value = getattr(self, name)
             if value is not None and value < 1:
@@ -166,7 +180,8 @@ class Calibration:
         if (error < 0).any():
             raise ValueError(f"disparity_error is {error.min()} px; allowed are numbers from 0.")
         shift = self._shift(disparity)
-        return _metres(self.focal_px * self.baseline_m * error, shift**2)
+        with np.errstate(over="ignore"):
+            return _metres(self.focal_px * self.baseline_m * error, shift**2)
 
     def point_cloud(
         self, disparity: npt.ArrayLike, colour: npt.ArrayLike
@@ -202,8 +217,11 @@ class Calibration:
         cy = (depth.shape[0] - 1) / 2 if self.cy is None else self.cy
         rows, cols = np.nonzero(np.isfinite(depth))
         z = depth[rows, cols]
-        points = np.column_stack(((cols - cx) * z / self.focal_px, (rows - cy) * z / self.focal_px, z))
-        return points.astype(np.float32), picture[rows, cols]
+        with np.errstate(over="ignore"):
+            points = np.column_stack(((cols - cx) * z / self.focal_px, (rows - cy) * z / self.focal_px, z))
+            points = points.astype(np.float32)
+        near = np.isfinite(points).all(axis=1)
+        return points[near], picture[rows, cols][near]
 
     def scaled(self, factor: float) -> Calibration:
         """Return the calibration for images (and disparities) resized by `factor`.
@@ -267,6 +285,12 @@ def _as_rgb8(image: Image) -> npt.NDArray[np.uint8]:
 def _check_positive(value: float, name: str) -> None:
     if not (value > 0 and math.isfinite(value)):
         raise ValueError(f"{name} is {value}; allowed are finite numbers above 0.")
+
+
+def _check_range(value: float, name: str, bounds: tuple[float, float]) -> None:
+    _check_positive(value, name)
+    if not bounds[0] <= value <= bounds[1]:
+        raise ValueError(f"{name} is {value:g}; allowed are {bounds[0]:g} to {bounds[1]:g}.")
 
 
 def _scaled_centre(centre: float, factor: float) -> float:

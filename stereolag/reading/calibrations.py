@@ -162,7 +162,7 @@ def _from_reprojection(q: Matrix, entries: Entries, length_unit_m: float) -> Cal
     return Calibration(
         float(q[2, 3]),
         length_unit_m / float(q[3, 2]),
-        float(q[3, 3] / q[3, 2]),
+        float(q[3, 3]) / float(q[3, 2]),
         -float(q[0, 3]),
         -float(q[1, 3]),
         width=width,
@@ -194,7 +194,11 @@ def _forecast(rig: StereoRig) -> Calibration:
     """Return the rig with what rectification will probably give; without a size, the centre of the image is guessed."""
     width = rig.width or max(1, round(2 * rig.left_matrix[0, 2] + 1))
     height = rig.height or max(1, round(2 * rig.left_matrix[1, 2] + 1))
-    return replace(rectified_calibration(rig, (width, height)), width=rig.width, height=rig.height, rig=rig)
+    try:
+        rectified = rectified_calibration(rig, (width, height))
+    except ZeroDivisionError as error:
+        raise ValueError("The calibration is of cameras that cannot be rectified: no focal length is left.") from error
+    return replace(rectified, width=rig.width, height=rig.height, rig=rig)
 
 
 def _from_ros(cameras: list[Entries]) -> Calibration:

@@ -18,6 +18,8 @@ WHAT = "disparity map"
 ACCEPTED = "PFM, PNG or PGM of 16 bits (÷ 256) or 8 bits (with a divisor), and NPY"
 DIVISOR_OF_16_BITS = 256.0
 
+_BAND_PIXELS = 2**20
+
 
 def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArray[np.float32]:
     """Read a disparity map: PFM, PNG or PGM of 16 or 8 bits, or NPY.
@@ -40,24 +42,34 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     Raises
     ------
     ValueError
-        An empty, damaged or unknown file, a colour picture, more than 50 megapixels, no pixel with a disparity,
-        8-bit integers without a divisor, or a divisor that is not above 0.
+        An empty, damaged or unknown file, a colour picture, more megapixels than the limit in force, no pixel with a
+        disparity, 8-bit integers without a divisor, or a divisor that is not above 0.
     """
     if divisor is not None and not (divisor > 0 and math.isfinite(divisor)):
         raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0.")
-    stored = _stored_values(read_bytes(source, WHAT))
+    stored, is_picture = _stored_values(read_bytes(source, WHAT))
     if stored.ndim != 2:
         raise ValueError(f"The {WHAT} has shape {stored.shape}; allowed is one channel, (rows, cols).")
-    is_picture = stored.dtype in (np.uint8, np.uint16)
     if divisor is None:
         divisor = _usual_divisor(stored.dtype) if is_picture else 1.0
-    with np.errstate(all="ignore"):  # what overflows is infinite, and that is unknown
-        disparity = np.asarray(stored / divisor, dtype=np.float32)
-    disparity[~np.isfinite(disparity)] = np.nan
-    if is_picture:
-        disparity[stored == 0] = np.nan
+    disparity = _divided(stored, divisor, zero_is_unknown=is_picture)
     if np.isnan(disparity).all():
         raise ValueError(f"The {WHAT} holds no disparity at all: every pixel is marked as unknown.")
+    return disparity
+
+
+def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool) -> npt.NDArray[np.float32]:
+    """Return the disparities, NaN where unknown, made in bands of rows: whole copies in float64 are a lot of memory."""
+    disparity = np.empty(stored.shape, np.float32)
+    step = max(1, _BAND_PIXELS // max(1, stored.shape[1]))
+    for first in range(0, len(stored), step):
+        band = stored[first : first + step]
+        with np.errstate(all="ignore"):  # what overflows is infinite, and that is unknown
+            part = (band.astype(np.float64) / divisor).astype(np.float32)
+        part[~np.isfinite(part)] = np.nan
+        if zero_is_unknown:
+            part[band == 0] = np.nan
+        disparity[first : first + step] = part
     return disparity
 
 
@@ -67,23 +79,19 @@ def _usual_divisor(dtype: np.dtype[Any]) -> float:
     return DIVISOR_OF_16_BITS
 
 
-def _stored_values(data: bytes) -> npt.NDArray[Any]:
-    """Return the integers of a picture, or floats, as the file holds them."""
+def _stored_values(data: bytes) -> tuple[npt.NDArray[Any], bool]:
+    """Return the numbers as the file holds them, and whether they are integers of a picture: there 0 is unknown."""
     if data.startswith((b"Pf", b"PF")):
-        return parse_pfm(data, WHAT)
+        return parse_pfm(data, WHAT), False
     if data.startswith((b"P2", b"P5")):
-        return parse_pgm(data, WHAT)
+        return parse_pgm(data, WHAT), True
     if data.startswith(NPY_MAGIC):
-        return _floats_of_npy(data)
+        stored = parse_npy(data, WHAT)
+        if stored.ndim == 2:
+            check_pixels(stored.shape[1], stored.shape[0], WHAT)
+        return stored, False
     try:
-        return read_image(data)
+        picture = read_image(data)
     except ValueError as error:
         raise ValueError(f"The {WHAT} cannot be read; accepted are {ACCEPTED}. {error}") from error
-
-
-def _floats_of_npy(data: bytes) -> npt.NDArray[np.float64]:
-    stored = parse_npy(data, WHAT)
-    if stored.ndim == 2:
-        check_pixels(stored.shape[1], stored.shape[0], WHAT)
-    with np.errstate(all="ignore"):
-        return stored.astype(np.float64)
+    return picture, picture.dtype.kind == "u"

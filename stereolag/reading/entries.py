@@ -14,6 +14,8 @@ Entries: TypeAlias = dict[str, Matrix | str]
 """Arrays of finite numbers (a number alone has shape (1,)), or text."""
 
 MAX_SIDE = 100_000
+MAX_NUMBER = 1e12
+"""No focal length, length or coefficient of a camera comes near; what is computed from such numbers stays finite."""
 
 
 def optional_number(entries: Entries, *names: str) -> float | None:
@@ -66,6 +68,14 @@ def _numbers(entries: Entries, name: str, count: int | None = None) -> Matrix:
     numbers = entries[name]
     if isinstance(numbers, str):
         raise ValueError(f"{quoted(name)} in the calibration must hold numbers, not {quoted(numbers)}.")
+    if not np.isfinite(numbers).all():
+        raise ValueError(f"{quoted(name)} in the calibration must hold finite numbers only.")
+    largest = max(numbers.flat, key=abs, default=0.0)
+    if abs(largest) > MAX_NUMBER:
+        raise ValueError(
+            f"{quoted(name)} in the calibration holds {largest:g}; allowed are numbers from -{MAX_NUMBER:g} to "
+            f"{MAX_NUMBER:g}."
+        )
     if count is not None and numbers.size != count:
         raise ValueError(f"{quoted(name)} in the calibration must hold {count} numbers; it holds {numbers.size}.")
     return numbers.ravel()

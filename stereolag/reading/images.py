@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 import io
-import re
+from collections.abc import Callable
 
 import cv2
 import numpy as np
 from PIL import Image as PillowImage
 
 from stereolag.inputs import Image, as_image
-from stereolag.reading.sources import MAX_PIXELS, Source, check_pixels, no_warnings, read_bytes
+from stereolag.reading import gif, jpeg, netpbm, png, tiff, webp
+from stereolag.reading.bare import BarePicture
+from stereolag.reading.sources import Source, check_pixels, read_bytes
 
 ACCEPTED = "PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM and GIF"
-_FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "WEBP", "PPM", "GIF")
-_EXIF_ORIENTATION = 0x0112
+WHAT = "picture"
+MAX_RUN_LENGTH_BYTES = 4 * 2**20
+MAX_RUN_LENGTH_PIXELS = 8_000_000
+"""Pillow reads run-length coded BMP in a Python loop, and fills up what the runs leave out pixel by pixel."""
+
+_NETPBM = (b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"Pf")
+_BAND_PIXELS = 2**20
+_PROGRESSIVE_PIXELS = 20_000_000
+"""From here on the coefficients of a progressive JPEG and Pillow's four bytes a pixel are too much together."""
 
 
 def read_image(source: Source) -> Image:
     """Read a picture: PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM or GIF (the first frame of several).
 
-    The orientation a camera noted in the file (EXIF) is applied. A palette is resolved, and so are CMYK, YCbCr and
-    the like, to RGB; any kind of transparency gives RGBA. Grey and colour of 16 bits a channel keep them (but for
-    16-bit colour PPM, which is reduced to 8); a TIFF of floats stays float.
+    The orientation a camera noted in the file (EXIF) is applied; all other metadata is passed over, and broken
+    metadata is no fault. A palette is resolved, and so are CMYK, YCbCr and the like, to RGB; any kind of transparency
+    gives RGBA. Grey and colour of 16 bits a channel keep them; a TIFF of floats stays float.
 
     Parameters
     ----------
@@ -37,61 +46,128 @@ def read_image(source: Source) -> Image:
     Raises
     ------
     ValueError
-        An empty file, one that is not such a picture or is cut short, or a picture of more than 50 megapixels.
-        The limit is checked on the header, before any pixel is decoded.
+        An empty file, one that is not such a picture or is cut short, or a picture of more megapixels than the limit
+        in force (50 unless set otherwise). The limit is checked on the header, before any pixel is decoded.
     """
-    data = read_bytes(source, "picture")
-    with no_warnings(), _opened(data) as picture:
-        check_pixels(*picture.size, "picture")
-        pixels, orientation = _decoded(picture, data)
+    pixels, orientation = _decoded(read_bytes(source, WHAT))
     return _upright(as_image(pixels, "The picture"), orientation)
 
 
-def _opened(data: bytes) -> PillowImage.Image:
+def _decoded(data: bytes) -> tuple[Image, int]:
+    if data.startswith(_NETPBM):
+        return netpbm.parse_netpbm(data, WHAT), 1
+    kind, bare_picture = _kind(data)
+    bare = bare_picture(data)
+    del data  # where nobody else holds it, its memory is free before pixels are decoded
+    check_pixels(bare.width, bare.height, WHAT)
+    if bare.canvas:
+        check_pixels(*bare.canvas[:2], WHAT)
+    orientation, canvas = bare.orientation, bare.canvas
     try:
-        return PillowImage.open(io.BytesIO(data), formats=_FORMATS)
-    except PillowImage.DecompressionBombError as error:
-        # Pillow's own limit is far above ours, and the size is in its message alone.
-        pixels = re.search(r"\d+", str(error))
-        size = f"{int(pixels[0]) / 1e6:.0f}" if pixels else "far too many"
+        loaded = _loaded(kind, bare)
+        del bare
+        pixels = loaded if isinstance(loaded, np.ndarray) else _as_array(loaded)
+    except Exception as error:  # decoders raise whatever comes up on broken files
         raise ValueError(
-            f"The picture has {size} megapixels; at most {MAX_PIXELS // 1_000_000} megapixels are accepted."
+            f"The picture ({kind}) is damaged or cut short and cannot be decoded; accepted are whole files of "
+            f"{ACCEPTED}."
         ) from error
-    except Exception as error:  # Pillow's parsers raise whatever comes up on broken headers
-        raise ValueError(
-            f"This is not a picture that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
-        ) from error
+    return (_on_canvas(pixels, *canvas) if canvas else pixels), orientation
 
 
-def _decoded(picture: PillowImage.Image, data: bytes) -> tuple[Image, int]:
-    try:
-        has_16_bit_colour = picture.mode in ("RGB", "RGBA") and any(
-            ";16" in str(tile) for tile in getattr(picture, "tile", [])
+def _kind(data: bytes) -> tuple[str, Callable[[bytes], BarePicture]]:
+    """Return the name of the file's kind and what leaves its metadata out."""
+    if data.startswith(png.MAGIC) and data[12:16] == b"IHDR" and len(data) >= 33:
+        return "PNG", png.bare_png
+    if data.startswith(jpeg.MAGIC):
+        return "JPEG", jpeg.bare_jpeg
+    if data.startswith(gif.MAGICS):
+        return "GIF", gif.bare_gif
+    if webp.is_webp(data):
+        return "WEBP", webp.bare_webp
+    if data.startswith(tiff.MAGICS):
+        return "TIFF", tiff.bare_tiff
+    if data.startswith(b"BM") and len(data) > 34:
+        return "BMP", _bare_bmp
+    raise ValueError(f"This is not a picture that can be read, or its beginning is damaged; accepted are {ACCEPTED}.")
+
+
+def _bare_bmp(data: bytes) -> BarePicture:
+    if int.from_bytes(data[14:18], "little") == 12:
+        width, height = (int.from_bytes(data[start : start + 2], "little") for start in (18, 20))
+        return BarePicture(data, width, height)
+    width, height = (int.from_bytes(data[start : start + 4], "little", signed=True) for start in (18, 22))
+    too_long = len(data) > MAX_RUN_LENGTH_BYTES or width * abs(height) > MAX_RUN_LENGTH_PIXELS
+    if data[30] in (1, 2) and too_long:
+        raise ValueError(
+            f"The picture (BMP) is run-length coded, {width} × {abs(height)} pixels in {len(data) / 1e6:.1f} MB; "
+            f"at most {MAX_RUN_LENGTH_PIXELS // 10**6} megapixels in 4 MB are accepted: save it as PNG."
         )
-        picture.load()
-        orientation = int(picture.getexif().get(_EXIF_ORIENTATION, 1))
-        # Pillow would keep the upper 8 bits only. It has decoded the file all the same, so OpenCV gets no broken one.
-        return (_colour_of_16_bits(data) if has_16_bit_colour else _as_array(picture)), orientation
-    except Exception as error:  # Pillow's decoders raise whatever comes up on broken pixels
-        raise ValueError(
-            f"The picture ({picture.format}) is damaged or cut short and cannot be decoded; accepted are whole "
-            f"files of {ACCEPTED}."
-        ) from error
+    return BarePicture(data, width, abs(height))
+
+
+def _loaded(kind: str, bare: BarePicture) -> PillowImage.Image | Image:
+    """Return the decoded picture, still Pillow's where Pillow is the better decoder."""
+    if kind == "WEBP":
+        return _by_opencv(bare.data)  # Pillow keeps five copies of the pixels
+    if kind == "JPEG" and bare.width * bare.height > _PROGRESSIVE_PIXELS and jpeg.is_progressive_colour(bare.data):
+        return _by_opencv(bare.data)
+    with io.BytesIO(bare.data) as stream:
+        picture = PillowImage.open(stream, formats=(kind,))
+        if picture.size != (bare.width, bare.height):
+            raise ValueError(f"{picture.size} pixels after {bare.width} × {bare.height}")
+        colour, layout = picture.mode in ("RGB", "RGBA"), str(getattr(picture, "tile", ""))
+        if not (colour and ";16" in layout):
+            picture.load()
+            return picture
+    return _by_opencv(bare.data)  # Pillow would keep the upper 8 bits only
+
+
+def _by_opencv(data: bytes) -> Image:
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise ValueError("OpenCV cannot decode these pixels")
+    if pixels.ndim == 3:
+        to_rgb = cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB
+        for rows in _bands(pixels.shape[1], pixels.shape[0]):
+            pixels[rows] = cv2.cvtColor(pixels[rows], to_rgb)
+    return np.asarray(pixels)
 
 
 def _as_array(picture: PillowImage.Image) -> Image:
+    """Return the pixels, converted and copied in bands of rows: a whole copy more is a lot of memory."""
+    mode: str | None = "RGB"
     if picture.has_transparency_data and not picture.mode.startswith("I"):
-        return np.array(picture.convert("RGBA"))
-    if picture.mode in ("1", "L", "RGB", "I", "F") or picture.mode.startswith("I;16"):
-        return np.array(picture)
-    return np.array(picture.convert("RGB"))
-
-
-def _colour_of_16_bits(data: bytes) -> Image:
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        mode = "RGBA"
+    elif picture.mode in ("1", "L", "RGB", "I", "F") or picture.mode.startswith("I;16"):
+        mode = None
+    pixels: Image | None = None
+    for rows in _bands(*picture.size):
+        band = picture.crop((0, rows.start, picture.width, rows.stop))
+        part = np.asarray(band if mode is None or band.mode == mode else band.convert(mode))
+        if pixels is None:
+            pixels = np.empty((picture.height, *part.shape[1:]), part.dtype.newbyteorder("="))
+        pixels[rows] = part
     if pixels is None:
-        raise ValueError("OpenCV cannot decode these 16-bit pixels")
-    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB))
+        raise ValueError("no rows")
+    return pixels
+
+
+def _bands(width: int, height: int) -> list[slice]:
+    """Return slices of rows of about a megapixel each."""
+    step = max(1, _BAND_PIXELS // width)
+    return [slice(first, min(first + step, height)) for first in range(0, height, step)]
+
+
+def _on_canvas(frame: Image, width: int, height: int, left: int, top: int) -> Image:
+    """Return a frame on the transparent canvas of its animation."""
+    canvas = np.zeros((height, width, 4), np.uint8)
+    part = canvas[top : top + frame.shape[0], left : left + frame.shape[1]]
+    frame = frame[: part.shape[0], : part.shape[1]]
+    part[:, :, : frame.shape[2]] = frame
+    if frame.shape[2] == 3:
+        part[:, :, 3] = 255
+    return canvas
 
 
 def _upright(pixels: Image, orientation: int) -> Image:

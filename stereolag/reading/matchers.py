@@ -15,6 +15,28 @@ from stereolag.stereo.methods import METHODS
 WHAT = "settings file"
 MAX_BYTES = 2**16
 
+_ALLOWED = {
+    "greater_than_equal": "a number from {ge}",
+    "greater_than": "a number above {gt}",
+    "less_than_equal": "a number up to {le}",
+    "less_than": "a number below {lt}",
+    "multiple_of": "a multiple of {multiple_of}",
+    "int": "a whole number",
+    "float": "a number",
+    "finite_number": "a finite number",
+    "bool": "true or false",
+    "string": "a word",
+    "literal_error": "{expected}",
+    "enum": "{expected}",
+    "union_tag_invalid": "{expected_tags}",
+    "union_tag_not_found": "a group of settings with {discriminator}",
+    "model": "a group of settings",
+    "dict": "a group of settings",
+    "list": "a list",
+    "tuple": "a list",
+}
+"""What a setting may be, by how the kind of a refusal of pydantic begins."""
+
 
 def read_matcher(source: Source) -> StereoMatcher:
     """Read a matcher from the JSON that :func:`stereolag.export.settings_json` writes.
@@ -58,12 +80,31 @@ def _parsed(data: bytes) -> dict[str, Any]:
 
 
 def _first_refusal(error: ValidationError) -> str:
-    """Return the first of the refusals as one sentence that is harmless where it is shown."""
+    """Return the first of the refusals as one sentence of ours, harmless where it is shown."""
     first = error.errors(include_url=False)[0]
-    if first["type"] == "value_error":
-        return str(first["ctx"]["error"])
-    place = ".".join(str(part) for part in first["loc"]) or "settings"
-    return f"{_harmless(place)} is {quoted(str(first['input']))}: {_harmless(first['msg'])}."
+    kind, context = first["type"], first.get("ctx", {})
+    if kind == "value_error":
+        return str(context["error"])
+    place = _harmless(".".join(str(part) for part in first["loc"])) or "settings"
+    if kind == "missing":
+        return f"{place} is missing."
+    if kind == "extra_forbidden":
+        return f"{place} is no setting of this method."
+    allowed = next((words for words in _ALLOWED if kind.startswith(words)), None)
+    sentence = "something else" if allowed is None else _ALLOWED[allowed].format(**context)
+    given = context["tag"] if kind == "union_tag_invalid" else _shown(first["input"])
+    return f"{place} is {quoted(given)}; allowed is {_harmless(sentence)}."
+
+
+def _shown(value: object) -> str:
+    """Return how JSON writes a value, cut short: Python refuses to write a number of thousands of digits."""
+    if isinstance(value, str):
+        return value[:100]
+    if isinstance(value, int) and abs(value) > 10**99:
+        return "a number of more than 99 digits"
+    if isinstance(value, dict | list):
+        return "a list" if isinstance(value, list) else "a group of settings"
+    return json.dumps(value, default=str)[:100]
 
 
 def _harmless(text: str) -> str:

@@ -8,7 +8,6 @@ reader leaves the process in disorder on broken input, and a YAML library would 
 from __future__ import annotations
 
 import json
-import math
 import re
 from typing import Any
 
@@ -65,7 +64,7 @@ def _from_json(text: str) -> Entries:
             entries[name] = _matrix(name, *(_array(name, value[key]) for key in _MATRIX_KEYS))
         elif isinstance(value, str):
             entries[name] = value
-        elif isinstance(value, int | float | list):
+        elif isinstance(value, int | float | list) and not isinstance(value, bool):
             entries[name] = _array(name, value)
     return entries
 
@@ -125,9 +124,9 @@ def _array(name: str, value: Any) -> Matrix:
 
 
 def _matrix(name: str, rows: Matrix, cols: Matrix, values: Matrix) -> Matrix:
-    shape = int(rows.flat[0]) if rows.size else 0, int(cols.flat[0]) if cols.size else 0
-    if min(shape) < 0 or math.prod(shape) != values.size:
+    height, width = (float(side.flat[0]) if side.size else 0.0 for side in (rows, cols))
+    if not (0 <= height <= values.size and 0 <= width <= values.size and int(height) * int(width) == values.size):
         raise ValueError(
-            f"{quoted(name)} in the calibration announces {shape[0]} × {shape[1]} numbers and holds {values.size}."
+            f"{quoted(name)} in the calibration announces {height:g} × {width:g} numbers and holds {values.size}."
         )
-    return values.reshape(shape)
+    return values.reshape(int(height), int(width))

@@ -6,6 +6,7 @@ import codecs
 import io
 import itertools
 import math
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -14,9 +15,15 @@ import numpy.typing as npt
 from stereolag.reading.sources import quoted
 
 ALLOWED = "allowed are finite numbers, in columns separated by comma, semicolon, tab or space"
-COMMENT_MARKS = ("#", "%", "//")
+INSTEAD = "save it as WAV or NPY instead"
+MAX_BYTES = 64 * 2**20
+MAX_LINES = 10_000_000
+MAX_NUMBERS = 20_000_000
 MAX_HEADER_LINES = 200
 MAX_LINE_LENGTH = 4096
+
+_COMMENT = re.compile(r"(?:#|%|//)[^\n]*")
+_CHUNK = 2**20
 
 
 def parse_columns(data: bytes, max_numbers: int) -> npt.NDArray[np.float64]:
@@ -27,66 +34,105 @@ def parse_columns(data: bytes, max_numbers: int) -> npt.NDArray[np.float64]:
     data
         The text: UTF-8, UTF-16 with its mark, or Latin-1; lines end in LF, CRLF or CR.
     max_numbers
-        The most numbers that are accepted.
+        The most numbers that are accepted, where that is less than what this reader accepts at all.
 
     Raises
     ------
     ValueError
-        No number at all, too many, or a line that holds something else, a NUL byte, or another count of numbers than
-        the first; the error tells the line.
+        No number at all, too many, too long a text or line, or a line that holds something else, a NUL byte, or
+        another count of numbers than the first; the error tells the line.
     """
     text = _decoded(data)
+    lines = _line_count(text)
     header_lines, separator, columns = _layout(text)
-    most = (text.count("\n") + 1) * columns
-    if most > max_numbers:
-        raise ValueError(f"The text holds {most:,} numbers; at most {max_numbers:,} are accepted.")
-    if separator != ",":
-        text = text.replace(",", ".")  # a decimal comma
-    try:
-        table = np.loadtxt(
-            io.StringIO(text),
-            delimiter=separator,
-            comments=[mark for mark in COMMENT_MARKS if mark in text] or None,
-            skiprows=header_lines,
-            ndmin=2,
+    most, allowed = lines * columns, min(max_numbers, MAX_NUMBERS)
+    if most > allowed:
+        raise ValueError(f"The text holds {most:,} numbers; at most {allowed:,} are accepted: {INSTEAD}.")
+    table = np.empty((columns, lines))
+    rows = 0
+    for first_line, chunk in _chunks(text, header_lines):
+        part = _numbers_of(chunk, first_line, separator, columns)
+        table[:, rows : rows + part.shape[1]] = part
+        rows += part.shape[1]
+    return table if rows == lines else table[:, :rows].copy()
+
+
+def _decoded(data: bytes) -> bytes:
+    """Return the text in UTF-8 with lines that end in LF."""
+    if not data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and b"\0" in data:
+        raise _holds_nul(data)
+    if len(data) > MAX_BYTES:
+        raise ValueError(
+            f"The text has {len(data) / 1e6:.0f} MB; at most {MAX_BYTES / 1e6:.0f} MB are accepted: {INSTEAD}."
         )
-    except ValueError:
-        raise ValueError(_what_is_wrong(text, header_lines, separator)) from None
-    if not np.isfinite(table).all():
-        raise ValueError(_what_is_wrong(text, header_lines, separator))
-    return np.ascontiguousarray(table.T)
-
-
-def _decoded(data: bytes) -> str:
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        text = data.decode("utf-16", errors="replace")
-    else:
+        data = data.decode("utf-16", errors="replace").encode("utf-8", errors="replace")
+    elif not data.isascii():
+        data = data.removeprefix(codecs.BOM_UTF8)
         try:
-            text = data.decode("utf-8-sig")
+            data.decode("utf-8")
         except UnicodeDecodeError:
-            text = data.decode("latin-1")
-    text = text.replace("\r\n", "\n").replace("\r", "\n")
-    if "\0" in text:
-        line = text.count("\n", 0, text.index("\0")) + 1
-        raise ValueError(f"Line {line} holds a NUL byte; {ALLOWED}.")
-    return text
+            data = data.decode("latin-1").encode("utf-8")
+    if b"\0" in data:
+        raise _holds_nul(data)
+    return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
 
 
-def _lines(text: str) -> Iterator[tuple[int, str]]:
+def _holds_nul(data: bytes) -> ValueError:
+    before = data[: data.index(b"\0")].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    line = before.count(b"\n") + 1
+    return ValueError(f"Line {line} holds a NUL byte; {ALLOWED}.")
+
+
+def _line_count(text: bytes) -> int:
+    """Return the count of lines; refuse too many and too long ones before anything is done to each."""
+    lines = text.count(b"\n") + (not text.endswith(b"\n"))
+    if lines > MAX_LINES:
+        raise ValueError(f"The text has {lines:,} lines; at most {MAX_LINES:,} are accepted: {INSTEAD}.")
+    ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
+    lengths = np.diff(ends, prepend=-1, append=len(text)) - 1
+    longest = int(lengths.argmax())
+    if lengths[longest] > MAX_LINE_LENGTH:
+        raise ValueError(
+            f"Line {longest + 1} is {lengths[longest]:,} characters long; allowed are {MAX_LINE_LENGTH:,}."
+        )
+    return lines
+
+
+def _chunks(text: bytes, skipped_lines: int = 0) -> Iterator[tuple[int, str]]:
+    """Yield pieces of about a megabyte of whole lines that hold more than comments, with their first line's number.
+
+    Comments are gone, and the first `skipped_lines` are empty.
+    """
+    line, start = 1, 0
+    while start < len(text):
+        end = text.find(b"\n", start + _CHUNK) + 1 or len(text)
+        chunk = text[start:end].decode("utf-8", errors="replace")
+        lines = chunk.count("\n")
+        empty = min(max(0, skipped_lines + 1 - line), lines)
+        if empty:
+            chunk = "\n" * empty + chunk.split("\n", empty)[empty]
+        chunk = _COMMENT.sub("", chunk)
+        if not chunk.isspace() and chunk:
+            yield line, chunk
+        line, start = line + lines, end
+
+
+def _lines(text: bytes) -> Iterator[tuple[int, str]]:
     """Yield the lines that are neither blank nor a comment, with their numbers from 1."""
-    for number, line in enumerate(io.StringIO(text), start=1):
-        content = line
-        for mark in COMMENT_MARKS:
-            content = content.partition(mark)[0]
-        if content.strip():
-            yield number, content.strip()
+    for first_line, chunk in _chunks(text):
+        yield from _filled_lines(chunk, first_line)
 
 
-def _layout(text: str) -> tuple[int, str | None, int]:
+def _filled_lines(chunk: str, first_line: int) -> Iterator[tuple[int, str]]:
+    for number, line in enumerate(io.StringIO(chunk), start=first_line):
+        if content := line.strip():
+            yield number, content
+
+
+def _layout(text: bytes) -> tuple[int, str | None, int]:
     """Return the lines before the first line of numbers, what separates its columns (None: spaces), their count."""
     for number, line in itertools.islice(_lines(text), MAX_HEADER_LINES):
-        if len(line) > MAX_LINE_LENGTH:
-            raise ValueError(f"Line {number} is {len(line):,} characters long; allowed are {MAX_LINE_LENGTH:,}.")
         for separator in (";", "\t", ",", None):
             if (separator is None or separator in line) and _is_numeric(line, separator):
                 return number - 1, separator, len(line.split(separator))
@@ -108,10 +154,22 @@ def _number(field: str) -> float | None:
         return None
 
 
-def _what_is_wrong(text: str, header_lines: int, separator: str | None) -> str:
+def _numbers_of(chunk: str, first_line: int, separator: str | None, columns: int) -> npt.NDArray[np.float64]:
+    """Return the (columns, rows) of a piece of the text."""
+    if separator != ",":
+        chunk = chunk.replace(",", ".")  # a decimal comma
+    try:
+        table = np.loadtxt(io.StringIO(chunk), delimiter=separator, comments=None, ndmin=2)
+    except ValueError:
+        raise ValueError(_what_is_wrong(chunk, first_line, separator, columns)) from None
+    if table.shape[1] != columns or not np.isfinite(table).all():
+        raise ValueError(_what_is_wrong(chunk, first_line, separator, columns))
+    return table.T
+
+
+def _what_is_wrong(chunk: str, first_line: int, separator: str | None, columns: int) -> str:
     """Find the first line that is no line of finite numbers, and say so."""
-    columns = None
-    for line_number, line in itertools.dropwhile(lambda numbered: numbered[0] <= header_lines, _lines(text)):
+    for line_number, line in _filled_lines(chunk, first_line):
         fields = line.split(separator)
         for field in fields:
             number = _number(field)
@@ -120,7 +178,6 @@ def _what_is_wrong(text: str, header_lines: int, separator: str | None) -> str:
                 return f"Line {line_number} {wrong}; {ALLOWED}."
             if not math.isfinite(number):
                 return f"Line {line_number} holds {number}; {ALLOWED}."
-        columns = columns or len(fields)
         if len(fields) != columns:
             return f"Line {line_number} holds {len(fields)} numbers and the lines before it {columns}; {ALLOWED}."
     return f"The text cannot be read as numbers; {ALLOWED}."

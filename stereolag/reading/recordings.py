@@ -10,19 +10,22 @@ import numpy as np
 import numpy.typing as npt
 import soundfile
 
+from stereolag.limits import limits
 from stereolag.reading.npy import MAGIC as NPY_MAGIC
 from stereolag.reading.npy import parse_npy
 from stereolag.reading.number_columns import parse_columns
-from stereolag.reading.sources import Source, read_bytes
+from stereolag.reading.sources import HEADER_BYTES, Source, read_bytes
 
 WHAT = "recording"
 ACCEPTED = "WAV, FLAC, OGG, MP3, AIFF, NPY, and text with one number a line or columns of numbers"
-MAX_SAMPLES = 30_000_000
 MAX_CHANNELS = 64
 
 FEWEST_TICKS = 10
 UNEVENNESS = 1e-3
 """How far a column of times may stray from a straight line, as a share of its length."""
+
+_BLOCK = 2**20
+"""Samples decoded at a time."""
 
 _AUDIO_MARKS = (b"RIFF", b"RIFX", b"RF64", b"fLaC", b"OggS", b"ID3", b"FORM")
 _MP3_SYNCS = (b"\xff\xfb", b"\xff\xfa", b"\xff\xf3", b"\xff\xf2", b"\xff\xe3", b"\xff\xe2")
@@ -78,7 +81,8 @@ def read_signal(source: Source) -> Recording:
     ------
     ValueError
         An empty, damaged or unknown file; a word, a NUL byte, NaN or a missing number in a text (with its line);
-        fewer than 2 samples, more than 30 million in all, or more than 64 channels.
+        fewer than 2 samples, more in all than the limit in force (30 million unless set otherwise), or more than 64
+        channels.
     """
     data = read_bytes(source, WHAT)
     sampling_rate = None
@@ -87,9 +91,9 @@ def read_signal(source: Source) -> Recording:
     elif data.startswith(NPY_MAGIC):
         channels = _parse_npy(data)
     else:
-        channels = parse_columns(data, MAX_SAMPLES)
+        channels = parse_columns(data, limits().max_samples)
         _check_size(*channels.shape)
-    bad = channels.size - int(np.isfinite(channels).sum())
+    bad = sum(channel.size - int(np.isfinite(channel).sum()) for channel in channels)
     if bad:
         raise ValueError(f"The {WHAT} holds {bad} NaN or infinite samples; every sample must be a finite number.")
     return Recording(channels, sampling_rate)
@@ -100,9 +104,9 @@ def _check_size(channels: int, samples: int) -> None:
         raise ValueError(f"The {WHAT} has {channels} channels; allowed are 1 to {MAX_CHANNELS}.")
     if samples < 2:
         raise ValueError(f"The {WHAT} holds {samples} samples; at least 2 are needed.")
-    if channels * samples > MAX_SAMPLES:
+    if channels * samples > limits().max_samples:
         raise ValueError(
-            f"The {WHAT} holds {channels} × {samples} samples; at most {MAX_SAMPLES:,} in all are accepted."
+            f"The {WHAT} holds {channels} × {samples} samples; at most {limits().max_samples:,} in all are accepted."
         )
 
 
@@ -128,17 +132,34 @@ def _parse_audio(data: bytes) -> tuple[npt.NDArray[np.float64], float]:
     try:
         with soundfile.SoundFile(_AudioBytes(data)) as file:
             _check_size(file.channels, file.frames)
-            samples = file.read(dtype="float64", always_2d=True)
-            sampling_rate = float(file.samplerate)
+            channels, sampling_rate = _samples(file), float(file.samplerate)
     except RuntimeError as error:  # soundfile's own errors are of this kind
+        if data.startswith(b"FORM") and b"DWVW" in data[:HEADER_BYTES]:
+            raise ValueError(f"The {WHAT} is an AIFF in the encoding DWVW, which is not accepted.") from error
         raise ValueError(
             f"The {WHAT} is an audio file that is damaged, cut short or without channels; accepted are {ACCEPTED}."
         ) from error
-    # An audio header may promise more than follows.
-    _check_size(samples.shape[1], samples.shape[0])
+    _check_size(*channels.shape)
     if sampling_rate <= 0:
         raise ValueError(f"The {WHAT} has a sampling rate of {sampling_rate:g} Hz; it must be above 0.")
-    return np.ascontiguousarray(samples.T), sampling_rate
+    return channels, sampling_rate
+
+
+def _samples(file: soundfile.SoundFile) -> npt.NDArray[np.float64]:
+    """Return the (channels, samples) of an opened file, decoded in blocks into where they stay.
+
+    A header may promise more than follows: memory that nothing is written to is never taken. Some encodings (GSM 6.10)
+    cannot be read in one go at all.
+    """
+    channels = np.empty((file.channels, file.frames))
+    count, size = 0, max(1, _BLOCK // file.channels)
+    while count < channels.shape[1]:
+        block = file.read(min(size, channels.shape[1] - count), dtype="float64", always_2d=True)
+        if not len(block):
+            return channels[:, :count].copy()
+        channels[:, count : count + len(block)] = block.T
+        count += len(block)
+    return channels
 
 
 def _parse_npy(data: bytes) -> npt.NDArray[np.float64]:

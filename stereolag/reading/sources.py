@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import re
-import threading
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
+
+from stereolag.limits import limits
 
 Source: TypeAlias = str | PathLike[str] | bytes | bytearray | memoryview | BinaryIO
 """A path, the bytes themselves, or a binary file object such as an upload of Streamlit."""
 
 MAX_BYTES = 256 * 2**20
-MAX_PIXELS = 50_000_000
-
-_quiet_lock = threading.Lock()
+MAX_SIDE = 1_000_000
+"""Decoders keep a pointer for every row."""
+HEADER_BYTES = 4096
+"""How far into a file a header made of text is looked for."""
 
 
 def read_bytes(source: Source, what: str) -> bytes:
@@ -63,14 +62,19 @@ def check_pixels(width: int, height: int, what: str) -> None:
     Raises
     ------
     ValueError
-        No pixels, or more than 50 megapixels.
+        No pixels, more than the limit in force, or more than a million in a row or column.
     """
     if width < 1 or height < 1:
         raise ValueError(f"The {what} is {width} × {height} pixels: it holds none.")
-    if width * height > MAX_PIXELS:
+    if max(width, height) > MAX_SIDE:
         raise ValueError(
             f"The {what} is {width} × {height} pixels ({width * height / 1e6:.0f} megapixels); "
-            f"at most {MAX_PIXELS // 1_000_000} megapixels are accepted."
+            f"at most {limits().max_megapixels} megapixels are accepted, and {MAX_SIDE:,} pixels in a row or column."
+        )
+    if width * height > limits().max_pixels:
+        raise ValueError(
+            f"The {what} is {width} × {height} pixels ({width * height / 1e6:.0f} megapixels); "
+            f"at most {limits().max_megapixels} megapixels are accepted."
         )
 
 
@@ -78,11 +82,3 @@ def quoted(text: str) -> str:
     """Return the start of `text` in quotes, harmless where an error is shown as Markdown or HTML."""
     start = re.sub(r"[^\w .,:;+=-]", "?", text[:24])
     return f"“{start}…”" if len(text) > 24 else f"“{start}”"
-
-
-@contextmanager
-def no_warnings() -> Iterator[None]:
-    """Silence what decoders warn about; the lock is there because Python's warning filters belong to the process."""
-    with _quiet_lock, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield

@@ -13,7 +13,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from stereolag.reading import read_calibration, read_disparity, read_image, read_signal
+from stereolag.export import settings_json
+from stereolag.reading import read_calibration, read_disparity, read_image, read_matcher, read_signal
+from stereolag.stereo.methods import METHODS
 
 RNG = np.random.default_rng(11)
 PIXELS = RNG.integers(0, 256, (9, 11, 3), dtype=np.uint8)
@@ -64,6 +66,7 @@ CALIBRATIONS = [
     b'{"focal_px": 700, "baseline_m": 0.5, "doffs_px": 3, "cx": 10, "width": 640, "Q": {"rows": 1}}',
     b"image_width: 640\nprojection_matrix:\n  rows: 3\n  cols: 4\n  data: [7, 0, 3, -1, 0, 7, 2, 0, 0, 0, 1, 0]\n",
 ]
+MATCHERS = [settings_json(method()).encode() for method in METHODS.values()]
 
 
 @st.composite
@@ -97,6 +100,7 @@ CASES = [
     pytest.param(read_disparity, DISPARITIES, id="disparity"),
     pytest.param(lambda data: read_disparity(data, divisor=4), DISPARITIES, id="disparity with divisor"),
     pytest.param(read_calibration, CALIBRATIONS, id="calibration"),
+    pytest.param(read_matcher, MATCHERS, id="matcher"),
 ]
 
 

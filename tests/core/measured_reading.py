@@ -1,0 +1,137 @@
+"""What reading a file costs: each made and read in processes of their own, so that the memory is the reader's alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from hostile_cases import READERS, HostileFile
+from hostile_files import hostile_files
+
+DEADLINE_S = 60
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What reading one file took, and what came of it.
+
+    Attributes
+    ----------
+    name, reader
+        As the :class:`HostileFile` has them.
+    file_mb, seconds, extra_mb
+        The file's size, the time, and how far the resident memory rose above what it was with the file in it.
+    answer
+        "read" and the shape of what was read, the sentence that refuses it, or what went wrong.
+    fault
+        Whether it went wrong: another error than ValueError, one of several lines, a warning, or no end.
+    """
+
+    name: str
+    reader: str
+    file_mb: float
+    seconds: float
+    extra_mb: float
+    answer: str
+    fault: bool
+
+
+def in_own_process(job: Callable[[], str]) -> str | None:
+    """Return what `job` answers in a process forked for it, None where that died or did not end."""
+    receiving, sending = os.pipe()
+    child = os.fork()
+    if not child:
+        os.close(receiving)
+        signal.alarm(DEADLINE_S)
+        try:
+            answer = job()
+            with os.fdopen(sending, "w") as pipe:
+                pipe.write(answer)
+        finally:
+            os._exit(0)
+    os.close(sending)
+    with os.fdopen(receiving) as pipe:
+        answer = pipe.read()
+    os.waitpid(child, 0)
+    return answer or None
+
+
+def measured(file: HostileFile) -> Reading:
+    """Return what reading a file takes."""
+    with open(os.memfd_create("hostile"), "w+b", buffering=0) as store:  # noqa: PTH123
+        in_own_process(lambda: str(store.write(file.make())))
+        size = os.fstat(store.fileno()).st_size / 1e6
+        if not size:
+            return Reading(file.name, file.reader, 0, 0, 0, "the file could not be made", True)
+        answer = in_own_process(lambda: json.dumps(asdict(_read(file, store))))
+    if answer is None:
+        return Reading(file.name, file.reader, size, DEADLINE_S, 0, "the process died or did not end", True)
+    return Reading(**json.loads(answer))
+
+
+def _read(file: HostileFile, store: BinaryIO) -> Reading:
+    store.seek(0)
+    data = store.read()
+    before = resident_mb()
+    reset_peak()
+    start = time.perf_counter()
+    answer, fault = answer_of(READERS[file.reader], data)
+    seconds = time.perf_counter() - start
+    return Reading(file.name, file.reader, len(data) / 1e6, seconds, peak_mb() - before, answer, fault)
+
+
+def answer_of(read: Callable[[bytes], object], data: bytes) -> tuple[str, bool]:
+    """Return what a reader says to a file in words, and whether it is a fault."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            found = read(data)
+        except ValueError as error:
+            answer, fault = str(error), "\n" in str(error) or not str(error).strip() or type(error) is not ValueError
+        except BaseException as error:
+            return f"{type(error).__name__}: {error}", True
+        else:
+            answer, fault = f"read {_shape(found)}".strip(), False
+    return (f"{answer} (warns: {caught[0].message})", True) if caught else (answer, fault)
+
+
+def _shape(found: object) -> str:
+    found = getattr(found, "channels", found)
+    return f"{found.shape} {found.dtype}" if hasattr(found, "shape") else ""
+
+
+def resident_mb() -> float:
+    return _status("VmRSS")
+
+
+def peak_mb() -> float:
+    return max(_status("VmHWM"), 0.0)
+
+
+def reset_peak() -> None:
+    """Make the peak of this process its present memory; where the system cannot, it stays the highest ever."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        resource.getrusage(resource.RUSAGE_SELF)
+
+
+def _status(name: str) -> float:
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith(name):
+            return int(line.split()[1]) * 1024 / 1e6
+    return 0.0
+
+
+if __name__ == "__main__":
+    files = hostile_files()
+    print(json.dumps([asdict(measured(files[name])) for name in json.load(sys.stdin)]))

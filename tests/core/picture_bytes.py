@@ -1,0 +1,276 @@
+"""Pictures put together byte by byte, so that any part of them can be wrong."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Iterable
+from typing import Any
+
+import cv2
+import numpy as np
+from hostile_cases import MB
+from PIL import Image
+
+RNG_SEED = 7
+
+# PNG
+
+
+def png_chunk(kind: bytes, body: bytes, claimed: int | None = None) -> bytes:
+    length = len(body) if claimed is None else claimed
+    return struct.pack(">I", length) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+
+def png(
+    width: int = 8, height: int = 8, depth: int = 8, colour: int = 0, before: bytes = b"", pixels: bytes | None = None
+) -> bytes:
+    channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[colour]
+    if pixels is None:
+        pixels = (b"\0" + bytes((width * channels * depth + 7) // 8)) * height
+    header = png_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0))
+    return (
+        b"\x89PNG\r\n\x1a\n" + header + before + png_chunk(b"IDAT", zlib.compress(pixels, 1)) + png_chunk(b"IEND", b"")
+    )
+
+
+def png_claiming(depth: int, colour: int) -> bytes:
+    """Return a PNG whose pixels are all there, so that Pillow reads it, but whose IDAT claims 2 GB."""
+    rows = np.zeros((20, 1 + 20 * depth // 8 * {0: 1, 2: 3, 4: 2, 6: 4}[colour]), np.uint8)
+    rows[:, 1:] = np.random.default_rng(0).integers(0, 256, rows[:, 1:].shape)
+    data = png(20, 20, depth, colour, pixels=rows.tobytes())
+    place = data.index(b"IDAT")
+    return data[: place - 4] + b"\x7f\xff\xff\xff" + data[place:]
+
+
+def bomb(size: int) -> bytes:
+    return zlib.compress(bytes(size), 9)
+
+
+def png_in_tiny_chunks(count: int) -> bytes:
+    packed = zlib.compress(np.random.default_rng(0).bytes(2 * count), 0)[:count]
+    data = png(600, 600)
+    return data[:33] + b"".join(png_chunk(b"IDAT", packed[i : i + 1]) for i in range(count)) + png_chunk(b"IEND", b"")
+
+
+def animated_png(frames: int) -> bytes:
+    control = struct.pack(">IIIIIHHBB", 0, 8, 8, 0, 0, 1, 10, 0, 0)
+    return png(before=png_chunk(b"acTL", struct.pack(">II", frames, 0)) + png_chunk(b"fcTL", control) * frames)
+
+
+# EXIF and TIFF
+
+
+def directory(entries: Iterable[tuple[int, int, int, int]], following: int = 0) -> bytes:
+    packed = [struct.pack("<HHII", *entry) for entry in entries]
+    return struct.pack("<H", len(packed)) + b"".join(packed) + struct.pack("<I", following)
+
+
+def exif(kind: int, count: int, value: int) -> bytes:
+    return b"II*\0\x08\0\0\0" + directory([(274, kind, count, value)]) + bytes(64)
+
+
+def overlapping_exif(size: int, tags: int = 5000) -> bytes:
+    """Return EXIF of tags that all claim the same bytes: read one by one they are gigabytes."""
+    body = b"II*\0\x08\0\0\0" + directory((40_000 + tag, 7, size, 8) for tag in range(tags))
+    return body + bytes(max(0, size + 8 - len(body)))
+
+
+def tiff(changes: dict[int, tuple[int, int, int]] | None = None, *, pixels: bytes = bytes(64), size: int = 8) -> bytes:
+    entries = {
+        256: (3, 1, size),
+        257: (3, 1, size),
+        258: (3, 1, 8),
+        259: (3, 1, 1),
+        262: (3, 1, 1),
+        273: (4, 1, 8),
+        277: (3, 1, 1),
+        278: (3, 1, size),
+        279: (4, 1, len(pixels)),
+    } | (changes or {})
+    start = struct.pack("<4sI", b"II*\0", 8 + len(pixels)) + pixels
+    return start + directory((tag, *entries[tag]) for tag in sorted(entries))
+
+
+def tiff_pages(count: int, loop: bool = False) -> bytes:
+    first = tiff()
+    data = bytearray(first)
+    page = first[72:-4]
+    data[-4:] = struct.pack("<I", 72 if loop else len(data))
+    for number in range(count):
+        last = number == count - 1
+        data += page + struct.pack("<I", 0 if last else len(data) + len(page) + 4)
+    return bytes(data)
+
+
+def big_tiff(count: int) -> bytes:
+    entry = struct.pack("<HHQQ", 273, 16, count, 16)
+    return struct.pack("<2sHHHQ", b"II", 43, 8, 0, 16) + struct.pack("<Q", 1) + entry + bytes(8)
+
+
+def tiff_overlapping() -> bytes:
+    return tiff({40_000 + tag: (7, MB, 8) for tag in range(20_000)}, pixels=bytes(MB))
+
+
+def tiff_tiled(side: int, width: int = 10) -> bytes:
+    changes = {
+        256: (3, 1, width),
+        257: (3, 1, width),
+        258: (3, 1, 16),
+        262: (3, 1, 2),
+        277: (3, 1, 3),
+        322: (4, 1, side),
+        323: (4, 1, side),
+        324: (4, 1, 8),
+        325: (4, 1, 64),
+        259: (3, 1, 8),
+    }
+    return tiff(changes, pixels=bomb(64 * MB)[:65_000])
+
+
+# JPEG
+
+
+def jpeg(pixels: np.ndarray | None = None, **options: Any) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(np.zeros((16, 16, 3), np.uint8) if pixels is None else pixels).save(stream, "JPEG", **options)
+    return stream.getvalue()
+
+
+def segment(marker: int, body: bytes) -> bytes:
+    return struct.pack(">BBH", 0xFF, marker, len(body) + 2) + body
+
+
+def jpeg_with(extra: bytes, **options: Any) -> bytes:
+    data = jpeg(**options)
+    return data[:2] + extra + data[2:]
+
+
+def jpeg_scans(count: int, side: int = 1000) -> bytes:
+    data = jpeg(np.zeros((side, side), np.uint8), progressive=True)
+    start = data.rindex(b"\xff\xda")
+    return data[:start] + data[start:-2] * count + data[-2:]
+
+
+def jpeg_sized(width: int, height: int) -> bytes:
+    data = bytearray(jpeg())
+    place = data.index(b"\xff\xc0") + 5
+    data[place : place + 4] = struct.pack(">HH", height, width)
+    return bytes(data)
+
+
+def jpeg_arithmetic() -> bytes:
+    return jpeg().replace(b"\xff\xc0", b"\xff\xc9")
+
+
+# GIF, WEBP, BMP
+
+
+def gif(
+    before: bytes = b"", *, screen: tuple[int, int] = (8, 8), frame: tuple[int, int] = (8, 8), count: int = 1
+) -> bytes:
+    data = by_pillow("GIF", np.eye(8, dtype=np.uint8))
+    start = data.index(b",", 13 + (3 << (data[10] & 7) + 1))
+    picture = b"," + struct.pack("<HHHH", 0, 0, *frame) + data[start + 9 : -1]
+    return data[:6] + struct.pack("<HH", *screen) + data[10:start] + before + picture * count + b";"
+
+
+def gif_comment(size: int, block: int = 255) -> bytes:
+    return b"!\xfe" + (bytes([block]) + b"a" * block) * (size // (block + 1)) + b"\0"
+
+
+def webp(pixels: np.ndarray | None = None, **options: Any) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(np.zeros((16, 16, 3), np.uint8) if pixels is None else pixels).save(stream, "WEBP", **options)
+    return stream.getvalue()
+
+
+def webp_with(chunk: bytes, flags: int = 0, canvas: tuple[int, int] = (16, 16)) -> bytes:
+    picture = webp()[12:]
+    sides = b"".join((side - 1).to_bytes(3, "little") for side in canvas)
+    body = b"WEBP" + riff_chunk(b"VP8X", struct.pack("<B3x", flags) + sides) + chunk + picture
+    return b"RIFF" + struct.pack("<I", len(body)) + body
+
+
+def riff_chunk(kind: bytes, body: bytes) -> bytes:
+    return kind + struct.pack("<I", len(body)) + body + bytes(len(body) % 2)
+
+
+def webp_frames(count: int) -> bytes:
+    picture = webp()[12:]
+    frame = riff_chunk(b"ANMF", bytes(6) + (15).to_bytes(3, "little") * 2 + bytes(4) + picture)
+    body = b"WEBP" + riff_chunk(b"VP8X", struct.pack("<B3x", 2) + (15).to_bytes(3, "little") * 2)
+    body += riff_chunk(b"ANIM", bytes(6)) + frame * count
+    return b"RIFF" + struct.pack("<I", len(body)) + body
+
+
+def webp_sized(side: int) -> bytes:
+    data = bytearray(webp())
+    place = data.index(b"\x9d\x01\x2a") + 3
+    data[place : place + 4] = struct.pack("<HH", side, side)
+    return bytes(data)
+
+
+def bmp(width: int, height: int, bits: int, compression: int, pixels: bytes, colours: int = 0) -> bytes:
+    palette = bytes(4 * 256) if bits == 8 else b""
+    offset = 54 + len(palette)
+    header = struct.pack("<IiiHHIIiiII", 40, width, height, 1, bits, compression, len(pixels), 0, 0, colours, 0)
+    return b"BM" + struct.pack("<IHHI", offset + len(pixels), 0, 0, offset) + header + palette + pixels
+
+
+# Pictures as large as is accepted
+
+
+def smooth(channels: int, dtype: type = np.uint8, side: int = 7000) -> np.ndarray:
+    ramp = np.add.outer(np.arange(side, dtype=np.uint32), np.arange(side, dtype=np.uint32))
+    ramp = (ramp * (255 if dtype == np.uint8 else 65_535) // (2 * side)).astype(dtype)
+    return ramp if channels == 1 else np.repeat(ramp[:, :, None], channels, axis=2)
+
+
+def noise(channels: int, side: int = 7000) -> np.ndarray:
+    values = np.frombuffer(np.random.default_rng(RNG_SEED).bytes(side * side * channels), np.uint8)
+    return values.reshape((side, side) if channels == 1 else (side, side, channels))
+
+
+def by_opencv(ending: str, pixels: np.ndarray, *options: int) -> bytes:
+    return cv2.imencode(ending, pixels, options)[1].tobytes()
+
+
+def by_pillow(kind: str, pixels: np.ndarray, **options: Any) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, kind, **options)
+    return stream.getvalue()
+
+
+FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
+
+
+def turned(data: bytes) -> bytes:
+    """Return a PNG with the note that the camera was held upright."""
+    return data[:33] + png_chunk(b"eXIf", exif(3, 1, 6)) + data[33:]
+
+
+def interlaced(pixels: np.ndarray) -> bytes:
+    """Return RGB pixels as a PNG in seven passes."""
+    header = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, 2, 0, 0, 1)
+    packer, packed = zlib.compressobj(0), b""
+    for top, left, down, across in (
+        (0, 0, 8, 8),
+        (0, 4, 8, 8),
+        (4, 0, 8, 4),
+        (0, 2, 4, 4),
+        (2, 0, 4, 2),
+        (0, 1, 2, 2),
+        (1, 0, 2, 1),
+    ):
+        part = pixels[top::down, left::across]
+        rows = np.zeros((part.shape[0], 1 + 3 * part.shape[1]), np.uint8)
+        rows[:, 1:] = part.reshape(part.shape[0], -1)
+        packed += packer.compress(rows.tobytes())
+    body = png_chunk(b"IHDR", header) + png_chunk(b"IDAT", packed + packer.flush()) + png_chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + body
+
+
+def largest_gif() -> bytes:
+    return by_pillow("GIF", smooth(1))
