@@ -44,7 +44,6 @@ WHAT_FOLLOWS = (
 @fragment
 def workspace(pair: StereoPair) -> None:
     """Ask, compute and show; moving a control reruns this part alone, and the maps come before all the rest."""
-    show_presets(pair)
     doctor = st.container()
     titles = ("Images", "Convolution", "OpenCV StereoBM")
     columns = st.columns(3, gap="medium")
@@ -103,7 +102,9 @@ with page(
     "Near things shift more between two eyes than far ones. Cut the left image into small windows and slide each along "
     "the right image: the lag of the best match is its disparity, large for near things and small for far ones.",
 ):
-    workspace(choose_pair())
+    chosen_pair = choose_pair()
+    show_presets(chosen_pair)
+    workspace(chosen_pair)
     with st.expander("What the source report says"):
         st.markdown(
             "Near things have the **large** lag, and the report’s cameras run at 10 Hz, not 10 kHz. With a window of "

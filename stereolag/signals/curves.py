@@ -28,6 +28,9 @@ _WHITENING_FLOOR = 1e-3
 _LARGEST_KEPT = 2**20
 """Points of a right angle that is kept for the next call: 16 MB."""
 
+_TRANSFORMS_KEPT = 16
+"""Lengths for which SciPy keeps the factors of its transforms."""
+
 _PRODUCTS_PER_CALL = 200_000_000
 """Some 0.03 s of the sliding sum: how long it runs before it tells its progress."""
 
@@ -96,6 +99,8 @@ def _lag_products(signal_1: Vector, signal_2: Vector, first: int, last: int, *, 
     if whiten:
         _whiten(spectrum)
     products = fft.ifft(spectrum, overwrite_x=True)
+    if size > _LARGEST_KEPT:
+        _forget_transforms()
     return turn_back(products, _right_angle(size), first, last)
 
 
@@ -103,6 +108,12 @@ def _whiten(spectrum: Spectrum) -> None:
     """Make every magnitude 1, or less where it is below a thousandth of their mean, in place."""
     magnitude = np.abs(spectrum)
     spectrum /= magnitude + _WHITENING_FLOOR * magnitude.mean()
+
+
+def _forget_transforms() -> None:
+    """Let SciPy keep what it prepared for short transforms in place of long ones: 16 bytes a point of the last 16."""
+    for length in range(2, 2 + _TRANSFORMS_KEPT):
+        fft.fft(np.zeros(length, dtype=np.complex128))
 
 
 def transform_length(size: int) -> int:

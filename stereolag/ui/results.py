@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
+import weakref
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -23,32 +24,79 @@ T = TypeVar("T")
 
 SHARED_BYTES = 512 * 2**20
 OWN_BYTES = 192 * 2**20
+ALL_OWN_BYTES = 1024 * 2**20
 
 BETWEEN_LOOKS_S = 0.4
 """How often the page shows anew how far a job is."""
 
 
 class RecentResults:
-    """The results used last, as many as fit into `max_bytes`; the newest stays whatever its size."""
+    """The results used last, as many as fit into `max_bytes`; the newest stays whatever its size.
+
+    Attributes
+    ----------
+    size
+        The memory of all of them, bytes.
+    """
 
     def __init__(self, max_bytes: int) -> None:
+        self.size = 0
         self._max_bytes = max_bytes
-        self._results: OrderedDict[str, Any] = OrderedDict()
+        self._results: OrderedDict[str, tuple[Any, int]] = OrderedDict()
         self._lock = threading.Lock()
 
     def get(self, key: str) -> Any:
         """Return the result kept under `key`, or None."""
         with self._lock:
-            if key in self._results:
-                self._results.move_to_end(key)
-            return self._results.get(key)
+            if key not in self._results:
+                return None
+            self._results.move_to_end(key)
+            return self._results[key][0]
 
     def put(self, key: str, result: Any) -> None:
         """Keep a result, and forget those that were not used for longest."""
+        size = _bytes_of(result)
         with self._lock:
-            self._results[key] = result
-            while len(self._results) > 1 and sum(map(_bytes_of, self._results.values())) > self._max_bytes:
-                self._results.popitem(last=False)
+            self.size += size - self._results.pop(key, (None, 0))[1]
+            self._results[key] = result, size
+        self.shrink(self._max_bytes)
+
+    def shrink(self, max_bytes: int) -> None:
+        """Forget results, those first that were not used for longest, until the rest, or the newest, fits."""
+        with self._lock:
+            while len(self._results) > 1 and self.size > max_bytes:
+                _, (_, size) = self._results.popitem(last=False)
+                self.size -= size
+
+
+class SharedRoom:
+    """The results of all visitors, each with their own, who share one room: more of them have less each.
+
+    Parameters
+    ----------
+    max_bytes
+        What all may take together, though everybody's newest result stays.
+    most_each
+        What one visitor may take at the most.
+    """
+
+    def __init__(self, max_bytes: int, most_each: int) -> None:
+        self._max_bytes = max_bytes
+        self._most_each = most_each
+        self._all: weakref.WeakSet[RecentResults] = weakref.WeakSet()
+
+    def results(self) -> RecentResults:
+        """Return room for one more visitor."""
+        results = RecentResults(self._most_each)
+        self._all.add(results)
+        return results
+
+    def tidy(self) -> None:
+        """Make the largest smaller where all together are too large."""
+        everybody = list(self._all)
+        if sum(one.size for one in everybody) > self._max_bytes:
+            for one in everybody:
+                one.shrink(self._max_bytes // len(everybody))
 
 
 @st.cache_resource(show_spinner=False)
@@ -56,9 +104,14 @@ def _shared_results() -> RecentResults:
     return RecentResults(SHARED_BYTES)
 
 
+@st.cache_resource(show_spinner=False)
+def _room() -> SharedRoom:
+    return SharedRoom(ALL_OWN_BYTES, OWN_BYTES)
+
+
 @st.cache_resource(scope="session", show_spinner=False)
 def _own_results() -> RecentResults:
-    return RecentResults(OWN_BYTES)
+    return _room().results()
 
 
 def computed(compute: Callable[[Progress], T], *, inputs: str, settings: str, shared: bool, label: str) -> T:
@@ -86,7 +139,26 @@ def computed(compute: Callable[[Progress], T], *, inputs: str, settings: str, sh
         with place.container(), shown_progress(label) as progress:
             result = compute(progress)
         place.empty()
-        results.put(key, result)
+        _keep(results, key, result)
+    return result
+
+
+def remembered(make: Callable[[], T], *, inputs: str, settings: str, shared: bool, name: str) -> T:
+    """Return what `make` gives, as :func:`computed` does, for what takes so little that nothing is shown meanwhile.
+
+    Parameters
+    ----------
+    inputs, settings, shared
+        As :func:`computed` takes them.
+    name
+        Tells different things made of the same inputs apart.
+    """
+    key = _key(name, inputs, settings)
+    results = _results(shared)
+    result: T | None = results.get(key)
+    if result is None:
+        result = make()
+        _keep(results, key, result)
     return result
 
 
@@ -133,7 +205,7 @@ def computed_in_turn(
         return None
     del jobs[label]
     result = job.result()
-    results.put(key, result)
+    _keep(results, key, result)
     return result
 
 
@@ -155,6 +227,11 @@ def _show_job(job: Job[Any], label: str) -> None:
 
 def _key(label: str, inputs: str, settings: str) -> str:
     return hashlib.sha256("\0".join((label, inputs, settings)).encode()).hexdigest()
+
+
+def _keep(results: RecentResults, key: str, result: object) -> None:
+    results.put(key, result)
+    _room().tidy()
 
 
 def _results(shared: bool) -> RecentResults:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stereolag.signals import SignalLag
-from stereolag.ui.results import RecentResults, computed
+from stereolag.ui.results import RecentResults, SharedRoom, computed
 from stereolag.ui.wording import duration, lag_in_words
 
 
@@ -29,6 +29,39 @@ def test_the_newest_result_is_kept_whatever_its_size() -> None:
     results.put("large", of_bytes(500))
     assert results.get("small") is None
     assert results.get("large") is not None
+
+
+def test_the_size_is_that_of_what_is_kept() -> None:
+    results = RecentResults(max_bytes=300)
+    for name, count in {"a": 100, "b": 150, "c": 20}.items():
+        results.put(name, of_bytes(count))
+    results.put("b", of_bytes(50))
+    assert results.size == 170
+    results.put("d", of_bytes(200))
+    assert results.size == 270  # without "a"
+
+
+def test_more_visitors_have_less_room_each() -> None:
+    room = SharedRoom(max_bytes=400, most_each=300)
+    visitors = [room.results() for _ in range(4)]
+    for visitor in visitors:
+        for name in "abc":
+            visitor.put(name, of_bytes(100))
+            room.tidy()
+    assert sum(visitor.size for visitor in visitors) <= 400
+    assert all(visitor.get("c") is not None for visitor in visitors)
+
+
+def test_who_has_left_takes_no_room() -> None:
+    room = SharedRoom(max_bytes=400, most_each=300)
+    gone = room.results()
+    gone.put("a", of_bytes(300))
+    del gone
+    results = room.results()
+    for name in "abc":
+        results.put(name, of_bytes(100))
+        room.tidy()
+    assert results.size == 300
 
 
 def test_what_was_computed_is_not_computed_again() -> None:

@@ -143,8 +143,7 @@ def _with_remedy(pair: StereoPair, ailment: Ailment) -> StereoPair:
 def _show_all(advice: list[Advice], heading: str) -> None:
     """Show every finding, folded away under a heading."""
     with st.expander(heading):
-        for one in advice:
-            st.markdown(f"{_mark(one.finding)} {one.finding.sentence}")
+        st.markdown("\n\n".join(f"{_mark(one.finding)} {one.finding.sentence}" for one in advice))
 
 
 def _show(advice: Advice) -> None:

@@ -8,17 +8,17 @@ import numpy.typing as npt
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.result import DisparityMap
 from stereolag.ui.pairs import StereoPair
-from stereolag.ui.results import computed
+from stereolag.ui.results import remembered
 
 
 def judged(pair: StereoPair, result: DisparityMap, truth: npt.NDArray[np.float32]) -> Evaluation:
     """Return the figures of a map over all pixels with truth; from memory where they were worked out before."""
-    return computed(
-        lambda _: evaluate(result.disparity, truth),
+    return remembered(
+        lambda: evaluate(result.disparity, truth),
         inputs=pair.digest,
         settings=settings_of(result),
         shared=pair.shared,
-        label="Comparing with the truth …",
+        name="evaluation",
     )
 
 

@@ -15,7 +15,7 @@ from stereolag.ui.depth.view import DepthView
 from stereolag.ui.images import show_jpeg, show_png
 from stereolag.ui.numbers import Number, show_numbers
 from stereolag.ui.pairs import StereoPair
-from stereolag.ui.results import computed, computed_in_turn
+from stereolag.ui.results import computed_in_turn, remembered
 from stereolag.ui.wording import duration, percent
 
 
@@ -43,12 +43,12 @@ def show_map(view: DepthView, name: str) -> None:
         return
     result = view.results[name]
     show_png(
-        computed(
-            lambda _: disparity_png(result.disparity, view.low, view.high, view.palette),
+        remembered(
+            lambda: disparity_png(result.disparity, view.low, view.high, view.palette),
             inputs=view.pair.digest,
             settings=f"{settings_of(result)} {_colours_of(view)}",
             shared=view.pair.shared,
-            label="Colouring …",
+            name="coloured map",
         )
     )
     numbers = [
@@ -72,22 +72,22 @@ def show_images(view: DepthView) -> None:
     if chosen == "Truth" and pair.truth is not None:
         truth = pair.truth
         show_png(
-            computed(
-                lambda _: disparity_png(truth, view.low, view.high, view.palette),
+            remembered(
+                lambda: disparity_png(truth, view.low, view.high, view.palette),
                 inputs=pair.digest,
                 settings=f"{chosen} {_colours_of(view)}",
                 shared=pair.shared,
-                label="Colouring …",
+                name="coloured map",
             )
         )
     else:
         show_jpeg(
-            computed(
-                lambda _: jpeg(fitted(pair.right if chosen == "Right" else pair.left)),
+            remembered(
+                lambda: jpeg(fitted(pair.right if chosen == "Right" else pair.left)),
                 inputs=pair.digest,
                 settings=chosen,
                 shared=pair.shared,
-                label="Drawing …",
+                name="photograph",
             )
         )
     st.segmented_control("View", views, default="Left", required=True, key="depth.view", label_visibility="collapsed")
