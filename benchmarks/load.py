@@ -5,22 +5,19 @@ from __future__ import annotations
 import argparse
 import asyncio
 import os
-import socket
 import statistics
 import subprocess
-import sys
 import time
-import urllib.error
-import urllib.request
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from benchmarks.visitors import HOST, Move, Visitor
+from benchmarks.visitors import Move, Visitor
 from stereolag import samples
+from tests.browser.serving import free_port, served_process
 
 PROJECT = Path(__file__).resolve().parents[1]
 START_TIMEOUT_S = 60
@@ -61,20 +58,11 @@ def machine_seconds() -> float:
 
 
 @contextmanager
-def serving(script: str = "app.py") -> Iterator[Server]:
+def serving(environment: Mapping[str, str] | None = None) -> Iterator[Server]:
     """Run the app on a free port."""
-    with socket.socket() as listener:
-        listener.bind((HOST, 0))
-        port = listener.getsockname()[1]
-    command = [sys.executable, "-m", "streamlit", "run", script, "--server.port", str(port)]
-    options = ["--server.headless", "true", "--server.fileWatcherType", "none"]
-    environment = os.environ | {"PYTHONPATH": str(PROJECT)}
-    with subprocess.Popen(command + options, cwd=PROJECT, env=environment, stdout=subprocess.DEVNULL) as process:
-        try:
-            _wait_until_healthy(process, f"http://{HOST}:{port}/_stcore/health")
-            yield Server(process, port)
-        finally:
-            process.terminate()
+    port = free_port()
+    with served_process(port=port, environment=environment) as process:
+        yield Server(process, port)
 
 
 def own_pair(seed: int, width: int = WIDTH, height: int = HEIGHT, largest: float = 48) -> dict[str, bytes]:
@@ -262,17 +250,6 @@ def _spread(name: str, times: Sequence[float]) -> Figures:
         f"{name}: p95 ms": round(ordered[min(len(ordered) - 1, int(0.95 * len(ordered)))]),
         f"{name}: max ms": round(ordered[-1]),
     }
-
-
-def _wait_until_healthy(process: subprocess.Popen[bytes], url: str) -> None:
-    deadline = time.monotonic() + START_TIMEOUT_S
-    while time.monotonic() < deadline and process.poll() is None:
-        try:
-            with urllib.request.urlopen(url, timeout=5):
-                return
-        except (urllib.error.URLError, ConnectionError):
-            time.sleep(0.1)
-    raise RuntimeError(f"the app did not start within {START_TIMEOUT_S} s")
 
 
 def main() -> None:

@@ -19,7 +19,8 @@ _MEMORY_FILES = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limi
 class Limits(Settings):
     """What is accepted; each can be set by an environment variable, ``STEREOLAG_MAX_MEGAPIXELS`` and so on."""
 
-    max_megapixels: int = Field(50, description="Pixels of one image, millions.", ge=1, le=1000)
+    # No less than the bundled examples take.
+    max_megapixels: int = Field(50, description="Pixels of one image, millions.", ge=4, le=1000)
     max_megasamples: int = Field(30, description="Samples of one recording, all channels, millions.", ge=1, le=10_000)
     job_memory_mb: int | None = Field(
         None,
@@ -71,8 +72,17 @@ def limits() -> Limits:
         return Limits.model_validate(given)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        variable = f"{PREFIX}{str(first['loc'][0]).upper()}"
-        raise ValueError(f"The environment variable {variable} is {first['input']!r}: {first['msg']}.") from error
+        name = str(first["loc"][0])
+        bounds = [
+            str(getattr(one, end))
+            for one in Limits.model_fields[name].metadata
+            for end in ("ge", "le")
+            if hasattr(one, end)
+        ]
+        raise ValueError(
+            f"The environment variable {PREFIX}{name.upper()} is {first['input']!r}; allowed are whole numbers from "
+            f"{' to '.join(bounds)}."
+        ) from error
 
 
 @cache

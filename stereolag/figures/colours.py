@@ -57,10 +57,15 @@ def coloured(values: npt.NDArray[np.floating[Any]], low: float, high: float, col
 
 def colour_numbers(values: npt.NDArray[np.floating[Any]], low: float, high: float) -> npt.NDArray[np.uint8]:
     """Return which entry of a :func:`colour_table` each value gets: 0 at `low`, 254 at `high`, 255 without a value."""
-    share = (np.asarray(values, dtype=np.float32) - np.float32(low)) * np.float32((NO_ANSWER_NUMBER - 1) / (high - low))
-    known = np.isfinite(values)
-    numbers = np.fmin(np.fmax(share, 0), NO_ANSWER_NUMBER - 1) + np.float32(0.5)
-    return np.where(known, numbers.astype(np.uint8), np.uint8(NO_ANSWER_NUMBER))
+    # In place: at every move of a slider the memory of each intermediate array would have to be found anew.
+    share: npt.NDArray[np.float32] = np.subtract(values, low, dtype=np.float32, casting="same_kind")
+    share *= np.float32((NO_ANSWER_NUMBER - 1) / (high - low))
+    np.fmax(share, 0, out=share)
+    np.fmin(share, NO_ANSWER_NUMBER - 1, out=share)
+    share += np.float32(0.5)
+    numbers = share.astype(np.uint8)
+    numbers[~np.isfinite(values)] = NO_ANSWER_NUMBER
+    return numbers
 
 
 def colour_table(colours: Rgb) -> Rgb:

@@ -77,4 +77,4 @@ class DisparityMap:
     @property
     def coverage(self) -> float:
         """Return the share of pixels that have an answer, 0..1."""
-        return float(self.valid.mean())
+        return float(np.count_nonzero(self.valid) / self.valid.size)

@@ -14,11 +14,11 @@ import streamlit as st
 
 from stereolag.estimates import Estimate
 from stereolag.limits import limits
-from stereolag.progress import Progress
+from stereolag.progress import Progress, silent
 from stereolag.ui.departures import this_visit
 from stereolag.ui.jobs import Job, waiting_in_words
 from stereolag.ui.limiter import is_heavy
-from stereolag.ui.progress import shown_progress
+from stereolag.ui.progress import PATIENCE_S, shown_progress
 
 T = TypeVar("T")
 
@@ -189,6 +189,9 @@ def computed_in_turn(
     result: T | None = results.get(key)
     refused = estimate.memory > limits().job_memory
     if job is None and (result is not None or refused or not is_heavy(estimate)):
+        if estimate.seconds < PATIENCE_S:
+            # Over before anybody could see that something is computed, and drawing that takes time too.
+            return remembered(lambda: compute(silent), inputs=inputs, settings=settings, shared=shared, name=label)
         return computed(compute, inputs=inputs, settings=settings, shared=shared, label=label)
     place = st.empty()
     if job is None:

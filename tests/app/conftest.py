@@ -16,7 +16,7 @@ PROJECT = Path(__file__).resolve().parents[2]
 
 OpenPage = Callable[[str], AppTest]
 
-FOLDS = ("depth.more", "depth.bm.more", "depth.sgbm", "depth.sgbm.more")
+FOLDS = ("depth.more", "depth.bm.more", "depth.sgbm", "depth.sgbm.more", "depth.colours.opened")
 """What is folded away on the depth page at first, and not drawn."""
 
 

@@ -14,9 +14,9 @@ RANGE = "depth.colours.range.pair cube"
 
 
 def test_changing_only_the_colours_computes_nothing(
-    open_page: Callable[[str], AppTest], monkeypatch: pytest.MonkeyPatch
+    open_unfolded: Callable[[str], AppTest], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = open_page(DEPTH)
+    app = open_unfolded(DEPTH)
     computed: list[str] = []
     monkeypatch.setattr(StereoMatcher, "compute", lambda self, *_, **__: computed.append(type(self).__name__))
     app.slider(key=RANGE).set_value((0.0, 40.0)).run()
@@ -24,8 +24,8 @@ def test_changing_only_the_colours_computes_nothing(
     assert computed == []
 
 
-def test_the_range_holds_still_until_it_is_fitted_again(open_page: Callable[[str], AppTest]) -> None:
-    app = open_page(DEPTH)
+def test_the_range_holds_still_until_it_is_fitted_again(open_unfolded: Callable[[str], AppTest]) -> None:
+    app = open_unfolded(DEPTH)
     first = app.slider(key=RANGE).value
     app.slider(key="depth.window").set_value(7).run()
     assert app.slider(key=RANGE).value == first

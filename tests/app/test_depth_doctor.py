@@ -77,6 +77,19 @@ def test_each_ailment_is_mended_by_a_click_and_comes_back_with_undo(ailment: str
     assert app.warning
 
 
+def test_swapping_what_was_swapped_undoes_it() -> None:
+    pair = ill_cube("swapped")
+    app = opened(pair)
+    app.session_state["depth.remedies"] = {pair.source: ("swapped", "rows", "rows")}
+    app.run()
+    assert not app.exception  # the same remedy twice has two buttons to undo it
+    keys = [button.key for button in app.button if "undo" in button.key]
+    assert len(keys) == len(set(keys)) == len(app.session_state["shown"].remedies)
+    for key in reversed(keys):
+        app.button(key=key).click().run()
+    assert app.session_state["shown"] is pair
+
+
 def test_what_no_longer_holds_is_dropped_and_said() -> None:
     app = opened(ill_cube("swapped"))
     app.button(key="depth.doctor.swapped").click().run()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.limits import limits
 from tests.app import uploads
 
 OpenPage = Callable[[str], AppTest]
@@ -212,3 +213,40 @@ def test_a_file_that_is_taken_out_is_no_longer_used(with_uploads: Callable[..., 
     app.file_uploader(key="recordings.file_2").set_value(None).run()
     assert "the page shows the example" in app.info[0].value
     assert not [button for button in app.button if button.key == "recordings.file_2.remove"]
+
+
+def test_one_picture_twice_is_said_and_may_be_swapped_twice(with_uploads: Callable[..., AppTest]) -> None:
+    same = ("same.png", uploads.png(uploads.texture(120, 200)))
+    app = with_uploads("pairs", left=same, right=same)
+    assert any("one and the same picture" in caption.value for caption in app.caption)
+    for _ in range(2):
+        swap = [button for button in app.button if button.key == "depth.doctor.swapped"]
+        if swap:
+            swap[0].click().run()
+        assert not app.exception
+        assert not app.error
+
+
+def test_what_takes_too_much_memory_is_refused_with_what_would_fit(
+    with_uploads: Callable[..., AppTest], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STEREOLAG_JOB_MEMORY_MB", "256")
+    limits.cache_clear()
+    long = ("long.wav", uploads.wav(uploads.noise(2_000_000)))
+    app = with_uploads("recordings", file_1=long, file_2=long)
+    monkeypatch.undo()
+    limits.cache_clear()
+    assert not app.exception
+    assert len(app.error) == 1
+    assert "one job may take 268 MB" in app.error[0].value
+    assert "would fit" in app.error[0].value
+    assert not app.subheader
+
+
+def test_a_lower_limit_of_pixels_is_kept(with_uploads: Callable[..., AppTest], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STEREOLAG_MAX_MEGAPIXELS", "4")
+    limits.cache_clear()
+    app = with_uploads("pictures", picture=("large.png", uploads.png(uploads.texture(2001, 2000))))
+    monkeypatch.undo()
+    limits.cache_clear()
+    assert "at most 4 megapixels" in app.error[0].value

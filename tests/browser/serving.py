@@ -39,20 +39,29 @@ def free_port() -> int:
 
 
 @contextmanager
-def served_app(
-    script: str = "app.py", *, port: int | None = None, environment: Mapping[str, str] | None = None
-) -> Iterator[str]:
-    """Run the app, on a free port unless told otherwise and with more in its environment, and give its address."""
-    port = port or free_port()
+def served_process(
+    script: str = "app.py", *, port: int, environment: Mapping[str, str] | None = None
+) -> Iterator[subprocess.Popen[bytes]]:
+    """Run the app on a port, with more in its environment, and give its process once it answers."""
     command = [sys.executable, "-m", "streamlit", "run", script, "--server.port", str(port)]
     options = ["--server.headless", "true", "--server.fileWatcherType", "none"]
     variables = os.environ | {"PYTHONPATH": str(PROJECT)} | dict(environment or {})
     with subprocess.Popen(command + options, cwd=PROJECT, env=variables, stdout=subprocess.DEVNULL) as server:
         try:
             _wait_until_healthy(server, f"http://localhost:{port}/_stcore/health")
-            yield f"http://localhost:{port}"
+            yield server
         finally:
             server.terminate()
+
+
+@contextmanager
+def served_app(
+    script: str = "app.py", *, port: int | None = None, environment: Mapping[str, str] | None = None
+) -> Iterator[str]:
+    """Run the app, on a free port unless told otherwise, and give its address."""
+    port = port or free_port()
+    with served_process(script, port=port, environment=environment):
+        yield f"http://localhost:{port}"
 
 
 def chromium_path() -> str | None:

@@ -12,6 +12,7 @@ from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
 
 KEY = "depth.colours"
+FIRST_PALETTE = "viridis"
 NEGATIVE_ROOM = 32.0
 """How far below what is there the range may begin, px."""
 
@@ -25,28 +26,36 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
     key = f"{KEY}.range.{pair.digest}"
     if key not in st.session_state:
         st.session_state[key] = _fitted(pair, results)
+    colours = st.popover("Colours", icon=":material/palette:", width="stretch", key=f"{KEY}.opened", on_change="rerun")
+    if colours.open:
+        with colours:
+            _ask_colours(key, pair, results)
     low, high = st.session_state[key]
-    with st.popover("Colours", icon=":material/palette:", width="stretch"):
-        low, high = st.slider(
-            "Range of colours, px",
-            min_value=min(low, 0.0) - NEGATIVE_ROOM,
-            max_value=2 * max(high, NEGATIVE_ROOM),
-            step=1.0,
-            key=key,
-            persist_state="session",
-            help="Disparities at the ends of the colours, the same for all maps. It holds still when settings change.",
-        )
-        st.button("Fit to what is shown", on_click=_fit, args=(key, pair, results), key=f"{KEY}.fit")
-        palette = st.segmented_control(
-            "Palette",
-            [*PALETTES],
-            default="viridis",
-            format_func=str.capitalize,
-            required=True,
-            key=f"{KEY}.palette",
-            persist_state="session",
-        )
+    palette = st.session_state.get(f"{KEY}.palette", FIRST_PALETTE)
     return DepthView(pair, results, low, max(high, low + 1), PALETTES[palette])
+
+
+def _ask_colours(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> None:
+    low, high = st.session_state[key]
+    st.slider(
+        "Range of colours, px",
+        min_value=min(low, 0.0) - NEGATIVE_ROOM,
+        max_value=2 * max(high, NEGATIVE_ROOM),
+        step=1.0,
+        key=key,
+        persist_state="session",
+        help="Disparities at the ends of the colours, the same for all maps. It holds still when settings change.",
+    )
+    st.button("Fit to what is shown", on_click=_fit, args=(key, pair, results), key=f"{KEY}.fit")
+    st.segmented_control(
+        "Palette",
+        [*PALETTES],
+        default=FIRST_PALETTE,
+        format_func=str.capitalize,
+        required=True,
+        key=f"{KEY}.palette",
+        persist_state="session",
+    )
 
 
 def _fit(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> None:

@@ -1,0 +1,52 @@
+"""A failure of the app itself: a sentence with a number for the visitor, the traceback under it in the log."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+
+def page() -> None:
+    import streamlit as st
+
+    from stereolag.ui.failures import failures_answered, fragment
+
+    def fail() -> None:
+        raise {"memory": MemoryError, "bug": ZeroDivisionError}[st.session_state["kind"]]("/srv/secret/path.py")
+
+    with failures_answered():
+        st.markdown("before")
+        if st.session_state["where"] == "part":
+            fragment(fail)()
+            st.markdown("after")
+        else:
+            fail()
+
+
+@pytest.fixture(autouse=True)
+def no_failure_logged() -> None:
+    """Here failures are meant."""
+
+
+@pytest.mark.parametrize("where", ["page", "part"])
+@pytest.mark.parametrize(("kind", "says"), [("bug", "failed here that should not have"), ("memory", "enough memory")])
+def test_a_failure_is_answered_with_a_sentence_and_a_number(
+    caplog: pytest.LogCaptureFixture, where: str, kind: str, says: str
+) -> None:
+    app = AppTest.from_function(page, default_timeout=60)
+    app.session_state["where"], app.session_state["kind"] = where, kind
+    with caplog.at_level(logging.ERROR, logger="stereolag"):
+        app.run()
+    assert not app.exception
+    said = app.error[0].value
+    assert says in said
+    assert "secret" not in said
+    assert "Traceback" not in said
+    record = next(record for record in caplog.records if record.name == "stereolag")
+    number = record.getMessage().rpartition("number ")[2].rstrip(").")
+    assert number in said
+    assert record.exc_info is not None
+    assert "secret" in str(record.exc_info[1])
+    assert [text.value for text in app.markdown].count("after") == (where == "part")
