@@ -42,6 +42,10 @@ def example_files(name: str) -> OwnPair:
     return OwnPair(*map(Given.of, (example.left, example.right, example.disparity, example.calibration)))
 
 
+CELLS = "(rows) => rows.map((row) => [...row.querySelectorAll('td')].map((cell) => cell.innerText))"
+"""Read in one go: cell by cell, a table might be drawn anew in between."""
+
+
 def picture_file(name: str, image: np.ndarray) -> Given:
     """Return an RGB or grey image as a PNG file."""
     shown = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
@@ -157,15 +161,14 @@ class DepthPage:
 
     def table(self) -> dict[str, list[str]]:
         """Return the rows of the last Markdown table, by their first cell."""
-        rows = self.page.locator("[data-testid=stMarkdown] table").last.locator("tbody tr").all()
-        cells = [[cell.inner_text() for cell in row.locator("td").all()] for row in rows]
-        return {first: others for first, *others in cells}
+        rows = self.page.locator("[data-testid=stMarkdown] table").last.locator("tbody tr")
+        return {first: others for first, *others in rows.evaluate_all(CELLS)}
 
-    def frame(self, which: int = 0) -> list[list[str]]:
-        """Return the rows of a data table, its head left out."""
+    def frame(self, columns: int, which: int = 0) -> list[list[str]]:
+        """Return the rows of a data table, its head left out, once it has so many columns."""
         rows = self.page.get_by_test_id("stDataFrame").nth(which).locator("tbody tr")
-        rows.first.wait_for(state="attached")
-        return [[cell.inner_text() for cell in row.locator("td").all()] for row in rows.all()]
+        expect(rows.first.locator("td")).to_have_count(columns)
+        return rows.evaluate_all(CELLS)  # type: ignore[no-any-return]
 
     def said(self, text: str | re.Pattern[str]) -> Locator:
         return self.page.get_by_text(text).first

@@ -271,13 +271,13 @@ def test_the_scoreboard_says_what_the_evaluation_says(visit: DepthPage, pair: Ow
     visit.choose("Scoreboard")
     matcher = StereoBM(num_disparities=int(visit.value("Disparities searched", method=1)))
     judged = evaluate(matcher.compute(read_image(pair.left.data), read_image(pair.right.data)).disparity, truth)
-    rows = {first: [float(one) for one in others] for first, *others in visit.frame()}
+    rows = {first: [float(one) for one in others] for first, *others in visit.frame(8)}
     expected = [100 * judged.density, judged.epe, *judged.bad.values(), judged.d1_all]
     assert rows["StereoBM"] == pytest.approx(expected, rel=1e-5)
     assert rows.keys() == {"Convolution", "StereoBM", "StereoSGBM"}
     visit.screenshot(f"scoreboard-{visit.name}-light")
     visit.choose("are left out")
-    rows = {first: [float(one) for one in others] for first, *others in visit.frame()}
+    rows = {first: [float(one) for one in others] for first, *others in visit.frame(7)}
     assert rows["StereoBM"][2:] == pytest.approx(list(judged.bad_measured.values()), rel=1e-5)
     lines = visit.download("Figures as CSV").decode().splitlines()
     assert {line.split(",")[0] for line in lines[1:]} >= rows.keys()
@@ -318,7 +318,7 @@ def test_a_search_shows_its_progress_is_ended_and_taken_over(open_page: OpenPage
     said = visit.page.get_by_text("these are the best")
     expect(said).to_contain_text("ended before it had tried everything")
     visit.settle()
-    changes = {row[0]: float(row[2]) for row in visit.frame()}
+    changes = {row[0]: float(row[2]) for row in visit.frame(4)}
     visit.screenshot("suggest-light")
     visit.press("Use these settings")
     expect(visit.page.get_by_role("button", name="In use")).to_be_disabled()
