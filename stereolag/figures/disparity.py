@@ -55,4 +55,6 @@ def image_into_map(image: Image, disparity: npt.NDArray[np.float32], low: float,
 
 def disparity_legend(low: float, high: float, colours: Rgb = FAR_TO_NEAR) -> str:
     """Return a strip of the colours with the disparities they stand for, as HTML."""
-    return strip(low, high, colours, "far ← disparity, px → near")
+    return strip(
+        low, high, colours, "far ← disparity, px → near", "One range of colours for all maps. Grey: no answer."
+    )

@@ -43,8 +43,8 @@ def _legend(low: float, high: float, colours: bytes, title: str, ticks: tuple[tu
     return figure
 
 
-def strip(low: float, high: float, palette: Rgb, title: str) -> str:
-    """Return the colours of a (256, 3) palette, from `low` to `high`, over round values and a title, as HTML.
+def strip(low: float, high: float, palette: Rgb, title: str, note: str) -> str:
+    """Return the colours of a (256, 3) palette, from `low` to `high`, over round values, a title and a note, as HTML.
 
     It takes the text's colour and size from where it stands, and none of the time that Plotly takes.
     """
@@ -59,7 +59,7 @@ def strip(low: float, high: float, palette: Rgb, title: str) -> str:
         f'font-size: 0.8rem; opacity: 0.85">'
         f'<div style="height: 1.5rem; border-radius: 3px; background: linear-gradient(to right, {colours})"></div>'
         f'<div style="position: relative; height: 1.4rem">{marks}</div>'
-        f'<div style="text-align: center">{title}</div></div>'
+        f'<div style="text-align: center; margin-bottom: 0.75rem">{title}</div><div>{note}</div></div>'
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from functools import lru_cache
 from typing import Any, TypeVar, cast
 
 import streamlit as st
@@ -67,9 +68,14 @@ def ask_semi_global(pair: StereoPair, *, drawn: bool = True) -> StereoSGBM | Non
 
 def first_settings(kind: type[Matcher], pair: StereoPair) -> Matcher:
     """Return the settings with which the page begins for a pair."""
-    disparities = pair.num_disparities or DISPARITIES_AT_FIRST
+    return cast(Matcher, _first_settings(kind, pair.num_disparities or DISPARITIES_AT_FIRST))
+
+
+@lru_cache(maxsize=256)
+def _first_settings(kind: type[StereoMatcher], disparities: int) -> StereoMatcher:
+    """Return them; asked for by every control, they are validated once."""
     if issubclass(kind, CorrelationMatcher):
-        return cast(Matcher, kind(search=SearchArea.rectified(disparities)))
+        return kind(search=SearchArea.rectified(disparities))
     return kind.model_validate({"num_disparities": -(-disparities // SUBPIXEL) * SUBPIXEL})
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.stereo.diagnosis import Diagnosis, diagnose, judge_range
+from stereolag.stereo.diagnosis import Diagnosis, diagnose, estimate_diagnosis, judge_range
 from stereolag.stereo.findings import Ailment, Finding
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.ranges import searched_range, with_range
@@ -17,7 +17,7 @@ from stereolag.stereo.remedies import apply_remedy
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.pairs import StereoPair
-from stereolag.ui.results import computed
+from stereolag.ui.results import computed, computed_in_turn
 
 REMEDIES_KEY = "depth.remedies"
 HEALTHY = ":green[:material/stethoscope: **Input doctor:** nothing to mend on this pair.]"
@@ -43,13 +43,16 @@ def treated(pair: StereoPair) -> StereoPair:
 def show_doctor(view: DepthView) -> None:
     """Show what the doctor finds on the pair and in the ranges searched, and what a click would mend."""
     pair = view.pair
-    diagnosis = computed(
+    diagnosis = computed_in_turn(
         lambda progress: diagnose(pair.left, pair.right),
+        estimate_diagnosis(pair.left.shape, pair.left.dtype),
         inputs=pair.digest,
         settings="",
         shared=pair.shared,
         label="Examining the pair …",
     )
+    if diagnosis is None:
+        return
     advice = _advice(diagnosis, view)
     ill = [one for one in advice if not one.finding.healthy]
     if not ill and not pair.remedies:

@@ -92,7 +92,6 @@ def show_images(view: DepthView) -> None:
         )
     st.segmented_control("View", views, default="Left", required=True, key="depth.view", label_visibility="collapsed")
     st.html(disparity_legend(view.low, view.high, view.palette))
-    st.caption("One range of colours for all maps. Grey: no answer.")
 
 
 def _colours_of(view: DepthView) -> str:
