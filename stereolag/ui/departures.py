@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import threading
+import time
 from typing import Any
 
 import streamlit as st
@@ -35,19 +36,41 @@ def this_visit() -> Visit:
     return Visit()
 
 
-_timer_lock = threading.Lock()
-_timer: threading.Timer | None = None
+class _Timer:
+    """Calls something once all sessions that have ended can no longer be taken up again, and seldom enough."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._running = False
+        self._last_end = 0.0
+
+    def start(self, wait_s: float) -> None:
+        """Give memory back after some seconds; not later where it is to be done already, but once more."""
+        with self._lock:
+            self._last_end = time.monotonic()
+            if not self._running:
+                self._running = True
+                self._call_in(wait_s, wait_s)
+
+    def _call_in(self, seconds: float, wait_s: float) -> None:
+        timer = threading.Timer(seconds, self._ring, (wait_s,))
+        timer.daemon = True
+        timer.start()
+
+    def _ring(self, wait_s: float) -> None:
+        _give_memory_back()
+        with self._lock:
+            left_s = self._last_end + wait_s - time.monotonic()
+            self._running = left_s > 0
+            if self._running:  # others have left meanwhile
+                self._call_in(left_s, wait_s)
+
+
+_timer = _Timer()
 
 
 def _give_memory_back_later() -> None:
-    """Give memory back when the session can no longer be taken up again; once for all that end until then."""
-    global _timer
-    with _timer_lock:
-        if _timer is not None:
-            _timer.cancel()
-        _timer = threading.Timer(st.get_option("server.disconnectedSessionTTL") + AFTERWARDS_S, _give_memory_back)
-        _timer.daemon = True
-        _timer.start()
+    _timer.start(st.get_option("server.disconnectedSessionTTL") + AFTERWARDS_S)
 
 
 def _give_memory_back() -> None:
