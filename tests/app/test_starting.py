@@ -161,8 +161,7 @@ def test_a_user_without_a_home_can_open_the_page(environment: dict[str, str], tm
 
 @pytest.mark.skipif(not shutil.which("make"), reason="make is not installed")
 def test_make_run_starts_it_on_the_port_that_is_named() -> None:
-    made = subprocess.run(
-        ["make", "--dry-run", "run", "PORT=8642"], cwd=PROJECT, capture_output=True, text=True, check=True
-    )
+    command = ["make", "--no-print-directory", "--dry-run", "run", "PORT=8642"]
+    made = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=True)
     assert made.stdout.splitlines()[-1].endswith(f"python -P {LAUNCHER} --port 8642")
     assert "http" not in made.stdout

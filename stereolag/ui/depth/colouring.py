@@ -24,42 +24,46 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
     whatever the settings do, until the visitor moves it or fits it again.
     """
     key = f"{KEY}.range.{pair.digest}"
-    if key not in st.session_state:
-        st.session_state[key] = _fitted(pair, results)
-    colours = st.popover("Colours", icon=":material/palette:", width="stretch", key=f"{KEY}.opened", on_change="rerun")
-    if colours.open:
-        with colours:
-            _ask_colours(key, pair, results)
+    if not {key, _ends_key(key)} <= set(st.session_state):
+        _fit(key, pair, results)
     low, high = st.session_state[key]
     palette = st.session_state.get(f"{KEY}.palette", FIRST_PALETTE)
+    colours = st.popover("Colours", icon=":material/palette:", width="stretch", key=f"{KEY}.opened", on_change="rerun")
+    if colours.open:  # drawing what nobody sees takes time at every move
+        with colours:
+            # With ends that moved with the range, it would be another slider after every move.
+            lowest, highest = st.session_state[_ends_key(key)]
+            low, high = st.slider(
+                "Range of colours, px",
+                min_value=lowest,
+                max_value=highest,
+                step=1.0,
+                key=key,
+                persist_state="session",
+                help="Disparities at the ends of the colours, the same for all maps. It holds still when settings "
+                "change.",
+            )
+            st.button("Fit to what is shown", on_click=_fit, args=(key, pair, results), key=f"{KEY}.fit")
+            palette = st.segmented_control(
+                "Palette",
+                [*PALETTES],
+                default=FIRST_PALETTE,
+                format_func=str.capitalize,
+                required=True,
+                key=f"{KEY}.palette",
+                persist_state="session",
+            )
     return DepthView(pair, results, low, max(high, low + 1), PALETTES[palette])
 
 
-def _ask_colours(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> None:
-    low, high = st.session_state[key]
-    st.slider(
-        "Range of colours, px",
-        min_value=min(low, 0.0) - NEGATIVE_ROOM,
-        max_value=2 * max(high, NEGATIVE_ROOM),
-        step=1.0,
-        key=key,
-        persist_state="session",
-        help="Disparities at the ends of the colours, the same for all maps. It holds still when settings change.",
-    )
-    st.button("Fit to what is shown", on_click=_fit, args=(key, pair, results), key=f"{KEY}.fit")
-    st.segmented_control(
-        "Palette",
-        [*PALETTES],
-        default=FIRST_PALETTE,
-        format_func=str.capitalize,
-        required=True,
-        key=f"{KEY}.palette",
-        persist_state="session",
-    )
-
-
 def _fit(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> None:
-    st.session_state[key] = _fitted(pair, results)
+    """Set the range to what is shown, and the ends of its slider so that they leave room around it."""
+    low, high = st.session_state[key] = _fitted(pair, results)
+    st.session_state[_ends_key(key)] = min(low, 0.0) - NEGATIVE_ROOM, 2 * max(high, NEGATIVE_ROOM)
+
+
+def _ends_key(key: str) -> str:
+    return f"{key}.ends"
 
 
 def _fitted(pair: StereoPair, results: Mapping[str, DisparityMap]) -> tuple[float, float]:
