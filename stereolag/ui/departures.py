@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import sys
 import threading
 import time
+from contextlib import suppress
 from typing import Any
 
 import streamlit as st
@@ -79,11 +81,13 @@ def _give_memory_back() -> None:
     gc.unfreeze()
     gc.collect()
     gc.freeze()
-    if hasattr(ctypes.CDLL(None), "malloc_trim"):  # glibc keeps freed memory for itself otherwise
-        ctypes.CDLL(None).malloc_trim(0)
+    if sys.platform == "linux":
+        with suppress(AttributeError):  # glibc alone keeps what is freed, and has this to give it back
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def _forget_ended_sessions() -> None:
     """Drop the sessions whose time is over: Streamlit does so only when the next one ends."""
-    if runtime.exists():
-        runtime.get_instance()._session_mgr._session_storage._cache.expire()  # type: ignore[attr-defined]
+    with suppress(AttributeError):  # another Streamlit: its own way, later
+        if runtime.exists():
+            runtime.get_instance()._session_mgr._session_storage._cache.expire()  # type: ignore[attr-defined]
