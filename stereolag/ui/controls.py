@@ -18,6 +18,8 @@ from stereolag.settings import Settings
 T = TypeVar("T")
 Number = int | float
 
+NOT_ADOPTED = object()
+
 
 @dataclass(frozen=True)
 class Bounds:
@@ -112,10 +114,12 @@ def control(
         False where it is folded away: then it is not drawn, which takes time, and keeps its value.
     """
     field = settings.model_fields[name]
-    at_first = st.session_state.get(_adopted_key(key), field.default if value is None else value)
+    found = st.session_state.get(_adopted_key(key), NOT_ADOPTED)
+    adopted = found is not NOT_ADOPTED
+    at_first = found if adopted else field.default if value is None else value
     if not drawn:
         kept = st.session_state.get(key, at_first)
-        return kept if _adopted_key(key) in st.session_state else _within(field, kept, low, high)
+        return kept if adopted else _within(field, kept, low, high)
     title = field.title or name
     widget: dict[str, Any] = {
         "label": f"{title} `{beside}`" if beside else title,
@@ -137,7 +141,7 @@ def control(
         widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": at_first}
         number_format = "%g" if isinstance(bounds.step, float) else "%d"
         return st.number_input(format=number_format, placeholder=when_empty, **widget)
-    if _adopted_key(key) in st.session_state:
+    if adopted:
         bounds = Bounds(min(bounds.low, at_first), max(bounds.high, at_first), bounds.step)
     at_first = bounds.nearest(at_first)
     bounds = bounds.through(at_first)

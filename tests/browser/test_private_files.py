@@ -16,7 +16,7 @@ from tests.browser.sounds import wav_file
 from tests.browser.visits import TIMEOUT_MS, WATCH_ANSWERS, settled
 
 RATE = 44_100
-SECONDS = 30
+SECONDS = 13
 SAMPLE = 64 * 1024
 
 DIGEST = """
@@ -62,11 +62,12 @@ def choose_files(page: Page, *files: FilePayload) -> None:
 
 
 def test_nobody_hears_the_recording_of_another(browser: Browser, address: str) -> None:
+    """Not where the files differ only where Streamlit does not look, and not where they are the same."""
     heard: dict[str, str] = {}
-    for number in range(2):
+    for number, seed in enumerate((0, 2, 2)):
         with visitor(browser, f"{address}/Sensor_lag") as page:
             names = [f"visitor_{number}_{sensor}.wav" for sensor in (1, 2)]
-            sounds = [alike_but_for_a_burst(2 * number + sensor) for sensor in (0, 1)]
+            sounds = [alike_but_for_a_burst(seed + sensor) for sensor in (0, 1)]
             choose_files(page, *(wav_file(name, sound, RATE) for name, sound in zip(names, sounds, strict=True)))
             players = page.locator("audio")
             assert players.count() == 2
@@ -76,20 +77,10 @@ def test_nobody_hears_the_recording_of_another(browser: Browser, address: str) -
                 assert source not in heard.values()
                 heard[name] = source
                 assert page.evaluate("(player) => player.error", player.element_handle()) is None
-                loaded = "(player) => player.readyState > 0 && Math.abs(player.duration - 30) < 0.01"
+                loaded = "(player) => player.readyState > 0 && Math.abs(player.duration - 13) < 0.01"
                 page.wait_for_function(loaded, arg=player.element_handle())
             digests = [page.evaluate(DIGEST, heard[name]) for name in names]
             assert len(set(digests)) == 2
-
-
-def test_the_same_file_of_two_visitors_has_two_addresses(browser: Browser, address: str) -> None:
-    sources = set()
-    for _ in range(2):
-        with visitor(browser, f"{address}/Sensor_lag") as page:
-            sound = alike_but_for_a_burst(7)
-            choose_files(page, wav_file("1.wav", sound, RATE), wav_file("2.wav", sound[50:], RATE))
-            sources |= {player.get_attribute("src") for player in page.locator("audio").all()}
-    assert len(sources) == 4
 
 
 def test_downloads_have_addresses_of_their_own(browser: Browser, address: str) -> None:
