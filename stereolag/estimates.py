@@ -30,8 +30,8 @@ class Estimate:
     seconds: float
 
 
-def check_memory(estimate: Estimate, what_fits: str | Callable[[int], str], *, allowed: int | None = None) -> None:
-    """Refuse a job before it starts where it would take more memory than one job may.
+def check_memory(estimate: Estimate, what_fits: str | Callable[[int], str]) -> None:
+    """Refuse a job before it starts where it would take more memory than one job may (:mod:`stereolag.limits`).
 
     Parameters
     ----------
@@ -40,15 +40,13 @@ def check_memory(estimate: Estimate, what_fits: str | Callable[[int], str], *, a
     what_fits
         A sentence that tells what would fit, or a function that makes it of the bytes allowed; it is called only
         where the job is refused.
-    allowed
-        Bytes; the limit in force (:func:`stereolag.limits.limits`) unless given.
 
     Raises
     ------
     ValueError
         It would; the sentence names the estimate, the limit and what would fit.
     """
-    most = limits().job_memory if allowed is None else allowed
+    most = limits().job_memory
     if estimate.memory > most:
         sentence = what_fits if isinstance(what_fits, str) else what_fits(most)
         raise ValueError(

@@ -12,8 +12,6 @@ from stereolag.ui.limiter import Turn, limiter
 
 T = TypeVar("T")
 
-LIGHT = Estimate(0, 0.0)
-
 
 class Job(Generic[T]):
     """A heavy computation in a thread of its own, which begins when it is its turn.
@@ -34,7 +32,7 @@ class Job(Generic[T]):
         The best result yet; None until there is one.
     """
 
-    def __init__(self, work: Callable[[Job[T]], T], estimate: Estimate = LIGHT) -> None:
+    def __init__(self, work: Callable[[Job[T]], T], estimate: Estimate) -> None:
         self.progress = 0.0
         self.so_far: T | None = None
         self._cancel = threading.Event()

@@ -10,7 +10,7 @@ from stereolag import samples
 from stereolag.inputs import Image, as_image
 from stereolag.reading import read_image
 from stereolag.ui.choices import choose, own_or_example
-from stereolag.ui.uploads import PICTURE_TYPES, Upload, put_together, upload
+from stereolag.ui.uploads import PICTURE_TYPES, Upload, forget_together, put_together, upload
 
 KEY = "pictures"
 
@@ -66,6 +66,7 @@ def _own_pictures() -> PictureAndTemplate | None:
             "logo. It replaces the template’s own transparency.",
         )
     if picture is None or template is None:
+        forget_together(f"{KEY}.own")
         return None
     return put_together(lambda: _together(picture, template, mask), f"{KEY}.own")
 

@@ -12,7 +12,7 @@ from stereolag import samples
 from stereolag.inputs import as_signal
 from stereolag.reading import Recording, read_signal
 from stereolag.ui.choices import choose, own_or_example
-from stereolag.ui.uploads import RECORDING_TYPES, Upload, put_together, upload
+from stereolag.ui.uploads import RECORDING_TYPES, Upload, forget_together, put_together, upload
 
 Vector = npt.NDArray[np.float64]
 
@@ -72,6 +72,7 @@ def _own_recordings() -> RecordingPair | None:
         holder = first if both_in_one else second
         channel_2 = _channel(holder, 1 if both_in_one else 0, key=f"{KEY}.channel_2")
     if first is None or holder is None:
+        forget_together(f"{KEY}.own")
         return None
     return put_together(lambda: _pair(first, channel_1, holder, channel_2), f"{KEY}.own")
 

@@ -92,7 +92,7 @@ class SharedRoom:
         return results
 
     def tidy(self) -> None:
-        """Make the largest smaller where all together are too large."""
+        """Leave everybody no more than an equal share where all together are too large."""
         everybody = list(self._all)
         if sum(one.size for one in everybody) > self._max_bytes:
             for one in everybody:
@@ -132,15 +132,14 @@ def computed(compute: Callable[[Progress], T], *, inputs: str, settings: str, sh
     """
     # There whether or not anything is computed: else all that follows would change its place, and be drawn anew.
     place = st.empty()
-    key = _key(label, inputs, settings)
-    results = _results(shared)
-    result: T | None = results.get(key)
-    if result is None:
+
+    def make() -> T:
         with place.container(), shown_progress(label) as progress:
             result = compute(progress)
         place.empty()
-        _keep(results, key, result)
-    return result
+        return result
+
+    return remembered(make, inputs=inputs, settings=settings, shared=shared, name=label)
 
 
 def remembered(make: Callable[[], T], *, inputs: str, settings: str, shared: bool, name: str) -> T:

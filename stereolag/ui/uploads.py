@@ -120,6 +120,11 @@ def put_together(make: Callable[[], T], key: str) -> T | None:
     return made
 
 
+def forget_together(key: str) -> None:
+    """Forget what :func:`put_together` made last: not all of its files are there any more."""
+    st.session_state.pop(key, None)
+
+
 def expect_uploads() -> None:
     """Begin a run: nothing is refused in it yet."""
     st.session_state[REFUSED_KEY] = False

@@ -9,8 +9,11 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.estimates import Estimate
 from stereolag.reading import read_matcher
 from stereolag.ui.jobs import Job
+
+LIGHT = Estimate(0, 0.0)
 
 
 def suggesting() -> None:
@@ -85,7 +88,7 @@ def test_a_job_runs_beside_and_can_be_called_off() -> None:
             threading.Event().wait(0.001)
         return "ended"
 
-    job = Job(work)
+    job = Job(work, LIGHT)
     assert started.wait(10)
     assert job.running
     assert (job.progress, job.so_far) == (0.5, "something")
@@ -98,7 +101,7 @@ def test_an_error_of_the_work_is_not_lost() -> None:
     def refuse(job: Job[Any]) -> None:
         raise ValueError("no")
 
-    job = Job(refuse)
+    job = Job(refuse, LIGHT)
     with pytest.raises(ValueError, match="no"):
         job.result()
     assert not job.running

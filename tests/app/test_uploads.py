@@ -250,3 +250,14 @@ def test_a_lower_limit_of_pixels_is_kept(with_uploads: Callable[..., AppTest], m
     monkeypatch.undo()
     limits.cache_clear()
     assert "at most 4 megapixels" in app.error[0].value
+
+
+def test_files_that_were_removed_do_not_come_back_when_others_do_not_fit(with_uploads: Callable[..., AppTest]) -> None:
+    app = with_uploads("pairs", left=("l.png", uploads.png(SCENE)), right=("r.png", uploads.png(SCENE[:, ::-1])))
+    assert not app.error
+    for name in ("left", "right"):
+        app.file_uploader(key=f"pairs.{name}").set_value(None)
+    app.run()
+    upload(app, "pairs", left=("a.png", uploads.png(SCENE)), right=("b.png", uploads.png(SCENE[:20])))
+    assert len(app.error) == 1
+    assert not app.metric

@@ -164,10 +164,11 @@ def test_larger_pairs_take_more(matcher: StereoMatcher) -> None:
     assert all(a.memory < b.memory and a.seconds < b.seconds for a, b in pairwise(estimates))
 
 
-def test_a_refusal_names_the_estimate_the_limit_and_what_would_fit() -> None:
-    check_memory(Estimate(2 * GB, 1.0), "never asked for", allowed=2 * GB)
-    with pytest.raises(ValueError, match=r"needs about 2\.5 GB .* may take 2\.0 GB\. Half of it would fit\."):
-        check_memory(Estimate(5 * GB // 2, 1.0), lambda allowed: "Half of it would fit.", allowed=2 * GB)
+def test_a_refusal_names_the_estimate_the_limit_and_what_would_fit(limited: Callable[[int], None]) -> None:
+    limited(1000)
+    check_memory(Estimate(1000 * 2**20, 1.0), "never asked for")
+    with pytest.raises(ValueError, match=r"needs about 2\.5 GB .* may take 1\.0 GB\. Half of it would fit\."):
+        check_memory(Estimate(5 * GB // 2, 1.0), lambda allowed: "Half of it would fit.")
 
 
 def test_the_largest_that_fits_is_found_by_bisection() -> None:
@@ -196,21 +197,19 @@ def test_two_long_recordings_are_refused_before_they_are_copied(limited: Callabl
 
 @pytest.mark.parametrize("method", ["fft", "phat", "sampled", "direct"])
 def test_thirty_million_samples_twice_do_not_fit_into_two_gigabytes(method: Any) -> None:
-    with pytest.raises(ValueError, match="GB of memory"):
-        check_memory(estimate_lag(30_000_000, 30_000_000, method=method), "", allowed=2 * GB)
+    assert estimate_lag(30_000_000, 30_000_000, method=method).memory > 2 * GB
     sentence = fitting_recordings(2 * GB, sampling_rate=44_100.0, method=method, max_lag=None)
     found = re.fullmatch(r"Two recordings of ([\d,]+) samples \(([\d.]+) s at 44,100 Hz\) would fit\.", sentence)
     assert found is not None
     size = int(found[1].replace(",", ""))
-    check_memory(estimate_lag(size, size, method=method), "", allowed=2 * GB)
+    assert estimate_lag(size, size, method=method).memory <= 2 * GB
     assert float(found[2]) == pytest.approx(size / 44_100, rel=0.01)
     assert estimate_lag(size * 12 // 10, size * 12 // 10, method=method).memory > 2 * GB
 
 
 def test_a_large_template_in_a_large_picture_does_not_fit_into_two_gigabytes() -> None:
     image, template = (7000, 7000, 3), (3000, 4000, 3)
-    with pytest.raises(ValueError, match=r"needs about 4\.\d GB"):
-        check_memory(estimate_search(image, template), "", allowed=2 * GB)
+    assert estimate_search(image, template).memory > 4 * GB
     sentence = fitting_image(
         2 * GB, image_shape=image, template_shape=template, dtype=np.uint8, method="fft", masked=False
     )
@@ -219,7 +218,7 @@ def test_a_large_template_in_a_large_picture_does_not_fit_into_two_gigabytes() -
     cols, rows = (int(number.replace(",", "")) for number in found.groups())
     assert rows >= 3000
     assert cols >= 4000
-    check_memory(estimate_search((rows, cols, 3), template), "", allowed=2 * GB)
+    assert estimate_search((rows, cols, 3), template).memory <= 2 * GB
 
 
 def test_where_the_template_alone_is_too_large_a_smaller_one_is_named() -> None:
@@ -230,7 +229,7 @@ def test_where_the_template_alone_is_too_large_a_smaller_one_is_named() -> None:
     found = re.match(r"In this picture, a template of ([\d,]+) × ([\d,]+) pixels", sentence)
     assert found is not None
     cols, rows = (int(number.replace(",", "")) for number in found.groups())
-    check_memory(estimate_search(image, (rows, cols, 3)), "", allowed=GB // 2)
+    assert estimate_search(image, (rows, cols, 3)).memory <= GB // 2
 
 
 def test_a_template_search_is_refused_before_anything_is_allocated(limited: Callable[[int], None]) -> None:

@@ -12,7 +12,7 @@ from stereolag.reading import read_disparity, read_image
 from stereolag.stereo.pairing import calibration_for, cropped_alike, halves
 from stereolag.ui.depth.calibrating import Calibrated, ask_calibration
 from stereolag.ui.pairs import Disparity, StereoPair
-from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, put_together, upload
+from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_together, put_together, upload
 
 SAME_PICTURE = "Left and right are one and the same picture: every disparity is 0, and there is no depth to see."
 
@@ -48,6 +48,7 @@ def ask_own_pair(key: str) -> StereoPair | None:
         truth = _ask_truth(key)
     calibration = ask_calibration(key)
     if pictures is None:
+        forget_together(f"{key}.own.{arrangement}")
         return None
     return put_together(lambda: _together(pictures, truth, calibration), f"{key}.own.{arrangement}")
 

@@ -14,7 +14,7 @@ from stereolag.ui.depth.judging import judged, settings_of
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.images import show_jpeg, show_png
 from stereolag.ui.numbers import Number, show_numbers
-from stereolag.ui.pairs import StereoPair
+from stereolag.ui.pairs import Disparity, StereoPair
 from stereolag.ui.results import computed_in_turn, remembered
 from stereolag.ui.wording import duration, percent
 
@@ -42,15 +42,7 @@ def show_map(view: DepthView, name: str) -> None:
     if name not in view.results:
         return
     result = view.results[name]
-    show_png(
-        remembered(
-            lambda: disparity_png(result.disparity, view.low, view.high, view.palette),
-            inputs=view.pair.digest,
-            settings=f"{settings_of(result)} {_colours_of(view)}",
-            shared=view.pair.shared,
-            name="coloured map",
-        )
-    )
+    show_png(_coloured(view, result.disparity, settings_of(result)))
     numbers = [
         Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
         Number("Coverage", percent(result.coverage), "Share of the pixels that have an answer."),
@@ -70,16 +62,7 @@ def show_images(view: DepthView) -> None:
     views = ["Left", "Right"] + ["Truth"] * (pair.truth is not None)
     chosen = st.session_state.get("depth.view", "Left")
     if chosen == "Truth" and pair.truth is not None:
-        truth = pair.truth
-        show_png(
-            remembered(
-                lambda: disparity_png(truth, view.low, view.high, view.palette),
-                inputs=pair.digest,
-                settings=f"{chosen} {_colours_of(view)}",
-                shared=pair.shared,
-                name="coloured map",
-            )
-        )
+        show_png(_coloured(view, pair.truth, chosen))
     else:
         show_jpeg(
             remembered(
@@ -94,5 +77,13 @@ def show_images(view: DepthView) -> None:
     st.html(disparity_legend(view.low, view.high, view.palette))
 
 
-def _colours_of(view: DepthView) -> str:
-    return f"{view.low} {view.high} {hashlib.sha256(view.palette.tobytes()).hexdigest()}"
+def _coloured(view: DepthView, disparity: Disparity, name: str) -> bytes:
+    """Return a map of the view in its colours, from memory where it was coloured so before."""
+    colours = hashlib.sha256(view.palette.tobytes()).hexdigest()
+    return remembered(
+        lambda: disparity_png(disparity, view.low, view.high, view.palette),
+        inputs=view.pair.digest,
+        settings=f"{name} {view.low} {view.high} {colours}",
+        shared=view.pair.shared,
+        name="coloured map",
+    )
