@@ -58,7 +58,7 @@ def valid_files() -> dict[str, list[bytes]]:
     sounds += [
         sound("OGG", "OPUS", samples=samples),
         saved(samples),
-        b"Samples\r\n0.5,1\r\n-2e3,7\r\n3,4\r\n# a\n1;2\n",
+        b"Samples\r\n0.5,1\r\n-2e3,7\r\n3,4\r\n# a\n1,2\n",
     ]
     maps = [
         b"Pf\n3 2\n-1.0\n" + np.arange(6, dtype="<f4").tobytes(),
