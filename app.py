@@ -8,10 +8,10 @@ from stereolag.figures.disparity import disparity_range, image_into_map
 from stereolag.figures.recordings import correlation_curve
 from stereolag.figures.templates import match_close_up
 from stereolag.signals import signal_lag
-from stereolag.stereo.correlation import CorrelationMatcher
-from stereolag.stereo.search import SearchArea
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import match_template
-from stereolag.ui.images import show_png
+from stereolag.ui.elements import show_png
 from stereolag.ui.navigation import page
 from stereolag.ui.pairs import example_pair
 from stereolag.ui.pictures import example_pictures

@@ -11,17 +11,16 @@ from stereolag.ui.depth.comparison import show_comparison
 from stereolag.ui.depth.doctor import show_doctor
 from stereolag.ui.depth.downloads import show_downloads
 from stereolag.ui.depth.inputs import choose_pair
-from stereolag.ui.depth.inspection import show_inspection
+from stereolag.ui.depth.match import show_inspection
 from stereolag.ui.depth.presets import show_presets
 from stereolag.ui.depth.readout import show_readout
 from stereolag.ui.depth.scoreboard import show_scoreboard
-from stereolag.ui.depth.side_by_side import measured, show_images, show_map
 from stereolag.ui.depth.space import show_space
 from stereolag.ui.depth.suggesting import show_suggest
 from stereolag.ui.depth.sweeping import show_sweep
-from stereolag.ui.failures import fragment
+from stereolag.ui.depth.view import measured, show_images, show_map
 from stereolag.ui.matchers import ask_block_matcher, ask_correlation, ask_semi_global
-from stereolag.ui.navigation import page
+from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pairs import StereoPair
 
 PARTS = {

@@ -3,17 +3,20 @@
 >>> import stereolag as sl
 >>> lag = sl.signal_lag(signal_1, signal_2, sampling_rate=44_100.0)
 >>> search = sl.match_template(picture, template)
->>> result = sl.CorrelationMatcher.preset("accurate", num_disparities=64).compute(left, right)
+>>> result = sl.preset("accurate", num_disparities=64).compute(left, right)
 """
 
-from stereolag.calibration import Calibration
+from stereolag.geometry.calibration import Calibration
 from stereolag.reading import read_calibration, read_disparity, read_image, read_signal
 from stereolag.signals import SignalLag, signal_lag
-from stereolag.stereo.correlation import CorrelationMatcher
 from stereolag.stereo.evaluation import Evaluation, evaluate
+from stereolag.stereo.matcher import DisparityMap
+from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.result import DisparityMap, Reason
-from stereolag.stereo.search import SearchArea
+from stereolag.stereo.reasons import Reason
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
 
 __all__ = [
@@ -23,6 +26,7 @@ __all__ = [
     "Evaluation",
     "Reason",
     "SearchArea",
+    "SemiGlobalMatcher",
     "SignalLag",
     "StereoBM",
     "StereoSGBM",
@@ -30,6 +34,7 @@ __all__ = [
     "TemplateSearch",
     "evaluate",
     "match_template",
+    "preset",
     "read_calibration",
     "read_disparity",
     "read_image",

@@ -138,3 +138,15 @@ def of_ordinary_size(left: Image, right: Image) -> tuple[Image, Image]:
     exponent = -round(float(np.log2(largest)))
     scaled = [np.ldexp(image.astype(np.float64), exponent) for image in (left, right)]
     return scaled[0], scaled[1]
+
+
+def as_eight_bit(left: Image, right: Image) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+    """Return both images as uint8: as they are, or their common range, less 0.1 % at each end, spread over 0..255."""
+    if left.dtype == np.uint8:
+        return left, right
+    low, high = np.percentile(np.stack([left, right]), (0.1, 99.9))
+    scale = 255 / max(float(high) - float(low), 1e-30)
+    spread = [
+        np.clip(np.rint((image.astype(np.float64) - low) * scale), 0, 255).astype(np.uint8) for image in (left, right)
+    ]
+    return spread[0], spread[1]

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereolag import CorrelationMatcher, SearchArea, match_template, signal_lag
-from stereolag.stereo.checks import AmbiguityTest, LeftRightCheck
+from stereolag import CorrelationMatcher, SearchArea, match_template, preset, signal_lag
+from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck
 
 IMAGE_TYPES = (np.uint8, np.uint16, np.float32, np.float64)
 
@@ -50,8 +50,8 @@ def _warm_stereo(random: np.random.Generator) -> None:
         CorrelationMatcher(window_size=7, search=search, engine="window_sums", ambiguity=AmbiguityTest()),
         CorrelationMatcher(window_size=7, search=search, left_right=LeftRightCheck()),
         CorrelationMatcher(window_size=7, overlap=0.5, search=SearchArea.centred(15), engine="window_sums"),
-        CorrelationMatcher.preset("dense", num_disparities=16),
-        CorrelationMatcher.preset("accurate", num_disparities=16),
+        preset("fast", num_disparities=16),
+        preset("accurate", num_disparities=16),
     )
     for kind in IMAGE_TYPES:
         for channels in ((), (3,)):

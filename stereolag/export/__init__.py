@@ -4,13 +4,20 @@ Nothing is written to disk here. What :mod:`stereolag.reading` reads comes back 
 """
 
 from stereolag.export.archives import bundle, file_name
-from stereolag.export.clouds import ply
-from stereolag.export.maps import check_kitti, kitti_png, npy, pfm
+from stereolag.export.maps import (
+    check_kitti,
+    image_png,
+    image_tiff,
+    kitti_png,
+    npy,
+    pfm,
+    ply,
+    reason_png,
+    valid_mask_png,
+)
 from stereolag.export.programs import script
-from stereolag.export.rasters import image_png, image_tiff, reason_png, valid_mask_png
 from stereolag.export.settings import opencv_yaml, settings_json
-from stereolag.export.sounds import wav
-from stereolag.export.tables import metrics_csv
+from stereolag.export.tables import metrics_csv, wav
 
 __all__ = [
     "bundle",

@@ -5,10 +5,13 @@ from __future__ import annotations
 import io
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
+from PIL import Image as PillowImage
 
-from stereolag.export.rasters import image_png
+from stereolag.inputs import as_image
+from stereolag.stereo.matcher import DisparityMap
 
 KITTI_SCALE = 256
 LARGEST_UINT16 = 65535
@@ -98,3 +101,107 @@ def _as_map(disparity: npt.ArrayLike) -> npt.NDArray[np.floating[Any]]:
     if values.ndim != 2 or values.size == 0:
         raise ValueError(f"disparity has shape {values.shape}; allowed is (rows, cols) with at least one pixel.")
     return values.astype(np.float64 if values.dtype == np.float64 else np.float32, copy=False)
+
+
+def image_png(image: npt.ArrayLike) -> bytes:
+    """Return a picture as a PNG without loss.
+
+    Parameters
+    ----------
+    image
+        (rows, cols) grey, (rows, cols, 3) RGB or (rows, cols, 4) RGBA, uint8 or uint16; bool becomes 0 and 255.
+
+    Raises
+    ------
+    ValueError
+        Floats, which a PNG cannot hold, or another shape.
+    """
+    pixels = as_image(image, "image")
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"image holds {pixels.dtype}; a PNG holds uint8 or uint16, floats go into an .npy file.")
+    if pixels.ndim == 3:
+        order = cv2.COLOR_RGB2BGR if pixels.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
+        pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), order))
+    _, data = cv2.imencode(".png", pixels)
+    return data.tobytes()
+
+
+def image_tiff(image: npt.ArrayLike) -> bytes:
+    """Return a grey picture of floats as a TIFF of 32 bits a pixel, for what a PNG cannot hold.
+
+    Parameters
+    ----------
+    image
+        (rows, cols) float.
+
+    Raises
+    ------
+    ValueError
+        Another shape or type.
+    """
+    pixels = as_image(image, "image")
+    if pixels.ndim != 2 or pixels.dtype.kind != "f":
+        raise ValueError(f"image has shape {pixels.shape} and holds {pixels.dtype}; allowed is (rows, cols) of floats.")
+    stream = io.BytesIO()
+    PillowImage.fromarray(pixels.astype(np.float32)).save(stream, "TIFF")
+    return stream.getvalue()
+
+
+def valid_mask_png(result: DisparityMap) -> bytes:
+    """Return an 8-bit grey PNG of a result: 255 where there is a disparity, measured or filled, and 0 elsewhere."""
+    return image_png(result.valid)
+
+
+def reason_png(result: DisparityMap) -> bytes:
+    """Return an 8-bit grey PNG of the number of every pixel's :class:`~stereolag.stereo.reasons.Reason`, 0 to 7."""
+    return image_png(result.reason)
+
+
+VERTEX = np.dtype([("position", "<f4", 3), ("colour", "u1", 3)])
+
+_HEADER = """\
+ply
+format binary_little_endian 1.0
+comment metres in the frame of the left camera: x right, y down, z forward
+element vertex {count}
+property float x
+property float y
+property float z
+property uchar red
+property uchar green
+property uchar blue
+end_header
+"""
+
+
+def ply(points: npt.ArrayLike, colours: npt.ArrayLike) -> bytes:
+    """Return a coloured point cloud as a binary little-endian PLY, which MeshLab, CloudCompare and Blender open.
+
+    Parameters
+    ----------
+    points
+        (n, 3), metres, as :meth:`~stereolag.geometry.calibration.Calibration.point_cloud` gives them; stored as
+        float32.
+    colours
+        (n, 3) uint8 RGB.
+
+    Raises
+    ------
+    ValueError
+        Arrays of other shapes or types, or a point that is not finite.
+
+    Notes
+    -----
+    Format: Greg Turk, "The PLY Polygon File Format", 1994.
+    """
+    positions, shades = np.asarray(points, dtype=np.float32), np.asarray(colours)
+    if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != shades.shape:
+        raise ValueError(f"points has shape {positions.shape} and colours {shades.shape}; both must be (n, 3).")
+    if shades.dtype != np.uint8:
+        raise ValueError(f"colours holds {shades.dtype}; allowed is uint8.")
+    bad = len(positions) - int(np.isfinite(positions).all(axis=1).sum())
+    if bad:
+        raise ValueError(f"points holds {bad} points that are NaN or infinite; every coordinate must be finite.")
+    vertices = np.empty(len(positions), dtype=VERTEX)
+    vertices["position"], vertices["colour"] = positions, shades
+    return _HEADER.format(count=len(vertices)).encode() + vertices.tobytes()

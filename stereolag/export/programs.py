@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
+from typing import Any, Literal, get_args, get_origin
 
-from stereolag.export.constructors import constructor, imports, text_literal
+import stereolag
+from stereolag.settings import Settings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.version import VERSION
 
@@ -100,3 +103,98 @@ def _images(left_name: str, right_name: str, crop: tuple[int, int] | None, scale
 def _file(name: str) -> str:
     """Return the name without folders, as a literal that cannot be anything but a text."""
     return text_literal(re.split(r"[/\\]", name)[-1])
+
+
+LINE_LENGTH = 88
+INDENT = 4
+
+
+def constructor(settings: Settings, *, before: str = "") -> str:
+    """Return the call that makes equal settings: every number and choice, and every nested setting that was changed.
+
+    Classes of the public API are called ``sl.Name``, others ``Name``: :func:`imports` gives what that needs. A call
+    too long for a line has one argument a line.
+
+    Parameters
+    ----------
+    settings
+        Fields that hold settings, numbers, texts, booleans, None, and lists and tuples of these.
+    before
+        What stands before the call on its line, for example ``"matcher = "``; it is part of the answer.
+    """
+    return _written(settings, before, 0)
+
+
+def imports(settings: Settings) -> list[str]:
+    """Return the import lines for the classes that the call of :func:`constructor` takes from inside the library."""
+    modules: dict[str, set[str]] = {}
+    for kind in _classes(settings):
+        if not _is_public(kind):
+            modules.setdefault(kind.__module__, set()).add(kind.__name__)
+    return [f"from {module} import {', '.join(sorted(names))}" for module, names in sorted(modules.items())]
+
+
+def text_literal(text: str) -> str:
+    """Return a text as a Python literal, in double quotes where these need no escapes."""
+    literal = repr(text)
+    return literal if '"' in literal else f'"{literal[1:-1]}"'
+
+
+def _written(value: Any, before: str, column: int) -> str:
+    """Return `before` and the value on one line, or over several where that is too long from `column` on."""
+    line = before + _on_one_line(value)
+    start, arguments, end = _parts(value)
+    if column + len(line) < LINE_LENGTH or not arguments:
+        return line
+    inner = column + INDENT
+    lines = [" " * inner + _written(item, name, inner) + ",\n" for name, item in arguments]
+    return before + start + "\n" + "".join(lines) + " " * column + end
+
+
+def _on_one_line(value: Any) -> str:
+    if isinstance(value, str):
+        return text_literal(value)
+    start, arguments, end = _parts(value)
+    if not start:
+        return repr(value)
+    comma = "," if isinstance(value, tuple) and len(value) == 1 else ""
+    return start + ", ".join(name + _on_one_line(item) for name, item in arguments) + comma + end
+
+
+def _parts(value: Any) -> tuple[str, list[tuple[str, Any]], str]:
+    """Return the opening bracket, what is between with its ``name=``, and the closing one; nothing of a plain value."""
+    if isinstance(value, Settings):
+        kind = type(value)
+        name = f"sl.{kind.__name__}" if _is_public(kind) else kind.__name__
+        return f"{name}(", [(f"{field}=", item) for field, item in _fields(value)], ")"
+    if isinstance(value, list):
+        return "[", [("", item) for item in value], "]"
+    if isinstance(value, tuple):
+        return "(", [("", item) for item in value], ")"
+    return "", [], ""
+
+
+def _fields(settings: Settings) -> Iterator[tuple[str, Any]]:
+    """Yield the fields worth writing.
+
+    The mark that tells the kinds of a union apart can have only one value; stages that are off, and nested settings
+    left as they come, would hide what was chosen among what was not.
+    """
+    for name, field in type(settings).model_fields.items():
+        value = getattr(settings, name)
+        only_value = get_origin(field.annotation) is Literal and len(get_args(field.annotation)) == 1
+        left_alone = value == field.default and (value is None or isinstance(value, Settings))
+        if not only_value and not left_alone:
+            yield name, value
+
+
+def _classes(value: Any) -> Iterator[type[Settings]]:
+    """Yield the class of every settings object in a value."""
+    if isinstance(value, Settings):
+        yield type(value)
+    for _, item in _parts(value)[1]:
+        yield from _classes(item)
+
+
+def _is_public(kind: type[Settings]) -> bool:
+    return getattr(stereolag, kind.__name__, None) is kind

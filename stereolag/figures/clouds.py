@@ -11,8 +11,8 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 from PIL import Image as PillowImage
 
-from stereolag.birds_eye import BirdsEyeView
-from stereolag.figures.colours import PEAK
+from stereolag.figures.pictures import PEAK
+from stereolag.geometry.clouds import BirdsEyeView
 
 Points = npt.NDArray[np.float32]
 Colours = npt.NDArray[np.uint8]

@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+import plotly.graph_objects as go
+from PIL import Image as PillowImage
+from PIL import ImageDraw, ImageFont
 
-from stereolag.figures.colours import VIRIDIS, Rgb, colour_numbers, colour_table, coloured, palette
-from stereolag.figures.legend import strip
-from stereolag.figures.pictures import as_rgb, indexed_png, png, thinned
+from stereolag.arrays import Rgb
+from stereolag.figures.pictures import (
+    NO_ANSWER,
+    VIRIDIS,
+    as_rgb,
+    colour_numbers,
+    colour_table,
+    coloured,
+    indexed_png,
+    palette,
+    png,
+    thinned,
+)
 from stereolag.inputs import Image
 
 FAR_TO_NEAR = VIRIDIS[::-1]
@@ -58,3 +73,115 @@ def disparity_legend(low: float, high: float, colours: Rgb = FAR_TO_NEAR) -> str
     return strip(
         low, high, colours, "far ← disparity, px → near", "One range of colours for all maps. Grey: no answer."
     )
+
+
+def legend(low: float, high: float, palette: Rgb, title: str, ticks: Mapping[float, str] | None = None) -> go.Figure:
+    """Return the colours of a (256, 3) palette, from `low` to `high`, over an axis with a title.
+
+    `ticks` are {value: what is written there}; without them the axis chooses its own. The same arguments give the same
+    figure, which must not be changed: to make one takes Plotly longer than a small map takes OpenCV.
+    """
+    return _legend(low, high, palette.tobytes(), title, tuple((ticks or {}).items()))
+
+
+@lru_cache(maxsize=32)
+def _legend(low: float, high: float, colours: bytes, title: str, ticks: tuple[tuple[float, str], ...]) -> go.Figure:
+    palette = np.frombuffer(colours, dtype=np.uint8).reshape(-1, 3)
+    shares = np.linspace(0, 1, len(palette))
+    scale = [[share, "rgb({},{},{})".format(*colour)] for share, colour in zip(shares, palette, strict=True)]
+    figure = go.Figure(
+        go.Heatmap(
+            z=np.arange(256, dtype=np.uint8)[None, :],
+            x=np.linspace(low, high, 256, dtype=np.float32),
+            colorscale=scale[::15],
+            showscale=False,
+            hovertemplate="%{x:.3g}<extra></extra>",
+        )
+    )
+    figure.update_layout(height=84, margin={"l": 12, "r": 12, "t": 4, "b": 52}, dragmode=False)
+    figure.update_xaxes(title={"text": title, "standoff": 14}, fixedrange=True, showgrid=False, ticks="outside")
+    if ticks:
+        figure.update_xaxes(tickvals=[value for value, _ in ticks], ticktext=[text for _, text in ticks])
+    figure.update_yaxes(visible=False, fixedrange=True)
+    return figure
+
+
+def strip(low: float, high: float, palette: Rgb, title: str, note: str) -> str:
+    """Return the colours of a (256, 3) palette, from `low` to `high`, over round values, a title and a note, as HTML.
+
+    It takes the text's colour and size from where it stands, and none of the time that Plotly takes.
+    """
+    colours = ", ".join("rgb({},{},{})".format(*colour) for colour in palette[::15])
+    marks = "".join(
+        f'<span style="position: absolute; left: {100 * (value - low) / (high - low):.2f}%; '
+        f'transform: translateX(-50%)">{value:g}</span>'.replace(">-", ">−")
+        for value in round_values(low, high)
+    )
+    return (
+        f'<div role="img" aria-label="Legend: {title}, {low:g} to {high:g}" style="padding: 0 0.75rem; '
+        f'font-size: 0.8rem; opacity: 0.85">'
+        f'<div style="height: 1.5rem; border-radius: 3px; background: linear-gradient(to right, {colours})"></div>'
+        f'<div style="position: relative; height: 1.4rem">{marks}</div>'
+        f'<div style="text-align: center; margin-bottom: 0.75rem">{title}</div><div>{note}</div></div>'
+    )
+
+
+def round_values(low: float, high: float, most_steps: int = 8) -> list[float]:
+    """Return the multiples of 1, 2 or 5 times a power of ten from low to high, in `most_steps` steps at the most."""
+    power = 10 ** math.floor(math.log10((high - low) / most_steps))
+    step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= most_steps)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [float(f"{number * step:.12g}") for number in range(first, last + 1)]
+
+
+NARROWEST = 360
+DESIGNED_FOR = 900
+"""Px; the width of a picture up to which the legend has the sizes below, and with which it grows beyond."""
+
+TEXT, MARGIN, BAR, TICK, GAP = 14, 24, 14, 5, 8
+PAPER, INK = (255, 255, 255), (30, 30, 30)
+
+
+def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str) -> Rgb:
+    """Return a coloured map above a strip of its colours, with a scale and a title, on white.
+
+    Parameters
+    ----------
+    picture
+        (rows, cols, 3) uint8 RGB; it is kept pixel for pixel, in the middle of the upper edge.
+    low, high
+        What the first and the last colour of the palette stand for, ``low < high``.
+    palette
+        (256, 3) uint8 RGB.
+    title
+        What is shown, with its unit; letters of the Latin alphabet.
+
+    Returns
+    -------
+    picture
+        uint8 RGB, at least 360 px wide.
+    """
+    rows, cols = picture.shape[:2]
+    width = max(cols, NARROWEST)
+    unit = max(1.0, width / DESIGNED_FOR)
+    canvas = PillowImage.new("RGB", (width, rows + round(unit * (2 * TEXT + BAR + TICK + 5 * GAP))), PAPER)
+    canvas.paste(PillowImage.fromarray(picture), ((width - cols) // 2, 0))
+    draw = ImageDraw.Draw(canvas)
+    font = ImageFont.load_default(TEXT * unit)
+    left, right = MARGIN * unit, width - MARGIN * unit
+
+    line = rows + unit * (GAP + TEXT)
+    draw.text((left, line), title, INK, font, anchor="ls")
+    draw.text((right, line), "no answer", INK, font, anchor="rs")
+    swatch = right - draw.textlength("no answer", font) - unit * GAP
+    draw.rectangle((swatch - unit * TEXT, line - unit * TEXT + unit, swatch, line), fill=NO_ANSWER)
+
+    top = line + unit * GAP
+    bottom = top + unit * BAR
+    bar = PillowImage.fromarray(palette[None]).resize((round(right - left), round(bottom - top)))
+    canvas.paste(bar, (round(left), round(top)))
+    for value in round_values(low, high):
+        column = left + (value - low) / (high - low) * (right - left)
+        draw.line((column, bottom, column, bottom + unit * TICK), INK, max(1, round(unit)))
+        draw.text((column, bottom + unit * (TICK + GAP / 2)), f"{value:g}", INK, font, anchor="mt")
+    return np.array(canvas)

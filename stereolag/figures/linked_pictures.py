@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.figures.colours import Rgb
+from stereolag.arrays import Rgb
 from stereolag.figures.pictures import png
 
 WIDEST = 1600

@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import plotly.graph_objects as go
 
-from stereolag.figures.colours import Rgb
+from stereolag.arrays import ReasonMap, Rgb
 from stereolag.figures.linked_pictures import hexadecimal
 from stereolag.figures.pictures import as_rgb
 from stereolag.inputs import Image
-from stereolag.stereo.result import Reason, ReasonMap
+from stereolag.stereo.reasons import Reason
 
 REASON_COLOURS: dict[Reason, tuple[int, int, int]] = {
     Reason.FILLED: (178, 160, 226),

@@ -10,10 +10,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 from tsdownsample import MinMaxLTTBDownsampler
 
-from stereolag.figures.colours import CORRELATION, PEAK, SENSOR_1, SENSOR_2
+from stereolag.arrays import Vector
+from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
-
-Vector = npt.NDArray[np.float64]
 
 POINTS = 2_000
 """Drawn for a line, however long: about two for every pixel of its width."""

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.figures.colours import PEAK, VIRIDIS, coloured
 from stereolag.figures.disparity import FAR_TO_NEAR
-from stereolag.stereo.sweep import Sweep
+from stereolag.figures.pictures import PEAK, VIRIDIS, coloured
+from stereolag.tuning.sweep import Sweep
 
 THUMBNAIL_WIDTH = 180
 GAP = 3

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.figures.colours import FRAME, VIRIDIS, Rgb, coloured
-from stereolag.figures.legend import legend
-from stereolag.figures.pictures import as_rgb, fitted, png
+from stereolag.arrays import Rgb
+from stereolag.figures.disparity import legend
+from stereolag.figures.pictures import FRAME, VIRIDIS, as_rgb, coloured, fitted, png
 from stereolag.inputs import Image
 from stereolag.templates import TemplateMatch
 from stereolag.templates.patterns import opaque_pixels

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereolag.calibration import Calibration, StereoRig
+from stereolag.geometry.calibration import Calibration, StereoRig
+from stereolag.geometry.rectification import rectified_calibration
 from stereolag.reading.entries import (
     Entries,
     Matrix,
@@ -20,7 +21,6 @@ from stereolag.reading.entries import (
 )
 from stereolag.reading.notations import parse_entries
 from stereolag.reading.sources import Source, read_bytes
-from stereolag.rectification import rectified_calibration
 
 ACCEPTED = (
     "Middlebury calib.txt, KITTI calib*.txt, YAML or JSON of OpenCV (both cameras, or Q), YAML of ROS (the right "

@@ -82,3 +82,8 @@ def quoted(text: str) -> str:
     """Return the start of `text` in quotes, harmless where an error is shown as Markdown or HTML."""
     start = re.sub(r"[^\w .,:;+=-]", "?", text[:24])
     return f"“{start}…”" if len(text) > 24 else f"“{start}”"
+
+
+def harmless(text: str) -> str:
+    """Return a sentence that quotes untrusted text, without what Markdown or HTML would take for a command."""
+    return re.sub(r"[^\w .,:;'+=?()-]", "?", text[:300])

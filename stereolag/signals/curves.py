@@ -10,9 +10,10 @@ from functools import lru_cache
 import numpy as np
 from scipy import fft
 
-from stereolag.kernels.overlaps import (
+from stereolag.arrays import Vector
+from stereolag.progress import Progress
+from stereolag.signals.overlaps import (
     Spectrum,
-    Vector,
     cross_spectrum,
     running_sums,
     sliding_pearson,
@@ -20,7 +21,6 @@ from stereolag.kernels.overlaps import (
     turn_forth,
     weighted_pearson,
 )
-from stereolag.progress import Progress
 
 _FADED_SHARE = 0.03
 _WHITENING_FLOOR = 1e-3

@@ -12,14 +12,15 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.arrays import Vector
 from stereolag.estimates import check_memory
 from stereolag.inputs import as_signal
-from stereolag.kernels.overlaps import Vector, overlap_length, overlap_pearson
 from stereolag.progress import Progress, silent
 from stereolag.signals.curves import direct_curve, fft_curve, phat_curve
 from stereolag.signals.estimates import estimate_lag, fitting_recordings
+from stereolag.signals.overlaps import overlap_length, overlap_pearson
 from stereolag.signals.peaks import REACH, Lags, find_peak, peak_ratio, refine_peak
-from stereolag.signals.votes import sampled_votes
+from stereolag.signals.sampling import sampled_votes
 
 SignalMethod: TypeAlias = Literal["fft", "phat", "sampled", "direct"]
 
@@ -115,8 +116,8 @@ def signal_lag(
             The phase correlation (GCC-PHAT): sharp to fractions of a sample, also in rooms that echo.
         ``"sampled"``
             Random samples of one recording, looked up by value in the other, vote for a lag (see
-            :func:`stereolag.signals.votes.sampled_votes`). Reliable while the noise of each recording stays 10 dB below
-            the sound; reads no more of the recordings than it must.
+            :func:`stereolag.signals.sampling.sampled_votes`). Reliable while the noise of each recording stays 10 dB
+            below the sound; reads no more of the recordings than it must.
         ``"direct"``
             The curve of "fft", its products summed lag by lag: slow, and simple enough to trust.
     max_lag

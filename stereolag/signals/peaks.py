@@ -7,10 +7,11 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
-from stereolag.kernels.lobes import main_lobe
+from stereolag.arrays import Vector
+from stereolag.loops.compilation import KEPT
 
-Vector = npt.NDArray[np.float64]
 Lags = npt.NDArray[np.int64]
 
 EQUAL = 1e-9
@@ -109,3 +110,17 @@ def _interpolation(reach: int) -> Vector:
     weights = np.sinc(distance) * taper
     weights.flags.writeable = False
     return np.asarray(weights)
+
+
+@njit(nogil=True, cache=KEPT)
+def main_lobe(curve: npt.NDArray[np.float64], peak: int) -> tuple[int, int]:
+    """Return the first index of the main lobe around `peak` and the one behind its last.
+
+    On either side the lobe goes down to half the peak, and on to the next minimum.
+    """
+    first, last = peak, peak
+    while first > 0 and (curve[first] >= curve[peak] / 2 or curve[first - 1] <= curve[first]):
+        first -= 1
+    while last < curve.size - 1 and (curve[last] >= curve[peak] / 2 or curve[last + 1] <= curve[last]):
+        last += 1
+    return first, last + 1

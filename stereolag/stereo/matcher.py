@@ -1,36 +1,63 @@
-"""What every stereo matcher is: immutable settings with one ``compute``."""
+"""The face of every stereo matcher: immutable settings that describe themselves, one ``compute``, and its result."""
 
 from __future__ import annotations
 
+import os
 import time
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import partial
-from typing import Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
+from annotated_types import MultipleOf
 
-from stereolag.estimates import Estimate, check_memory
+from stereolag.arrays import FloatMap, Mask, ReasonMap
+from stereolag.estimates import OVERHEAD, Estimate, check_memory
 from stereolag.inputs import Image, as_stereo_pair
 from stereolag.progress import Progress, silent
-from stereolag.settings import Settings
-from stereolag.stereo.estimates import DISPARITY_STEP, fitting_pair
-from stereolag.stereo.result import DisparityMap, FloatMap, ReasonMap
+from stereolag.settings import Settings, changed, marker
+from stereolag.stereo.estimates import ANSWER, PIXEL_SECONDS, fitting_pair
+from stereolag.stereo.reasons import Reason
+
+FARTHEST_FIRST, LARGEST_COUNT = 512, 1024
+"""The first disparity of a search, either way, and the number of disparities that the settings of all methods allow."""
 
 
-@dataclass(frozen=True)
-class Displacements:
-    """What a matcher hands over: (H, W) displacements, scores and reasons."""
+class PixelMatches(NamedTuple):
+    """What a matcher finds, each (H, W) in the frame of the left image."""
 
-    dy: FloatMap
-    dx: FloatMap
-    score: FloatMap
+    disparity: FloatMap
+    """px; NaN = none."""
     reason: ReasonMap
+    """:class:`~stereolag.stereo.reasons.Reason` of every pixel."""
+    score: FloatMap | None = None
+    """Higher is surer; None where the method gives none."""
+    dy: FloatMap | None = None
+    """Vertical displacement, right minus left, px; None where the search runs along the row: then it is 0."""
 
 
 class StereoMatcher(Settings):
-    """Base of every stereo method: a subclass is its settings, one :meth:`match` and what that will take."""
+    """Base of every stereo method: a subclass is its settings, its description and one :meth:`match`.
+
+    A method is offered everywhere, on the page, in addresses, sweeps, settings files and tables, once
+    :data:`stereolag.stereo.methods.METHODS` lists it.
+    """
+
+    title: ClassVar[str] = ""
+    """The heading on the page; the name of the class unless given."""
+    short_name: ClassVar[str] = ""
+    """The name in an address; the name of the class in small letters unless given."""
+    first_shown: ClassVar[tuple[str, ...]] = ()
+    """The settings that most visitors want; all others are folded away below them. None given: all are shown."""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        if "title" not in vars(cls):
+            cls.title = cls.__name__
+        if "short_name" not in vars(cls):
+            cls.short_name = cls.__name__.lower()
 
     def compute(self, left: npt.ArrayLike, right: npt.ArrayLike, *, progress: Progress | None = None) -> DisparityMap:
         """Match two images and return the disparity of every pixel of the left one.
@@ -53,35 +80,58 @@ class StereoMatcher(Settings):
             Images that differ in size or type, hold NaN, are smaller than the method needs, or need more memory than
             one job may take (:meth:`estimate`).
         """
+        for name, image in (("left", left), ("right", right)):
+            if isinstance(image, str | bytes | os.PathLike):
+                raise ValueError(f"{name} is a {type(image).__name__}; give an array, such as sl.read_image({name}).")
         left_image, right_image = as_stereo_pair(left, right)
         self._check_memory(left_image)
         start = time.perf_counter()
         found = self.match(left_image, right_image, progress or silent)
-        elapsed = time.perf_counter() - start
-        return DisparityMap(
-            # 0 less dx: a negated zero would print as -0.
-            disparity=np.float32(0) - found.dx,
-            dy=found.dy,
-            dx=found.dx,
-            score=found.score,
-            reason=found.reason,
-            elapsed_s=elapsed,
-            settings=self,
-        )
+        return DisparityMap(*found, elapsed_s=time.perf_counter() - start, settings=self)
 
     @abstractmethod
+    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
+        """Match two checked images; called by :meth:`compute`, which checks and times."""
+
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
-        """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype."""
+        """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype.
 
-    @abstractmethod
-    def with_disparities(self, num_disparities: int) -> Self | None:
-        """Return the matcher with another number of disparities; None where it does not search a number of them."""
+        A method that holds more than its maps overrides this.
+        """
+        pixels = shape[0] * shape[1]
+        return Estimate(3 * ANSWER * pixels + OVERHEAD, 3 * PIXEL_SECONDS * pixels)
+
+    def search_range(self) -> tuple[int, int] | None:
+        """Return the first disparity searched and how many, px; None of a search without ends."""
+        if not {"min_disparity", "num_disparities"} <= set(type(self).model_fields):
+            return None
+        values = dict(self)
+        return values["min_disparity"], values["num_disparities"]
+
+    def with_search_range(self, min_disparity: int, num_disparities: int) -> Self:
+        """Return the matcher with another range, or as much of it as the method allows; itself if it has none.
+
+        Parameters
+        ----------
+        min_disparity
+            The first disparity, px.
+        num_disparities
+            How many; rounded up to the multiple that the method needs.
+        """
+        if self.search_range() is None:
+            return self
+        declared = marker(type(self).model_fields["num_disparities"], MultipleOf)
+        multiple = int(declared.multiple_of) if declared else 1  # type: ignore[call-overload]
+        first = min(max(min_disparity, -FARTHEST_FIRST), FARTHEST_FIRST)
+        count = min(-(-num_disparities // multiple) * multiple, LARGEST_COUNT)
+        return changed(self, {"min_disparity": first, "num_disparities": count})
 
     def _check_memory(self, image: Image) -> None:
+        searched = self.search_range()
+
         def fewer(count: int) -> Estimate:
-            other = self.with_disparities(count)
-            assert other is not None
-            return other.estimate(image.shape, image.dtype)
+            assert searched is not None
+            return self.with_search_range(searched[0], count).estimate(image.shape, image.dtype)
 
         check_memory(
             self.estimate(image.shape, image.dtype),
@@ -89,10 +139,90 @@ class StereoMatcher(Settings):
                 fitting_pair,
                 shape=image.shape,
                 of_shape=partial(self.estimate, dtype=image.dtype),
-                of_disparities=None if self.with_disparities(DISPARITY_STEP) is None else fewer,
+                of_disparities=None if searched is None else fewer,
             ),
         )
 
-    @abstractmethod
-    def match(self, left: Image, right: Image, progress: Progress) -> Displacements:
-        """Match two checked images; called by :meth:`compute`, which checks and times."""
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DisparityMap:
+    """A disparity map in the frame of the left image, with what is known about every pixel.
+
+    Attributes
+    ----------
+    disparity
+        (H, W) float32, px, ``-dx``; NaN = no disparity.
+    reason
+        (H, W) uint8, a :class:`~stereolag.stereo.reasons.Reason` for every pixel.
+    score
+        (H, W) float32 score of the match, higher is surer; NaN throughout where the method gives none.
+    dy, dx
+        (H, W) float32 displacement, right minus left, px; NaN = no disparity.
+    elapsed_s
+        Seconds of the computation alone.
+    settings
+        The matcher that made it.
+    """
+
+    disparity: FloatMap
+    reason: ReasonMap
+    _score: FloatMap | None
+    _dy: FloatMap | None
+    elapsed_s: float
+    settings: StereoMatcher
+
+    def __post_init__(self) -> None:
+        for array in (self.disparity, self.reason, self._score, self._dy):
+            if array is not None:
+                array.flags.writeable = False
+
+    def __repr__(self) -> str:
+        rows, cols = self.disparity.shape
+        return (
+            f"<DisparityMap {cols} × {rows}, {self.coverage:.1%} valid, by {type(self.settings).__name__} "
+            f"in {self.elapsed_s:.3g} s>"
+        )
+
+    @property
+    def score(self) -> FloatMap:
+        """Return the scores; a method without any takes no memory for them."""
+        if self._score is None:
+            return np.broadcast_to(np.float32(np.nan), self.disparity.shape)
+        return self._score
+
+    @property
+    def dy(self) -> FloatMap:
+        """Return the vertical displacement, right minus left, px."""
+        if self._dy is None:
+            return np.where(self.valid, np.float32(0), np.float32(np.nan))
+        return self._dy
+
+    @property
+    def dx(self) -> FloatMap:
+        """Return the horizontal displacement, right minus left, px."""
+        return np.float32(0) - self.disparity
+
+    @property
+    def lag(self) -> FloatMap:
+        """Return the Euclidean lag ``hypot(dy, dx)``, px: what the depth maps of the report show."""
+        return np.hypot(self.dy, self.dx)
+
+    @property
+    def valid(self) -> Mask:
+        """Return where there is a disparity, measured or filled."""
+        return np.isfinite(self.disparity)
+
+    @property
+    def filled(self) -> Mask:
+        """Return where the disparity was filled in from the surroundings instead of measured."""
+        return np.asarray(self.reason == Reason.FILLED)
+
+    @property
+    def coverage(self) -> float:
+        """Return the share of pixels that have a disparity, 0..1."""
+        return float(np.count_nonzero(self.valid) / self.valid.size)
+
+    @property
+    def nbytes(self) -> int:
+        """Return the memory that the map takes, bytes."""
+        return sum(array.nbytes for array in (self.disparity, self.reason, self._score, self._dy) if array is not None)

@@ -1,12 +1,87 @@
-"""The stereo methods by name: a new one is listed here and nowhere else."""
+"""The stereo methods and their presets: a new one is listed here and nowhere else."""
 
 from __future__ import annotations
 
-from stereolag.stereo.correlation import CorrelationMatcher
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+from stereolag.stereo.finishing.checks import LeftRightCheck, TextureTest
+from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 
-METHODS: dict[str, type[StereoMatcher]] = {
-    method.__name__: method for method in (CorrelationMatcher, StereoBM, StereoSGBM)
+METHODS: list[type[StereoMatcher]] = [CorrelationMatcher, StereoBM, StereoSGBM, SemiGlobalMatcher]
+"""Every method, in the order in which the page offers them; an address means the first where it names none."""
+
+PresetName = Literal["report", "fast", "accurate"]
+
+
+class Preset(NamedTuple):
+    """Settings that serve a purpose: the heading on the page, what they are good for, and what makes them.
+
+    `make` takes the first disparity and how many, px.
+    """
+
+    title: str
+    meaning: str
+    make: Callable[[int, int], StereoMatcher]
+
+
+PRESETS: dict[PresetName, Preset] = {
+    "report": Preset(
+        "The report’s",
+        "The source report’s own: windows of 20 px in a square of 40 px around each.",
+        lambda first, count: CorrelationMatcher(window_size=20, overlap=0.95, search=SearchArea.centred(40)),
+    ),
+    "fast": Preset(
+        "Fast",
+        "Every pixel by the best match of its window, checked, filled and smoothed.",
+        lambda first, count: CorrelationMatcher(
+            window_size=11,
+            search=SearchArea.rectified(count, first),
+            texture=TextureTest(),
+            left_right=LeftRightCheck(),
+            speckle=SpeckleFilter(),
+            filling=True,
+            median=MedianFilter(),
+        ),
+    ),
+    "accurate": Preset(
+        "Accurate",
+        "Correlation with census and gradient, weighed along eight paths; takes longer.",
+        lambda first, count: SemiGlobalMatcher(
+            num_disparities=count,
+            min_disparity=first,
+            left_right=LeftRightCheck(),
+            speckle=SpeckleFilter(),
+            filling=True,
+            median=MedianFilter(),
+        ),
+    ),
 }
-"""Every settings class by the name that files and pages call it."""
+
+
+def preset(name: PresetName, num_disparities: int = 64, min_disparity: int = 0) -> StereoMatcher:
+    """Return a matcher whose settings serve a purpose.
+
+    Parameters
+    ----------
+    name
+        "report": the source report's depth map, windows of 20 px, overlap 0.95, search area 40 px centred (it reaches
+        ±10 px, whatever the range). "fast": every pixel by the best ZNCC of its window, checked, filled and smoothed,
+        in a few hundredths of a second. "accurate": correlation joined with census and gradient, semi-global
+        optimisation, checked, filled and smoothed.
+    num_disparities, min_disparity
+        The range searched, px.
+
+    Raises
+    ------
+    ValueError
+        Another name, or a range that is not allowed.
+    """
+    if name not in PRESETS:
+        raise ValueError(f"preset is {name!r}; allowed are {', '.join(map(repr, PRESETS))}.")
+    return PRESETS[name].make(min_disparity, num_disparities)

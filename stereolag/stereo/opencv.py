@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator, model_validator
 
-from stereolag.estimates import Estimate
-from stereolag.inputs import Image, as_grey
+from stereolag.estimates import OVERHEAD, Estimate, kept_blocks
+from stereolag.inputs import Image, as_eight_bit, as_grey
 from stereolag.progress import Progress
-from stereolag.stereo.estimates import estimate_opencv
-from stereolag.stereo.matcher import Displacements, StereoMatcher
-from stereolag.stereo.result import Reason
+from stereolag.settings import Applies, FitsImage, OfThePair, Pixels, Usual
+from stereolag.stereo.estimates import ANSWER, PIXEL_SECONDS, grey_bytes
+from stereolag.stereo.matcher import PixelMatches, StereoMatcher
+from stereolag.stereo.reasons import Reason
 
 SUBPIXEL = 16
 """OpenCV's disparities are whole sixteenths of a pixel."""
@@ -26,6 +27,8 @@ NO_LIMIT = 1 << 20
 
 BlockSize = Annotated[
     int,
+    Pixels(),
+    FitsImage(),
     Field(
         title="Block",
         description="Side of the compared block, px; odd (OpenCV's blockSize).",
@@ -45,6 +48,7 @@ UniquenessRatio = Annotated[
 ]
 SpeckleWindowSize = Annotated[
     int,
+    Pixels(power=2),
     Field(
         title="Speckle size",
         description="Smaller islands are dropped, px²; 0 keeps all (OpenCV's speckleWindowSize).",
@@ -55,6 +59,7 @@ SpeckleWindowSize = Annotated[
 ]
 SpeckleRange = Annotated[
     int,
+    Applies(lambda settings: settings.speckle_window_size > 0, "needs speckle_window_size above 0"),
     Field(
         title="Speckle range",
         description="Largest step within one island (OpenCV's speckleRange: StereoBM counts 1/16 px, StereoSGBM px).",
@@ -76,7 +81,7 @@ LeftRightTolerance = Annotated[
 class BlockMatcher(StereoMatcher):
     """What both OpenCV matchers share: the search range, the checks, and how the answer is read."""
 
-    num_disparities: int = Field(
+    num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
         64,
         title="Disparities searched",
         description="How many disparities are tried, px; a multiple of 16 (OpenCV's numDisparities).",
@@ -84,7 +89,7 @@ class BlockMatcher(StereoMatcher):
         le=1024,
         multiple_of=16,
     )
-    min_disparity: int = Field(
+    min_disparity: Annotated[int, Pixels(), Usual(-64, 64)] = Field(
         0,
         title="Smallest disparity",
         description="The first disparity tried, px (OpenCV's minDisparity).",
@@ -111,36 +116,28 @@ class BlockMatcher(StereoMatcher):
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
         """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype."""
-        return estimate_opencv(
-            shape,
-            dtype,
-            num_disparities=self.num_disparities,
-            bytes_of_a_cost=self.bytes_of_a_cost,
-            rows=self.block_size + 6,
-            seconds=self.seconds_of_a_cost,
+        pixels = shape[0] * shape[1]
+        grey = grey_bytes(shape, dtype)
+        # Other types are stretched to 8 bits in float64, which is gone before the maps are made.
+        stretched = 0 if np.dtype(dtype) == np.uint8 else 20 * pixels
+        costs = (self.block_size + 6) * shape[1] * self.num_disparities * self.bytes_of_a_cost
+        maps = max(stretched, 4 * pixels + costs, (ANSWER + 3) * pixels)
+        return Estimate(
+            grey + maps + kept_blocks(4 * pixels, 2) + OVERHEAD,
+            PIXEL_SECONDS / 2 * pixels + self.seconds_of_a_cost * pixels * self.num_disparities,
         )
 
-    def with_disparities(self, num_disparities: int) -> Self:
-        """Return the matcher with another number of disparities."""
-        return self.model_copy(update={"num_disparities": num_disparities})
-
-    def match(self, left: Image, right: Image, progress: Progress) -> Displacements:
+    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
         """Run OpenCV's matcher on the pair as 8-bit grey."""
         self._check_room(*left.shape[:2])
         progress(0.0)
-        raw = np.asarray(self.opencv_matcher().compute(*_as_bytes(left, right)))
+        raw = np.asarray(self.opencv_matcher().compute(*as_eight_bit(as_grey(left), as_grey(right))))
         progress(1.0)
         # The invalid code is (minDisparity - 1) * 16, which is positive for minDisparity >= 2.
         valid = raw > (self.min_disparity - 1) * SUBPIXEL
         reason = np.where(self._seen_by_both(*raw.shape), Reason.AMBIGUOUS, Reason.OUT_OF_FRAME).astype(np.uint8)
         reason[valid] = Reason.MEASURED
-        nothing = np.float32(np.nan)
-        return Displacements(
-            dy=np.where(valid, np.float32(0), nothing),
-            dx=np.where(valid, raw.astype(np.float32) / -SUBPIXEL, nothing),
-            score=np.full(raw.shape, nothing),
-            reason=reason,
-        )
+        return PixelMatches(np.where(valid, raw.astype(np.float32) / SUBPIXEL, np.float32(np.nan)), reason)
 
     def _check_room(self, rows: int, cols: int) -> None:
         if self.block_size >= min(rows, cols):
@@ -172,6 +169,8 @@ class BlockMatcher(StereoMatcher):
 class StereoBM(BlockMatcher):
     """OpenCV's ``StereoBM``: absolute differences over a block (Konolige 1997); defaults as OpenCV's own."""
 
+    short_name = "bm"
+    first_shown = ("block_size", "num_disparities", "uniqueness_ratio", "texture_threshold")
     seconds_of_a_cost = 2.0e-10
     bytes_of_a_cost = 1
 
@@ -190,7 +189,7 @@ class StereoBM(BlockMatcher):
         le=10_000,
         json_schema_extra={"step": 10},
     )
-    block_size: int = Field(
+    block_size: Annotated[int, Pixels(), FitsImage()] = Field(
         21,
         title="Block",
         description="Side of the compared block, px; odd (OpenCV's blockSize).",
@@ -215,6 +214,8 @@ class StereoBM(BlockMatcher):
 class StereoSGBM(BlockMatcher):
     """OpenCV's ``StereoSGBM``: semi-global matching (Hirschmüller 2008) over Birchfield-Tomasi costs, 5 paths."""
 
+    short_name = "sgbm"
+    first_shown = ("block_size", "num_disparities", "uniqueness_ratio", "p1", "p2")
     seconds_of_a_cost = 2.0e-9
     bytes_of_a_cost = 2
 
@@ -269,20 +270,3 @@ class StereoSGBM(BlockMatcher):
             speckleRange=self.speckle_range,
             mode=cv2.STEREO_SGBM_MODE_SGBM,
         )
-
-
-def _as_bytes(left: Image, right: Image) -> tuple[Image, Image]:
-    """Return both images as 8-bit grey, which is all that StereoBM takes.
-
-    Other types are stretched by one common range, so that the brightness of the two stays comparable.
-    """
-    left, right = as_grey(left), as_grey(right)
-    if left.dtype == np.uint8:
-        return left, right
-    low = min(float(left.min()), float(right.min()))
-    span = max(float(left.max()), float(right.max())) - low or 1.0
-
-    def stretched(image: Image) -> Image:
-        return np.rint((image.astype(np.float64) - low) * (255 / span)).astype(np.uint8)
-
-    return stretched(left), stretched(right)

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from stereolag.estimates import Estimate, check_memory
 from stereolag.inputs import Image
-from stereolag.kernels.placements import placement_scores
 from stereolag.progress import Progress
+from stereolag.templates.correlation import placement_scores
 from stereolag.templates.patterns import Pattern
 
 Indices = npt.NDArray[np.intp]

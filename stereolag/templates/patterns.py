@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.arrays import Mask
 from stereolag.inputs import Image, as_grey
-
-Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.inputs import Image
-from stereolag.kernels.box_energy import running_box_energy
-from stereolag.kernels.pearson import fill_pearson, pearson
 from stereolag.progress import Progress
+from stereolag.templates.correlation import fill_pearson, pearson, running_box_energy
 from stereolag.templates.patterns import Pattern
 
 Plane = npt.NDArray[np.float64]

@@ -9,10 +9,10 @@ from typing import Any, get_args
 import streamlit as st
 
 from stereolag.settings import Settings
-from stereolag.stereo.correlation import CorrelationMatcher
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.opencv import BlockMatcher, StereoBM, StereoSGBM
-from stereolag.stereo.search import CentredSearch, RectifiedSearch
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import CentredSearch, RectifiedSearch
 from stereolag.ui.controls import adopt_value, control
 from stereolag.ui.pairs import StereoPair
 

@@ -9,10 +9,10 @@ from typing import Any, TypeVar, cast
 import streamlit as st
 from streamlit.elements.lib.mutable_expander_container import ExpanderContainer
 
-from stereolag.stereo.correlation import CorrelationMatcher
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.opencv import SUBPIXEL, BlockMatcher, StereoBM, StereoSGBM
-from stereolag.stereo.search import AnySearch, CentredSearch, RectifiedSearch, SearchArea
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import AnySearch, CentredSearch, RectifiedSearch, SearchArea
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.matcher_controls import PREFIXES, SEARCH_KEY, Values, ask, search_key
 from stereolag.ui.pairs import StereoPair

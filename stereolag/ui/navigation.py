@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import functools
 import gc
-from collections.abc import Iterator
+import logging
+import secrets
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import ParamSpec, TypeVar
 
 import streamlit as st
 from starlette.formparsers import MultiPartParser
 
 from stereolag.limits import set_defaults
-from stereolag.ui.departures import this_visit
-from stereolag.ui.failures import failures_answered
-from stereolag.ui.reconnection import run_again_when_reconnected
+from stereolag.ui.visits import run_again_when_reconnected, this_visit
 
 ICON = Path(__file__).with_name("icon.svg")
 
@@ -58,3 +59,47 @@ def _prepare_process() -> None:
     # With many sessions the pauses of garbage collection grow with what the imports left behind.
     gc.collect()
     gc.freeze()
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_log = logging.getLogger("stereolag")
+
+
+@contextmanager
+def failures_answered() -> Iterator[None]:
+    """Answer an error of ours with a sentence and a number that also stands in the log, before the traceback."""
+    try:
+        yield
+    except MemoryError:
+        number = _logged("The server ran out of memory")
+        st.error(
+            f"There is not enough memory left for this now (number **{number}** in the log). Try again later, or with "
+            "smaller files."
+        )
+    except Exception:  # whatever it is: a visitor is not shown the insides of the server
+        number = _logged("A page failed")
+        st.error(
+            f"Something failed here that should not have; your files and settings are kept. If it happens again, give "
+            f"the number **{number}** to whoever runs this app: their log holds the details under it.",
+            icon=":material/bug_report:",
+        )
+
+
+def fragment(function: Callable[P, R]) -> Callable[P, R | None]:
+    """Make a part of a page that reruns alone (``st.fragment``) and whose failures are answered."""
+
+    @functools.wraps(function)
+    def answered(*args: P.args, **kwargs: P.kwargs) -> R | None:
+        with failures_answered():
+            return function(*args, **kwargs)
+        return None
+
+    return st.fragment(answered)
+
+
+def _logged(what: str) -> str:
+    number = secrets.token_hex(4)
+    _log.exception("%s (number %s).", what, number)
+    return number

@@ -9,10 +9,10 @@ import numpy.typing as npt
 import streamlit as st
 
 from stereolag import samples
-from stereolag.calibration import Calibration
+from stereolag.doctor.findings import Ailment
+from stereolag.geometry.calibration import Calibration
 from stereolag.inputs import Image
 from stereolag.reading import read_calibration, read_disparity, read_image
-from stereolag.stereo.findings import Ailment
 
 Disparity = npt.NDArray[np.float32]
 

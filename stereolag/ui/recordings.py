@@ -9,12 +9,12 @@ import numpy.typing as npt
 import streamlit as st
 
 from stereolag import samples
+from stereolag.arrays import Vector
 from stereolag.inputs import as_signal
 from stereolag.reading import Recording, read_signal
 from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui.private_files import show_player
 from stereolag.ui.uploads import RECORDING_TYPES, Upload, forget_together, put_together, upload
-
-Vector = npt.NDArray[np.float64]
 
 KEY = "recordings"
 
@@ -118,3 +118,20 @@ def _pair(first: Upload[Recording], channel_1: int, second: Upload[Recording], c
         f"{first.digest} {channel_1} {second.digest} {channel_2}",
         False,
     )
+
+
+AUDIBLE_RATES = (3_000, 384_000)
+"""Samples a second that browsers play."""
+
+LONGEST_S = 120
+
+
+def player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> None:
+    """Show a player for a recording, for no more than its first two minutes."""
+    lowest, highest = AUDIBLE_RATES
+    if not lowest <= sampling_rate <= highest:
+        st.caption(f"{name} cannot be played: browsers play {lowest:,} to {highest:,} samples a second.")
+        return
+    heard = signal[: round(LONGEST_S * sampling_rate)]
+    st.caption(f"Listen to {name}" + ("" if heard.size == signal.size else f" (the first {LONGEST_S} s)"))
+    show_player(heard, sampling_rate)

@@ -15,10 +15,9 @@ import streamlit as st
 from stereolag.estimates import Estimate
 from stereolag.limits import limits
 from stereolag.progress import Progress, silent
-from stereolag.ui.departures import this_visit
-from stereolag.ui.jobs import Job, waiting_in_words
-from stereolag.ui.limiter import is_heavy
-from stereolag.ui.progress import PATIENCE_S, shown_progress
+from stereolag.ui.elements import PATIENCE_S, shown_progress
+from stereolag.ui.jobs import Job, is_heavy, waiting_in_words
+from stereolag.ui.visits import this_visit
 
 T = TypeVar("T")
 

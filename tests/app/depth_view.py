@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereolag.calibration import Calibration
 from stereolag.figures.disparity import disparity_range
-from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.search import SearchArea
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import example_pair
 

@@ -6,9 +6,9 @@ import pytest
 from pydantic import Field, ValidationError
 
 from stereolag.settings import Settings
-from stereolag.stereo.correlation import CorrelationMatcher
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.search import CentredSearch, RectifiedSearch
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import CentredSearch, RectifiedSearch
 from stereolag.ui.controls import Bounds, sentence
 from stereolag.ui.searches import (
     CURVES,

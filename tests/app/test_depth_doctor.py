@@ -9,7 +9,7 @@ import pytest
 from ailing_pairs import ILLS
 from streamlit.testing.v1 import AppTest
 
-from stereolag.stereo.findings import Ailment
+from stereolag.doctor.findings import Ailment
 from stereolag.ui.depth.doctor import HEALTHY
 from stereolag.ui.pairs import StereoPair, example_pair
 

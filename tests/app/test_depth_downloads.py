@@ -15,9 +15,9 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag import CorrelationMatcher, SearchArea, StereoBM, read_disparity, read_image
-from stereolag.calibration import Calibration
 from stereolag.export import settings_json
-from stereolag.export.clouds import VERTEX
+from stereolag.export.maps import VERTEX
+from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.downloads import archive, files
 from stereolag.ui.depth.view import DepthView
@@ -43,7 +43,7 @@ def section() -> None:
     import streamlit as st
 
     from stereolag import StereoBM
-    from stereolag.ui.depth.adoption import take_over
+    from stereolag.ui.depth.address import take_over
     from stereolag.ui.depth.downloads import show_downloads
     from stereolag.ui.depth.view import DepthView
     from stereolag.ui.matchers import ask_block_matcher

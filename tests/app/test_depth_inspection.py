@@ -9,7 +9,7 @@ from tests.app.depth_view import small_view
 
 
 def inspection() -> None:
-    from stereolag.ui.depth.inspection import show_inspection
+    from stereolag.ui.depth.match import show_inspection
     from tests.app.depth_view import small_view
 
     show_inspection(small_view())

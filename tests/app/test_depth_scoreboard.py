@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.figures.colours import NO_ANSWER
-from stereolag.figures.errors import ERROR_COLOURS, NO_TRUTH, error_png
+from stereolag.figures.differences import ERROR_COLOURS, NO_TRUTH, error_png
+from stereolag.figures.pictures import NO_ANSWER
 from stereolag.reading import read_image
 from stereolag.stereo.evaluation import evaluate
 from tests.app.depth_view import small_view

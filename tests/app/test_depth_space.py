@@ -8,8 +8,8 @@ import numpy as np
 import plotly.io
 from streamlit.testing.v1 import AppTest
 
-from stereolag.birds_eye import seen_from_above
 from stereolag.figures.clouds import birds_eye, point_cloud
+from stereolag.geometry.clouds import seen_from_above
 
 RNG = np.random.default_rng(0)
 POINTS = (RNG.random((500, 3)) * [2, 1, 4] + [-1, -0.5, 3]).astype(np.float32)

@@ -11,13 +11,14 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_merits
 from stereolag.reading import read_matcher
-from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.settings import changed
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.merit import Bench, changed
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM
-from stereolag.stereo.search import SearchArea
-from stereolag.stereo.sweep import sweep
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+from stereolag.tuning.objective import Bench
+from stereolag.tuning.sweep import sweep
 from stereolag.ui.depth.parameters import parameters
 from tests.app.depth_view import small_view
 

@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 def page() -> None:
     import streamlit as st
 
-    from stereolag.ui.failures import failures_answered, fragment
+    from stereolag.ui.navigation import failures_answered, fragment
 
     def fail() -> None:
         raise {"memory": MemoryError, "bug": ZeroDivisionError}[st.session_state["kind"]]("/srv/secret/path.py")

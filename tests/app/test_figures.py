@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereolag.figures.colours import NO_ANSWER, VIRIDIS, coloured
 from stereolag.figures.disparity import disparity_png, disparity_range, image_into_map
-from stereolag.figures.pictures import as_rgb, fitted, png
+from stereolag.figures.pictures import NO_ANSWER, VIRIDIS, as_rgb, coloured, fitted, png
 from stereolag.figures.recordings import (
     CLOSE_UP_SAMPLES,
     POINTS,

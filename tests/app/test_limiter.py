@@ -11,8 +11,7 @@ import pytest
 
 from stereolag.estimates import Estimate
 from stereolag.ui import jobs
-from stereolag.ui.jobs import Job, waiting_in_words
-from stereolag.ui.limiter import HEAVY_MEMORY, HEAVY_S, Limiter, is_heavy
+from stereolag.ui.jobs import HEAVY_MEMORY, HEAVY_S, Job, Limiter, is_heavy, waiting_in_words
 
 PATIENCE_S = 20.0
 MEMORY = 100

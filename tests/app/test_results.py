@@ -7,7 +7,7 @@ import pytest
 
 from stereolag.signals import SignalLag
 from stereolag.ui.results import RecentResults, SharedRoom, computed
-from stereolag.ui.wording import duration, lag_in_words
+from stereolag.ui.sentences import duration, lag_in_words
 
 
 def of_bytes(count: int) -> SimpleNamespace:

@@ -11,8 +11,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.estimates import Estimate
 from stereolag.ui import jobs
-from stereolag.ui.jobs import Job
-from stereolag.ui.limiter import HEAVY_MEMORY, Limiter
+from stereolag.ui.jobs import HEAVY_MEMORY, Job, Limiter
 
 
 def page() -> None:

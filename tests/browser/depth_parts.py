@@ -4,7 +4,7 @@ import streamlit as st
 
 from stereolag.ui.depth.blanks import show_blanks
 from stereolag.ui.depth.comparison import show_comparison
-from stereolag.ui.depth.inspection import show_inspection
+from stereolag.ui.depth.match import show_inspection
 from stereolag.ui.depth.readout import show_readout
 from tests.app.depth_view import small_view
 

@@ -18,10 +18,10 @@ from PIL import Image
 from playwright.sync_api import expect
 from ply_reader import read_ply
 
-from stereolag.distances import SeenPoint, distance_between
+from stereolag.doctor.findings import Ailment
+from stereolag.geometry.distances import SeenPoint, distance_between
 from stereolag.reading import read_calibration, read_disparity, read_image
 from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.findings import Ailment
 from stereolag.stereo.opencv import StereoBM
 from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, example_files, number_in, picture_file
 from tests.browser.serving import PROJECT

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from stereolag.kernels.bands import available_cores, over_bands, row_bands
+from stereolag.loops.bands import available_cores, over_bands, row_bands
 
 
 @pytest.mark.parametrize("rows", [1, 2, 7, 100])

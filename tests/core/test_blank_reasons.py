@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from pairs import shifted_pair, texture
 
-from stereolag.stereo.blank_reasons import blank_reasons
-from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.explaining.blank_reasons import blank_reasons
 from stereolag.stereo.opencv import BlockMatcher, StereoBM, StereoSGBM
-from stereolag.stereo.result import Reason
-from stereolag.stereo.search import SearchArea
+from stereolag.stereo.reasons import Reason
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 
 OPEN_BM = {"uniqueness_ratio": 0, "texture_threshold": 0}
 OPEN_SGBM = {"uniqueness_ratio": 0, "speckle_window_size": 0, "disp12_max_diff": 64}

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.calibration import Calibration, StereoRig
+from stereolag.geometry.calibration import Calibration, StereoRig
 
 sizes = st.floats(0.01, 1e4)
 

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.stereo.checks import ambiguous, left_right_disagree, rejected
-from stereolag.stereo.result import Reason
+from stereolag.stereo.finishing.checks import ambiguous, left_right_disagree, rejected
+from stereolag.stereo.reasons import Reason
 
 
 def test_agreeing_displacements_pass_and_what_leaves_the_frame_does_not() -> None:

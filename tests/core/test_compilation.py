@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from stereolag.kernels.compilation import STAMP, forget_older_code, is_private
+from stereolag.loops.compilation import STAMP, forget_older_code, is_private
 
 PROJECT = Path(__file__).resolve().parents[2]
 

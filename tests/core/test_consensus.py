@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from stereolag.stereo.consensus import consensus
+from stereolag.stereo.evaluation import consensus
 
 NAN = np.nan
 

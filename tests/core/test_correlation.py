@@ -7,11 +7,12 @@ import pytest
 from pairs import shifted_pair, texture
 from pydantic import ValidationError
 
-from stereolag.stereo.correlation import CorrelationMatcher
 from stereolag.stereo.evaluation import evaluate
+from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.result import DisparityMap, Reason
-from stereolag.stereo.search import SearchArea
+from stereolag.stereo.reasons import Reason
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 
 ENGINES = ("window_sums", "fft")
 

@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.kernels.census import BITS, census, census_reference
-from stereolag.kernels.cost_features import NOISE
-from stereolag.kernels.cost_volume import Weights, cost_reference
-from stereolag.stereo.costs import UNSEEN, MatchingCost, eight_bit, matching_cost
+from stereolag.stereo.semi_global.cost_features import BITS, NOISE, census, census_reference
+from stereolag.stereo.semi_global.cost_volume import Weights, cost_reference
+from stereolag.stereo.semi_global.costs import UNSEEN, MatchingCost, matching_cost
 
 Picture = npt.NDArray[np.uint8]
 

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.stereo.coverage import MOST_POINTS, error_against_coverage
-from stereolag.stereo.evaluation import evaluate
+from stereolag.stereo.evaluation import MOST_POINTS, error_against_coverage, evaluate
 
 RNG = np.random.default_rng(1)
 TRUTH = np.full((40, 50), 10.0)

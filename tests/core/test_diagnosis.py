@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from ailing_pairs import ILLS, turned
 
+from stereolag.doctor.correspondences import find_correspondences
+from stereolag.doctor.diagnosis import Diagnosis, diagnose, judge_range
+from stereolag.doctor.findings import Ailment
+from stereolag.doctor.remedies import REMEDIES, apply_remedy, exposed_alike, levelled
 from stereolag.reading import read_image
 from stereolag.samples import stereo_pairs
-from stereolag.stereo.correspondences import find_correspondences
-from stereolag.stereo.diagnosis import Diagnosis, diagnose, judge_range
-from stereolag.stereo.exposure import exposed_alike
-from stereolag.stereo.findings import Ailment
-from stereolag.stereo.remedies import REMEDIES, apply_remedy, levelled
 
 Pair = tuple[np.ndarray, np.ndarray]
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pairs import shifted_pair
+from stereolag.stereo.windows.matching import cheaper_engine, find_matches
 
-from stereolag.kernels.lag_range import LagRange
-from stereolag.stereo.engines import cheaper_engine, find_matches
+from stereolag.stereo.windows.search import LagRange
 
 IMAGE = (400, 881)
 

@@ -14,19 +14,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stereolag.doctor.diagnosis import diagnose
 from stereolag.estimates import Estimate, check_memory, largest_fitting, rounded_down
 from stereolag.limits import limits
 from stereolag.signals import estimate_lag, signal_lag
 from stereolag.signals.estimates import _products, fitting_recordings
-from stereolag.stereo.correlation import CorrelationMatcher
-from stereolag.stereo.diagnosis import diagnose
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.merit import Bench
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.search import SearchArea
-from stereolag.stereo.sweep import estimate_sweep
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import estimate_search, match_template
 from stereolag.templates.estimates import fitting_image
+from stereolag.tuning.objective import Bench
+from stereolag.tuning.sweep import estimate_sweep
 
 GB = 10**9
 
@@ -41,7 +41,7 @@ import cv2
 import numpy as np
 from benchmarks.timing import peak_extra_memory
 from stereolag.signals import estimate_lag, signal_lag
-from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.templates import estimate_search, match_template
 

@@ -11,7 +11,7 @@ from ply_reader import read_ply
 
 from stereolag import Calibration
 from stereolag.export import ply
-from stereolag.point_cloud import clean_point_cloud, flying_pixels, subsampled
+from stereolag.geometry.clouds import clean_point_cloud, flying_pixels, subsampled
 
 
 @given(

@@ -21,7 +21,7 @@ from pydantic import Field
 
 import stereolag as sl
 from stereolag.export import bundle, image_png, script
-from stereolag.export.constructors import constructor, imports
+from stereolag.export.programs import constructor, imports
 from stereolag.settings import Settings
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -151,7 +151,7 @@ def test_nested_settings_are_broken_into_lines_only_where_they_must():
 
 
 def test_imports_name_each_class_once_and_none_of_the_public_ones():
-    assert imports(RECTIFIED) == ["from stereolag.stereo.search import RectifiedSearch"]
+    assert imports(RECTIFIED) == ["from stereolag.stereo.windows.search import RectifiedSearch"]
     assert imports(sl.StereoBM()) == []
     assert imports(Stages()) == [f"from {__name__} import Smoothing, Stages"]
 

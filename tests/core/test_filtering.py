@@ -9,11 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from stereolag.kernels.row_fill import fill_rows, fill_rows_reference
-from stereolag.kernels.weighted_median import weighted_median
-from stereolag.stereo.filling import filled_from_behind
-from stereolag.stereo.filtering import MedianFilter, SpeckleFilter, edge_respecting_median, without_speckles
-from stereolag.stereo.result import Reason
+from stereolag.stereo.finishing.filling import fill_rows, fill_rows_reference, filled_from_behind
+from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter, edge_respecting_median, without_speckles
+from stereolag.stereo.finishing.weighted_median import weighted_median
+from stereolag.stereo.reasons import Reason
 
 FloatMap = npt.NDArray[np.float32]
 NAN = np.float32(np.nan)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pairs import shifted_pair, texture
 
-from stereolag.stereo.correlation import CorrelationMatcher
-from stereolag.stereo.inspection import Box, Finding, inspect, with_rows_around
-from stereolag.stereo.search import SearchArea
+from stereolag.explaining.match import Box, Finding, inspect, with_rows_around
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 
 
 @pytest.mark.parametrize(("window_size", "overlap"), [(16, 0.95), (20, 0.8), (21, 0.5), (9, 0.0)])

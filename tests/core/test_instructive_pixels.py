@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from pairs import texture
 
-from stereolag.stereo.correlation import CorrelationMatcher
-from stereolag.stereo.inspection import Finding, inspect
-from stereolag.stereo.instructive_pixels import Lesson, instructive_pixel
-from stereolag.stereo.search import SearchArea
+from stereolag.explaining.example_pixels import Lesson, instructive_pixel
+from stereolag.explaining.match import Finding, inspect
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 
 MATCHER = CorrelationMatcher(window_size=11, search=SearchArea.rectified(40))
 

@@ -9,7 +9,7 @@ from pairs import shifted_pair
 from pydantic import ValidationError
 
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.result import Reason
+from stereolag.stereo.reasons import Reason
 
 
 @pytest.mark.parametrize("min_disparity", [-8, 0, 2, 5])

@@ -7,11 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.kernels import semi_global as kernel
-from stereolag.kernels.cheapest_lag import cheapest_lags, cheapest_lags_reference
-from stereolag.kernels.semi_global import path_sums, path_sums_reference
-from stereolag.stereo.optimisation import SemiGlobal, optimise
-from stereolag.stereo.selection import valley_offset
+from stereolag.loops import semi_global as kernel
+from stereolag.stereo.semi_global.paths import SemiGlobal, optimise, path_sums, path_sums_reference
+from stereolag.stereo.semi_global.selection import cheapest_lags, cheapest_lags_reference, valley_offset
 
 SHAPES = {"rows": st.integers(1, 7), "cols": st.integers(1, 8), "lags": st.integers(1, 19), "seed": st.integers(0, 99)}
 

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.kernels.peak_fits import fit_peaks
-from stereolag.stereo.refinement import peak_offset, peak_offsets
+from stereolag.stereo.windows.peak_fits import fit_peaks, peak_offset, peak_offsets
 
 
 @settings(max_examples=30)

@@ -9,14 +9,14 @@ from pydantic import ValidationError
 
 from stereolag.reading import read_disparity, read_image
 from stereolag.samples import stereo_pairs
-from stereolag.stereo.checks import AmbiguityTest, LeftRightCheck, TextureTest
-from stereolag.stereo.correlation import CorrelationMatcher
 from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.filtering import MedianFilter, SpeckleFilter
+from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
+from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.optimisation import SemiGlobal
-from stereolag.stereo.result import Reason
-from stereolag.stereo.search import SearchArea
+from stereolag.stereo.reasons import Reason
+from stereolag.stereo.semi_global.paths import SemiGlobal
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 
 PRESETS = ["report", "dense", "accurate"]
 

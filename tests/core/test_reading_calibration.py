@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
+from stereolag.geometry.rectification import rectified_calibration
 from stereolag.reading import read_calibration
-from stereolag.rectification import rectified_calibration
 
 MIDDLEBURY = b"""cam0=[3979.911 0 1244.772; 0 3979.911 1019.507; 0 0 1]
 cam1=[3979.911 0 1369.115; 0 3979.911 1019.507; 0 0 1]

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from stereolag.calibration import StereoRig
-from stereolag.rectification import rectified_calibration, rectify
+from stereolag.geometry.calibration import StereoRig
+from stereolag.geometry.rectification import rectified_calibration, rectify
 
 WIDTH, HEIGHT = 480, 360
 MARKS = np.stack(np.meshgrid(np.linspace(-0.55, 0.65, 7), np.linspace(-0.4, 0.4, 5)), axis=-1).reshape(-1, 2)

@@ -7,9 +7,9 @@ import pytest
 
 from stereolag.reading import read_disparity, read_image
 from stereolag.samples import stereo_pairs
-from stereolag.stereo.correlation import CorrelationMatcher
 from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.search import SearchArea
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 
 
 @pytest.mark.parametrize(("name", "allowed"), [("cube", 15), ("giraffes", 45), ("square", 15), ("road", 25)])

@@ -8,12 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pairs import shifted_pair
 
-from stereolag.stereo.correlation import CorrelationMatcher
-from stereolag.stereo.merit import Bench
+from stereolag.geometry.scaling import scaled_disparity, scaled_image
+from stereolag.settings import scaled_settings
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.scaling import scaled_disparity, scaled_image, scaled_settings
-from stereolag.stereo.search import SearchArea
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+from stereolag.tuning.objective import Bench
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])

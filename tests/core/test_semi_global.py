@@ -8,10 +8,10 @@ import numpy.typing as npt
 import pytest
 
 from stereolag.progress import silent
-from stereolag.stereo import semi_global
-from stereolag.stereo.costs import MatchingCost
-from stereolag.stereo.optimisation import SemiGlobal
-from stereolag.stereo.semi_global import VolumeMatches, match_semi_global, strips
+from stereolag.stereo.semi_global import matching as semi_global
+from stereolag.stereo.semi_global.costs import MatchingCost
+from stereolag.stereo.semi_global.matching import VolumeMatches, match_semi_global, strips
+from stereolag.stereo.semi_global.paths import SemiGlobal
 
 Picture = npt.NDArray[np.uint8]
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereolag.kernels.lobes import main_lobe
-from stereolag.kernels.overlaps import cross_spectrum, overlap_pearson, sliding_pearson, turn_back, turn_forth
-from stereolag.signals.peaks import REACH, find_peak, peak_ratio, refine_peak
+from stereolag.signals.overlaps import cross_spectrum, overlap_pearson, sliding_pearson, turn_back, turn_forth
+from stereolag.signals.peaks import REACH, find_peak, main_lobe, peak_ratio, refine_peak
 
 
 def peak_of(values: list[float], first_lag: int) -> tuple[int, int]:

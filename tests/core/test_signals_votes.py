@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import signal as scipy_signal
 
-from stereolag.kernels.overlaps import running_sums
-from stereolag.kernels.slices import best_matches, slice_correlation
 from stereolag.signals import signal_lag
+from stereolag.signals.overlaps import running_sums
+from stereolag.signals.sampling import best_matches, slice_correlation
 
 LAG = 3210
 

@@ -8,13 +8,21 @@ import numpy as np
 import pytest
 from pairs import shifted_pair
 
-from stereolag.stereo.agreement import agreement, consistent, likeness, seen_from_the_right
-from stereolag.stereo.correlation import CorrelationMatcher
-from stereolag.stereo.merit import SCALES, Bench, affordable_bench, changed
+from stereolag.settings import changed
 from stereolag.stereo.opencv import StereoBM
-from stereolag.stereo.search import SearchArea
-from stereolag.stereo.suggestion import Suggestion, suggest
-from stereolag.stereo.sweep import sweep
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+from stereolag.tuning.objective import (
+    SCALES,
+    Bench,
+    affordable_bench,
+    agreement,
+    consistent,
+    likeness,
+    seen_from_the_right,
+)
+from stereolag.tuning.suggestion import Suggestion, suggest
+from stereolag.tuning.sweep import sweep
 
 PAIR = shifted_pair(80, 140, 0, -9)
 BENCH = Bench.of(*PAIR)

@@ -7,9 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.kernels.box_energy import box_energy, running_box_energy
-from stereolag.kernels.pearson import fill_pearson, pearson
-from stereolag.kernels.placements import placement_score, placement_scores
+from stereolag.templates.correlation import (
+    box_energy,
+    fill_pearson,
+    pearson,
+    placement_score,
+    placement_scores,
+    running_box_energy,
+)
 
 
 @settings(max_examples=60)

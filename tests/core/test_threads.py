@@ -9,7 +9,7 @@ import pytest
 from pairs import shifted_pair
 
 from stereolag.signals import signal_lag
-from stereolag.stereo.correlation import CorrelationMatcher
+from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.templates import match_template
 
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.kernels.lag_range import LagRange
-from stereolag.kernels.reference import score_volume
-from stereolag.kernels.window_sums import match_windows
+from stereolag.stereo.windows.scores import score_volume
+from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.windows.window_sums import match_windows
 
 
 @pytest.fixture
@@ -119,8 +119,8 @@ def test_recovers_a_known_shift(rng, dtype, score, dy, dx):
 
 @pytest.mark.parametrize("columns_in_cache", [1, 20_000])
 def test_tiles_and_bands_leave_no_seam(rng, monkeypatch, columns_in_cache):
-    monkeypatch.setattr("stereolag.kernels.window_sums.CACHE_BYTES", columns_in_cache)
-    monkeypatch.setattr("stereolag.kernels.window_sums.BAND_WORK", 1.0)
+    monkeypatch.setattr("stereolag.stereo.windows.window_sums.CACHE_BYTES", columns_in_cache)
+    monkeypatch.setattr("stereolag.stereo.windows.window_sums.BAND_WORK", 1.0)
     left, right = picture(rng, (40, 130), np.uint8), picture(rng, (40, 130), np.uint8)
     assert_equals_reference(left, right, window_size=6, step=1, search=LagRange(-1, 1, -20, 13), score="zncc")
 
@@ -224,7 +224,7 @@ def test_threads_may_call_at_once(rng):
 
 
 def test_progress_rises_to_one(rng, monkeypatch):
-    monkeypatch.setattr("stereolag.kernels.window_sums.BAND_WORK", 2e4)
+    monkeypatch.setattr("stereolag.stereo.windows.window_sums.BAND_WORK", 2e4)
     image = picture(rng, (60, 90), np.uint8)
     told: list[float] = []
     match_windows(

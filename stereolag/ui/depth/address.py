@@ -7,14 +7,16 @@ from collections.abc import Iterable, Mapping
 import streamlit as st
 
 from stereolag import samples
+from stereolag.export import settings_json
+from stereolag.reading import read_matcher
 from stereolag.reading.sources import quoted
-from stereolag.stereo.correlation import CorrelationMatcher
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.addresses import parameters_of, settings_of
 from stereolag.ui.choices import OWN
-from stereolag.ui.depth.resizing import DIVISORS
+from stereolag.ui.depth.inputs import DIVISORS
 from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.matchers import first_settings
 from stereolag.ui.pairs import StereoPair
@@ -77,3 +79,20 @@ def write_address(pair: StereoPair, matchers: Iterable[StereoMatcher | None], ke
 
 def _prefix(name: str) -> str:
     return next((prefix for prefix in PREFIXES.values() if prefix and name.startswith(prefix)), "")
+
+
+ADOPTED = "depth.adopt"
+"""In the session's state: the settings to take over, as :func:`stereolag.reading.matchers.read_matcher` reads them."""
+
+
+def adopt(matcher: StereoMatcher) -> None:
+    """Hand settings over to the page, which runs again from its top and sets its controls to them."""
+    st.session_state[ADOPTED] = settings_json(matcher)
+    st.rerun(scope="app")
+
+
+def take_over(pair: StereoPair) -> None:
+    """Set the controls, none of which must be drawn yet, to the settings that were handed over, if there are any."""
+    handed_over: str | None = st.session_state.pop(ADOPTED, None)
+    if handed_over is not None:
+        set_controls(read_matcher(handed_over.encode()), pair)

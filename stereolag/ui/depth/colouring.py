@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import streamlit as st
 
 from stereolag.figures.disparity import PALETTES, disparity_range
-from stereolag.stereo.result import DisparityMap
+from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import streamlit as st
 
-from stereolag.figures.comparison import (
+from stereolag.figures.differences import (
     ALL_AGREE,
     ALL_DIFFER,
     BELOW_TO_ABOVE,
@@ -15,14 +15,12 @@ from stereolag.figures.comparison import (
     difference_picture,
 )
 from stereolag.figures.linked_pictures import Legend, Picture, Reading, hexadecimal, strip_legend, word_legend
-from stereolag.stereo.consensus import consensus
-from stereolag.stereo.evaluation import evaluate
-from stereolag.ui.depth.maps import TRUTH, left_picture, map_legends, map_picture, truth_picture
-from stereolag.ui.depth.view import DepthView
-from stereolag.ui.failures import fragment
+from stereolag.stereo.evaluation import consensus, evaluate
+from stereolag.ui.depth.view import TRUTH, DepthView, left_picture, map_legends, map_picture, truth_picture
 from stereolag.ui.linked_pictures import linked_pictures
+from stereolag.ui.navigation import fragment
 from stereolag.ui.pairs import Disparity
-from stereolag.ui.wording import percent
+from stereolag.ui.sentences import percent
 
 KEY = "depth.comparison"
 

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.stereo.diagnosis import Diagnosis, diagnose, estimate_diagnosis, judge_range
-from stereolag.stereo.findings import Ailment, Finding
+from stereolag.doctor.diagnosis import Diagnosis, diagnose, estimate_diagnosis, judge_range
+from stereolag.doctor.findings import Ailment, Finding
+from stereolag.doctor.remedies import apply_remedy
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.ranges import searched_range, with_range
-from stereolag.stereo.remedies import apply_remedy
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.pairs import StereoPair

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.calibration import Calibration
 from stereolag.export import (
     bundle,
     check_kitti,
@@ -24,18 +23,17 @@ from stereolag.export import (
     settings_json,
     valid_mask_png,
 )
-from stereolag.figures.colours import coloured
-from stereolag.figures.pictures import as_rgb
-from stereolag.figures.printed_legend import with_legend
+from stereolag.figures.disparity import with_legend
+from stereolag.figures.pictures import as_rgb, coloured
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.clouds import clean_point_cloud
 from stereolag.inputs import Image
-from stereolag.point_cloud import clean_point_cloud
 from stereolag.reading import read_matcher
 from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.opencv import BlockMatcher
-from stereolag.stereo.result import DisparityMap
-from stereolag.ui.depth.adoption import adopt
-from stereolag.ui.depth.metric import calibration_of
+from stereolag.ui.depth.address import adopt
+from stereolag.ui.depth.calibrating import calibration_of
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.private_files import download_button
 from stereolag.ui.uploads import upload

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cv2
+import numpy as np
 import streamlit as st
 
 from stereolag import samples
+from stereolag.geometry.rectification import rectify
+from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
+from stereolag.settings import scaled_settings
 from stereolag.ui.choices import choose, own_or_example
-from stereolag.ui.depth.address import recall_choices, recall_settings
-from stereolag.ui.depth.adoption import take_over
+from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
 from stereolag.ui.depth.doctor import treated
 from stereolag.ui.depth.own_pair import ask_own_pair
-from stereolag.ui.depth.resizing import ask_size
-from stereolag.ui.depth.straightening import rectified
+from stereolag.ui.matcher_controls import set_controls
+from stereolag.ui.matchers import matchers_in_use
 from stereolag.ui.pairs import StereoPair, example_pair
+from stereolag.ui.results import computed
 
 KEY = "pairs"
 
@@ -37,3 +44,113 @@ def choose_pair() -> StereoPair:
     recall_settings(named, pair)
     take_over(pair)
     return pair
+
+
+DIVISORS = {"Automatic": None, "Full": 1, "1/2": 2, "1/4": 4}
+
+
+def ask_size(pair: StereoPair, key: str) -> StereoPair:
+    """Ask in which size to match the pair and return it so; ranges, truth and calibration change with it."""
+    rows, cols = pair.left.shape[:2]
+    chosen = st.segmented_control(
+        "Size",
+        [*DIVISORS],
+        default="Automatic",
+        required=True,
+        key=f"{key}.size",
+        persist_state="session",
+        help="Half the size takes an eighth of the time. Search range, windows, focal length and truth change with the "
+        "pictures. Automatic is full size up to a megapixel.",
+    )
+    divisor = DIVISORS[chosen] or preview_divisor(cols, rows)
+    small = pair if divisor == 1 else _resized(pair, divisor)
+    _scale_controls(pair, small, divisor, key)
+    return small
+
+
+def _resized(pair: StereoPair, divisor: int) -> StereoPair:
+    try:
+        return computed(
+            lambda progress: _at(pair, divisor),
+            inputs=pair.digest,
+            settings=str(divisor),
+            shared=pair.shared,
+            label="Resizing …",
+        )
+    except ValueError as error:
+        st.error(str(error))
+        return pair
+
+
+def _at(pair: StereoPair, divisor: int) -> StereoPair:
+    """Return the pair with its sides divided."""
+    factor = 1 / divisor
+    left, right = scaled_image(pair.left, factor), scaled_image(pair.right, factor)
+    size = (left.shape[1], left.shape[0])
+    visible = pair.visible
+    if visible is not None:
+        visible = cv2.resize(visible.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT) > 0
+    full = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
+    return replace(
+        pair,
+        left=left,
+        right=right,
+        truth=None if pair.truth is None else scaled_disparity(pair.truth, factor),
+        visible=visible,
+        num_disparities=None if pair.num_disparities is None else -(-pair.num_disparities // divisor),
+        calibration=None if pair.calibration is None else pair.calibration.scaled(factor),
+        digest=f"{pair.digest} 1/{divisor}",
+        notes=(*pair.notes, f"Shown at 1/{divisor} of its size: {size[0]} × {size[1]} of {full} pixels."),
+    )
+
+
+def _scale_controls(pair: StereoPair, small: StereoPair, divisor: int, key: str) -> None:
+    """Let the settings in use cover the same part of the pictures as before, if these are the same in another size."""
+    before = st.session_state.get(f"{key}.divided")
+    st.session_state[f"{key}.divided"] = pair.digest, divisor
+    if before is None or before[0] != pair.digest or before[1] == divisor:
+        return
+    for matcher in matchers_in_use():
+        try:
+            set_controls(scaled_settings(matcher, before[1] / divisor), small)
+        except ValueError as error:
+            st.error(f"The settings could not be scaled with the pictures. {error}")
+
+
+RECTIFIED = "The pair was undistorted and rectified with its calibration."
+
+
+def rectified(pair: StereoPair) -> StereoPair:
+    """Return the pair with its rows aligned, if its calibration tells how; as it is, and why, if that fails."""
+    if pair.calibration is None or pair.calibration.rig is None:
+        return pair
+    try:
+        return computed(
+            lambda progress: _rectified(pair),
+            inputs=pair.digest,
+            settings="",
+            shared=pair.shared,
+            label="Rectifying the pair …",
+        )
+    except ValueError as error:
+        st.error(str(error))
+        return replace(pair, calibration=None)
+
+
+def _rectified(pair: StereoPair) -> StereoPair:
+    assert pair.calibration is not None
+    assert pair.calibration.rig is not None
+    left, right, calibration = rectify(pair.left, pair.right, pair.calibration.rig)
+    notes = [*pair.notes, RECTIFIED]
+    if pair.truth is not None:
+        notes.append("The true disparity is of the picture before that and is left out.")
+    return replace(
+        pair,
+        left=left,
+        right=right,
+        truth=None,
+        visible=None,
+        digest=f"{pair.digest} rectified",
+        calibration=calibration,
+        notes=tuple(notes),
+    )

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import streamlit as st
 
-from stereolag.calibration import Calibration
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.scaling import calibration_for, cropped_alike, halves
 from stereolag.inputs import Image, as_stereo_pair
 from stereolag.reading import read_disparity, read_image
-from stereolag.stereo.pairing import calibration_for, cropped_alike, halves
 from stereolag.ui.depth.calibrating import Calibrated, ask_calibration
 from stereolag.ui.pairs import Disparity, StereoPair
 from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_together, put_together, upload

@@ -9,9 +9,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from stereolag.settings import Settings
+from stereolag.settings import Settings, changed
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.merit import changed
 from stereolag.ui.controls import Bounds, Number
 from stereolag.ui.matcher_controls import APPLIES
 

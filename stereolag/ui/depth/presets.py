@@ -7,8 +7,8 @@ from typing import NamedTuple, get_args
 
 import streamlit as st
 
-from stereolag.stereo.correlation import CorrelationMatcher, Preset
 from stereolag.stereo.methods import METHODS
+from stereolag.stereo.windows.matcher import CorrelationMatcher, Preset
 from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.matchers import DISPARITIES_AT_FIRST, first_settings, searched_disparities
 from stereolag.ui.pairs import StereoPair

@@ -6,21 +6,20 @@ import math
 
 import streamlit as st
 
-from stereolag.distances import FIELD_OF_VIEW, SeenPoint, calibrated_by, distance_between
-from stereolag.figures.colours import PEAK
-from stereolag.stereo.result import Reason
-from stereolag.ui.depth.maps import TRUTH, left_picture, map_legends, map_picture, truth_picture
-from stereolag.ui.depth.metric import (
+from stereolag.figures.pictures import PEAK
+from stereolag.geometry.distances import FIELD_OF_VIEW, SeenPoint, calibrated_by, distance_between
+from stereolag.stereo.reasons import Reason
+from stereolag.ui.depth.blanks import REASON_WORDS, reasons_of
+from stereolag.ui.depth.calibrating import (
     KnownDistance,
     calibration_of,
     disparity_error,
     keep_known_distance,
     known_distance,
 )
-from stereolag.ui.depth.reasons import REASON_WORDS, reasons_of
-from stereolag.ui.depth.view import DepthView
-from stereolag.ui.failures import fragment
+from stereolag.ui.depth.view import TRUTH, DepthView, left_picture, map_legends, map_picture, truth_picture
 from stereolag.ui.linked_pictures import Mark, linked_pictures
+from stereolag.ui.navigation import fragment
 from stereolag.ui.pairs import Disparity, StereoPair
 
 KEY = "depth.readout"

@@ -13,14 +13,12 @@ import streamlit as st
 from pandas.io.formats.style import Styler
 
 from stereolag.export import metrics_csv
-from stereolag.figures.errors import error_legend, error_over_coverage, error_png
-from stereolag.stereo.coverage import CoverageCurve, error_against_coverage
-from stereolag.stereo.evaluation import Evaluation, evaluate
-from stereolag.stereo.result import DisparityMap
-from stereolag.ui.depth.judging import judged, settings_of
-from stereolag.ui.depth.view import DepthView
-from stereolag.ui.failures import fragment
-from stereolag.ui.images import show_png
+from stereolag.figures.differences import error_legend, error_over_coverage, error_png
+from stereolag.stereo.evaluation import CoverageCurve, Evaluation, error_against_coverage, evaluate
+from stereolag.stereo.matcher import DisparityMap
+from stereolag.ui.depth.view import DepthView, judged, settings_of
+from stereolag.ui.elements import show_png
+from stereolag.ui.navigation import fragment
 from stereolag.ui.private_files import download_button
 from stereolag.ui.results import computed
 

@@ -8,16 +8,14 @@ import numpy as np
 import numpy.typing as npt
 import streamlit as st
 
-from stereolag.birds_eye import BirdsEyeView, seen_from_above
-from stereolag.calibration import Calibration
 from stereolag.figures.clouds import birds_eye, point_cloud
 from stereolag.figures.pictures import as_rgb
-from stereolag.point_cloud import MOST_POINTS, clean_point_cloud, subsampled
-from stereolag.stereo.result import DisparityMap
-from stereolag.ui.depth.judging import settings_of
-from stereolag.ui.depth.metric import calibration_of
-from stereolag.ui.depth.view import DepthView
-from stereolag.ui.failures import fragment
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.clouds import MOST_POINTS, BirdsEyeView, clean_point_cloud, seen_from_above, subsampled
+from stereolag.stereo.matcher import DisparityMap
+from stereolag.ui.depth.calibrating import calibration_of
+from stereolag.ui.depth.view import DepthView, settings_of
+from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed
 
 KEY = "depth.space"

@@ -9,18 +9,18 @@ import pandas as pd
 import streamlit as st
 
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.merit import affordable_bench
-from stereolag.stereo.suggestion import Suggestion, suggest
+from stereolag.tuning.objective import affordable_bench
+from stereolag.tuning.suggestion import Suggestion, suggest
 from stereolag.ui.controls import sentence
-from stereolag.ui.departures import this_visit
-from stereolag.ui.depth.adoption import adopt
+from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.parameters import parameters
 from stereolag.ui.depth.sweeping import ask_method, merit_in_words
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.failures import fragment
 from stereolag.ui.jobs import Job, waiting_in_words
+from stereolag.ui.navigation import fragment
 from stereolag.ui.pairs import StereoPair
-from stereolag.ui.wording import percent
+from stereolag.ui.sentences import percent
+from stereolag.ui.visits import this_visit
 
 KEY = "depth.suggest"
 BUDGETS_S = (10, 20, 60)

@@ -11,16 +11,17 @@ import streamlit as st
 
 from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_merits
 from stereolag.progress import Progress
+from stereolag.settings import changed
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.merit import affordable_bench, changed
-from stereolag.stereo.sweep import sweep
+from stereolag.tuning.objective import affordable_bench
+from stereolag.tuning.sweep import sweep
 from stereolag.ui.controls import Number, sentence
-from stereolag.ui.depth.adoption import adopt
+from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.parameters import Parameter, parameters
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.failures import fragment
+from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed_in_turn
-from stereolag.ui.wording import percent
+from stereolag.ui.sentences import percent
 
 KEY = "depth.sweep"
 WANTED_KEY = f"{KEY}.wanted"

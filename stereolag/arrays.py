@@ -1,0 +1,29 @@
+"""The types of arrays that several rooms share."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+Array: TypeAlias = npt.NDArray[Any]
+"""An array of any type."""
+
+FloatMap: TypeAlias = npt.NDArray[np.float32]
+"""(H, W) float32; NaN where there is nothing."""
+
+DoubleMap: TypeAlias = npt.NDArray[np.float64]
+"""(H, W) float64."""
+
+Mask: TypeAlias = npt.NDArray[np.bool_]
+"""(H, W) bool."""
+
+ReasonMap: TypeAlias = npt.NDArray[np.uint8]
+"""(H, W) uint8 of :class:`stereolag.stereo.reasons.Reason`."""
+
+Vector: TypeAlias = npt.NDArray[np.float64]
+"""(N,) float64."""
+
+Rgb: TypeAlias = npt.NDArray[np.uint8]
+"""(..., 3) uint8."""

@@ -1,0 +1,60 @@
+"""Why OpenCV's matchers gave no answer, which they do not say themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.arrays import ReasonMap
+from stereolag.progress import Progress, silent
+from stereolag.stereo.matcher import DisparityMap
+from stereolag.stereo.opencv import BlockMatcher
+from stereolag.stereo.reasons import Reason
+
+FILTERS: tuple[tuple[Reason, str, int], ...] = (
+    (Reason.SPECKLE, "speckle_window_size", 0),
+    # StereoSGBM takes a tolerance of -1 or 0 for 1; one that no two disparities exceed is what switches the check off.
+    (Reason.LEFT_RIGHT, "disp12_max_diff", 1 << 20),
+    (Reason.AMBIGUOUS, "uniqueness_ratio", 0),
+    (Reason.LOW_TEXTURE, "texture_threshold", 0),
+)
+"""OpenCV's filters, the last to act first: its reason, its setting, and the value that switches it off."""
+
+
+def blank_reasons(
+    result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike, *, progress: Progress = silent
+) -> ReasonMap:
+    """Return the reason of every pixel of a map, those without an answer explained.
+
+    Our own matchers know their reasons. Of OpenCV's the pair is matched again, with one filter after another switched
+    off from the last to the first: the filter whose absence brings a pixel back is the one that blanked it. What no
+    filter blanked lies too near to the border for the search.
+
+    Parameters
+    ----------
+    result
+        What its ``settings`` made of the pair.
+    left, right
+        The pair.
+    progress
+        Called with the fraction done after every run.
+
+    Returns
+    -------
+    ndarray
+        (H, W) uint8 of :class:`~stereolag.stereo.reasons.Reason`.
+    """
+    matcher = result.settings
+    if not isinstance(matcher, BlockMatcher):
+        return result.reason
+    reason = np.where(result.valid, result.reason, Reason.OUT_OF_FRAME).astype(np.uint8)
+    unexplained = ~result.valid
+    switches = [one for one in FILTERS if one[1] in type(matcher).model_fields]
+    for done, (cause, setting, switched_off) in enumerate(switches, start=1):
+        # Not validated: the value that switches the left-right check off lies outside what the setting allows.
+        matcher = matcher.model_copy(update={setting: switched_off})
+        returned = unexplained & matcher.compute(left, right).valid
+        reason[returned] = cause
+        unexplained &= ~returned
+        progress(done / len(switches))
+    return reason

@@ -1,0 +1,152 @@
+"""Pixels of a pair that show why matching works or fails, found by what their windows hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from enum import Enum, auto
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.explaining.match import Finding, inspect
+from stereolag.inputs import Image, as_grey, as_stereo_pair
+from stereolag.progress import Progress, silent
+from stereolag.stereo.windows.engines import cheaper_engine, find_matches
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.matches import WindowMatches
+from stereolag.tuning.objective import seen_from_the_right
+
+Pixel = tuple[int, int]
+
+
+class Lesson(Enum):
+    """What a pixel can teach."""
+
+    CLEAR = auto()
+    REPEATS = auto()
+    BARE = auto()
+    HIDDEN = auto()
+
+
+LOOKED_AT = 150
+"""So many promising windows are looked at closely, the most promising first."""
+
+CONFUSABLE = 0.05
+"""Windows whose two best scores are closer may be repeating patterns."""
+
+NARROWEST_HIDDEN = 3
+"""Px; what is hidden is a strip beside a near thing, and narrower holes are rounding."""
+
+
+def instructive_pixel(
+    lesson: Lesson,
+    matcher: CorrelationMatcher,
+    left: npt.ArrayLike,
+    right: npt.ArrayLike,
+    *,
+    progress: Progress = silent,
+) -> Pixel | None:
+    """Return the (row, col) of the left picture that shows a lesson best, or None where the pair has none.
+
+    Parameters
+    ----------
+    lesson
+        CLEAR: one peak far above all others. REPEATS: two hills of the same height. BARE: a window without texture.
+        HIDDEN: a place that something nearer hides from the right camera.
+    matcher
+        Its window, search area and score are those of the lesson.
+    left, right
+        The pair.
+    progress
+        Called with the fraction done.
+    """
+    images = as_stereo_pair(left, right)
+    if lesson is Lesson.HIDDEN:
+        return _hidden(matcher, *images, progress)
+    step = max(2, matcher.window_size // 4)
+    matches = _matches(matcher, *images, step, progress)
+    promising = {Lesson.CLEAR: _surest, Lesson.REPEATS: _most_confusable, Lesson.BARE: _barest}[lesson](matches)
+    wanted = {
+        Lesson.CLEAR: {Finding.CLEAR},
+        Lesson.REPEATS: {Finding.REPEATS},
+        Lesson.BARE: {Finding.BARE, Finding.SMOOTH, Finding.NOTHING},
+    }[lesson]
+    middle = (matcher.window_size - 1) // 2
+    for window in promising:
+        row, col = (int(at) * step + middle for at in np.unravel_index(window, matches.score.shape))
+        if inspect(matcher, *images, row, col).finding in wanted:
+            return row, col
+    return None
+
+
+def _matches(matcher: CorrelationMatcher, left: Image, right: Image, step: int, progress: Progress) -> WindowMatches:
+    """Return the best match and the runner-up of windows `step` px apart."""
+    query = replace(matcher.query(as_grey(left), as_grey(right)), step=step, runner_up=True, right_matches=False)
+    shape = (query.left.shape[0], query.left.shape[1])
+    by_spectrum = query.circular or query.score == "phase"
+    engine = "fft" if by_spectrum else cheaper_engine(shape, query.window_size, step, query.lags)
+    return find_matches(query, engine, progress)
+
+
+def _surest(matches: WindowMatches) -> Iterator[int]:
+    return _highest_first(matches.score - _runner_up(matches))
+
+
+def _most_confusable(matches: WindowMatches) -> Iterator[int]:
+    """Yield windows of much texture first among those with two good places."""
+    confusable = matches.score - _runner_up(matches) < CONFUSABLE * np.abs(matches.score)
+    textured = matches.score * np.sqrt(matches.texture)
+    return _highest_first(np.where(confusable, textured, np.nan))
+
+
+def _barest(matches: WindowMatches) -> Iterator[int]:
+    """Yield windows of little texture first, those in which everything is the same among them."""
+    return _highest_first(-matches.texture)
+
+
+def _runner_up(matches: WindowMatches) -> npt.NDArray[np.float32]:
+    return matches.score if matches.runner_up is None else matches.runner_up
+
+
+def _highest_first(merit: npt.NDArray[np.floating]) -> Iterator[int]:
+    known = np.flatnonzero(np.isfinite(merit))
+    yield from known[np.argsort(merit.ravel()[known])[::-1]][:LOOKED_AT].tolist()
+
+
+def _hidden(matcher: CorrelationMatcher, left: Image, right: Image, progress: Progress) -> Pixel | None:
+    """Return the middle of the widest strip that a nearer thing hides from the right camera."""
+    mirrored = seen_from_the_right(matcher, left, right, progress=progress)
+    depth = cv2.distanceTransform(_hidden_strips(mirrored.disparity[:, ::-1]).astype(np.uint8), cv2.DIST_L2, 5)
+    if 2 * float(depth.max()) < NARROWEST_HIDDEN:
+        return None
+    row, col = divmod(int(np.argmax(depth)), depth.shape[1])
+    return row, col
+
+
+def _hidden_strips(right_disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+    """Return the (H, W) pixels of the left picture that the right camera cannot see, from the right picture's map.
+
+    No pixel of the right picture is matched to them, and the gap is as wide as the disparity grows across it: that is
+    how much of what lies behind a nearer thing hides. Other gaps are mismatches.
+    """
+    left_disparity = np.full_like(right_disparity, -np.inf)
+    rows, cols = np.nonzero(np.isfinite(right_disparity))
+    there = np.rint(cols + right_disparity[rows, cols]).astype(np.intp)
+    inside = (there >= 0) & (there < right_disparity.shape[1])
+    rows, cols, there = rows[inside], cols[inside], there[inside]
+    np.maximum.at(left_disparity, (rows, there), right_disparity[rows, cols])  # the nearer thing is the one seen
+
+    gap = np.isneginf(left_disparity)
+    left_disparity[gap] = np.nan
+    gap[:, [0, -1]] = False  # a gap at the border has no other side
+    change = np.diff(gap.astype(np.int8), axis=1)
+    (row, before), (_, last) = np.nonzero(change == 1), np.nonzero(change == -1)
+    width = last - before
+    growth = left_disparity[row, last + 1] - left_disparity[row, before]
+    hides = (width >= NARROWEST_HIDDEN) & (np.abs(growth - width) <= 1 + width / 4)
+    strips = np.zeros(gap.shape, dtype=np.bool_)
+    for at, start, end in zip(row[hides], before[hides] + 1, last[hides] + 1, strict=True):
+        strips[at, start:end] = True
+    return strips

@@ -1,0 +1,272 @@
+"""What one window saw, as figures: the patches that were compared, the hill of scores, and the row through its top."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from stereolag.explaining.match import Box, Inspection
+from stereolag.figures.linked_pictures import hexadecimal
+from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, png
+from stereolag.inputs import Image, as_grey
+
+WINDOW_COLOUR = PEAK
+SEARCH_COLOUR = SENSOR_1
+RUNNER_UP_COLOUR = SENSOR_2
+
+PATCH_SIDE = 240
+FIT_REACH = 4
+"""Px to either side of the peak that the picture of the sub-pixel fit shows."""
+
+STRIP_WIDTH = 720
+"""Px that a strip fills on a usual screen; its height follows, so that its pixels are about square."""
+
+ROW_HEIGHT = 300
+LABEL_SHARE = 0.25
+"""Labels of tops that are closer than this share of the row point away from each other."""
+
+DISPARITY_AXIS = "← nearer    disparity, px    farther →"
+"""As in the right image: what is nearer is found farther to the left."""
+
+OTHERS = ("#3f9d6d", "#8a8a94", "#b5863b", "#4b86c9")
+DASHES = ("solid", "dash", "dot", "dashdot")
+SCORE_COLOURS = [[at / 15, hexadecimal(VIRIDIS[at * 17])] for at in range(16)]
+MARGIN = {"l": 8, "r": 8, "t": 8, "b": 8}
+
+
+def patch_png(image: Image, box: Box) -> bytes:
+    """Return a part of an image enlarged and as the correlation sees it: grey, from its darkest to its brightest."""
+    part = as_grey(image)[box.row : box.row + box.height, box.col : box.col + box.width].astype(np.float32)
+    low, span = float(part.min()), float(np.ptp(part)) or 1.0
+    stretched = np.rint((part - low) * (255 / span)).astype(np.uint8)
+    scale = max(1, PATCH_SIDE // max(box.height, box.width))
+    return png(as_rgb(stretched.repeat(scale, axis=0).repeat(scale, axis=1)))
+
+
+def score_hill(seen: Inspection, searched: Inspection) -> go.Figure:
+    """Return the scores of every lag as a landscape, with the top and the runner-up of what was `searched` of it."""
+    figure = go.Figure(
+        go.Surface(
+            z=seen.surface.astype(np.float32),
+            x=-seen.dx,
+            y=seen.dy,
+            colorscale=SCORE_COLOURS,
+            showscale=False,
+            contours={"z": {"show": True, "color": "rgba(255,255,255,0.35)", "width": 1}},
+            hovertemplate="disparity %{x} px, %{y} rows down: %{z:.3f}<extra></extra>",
+        )
+    )
+    low, high = _score_range(seen)
+    for at, score, colour, name, side in _tops(searched):
+        # A pin: the foot on the hill, the head above it, so that the slopes before it do not hide it.
+        figure.add_trace(
+            go.Scatter3d(
+                x=[-at[1]] * 2,
+                y=[at[0]] * 2,
+                z=[score, high],
+                mode="lines+markers+text",
+                line={"color": colour, "width": 5},
+                marker={"color": colour, "size": [3, 6]},
+                text=["", f"{name} {score:.3f}"],
+                textfont={"color": colour, "size": 13},
+                textposition=f"top {side}",
+                hovertemplate=f"{name}: {score:.3f}<extra></extra>",
+            )
+        )
+    axis = {"showbackground": False, "gridcolor": "rgba(128,128,128,0.3)", "zerolinecolor": "rgba(128,128,128,0.3)"}
+    figure.update_layout(
+        height=420,
+        margin={"l": 0, "r": 0, "t": 0, "b": 0},
+        showlegend=False,
+        scene={
+            "xaxis": {"title": {"text": "disparity, px"}, "autorange": "reversed", **axis},
+            "yaxis": {"title": {"text": "rows down"}, "autorange": "reversed", **axis},
+            "zaxis": {"title": {"text": "score"}, "range": [low, high], **axis},
+            "aspectmode": "manual",
+            "aspectratio": {"x": 1.7, "y": 1.0, "z": 0.75},
+            "camera": {"eye": {"x": 0.5, "y": -1.7, "z": 0.95}, "center": {"x": 0, "y": 0, "z": -0.12}},
+        },
+    )
+    return figure
+
+
+def score_map(seen: Inspection, searched: Inspection) -> go.Figure:
+    """Return the scores of every lag from above; the rows that `searched` left out lie outside of a frame."""
+    figure = go.Figure(
+        go.Heatmap(
+            z=seen.surface.astype(np.float32),
+            x=-seen.dx,
+            y=seen.dy,
+            colorscale=SCORE_COLOURS,
+            zmin=_score_range(seen)[0],
+            zmax=_score_range(seen)[1],
+            colorbar={"title": {"text": "score"}, "thickness": 12},
+            hovertemplate="disparity %{x} px, %{y} rows down: %{z:.3f}<extra></extra>",
+        )
+    )
+    if searched.dy.size < seen.dy.size:
+        figure.add_shape(
+            type="rect",
+            x0=-searched.dx[-1] - 0.5,
+            x1=-searched.dx[0] + 0.5,
+            y0=searched.dy[0] - 0.5,
+            y1=searched.dy[-1] + 0.5,
+            line={"color": "#fff", "width": 2},
+        )
+    for at, _, colour, name, _ in _tops(searched):
+        figure.add_trace(
+            go.Scatter(
+                x=[-at[1]],
+                y=[at[0]],
+                mode="markers",
+                marker={"color": colour, "size": 13, "symbol": "circle-open", "line": {"width": 3}},
+                name=name,
+                hoverinfo="skip",
+            )
+        )
+    figure.update_layout(height=420, margin=MARGIN, showlegend=False)
+    figure.update_xaxes(title=DISPARITY_AXIS, autorange="reversed")
+    figure.update_yaxes(title="rows down", autorange="reversed")
+    return figure
+
+
+def score_row(seen: Inspection, right: Image, others: Mapping[str, float]) -> go.Figure:
+    """Return the strip of the right image that the window slid along, and below it the score at every place.
+
+    Parameters
+    ----------
+    seen
+        The scores of the row of the peak are shown.
+    right
+        The right image.
+    others
+        {name: disparity, px} of what else is known of the pixel, drawn as lines.
+    """
+    top = (seen.found or seen.search).row
+    size = seen.window.height
+    strip = as_grey(right)[top : top + size, seen.search.col : seen.search.col + seen.search.width]
+    # Where the middle of the window stands: its disparity, for every column of the strip.
+    middle = seen.window.col + (size - 1) / 2 - (seen.search.col + np.arange(strip.shape[1]))
+    strip_height = int(np.clip(STRIP_WIDTH * size / max(strip.shape[1], 1), 40, 160))
+    height = strip_height + ROW_HEIGHT
+    figure = make_subplots(
+        rows=2, shared_xaxes=True, vertical_spacing=0.03, row_heights=[strip_height / height, ROW_HEIGHT / height]
+    )
+    grey = go.Heatmap(z=strip, x=middle, y=np.arange(size), colorscale="gray", showscale=False, hoverinfo="skip")
+    figure.add_trace(grey, row=1, col=1)
+    figure.add_trace(_line(-seen.dx, seen.row, CORRELATION, "score", markers=seen.dx.size <= 96), row=2, col=1)
+    low, high = _score_range(seen)
+    for number, (name, disparity) in enumerate(others.items()):
+        line = {"color": OTHERS[number % len(OTHERS)], "width": 2, "dash": DASHES[number % len(DASHES)]}
+        ends = {"x": [disparity] * 2, "y": [low, high]}
+        figure.add_trace(
+            go.Scatter(**ends, mode="lines", line=line, name=f"{name} {disparity:.2f} px", hoverinfo="skip"),
+            row=2,
+            col=1,
+        )
+    for at, score, colour, name, side in _tops(seen):
+        if seen.peak and at[0] == seen.peak[0]:
+            figure.add_trace(_dot(-at[1], score, colour, f"{name} {score:.3f}", side), row=2, col=1)
+            edges = {"x0": -at[1] - size / 2, "x1": -at[1] + size / 2, "y0": -0.5, "y1": size - 0.5}
+            figure.add_shape(type="rect", **edges, line={"color": colour, "width": 3}, row=1, col=1)
+    figure.update_layout(
+        height=height, margin=MARGIN, legend={"orientation": "h", "x": 0, "y": -0.2, "yanchor": "top"}, hovermode="x"
+    )
+    whole = -float(seen.dx[0]) + size / 2 + 0.5, -float(seen.dx[-1]) - size / 2 - 0.5
+    figure.update_xaxes(range=whole, showgrid=False)
+    figure.update_xaxes(title=DISPARITY_AXIS, row=2, col=1)
+    figure.update_yaxes(visible=False, autorange="reversed", row=1, col=1)
+    figure.update_yaxes(title="score", range=[low, high], row=2, col=1)
+    return figure
+
+
+def sub_pixel_fit(seen: Inspection) -> go.Figure:
+    """Return the scores next to the peak and the curve through three of them, whose top is the answer."""
+    figure = go.Figure()
+    if seen.peak is None:
+        return figure
+    near = np.abs(seen.dx - seen.peak[1]) <= FIT_REACH
+    fine = np.linspace(-1.5, 1.5, 121)
+    curve = seen.fit(fine)
+    figure.add_trace(_line(-(seen.peak[1] + fine), curve, PEAK, "fit"))
+    figure.add_trace(
+        go.Scatter(
+            x=-seen.dx[near],
+            y=seen.row[near].astype(np.float32),
+            mode="markers",
+            marker={"color": CORRELATION, "size": 10},
+            hovertemplate="%{x} px: %{y:.4f}<extra></extra>",
+        )
+    )
+    figure.add_vline(
+        x=seen.disparity,
+        line={"color": PEAK, "width": 2},
+        annotation={"text": f"{seen.disparity:.2f} px", "font": {"color": PEAK, "size": 14}},
+        annotation_position="bottom right",
+    )
+    figure.update_layout(height=330, margin=MARGIN, showlegend=False)
+    figure.update_xaxes(title=DISPARITY_AXIS, dtick=1, autorange="reversed")
+    return figure
+
+
+def _tops(seen: Inspection) -> list[tuple[tuple[int, int], float, str, str, str]]:
+    """Return place, score, colour, name and side of the label of the runner-up and the peak, where there are such."""
+    found = [
+        (seen.runner_up, seen.runner_up_score, RUNNER_UP_COLOUR, "runner-up"),
+        (seen.peak, seen.peak_score, WINDOW_COLOUR, "peak"),
+    ]
+    apart = seen.runner_up[1] - seen.peak[1] if seen.peak and seen.runner_up else seen.dx.size
+    sides = ("center", "center")
+    if abs(apart) < LABEL_SHARE * seen.dx.size:
+        sides = ("right", "left") if apart > 0 else ("left", "right")
+    return [
+        (at, score, colour, name, side)
+        for (at, score, colour, name), side in zip(found, sides, strict=True)
+        if at is not None
+    ]
+
+
+def _score_range(seen: Inspection) -> tuple[float, float]:
+    """Return the ends of the axis: -0.2 to 1 for scores that are correlations, so that hills can be compared."""
+    known = seen.surface[np.isfinite(seen.surface)]
+    if known.size == 0:
+        return 0.0, 1.0
+    low, high = float(known.min()), float(known.max())
+    if seen.score in ("zncc", "ncc"):
+        return min(low, -0.2 if seen.score == "zncc" else low) - 0.02, 1.12
+    return low, high + 0.12 * (high - low)
+
+
+def _line(
+    x: npt.NDArray[Any], y: npt.NDArray[np.float64], colour: str, name: str, *, markers: bool = False
+) -> go.Scatter:
+    return go.Scatter(
+        x=x,
+        y=y.astype(np.float32),
+        mode="lines+markers" if markers else "lines",
+        line={"color": colour, "width": 2},
+        marker={"size": 4},
+        name=name,
+        showlegend=False,
+        hovertemplate="%{x:.2f} px: %{y:.3f}<extra></extra>",
+    )
+
+
+def _dot(x: int, y: float, colour: str, text: str, side: str) -> go.Scatter:
+    return go.Scatter(
+        x=[x],
+        y=[y],
+        mode="markers+text",
+        marker={"color": colour, "size": 12, "symbol": "circle-open", "line": {"width": 3}},
+        text=[text],
+        textposition=f"top {side}",
+        textfont={"color": colour, "size": 13},
+        cliponaxis=False,
+        showlegend=False,
+        hoverinfo="skip",
+    )

@@ -1,0 +1,1 @@
+"""From pixels to metres: calibration, rectification, scaling, point clouds, distances."""

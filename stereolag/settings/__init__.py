@@ -1,0 +1,22 @@
+"""Settings: one declaration makes the validation, the control, the flag and the JSON."""
+
+from stereolag.settings.fields import Applies, Bounds, FitsImage, Number, OfThePair, Pixels, Usual, marker
+from stereolag.settings.model import Settings, changed, scaled_settings, setting
+from stereolag.settings.refusals import Problem, SettingsError
+
+__all__ = [
+    "Applies",
+    "Bounds",
+    "FitsImage",
+    "Number",
+    "OfThePair",
+    "Pixels",
+    "Problem",
+    "Settings",
+    "SettingsError",
+    "Usual",
+    "changed",
+    "marker",
+    "scaled_settings",
+    "setting",
+]

@@ -1,0 +1,143 @@
+"""The one base of every settings object: immutable, validated in one place, described by its own fields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Self, TypeVar
+
+from annotated_types import Ge, MultipleOf
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic.fields import FieldInfo
+
+from stereolag.settings.fields import Applies, Bounds, FitsImage, Pixels, marker
+from stereolag.settings.refusals import Problem, SettingsError, problems_of, unknown_setting
+
+S = TypeVar("S", bound="Settings")
+
+
+class Settings(BaseModel):
+    """Immutable, validated settings.
+
+    Each field carries title, description, bounds and step, and what :class:`Pixels`, :class:`OfThePair`,
+    :class:`Usual`, :class:`FitsImage` and :class:`Applies` say of it, so that one declaration makes the validation, the
+    control on a page, the flag of a command and the JSON.
+
+    Raises
+    ------
+    SettingsError
+        A ``ValueError`` of one sentence that names the setting, its value and what is allowed.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+    def __init__(self, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise SettingsError(tuple(problems_of(type(self), error))) from None
+
+    @classmethod
+    def model_validate(cls, obj: Any, **options: Any) -> Self:
+        """Return the settings that a document, nested dictionaries, describes; as the constructor otherwise."""
+        try:
+            return super().model_validate(obj, **options)
+        except ValidationError as error:
+            raise SettingsError(tuple(problems_of(cls, error))) from None
+
+    @classmethod
+    def obstacle(cls, name: str, values: Any) -> str | None:
+        """Return what a setting needs to have an effect beside these values of the others; None where it has one."""
+        rule = marker(cls.model_fields[name], Applies)
+        return None if rule is None or rule.condition(values) else rule.reason
+
+    @model_validator(mode="after")
+    def _nothing_is_ignored(self) -> Self:
+        for name, field in type(self).model_fields.items():
+            rule, value = marker(field, Applies), getattr(self, name)
+            if rule is None or value is None or value is False or value == field.default or value in rule.otherwise:
+                continue
+            if not rule.condition(self):
+                given = "" if isinstance(value, bool | Settings) else f" is {value!r} and"
+                raise SettingsError((Problem(name, f"{name}{given} {rule.reason}."),))
+        return self
+
+
+def setting(settings: Settings, name: str) -> Any:
+    """Return the value of a setting; a name with dots reaches into a setting that has settings of its own.
+
+    Raises
+    ------
+    ValueError
+        A name that does not exist.
+    """
+    value: Any = settings
+    for part in name.split("."):
+        if not isinstance(value, Settings) or part not in type(value).model_fields:
+            raise ValueError(unknown_setting(type(settings), name))
+        value = getattr(value, part)
+    return value
+
+
+def changed(settings: S, changes: Mapping[str, object]) -> S:
+    """Return settings with some values changed and everything validated anew.
+
+    Parameters
+    ----------
+    settings
+        What to start from.
+    changes
+        {name: value}; a name with dots reaches into a setting that has settings of its own: "search.vertical".
+
+    Raises
+    ------
+    ValueError
+        A name that does not exist or a value that is not allowed.
+    """
+    document = settings.model_dump()
+    for name, value in changes.items():
+        setting(settings, name)
+        *path, last = name.split(".")
+        holder = document
+        for key in path:
+            holder = holder[key]
+        holder[last] = value
+    return type(settings).model_validate(document)
+
+
+def scaled_settings(settings: S, factor: float) -> S:
+    """Return settings whose windows and search area cover the same part of images at `factor` times their size.
+
+    Sizes are rounded to what their field allows, the number of disparities upwards: nothing drops out of the search.
+
+    Raises
+    ------
+    ValueError
+        So small that the settings no longer fit together.
+    """
+    return type(settings).model_validate(_scaled(settings, factor))
+
+
+def _scaled(settings: Settings, factor: float) -> dict[str, Any]:
+    document: dict[str, Any] = {}
+    for name, field in type(settings).model_fields.items():
+        value, length = getattr(settings, name), marker(field, Pixels)
+        if isinstance(value, Settings):
+            document[name] = _scaled(value, factor)
+        elif length is not None and value:
+            document[name] = _rounded(value, value * factor**length.power, field, rounded_up=length.rounded_up)
+        else:
+            document[name] = value
+    return document
+
+
+def _rounded(value: int, wanted: float, field: FieldInfo, *, rounded_up: bool) -> int:
+    """Return the allowed whole number next to `wanted`, in whole steps from the allowed `value`; never 0."""
+    if rounded_up:
+        declared = marker(field, MultipleOf)
+        multiple = int(declared.multiple_of) if declared else 1  # type: ignore[call-overload]
+        return max(multiple, int(-(-wanted // multiple)) * multiple)
+    step = int(Bounds.of(field).step) if marker(field, FitsImage) else 1
+    rounded = value - step * round((value - wanted) / step)
+    least = marker(field, Ge)
+    low = int(least.ge) if least else rounded  # type: ignore[call-overload]
+    return max(rounded, low) or (1 if value > 0 else -1)

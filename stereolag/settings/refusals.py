@@ -1,0 +1,123 @@
+"""Refused settings in one sentence: the setting, its value, and what is allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sized
+from difflib import get_close_matches
+from types import NoneType
+from typing import NamedTuple, get_args
+
+from annotated_types import Ge, Gt, Le, Lt, MultipleOf
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from stereolag.settings.fields import base_type, choices, nested
+
+LONGEST_SHOWN = 60
+
+
+class Problem(NamedTuple):
+    """What is wrong with one setting: its name, with dots where it lies within others, and a sentence."""
+
+    name: str
+    sentence: str
+
+
+class SettingsError(ValueError):
+    """Settings that are refused: the message is one sentence, about the first of the `problems`."""
+
+    def __init__(self, problems: tuple[Problem, ...]) -> None:
+        super().__init__(problems[0].sentence)
+        self.problems = problems
+
+
+def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Problem]:
+    """Give what pydantic found, each as a name and one sentence of ours."""
+    for found in error.errors():
+        path, field = _followed(kind, found["loc"])
+        name = ".".join(path)
+        cause = found.get("ctx", {}).get("error")
+        if isinstance(cause, SettingsError):
+            yield from (Problem(".".join(filter(None, (name, one.name))), one.sentence) for one in cause.problems)
+        elif found["type"] == "value_error":
+            yield Problem(name, str(cause))
+        elif found["type"] == "extra_forbidden":
+            yield Problem(name, unknown_setting(kind, name))
+        elif found["type"] == "missing":
+            yield Problem(name, f"{name} is missing.")
+        elif field is not None:
+            yield Problem(name, f"{name} is {_shown(found['input'])}; allowed {_allowed(field)}.")
+        else:
+            yield Problem(name, f"{name or kind.__name__} is {_shown(found['input'])}: {found['msg']}.")
+
+
+def _followed(kind: type[BaseModel], place: tuple[int | str, ...]) -> tuple[list[str], FieldInfo | None]:
+    """Return the names on the way to a place and the last one's field; the mark of a kind in a union is no name."""
+    path: list[str] = []
+    field: FieldInfo | None = None
+    kinds: tuple[type[BaseModel], ...] = (kind,)
+    for number, part in enumerate(map(str, place)):
+        holder = next((one for one in kinds if part in one.model_fields), None)
+        if holder is not None:
+            field = holder.model_fields[part]
+            kinds = nested(field)
+            path.append(part)
+        elif number == len(place) - 1:  # a name that does not exist
+            path.append(part)
+            field = None
+    return path, field
+
+
+def _allowed(field: FieldInfo) -> str:
+    """Return what a field allows, as the end of a sentence."""
+    options, kind, inner = choices(field), base_type(field), nested(field)
+    if options:
+        return f"are {_listed([repr(one) for one in options])}"
+    if inner:
+        return f"are settings of {_listed([one.__name__ for one in inner])}"
+    if kind is bool:
+        return "are True and False"
+    if kind not in (int, float):
+        return f"is {getattr(kind, '__name__', kind)}"
+    ends = {type(one): one for one in field.metadata}
+    multiple = ends[MultipleOf].multiple_of if MultipleOf in ends else None
+    what = f"multiples of {multiple}" if multiple else "whole numbers" if kind is int else "numbers"
+    low = f" from {ends[Ge].ge:g}" if Ge in ends else f" above {ends[Gt].gt:g}" if Gt in ends else ""
+    high = f" to {ends[Le].le:g}" if Le in ends else f" below {ends[Lt].lt:g}" if Lt in ends else ""
+    return f"are {what}{low}{high}" + (" or None" if NoneType in get_args(field.annotation) else "")
+
+
+def _shown(value: object) -> str:
+    """Return a value as Python writes it, cut short: it may come from anywhere."""
+    if isinstance(value, int) and abs(value) > 10**LONGEST_SHOWN:
+        return f"a number of more than {LONGEST_SHOWN} digits"
+    if isinstance(value, dict | list | tuple) or len(text := repr(value)) > LONGEST_SHOWN:
+        return f"a {type(value).__name__}" + (f" of {len(value)}" if isinstance(value, Sized) else "")
+    return text
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def unknown_setting(kind: type[BaseModel], name: str) -> str:
+    """Return a sentence about a name that does not exist, with the one that is probably meant."""
+    known = dict(_names(kind))
+    plain = _plain(name.rpartition(".")[2])
+    meant = [full for full in known if _plain(full.rpartition(".")[2]) == plain]
+    meant = meant or get_close_matches(name, known, n=1, cutoff=0.7)
+    return f"{kind.__name__} has no setting {name!r}" + (f"; did you mean {meant[0]}?" if meant else ".")
+
+
+def _names(kind: type[BaseModel], path: str = "") -> Iterator[tuple[str, FieldInfo]]:
+    """Give every setting by its full name, outer ones first."""
+    for name, field in kind.model_fields.items():
+        yield f"{path}{name}", field
+    for name, field in kind.model_fields.items():
+        for inner in nested(field):
+            yield from _names(inner, f"{path}{name}.")
+
+
+def _plain(name: str) -> str:
+    """Return a name without what tells OpenCV's spelling from ours: ``numDisparities`` is ``num_disparities``."""
+    return name.replace("_", "").lower()

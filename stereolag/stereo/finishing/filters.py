@@ -1,0 +1,99 @@
+"""Filters on a finished map: islands taken away, edges kept."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from stereolag.arrays import FloatMap, ReasonMap
+from stereolag.settings import Settings
+from stereolag.stereo.finishing.checks import rejected
+from stereolag.stereo.finishing.weighted_median import weighted_median
+from stereolag.stereo.reasons import Reason
+
+SIXTEENTHS = 16
+NOTHING = -32768
+
+
+class SpeckleFilter(Settings):
+    """Small islands of disparity unlike all around them are mismatches."""
+
+    size: int = Field(
+        100,
+        title="Smallest surface",
+        description="A connected surface of fewer pixels is taken away.",
+        ge=1,
+        le=10_000,
+        json_schema_extra={"step": 10},
+    )
+    difference: float = Field(
+        2.0,
+        title="Connected within",
+        description="Neighbours belong to one surface if their disparities differ by no more, px.",
+        gt=0,
+        le=64,
+        json_schema_extra={"step": 0.5},
+    )
+
+
+class MedianFilter(Settings):
+    """Each pixel takes the middle disparity of its neighbours of like colour: smooth inside, sharp at edges."""
+
+    radius: int = Field(
+        6,
+        title="Median radius",
+        description="How far the neighbours lie, px.",
+        ge=2,
+        le=30,
+        multiple_of=2,
+    )
+    contrast: int = Field(
+        25,
+        title="Median contrast",
+        description="Difference of colour, levels of 255, at which a neighbour all but loses its vote.",
+        ge=1,
+        le=255,
+    )
+
+
+def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFilter) -> tuple[FloatMap, ReasonMap]:
+    """Return the map without its small islands (as OpenCV's ``filterSpeckles``), which become SPECKLE.
+
+    Parameters
+    ----------
+    disparity
+        (H, W) float32 px, within ±2047; NaN = none.
+    reason
+        (H, W) uint8.
+    settings
+        What is small.
+    """
+    known = np.isfinite(disparity)
+    sixteenths = np.full(disparity.shape, NOTHING, np.int16)
+    np.rint(disparity * np.float32(SIXTEENTHS), out=sixteenths, where=known, casting="unsafe")
+    # OpenCV takes away what has at most so many pixels.
+    cv2.filterSpeckles(sixteenths, NOTHING, settings.size - 1, round(settings.difference * SIXTEENTHS))
+    return rejected(disparity, reason, known & (sixteenths == NOTHING), Reason.SPECKLE)
+
+
+def edge_respecting_median(disparity: FloatMap, guide: npt.NDArray[np.uint8], settings: MedianFilter) -> FloatMap:
+    """Return the weighted median of 25 neighbours on a 5 × 5 grid, weighted by likeness of colour.
+
+    Parameters
+    ----------
+    disparity
+        (H, W) float32 px; NaN takes no part, and stays.
+    guide
+        (H, W) or (H, W, channels) uint8, the left image.
+    settings
+        Reach and weights.
+
+    Returns
+    -------
+    ndarray
+        (H, W) float32, rounded to 1/256 px.
+    """
+    planes = guide[:, :, None] if guide.ndim == 2 else guide[:, :, :3]
+    return weighted_median(disparity, planes, settings.radius, settings.radius // 2, settings.contrast)

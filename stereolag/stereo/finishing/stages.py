@@ -1,0 +1,75 @@
+"""The stages after the checks, the same for every matcher of ours: speckles taken away, gaps filled, edges kept."""
+
+from __future__ import annotations
+
+from typing import Annotated, Protocol
+
+import numpy as np
+from pydantic import Field
+
+from stereolag.inputs import Image, as_eight_bit
+from stereolag.stereo.finishing.filling import filled_from_behind
+from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter, edge_respecting_median, without_speckles
+from stereolag.stereo.matcher import PixelMatches
+
+Speckle = Annotated[
+    SpeckleFilter | None,
+    Field(title="Speckle filter", description="Drop small islands of disparity unlike all around them."),
+]
+Filling = Annotated[
+    bool, Field(title="Fill gaps", description="Continue the surface behind over what could not be measured.")
+]
+Median = Annotated[
+    MedianFilter | None,
+    Field(
+        title="Edge-respecting median",
+        description="Smooth the map where the image is smooth, and only there.",
+    ),
+]
+
+
+class Finishing(Protocol):
+    """The settings of a matcher that finishes its map."""
+
+    @property
+    def speckle(self) -> SpeckleFilter | None:
+        """Return what a speckle is; None keeps all."""
+
+    @property
+    def filling(self) -> bool:
+        """Return whether gaps are filled."""
+
+    @property
+    def median(self) -> MedianFilter | None:
+        """Return how the map is smoothed; None leaves it as it is."""
+
+
+def is_finished(settings: Finishing) -> bool:
+    """Return whether the settings ask for any of the stages."""
+    return settings.speckle is not None or settings.filling or settings.median is not None
+
+
+def finished(found: PixelMatches, left: Image, right: Image, settings: Finishing) -> PixelMatches:
+    """Return the map filtered and filled, as far as the settings ask for it.
+
+    Parameters
+    ----------
+    found
+        What was measured.
+    left, right
+        The images; the median follows the edges of the left one.
+    settings
+        Which stages, and how.
+    """
+    if not is_finished(settings):
+        return found
+    disparity, reason = found.disparity, found.reason
+    if settings.speckle is not None:
+        disparity, reason = without_speckles(disparity, reason, settings.speckle)
+    if settings.filling:
+        disparity, reason = filled_from_behind(disparity, reason)
+    if settings.median is not None:
+        disparity = edge_respecting_median(disparity, as_eight_bit(left, right)[0], settings.median)
+    # After a search in two dimensions only speckles are taken away: nothing is filled.
+    dy = None if found.dy is None else np.where(np.isnan(disparity), np.float32(np.nan), found.dy)
+    return PixelMatches(disparity, reason, found.score, dy)

@@ -1,0 +1,1 @@
+"""Matching by a volume of costs and semi-global optimisation."""

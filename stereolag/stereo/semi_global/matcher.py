@@ -1,0 +1,158 @@
+"""Depth by semi-global matching: the settings, and the order of the stages from the volume to the finished map."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, field_validator
+
+from stereolag.arrays import ReasonMap
+from stereolag.estimates import Estimate
+from stereolag.inputs import Image, as_eight_bit, as_grey, grey_level, of_ordinary_size
+from stereolag.progress import Progress
+from stereolag.settings import FitsImage, OfThePair, Pixels, Usual
+from stereolag.stereo.finishing.checks import (
+    FLAT_TEXTURE,
+    AmbiguityTest,
+    LeftRightCheck,
+    TextureTest,
+    ambiguous,
+    left_right_disagree,
+)
+from stereolag.stereo.finishing.stages import Filling, Median, Speckle, finished
+from stereolag.stereo.matcher import PixelMatches, StereoMatcher
+from stereolag.stereo.reasons import Reason
+from stereolag.stereo.semi_global.costs import MatchingCost
+from stereolag.stereo.semi_global.estimates import estimate_volume
+from stereolag.stereo.semi_global.matching import VolumeMatches, VolumeQuery, match_semi_global
+from stereolag.stereo.semi_global.paths import PATHS, SemiGlobal
+
+
+class SemiGlobalMatcher(StereoMatcher):
+    """Weigh every match against its neighbours' along eight paths, instead of taking the best of each pixel alone.
+
+    H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008, over a cost that joins the
+    correlation of windows with census and gradient. The later stages are off unless they are given;
+    :func:`stereolag.preset` gives them.
+    """
+
+    title = "Semi-global"
+    short_name = "sgm"
+    first_shown = ("window_size", "num_disparities", "optimisation")
+
+    window_size: Annotated[int, Pixels(), FitsImage()] = Field(
+        9,
+        title="Window",
+        description="Side of the correlation's window, px; odd, so that a pixel is its middle.",
+        ge=3,
+        le=255,
+        json_schema_extra={"step": 2},
+    )
+    num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
+        64,
+        title="Disparities searched",
+        description="How many disparities are tried, px (OpenCV's numDisparities).",
+        ge=1,
+        le=1024,
+        json_schema_extra={"step": 16},
+    )
+    min_disparity: Annotated[int, Pixels(), Usual(-64, 64)] = Field(
+        0,
+        title="Smallest disparity",
+        description="The first disparity tried, px (OpenCV's minDisparity).",
+        ge=-512,
+        le=512,
+    )
+    cost: MatchingCost = Field(
+        MatchingCost(),
+        title="Matching cost",
+        description="What the optimisation weighs: the correlation, joined by census and gradient.",
+    )
+    optimisation: SemiGlobal = Field(
+        SemiGlobal(),
+        title="Semi-global optimisation",
+        description="What a change of disparity between neighbours costs.",
+    )
+    texture: TextureTest | None = Field(
+        None, title="Texture test", description="Give no disparity where a window holds too little to match."
+    )
+    ambiguity: AmbiguityTest | None = Field(
+        None, title="Ambiguity test", description="Give no disparity where another one fits nearly as well."
+    )
+    left_right: LeftRightCheck | None = Field(
+        None, title="Left-right check", description="Give no disparity where the right image's match disagrees."
+    )
+    speckle: Speckle = None
+    filling: Filling = False
+    median: Median = None
+
+    @field_validator("window_size")
+    @classmethod
+    def _odd(cls, value: int) -> int:
+        if value % 2 == 0:
+            raise ValueError(f"window_size is {value}; allowed are odd sizes, so that a pixel is the window's middle.")
+        return value
+
+    def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
+        """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype."""
+        return estimate_volume(shape, dtype, num_disparities=self.num_disparities)
+
+    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
+        """Match the images as 8-bit grey, then check, filter and fill.
+
+        The score is 1 less the summed cost of the eight paths as a share of the highest that eight mismatches of the
+        weights in use can cost, 0 where penalties make it more.
+        """
+        if self.window_size > min(left.shape[:2]):
+            raise ValueError(
+                f"window_size is {self.window_size} px and the images are {left.shape[1]} × {left.shape[0]}; "
+                "the window must fit into them."
+            )
+        grey = of_ordinary_size(as_grey(left), as_grey(right))
+        query = VolumeQuery(
+            *as_eight_bit(*grey),
+            self.window_size,
+            self.min_disparity,
+            self.num_disparities,
+            self.cost,
+            self.optimisation,
+        )
+        matches = match_semi_global(query, progress)
+        highest = PATHS * self.cost.highest
+        reason = self._reasons(matches, highest)
+        flat = (self.texture.least if self.texture else FLAT_TEXTURE) * grey_level(*grey)
+        reason[_deviation(grey[0], self.window_size) <= flat] = Reason.LOW_TEXTURE
+        disparity = np.where(
+            reason == Reason.MEASURED,
+            matches.lag + matches.offset + np.float32(self.min_disparity),
+            np.float32(np.nan),
+        )
+        score = np.clip(1 - matches.lowest / np.float32(highest), 0, 1).astype(np.float32)
+        return finished(PixelMatches(disparity, reason, score), left, right, self)
+
+    def _reasons(self, matches: VolumeMatches, highest: int) -> ReasonMap:
+        """Return which matches are believed, and why the others are not."""
+        first, lag = self.min_disparity, matches.lag
+        reason = np.full(lag.shape, Reason.MEASURED, dtype=np.uint8)
+        col = np.arange(lag.shape[1], dtype=np.int32) - first
+        match = col - lag
+        if self.left_right is not None:
+            back = col + 2 * first + matches.right_lag
+            reason[left_right_disagree(match, back, self.left_right.tolerance)] = Reason.LEFT_RIGHT
+        if self.ambiguity is not None:
+            lead = round(self.ambiguity.lead * highest)
+            reason[ambiguous(matches.lowest, matches.runner_up, lead)] = Reason.AMBIGUOUS
+        # Disparity 0 is infinity: an end of the world and not of the search.
+        reason[(lag == self.num_disparities - 1) | ((lag == 0) & (first != 0))] = Reason.AT_SEARCH_EDGE
+        reason[(match < 0) | (match >= lag.shape[1])] = Reason.OUT_OF_FRAME
+        return reason
+
+
+def _deviation(image: Image, window_size: int) -> npt.NDArray[np.float64]:
+    """Return the standard deviation of the window around every pixel, grey levels."""
+    centred = image - float(np.round(np.mean(image)))
+    mean, square = (cv2.blur(part, (window_size, window_size)) for part in (centred, centred * centred))
+    return np.asarray(np.sqrt(np.maximum(square - mean * mean, 0)))

@@ -1,0 +1,284 @@
+"""Semi-global optimisation: the cheapest way to each lag along straight paths (Hirschmüller 2008)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from stereolag.arrays import Array
+from stereolag.loops.bands import over_bands
+from stereolag.loops.compilation import compiled
+from stereolag.progress import Progress, silent
+from stereolag.settings import Settings
+
+Costs = npt.NDArray[np.uint8]
+Sums = npt.NDArray[np.uint16]
+Pixels = npt.NDArray[np.uint8]
+
+PATHS = 8
+"""How many paths reach a pixel."""
+
+WALL = 30_000
+"""A cost that no path takes, one lag beyond either end; twice this still fits 16 bits."""
+
+CELLS_AT_ONCE = 40_000_000
+"""Pixels times lags between two calls of progress: some hundredths of a second."""
+
+
+def path_sums(costs: Costs, guide: Pixels, small: int, large: Array, progress: Progress = silent) -> tuple[Sums, Sums]:
+    """Return the path costs summed over the four paths from above and left, and over the four from below and right.
+
+    Along a path with direction r the cost of pixel p at lag d is
+    ``L(p, d) = C(p, d) + min(L(q, d), L(q, d ± 1) + small, min L(q) + large) - min L(q)``, where q = p - r.
+
+    Parameters
+    ----------
+    costs
+        (H, W, D) uint8.
+    guide
+        (H, W) uint8 grey levels: a path that crosses a step in them pays less for a jump.
+    small
+        Penalty for a change of one lag.
+    large
+        (256,) uint16 penalty for a larger change, by the step of the guide between the two pixels; with the largest
+        cost it stays below 4096, so that eight paths fit 16 bits.
+    progress
+        Called with the fraction done.
+
+    Returns
+    -------
+    tuple of ndarray
+        (H, W, D) uint16 each; their sum is what semi-global matching minimises.
+    """
+    height, width, lags = costs.shape
+    sums = np.empty(costs.shape, np.uint16), np.empty(costs.shape, np.uint16)
+    guide = np.ascontiguousarray(guide)
+    fronts = _Front.before(width, lags), _Front.before(width, lags)
+    rows = max(1, CELLS_AT_ONCE // (width * lags))
+    for first in range(0, height, rows):
+        end = min(height, first + rows)
+
+        def directions(one: int, last: int, first: int = first, end: int = end) -> None:
+            for direction in range(one, last):
+                _sweep(costs, guide, small, large, direction == 1, first, end, fronts[direction], sums[direction])
+
+        over_bands(directions, 2)
+        progress(end / height)
+    return sums
+
+
+class _Front(NamedTuple):
+    """The paths where a sweep stands: two rows of three paths a pixel, the one before and the one being written."""
+
+    paths: Sums
+    """The path along the row, at two pixels; then both rows; each cell has a wall at either end."""
+    least: Sums
+    """The least cost of each path of both rows."""
+
+    @staticmethod
+    def before(width: int, lags: int) -> _Front:
+        """Return the front of a sweep that has not begun."""
+        paths = np.zeros((2 + 2 * 3 * (width + 2), lags + 2), np.uint16)
+        paths[:, [0, -1]] = WALL
+        return _Front(paths.reshape(-1), np.zeros(2 * 3 * (width + 2), np.uint16))
+
+
+@compiled
+def _step(guide: Pixels, first: np.uint64, second: np.uint64) -> np.uint64:
+    """Return the step of grey level between two places of the flat guide."""
+    a, b = np.uint64(guide[first]), np.uint64(guide[second])
+    return a - b if a > b else b - a
+
+
+@compiled
+def _advance(
+    paths: Sums,
+    before: np.uint64,
+    here: np.uint64,
+    costs: Costs,
+    pixel: np.uint64,
+    lags: np.uint64,
+    small: np.uint16,
+    least: np.uint16,
+    jump: np.uint16,
+) -> np.uint16:
+    """Carry one path from the lags at `before` to those at `here`; return the least of the new costs.
+
+    `least` is the least of the old costs, `jump` that plus the large penalty.
+    """
+    one, two = np.uint64(1), np.uint64(2)
+    lowest = np.uint16(65535)
+    for lag in range(lags):
+        beside = np.uint16(min(paths[before + lag], paths[before + lag + two]) + small)
+        best = min(min(paths[before + lag + one], beside), jump)
+        cost = np.uint16(np.uint16(best - least) + np.uint16(costs[pixel + lag]))
+        paths[here + lag + one] = cost
+        lowest = min(lowest, cost)
+    return lowest
+
+
+@compiled
+def _sweep(
+    costs3: Costs,
+    guide2: Pixels,
+    small_penalty: int,
+    large: Array,
+    backwards: bool,
+    first: int,
+    end: int,
+    front: _Front,
+    sums3: Sums,
+) -> None:
+    """Sum the four paths that reach a pixel in reading order, or in its reverse, for the rows `first` to `end`.
+
+    One array holds the costs of all paths, in the row before and in this one: with one array and plain offsets LLVM
+    puts sixteen or more lags in a vector register; with a view for each it does not.
+    """
+    costs, guide, sums = costs3.reshape(-1), guide2.reshape(-1), sums3.reshape(-1)
+    paths, least = front.paths, front.least
+    height, width, lags = np.uint64(costs3.shape[0]), np.uint64(costs3.shape[1]), np.uint64(costs3.shape[2])
+    zero, one, two, three = np.uint64(0), np.uint64(1), np.uint64(2), np.uint64(3)
+    small = np.uint16(small_penalty)
+    cell = lags + two
+    row, row_least = (width + two) * cell, width + two
+    for i in range(np.uint64(first), np.uint64(end)):
+        y = height - one - i if backwards else i
+        previous = y if i == zero else (y + one if backwards else y - one)
+        written = i % two
+        above, above_next = two * cell + (one - written) * three * row, two * cell + written * three * row
+        least_above, least_next = (one - written) * three * row_least, written * three * row_least
+        along, along_next = zero, cell
+        for lag in range(lags):
+            paths[along + lag + one] = 0
+        least_along = np.uint16(0)
+        for j in range(width):
+            x = width - one - j if backwards else j
+            behind = x if j == zero else (x + one if backwards else x - one)
+            ahead = x if j == width - one else (x - one if backwards else x + one)
+            pixel, upper = y * width + x, previous * width
+            place = pixel * lags
+            source, target = above + j * cell, above_next + (j + one) * cell
+            low, low_next = least_above + j, least_next + j + one
+
+            jump = np.uint16(least_along + large[_step(guide, pixel, y * width + behind)])
+            least_along = _advance(paths, along, along_next, costs, place, lags, small, least_along, jump)
+
+            start = least[low]
+            jump = np.uint16(start + large[_step(guide, pixel, upper + behind)])
+            least[low_next] = _advance(paths, source, target, costs, place, lags, small, start, jump)
+
+            start = least[low + row_least + one]
+            jump = np.uint16(start + large[_step(guide, pixel, upper + x)])
+            least[low_next + row_least] = _advance(
+                paths, source + row + cell, target + row, costs, place, lags, small, start, jump
+            )
+
+            start = least[low + two * row_least + two]
+            jump = np.uint16(start + large[_step(guide, pixel, upper + ahead)])
+            least[low_next + two * row_least] = _advance(
+                paths, source + two * (row + cell), target + two * row, costs, place, lags, small, start, jump
+            )
+
+            for lag in range(lags):
+                k = lag + one
+                level = np.uint16(paths[along_next + k] + paths[target + k])
+                slanted = np.uint16(paths[target + row + k] + paths[target + two * row + k])
+                sums[place + lag] = np.uint16(level + slanted)
+            along, along_next = along_next, along
+
+
+def path_sums_reference(costs: Costs, guide: Pixels, small: int, large: Array) -> npt.NDArray[np.int64]:
+    """Return the sum of both answers of :func:`path_sums`, by the formula, pixel by pixel."""
+    height, width, lags = costs.shape
+    total = np.zeros(costs.shape, np.int64)
+    for dy, dx in ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)):
+        path = np.zeros((height + 2, width + 2, lags + 2), np.int64)
+        path[:, :, [0, -1]] = WALL
+        for y in range(height)[:: dy or 1]:
+            for x in range(width)[:: dx or 1]:
+                before = path[y + 1 - dy, x + 1 - dx]
+                inside = 0 <= y - dy < height and 0 <= x - dx < width
+                step = abs(int(guide[y, x]) - int(guide[y - dy, x - dx])) if inside else 0
+                least = before[1:-1].min()
+                beside = np.minimum(before[:-2], before[2:]) + small
+                best = np.minimum(np.minimum(before[1:-1], beside), least + int(large[step]))
+                path[y + 1, x + 1, 1:-1] = costs[y, x] + best - least
+        total += path[1:-1, 1:-1, 1:-1]
+    return total
+
+
+class SemiGlobal(Settings):
+    """What a change of disparity between neighbours costs; a mismatch costs up to 250."""
+
+    penalty_small: int = Field(
+        24,
+        title="Penalty of a slant",
+        description="Cost of a change by one lag. Higher is smoother, lower follows slanted surfaces.",
+        ge=1,
+        le=250,
+    )
+    penalty_large: int = Field(
+        400,
+        title="Penalty of a jump",
+        description="Cost of any larger change, where the picture is even.",
+        ge=1,
+        le=3000,
+        json_schema_extra={"step": 20},
+    )
+    penalty_at_edges: int = Field(
+        80,
+        title="Penalty of a jump at an edge",
+        description="What is left of that cost across a strong edge of the picture, where surfaces may end.",
+        ge=1,
+        le=3000,
+        json_schema_extra={"step": 20},
+    )
+    edge_contrast: int = Field(
+        40,
+        title="Strong edge",
+        description="Step between two pixels, grey levels of 255, that counts as a strong edge.",
+        ge=1,
+        le=255,
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> SemiGlobal:
+        if not self.penalty_small <= self.penalty_at_edges <= self.penalty_large:
+            raise ValueError(
+                f"penalty_small is {self.penalty_small}, penalty_at_edges {self.penalty_at_edges} and penalty_large "
+                f"{self.penalty_large}; each must be at least as large as the one before."
+            )
+        return self
+
+
+def optimise(
+    costs: Costs, guide: npt.NDArray[np.uint8], settings: SemiGlobal, progress: Progress = silent
+) -> tuple[Sums, Sums]:
+    """Return the costs of the best paths from eight sides, summed over four and four of them.
+
+    H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008. The penalty of a jump
+    falls in a straight line with the step of grey level that the path crosses.
+
+    Parameters
+    ----------
+    costs
+        (H, W, D) uint8 matching cost, at most 250.
+    guide
+        (H, W) uint8, the left image.
+    settings
+        The penalties.
+    progress
+        Called with the fraction done.
+
+    Returns
+    -------
+    tuple of ndarray
+        Two (H, W, D) uint16 volumes; the disparity of a pixel is where their sum is least.
+    """
+    fall = np.linspace(settings.penalty_large, settings.penalty_at_edges, settings.edge_contrast + 1)
+    large = np.full(256, settings.penalty_at_edges, np.uint16)
+    large[: fall.size] = np.rint(fall)
+    return path_sums(costs, guide, settings.penalty_small, large, progress)

@@ -1,0 +1,1 @@
+"""Matching windows by correlation: the settings, the search areas, and the two engines."""

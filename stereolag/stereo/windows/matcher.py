@@ -1,0 +1,235 @@
+"""Depth by windowed correlation: the settings, and the order of the stages from the windows to the finished map."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from stereolag.arrays import ReasonMap
+from stereolag.estimates import Estimate
+from stereolag.inputs import Image, as_grey, grey_level, of_ordinary_size
+from stereolag.progress import Progress
+from stereolag.settings import Applies, FitsImage, Pixels, changed
+from stereolag.stereo.finishing.checks import (
+    FLAT_TEXTURE,
+    AmbiguityTest,
+    LeftRightCheck,
+    TextureTest,
+    left_right_disagree,
+)
+from stereolag.stereo.finishing.stages import Filling, Median, Speckle, finished, is_finished
+from stereolag.stereo.matcher import FARTHEST_FIRST, LARGEST_COUNT, PixelMatches, StereoMatcher
+from stereolag.stereo.reasons import Reason
+from stereolag.stereo.windows.engines import Engine, cheaper_engine, find_matches
+from stereolag.stereo.windows.estimates import estimate_windows
+from stereolag.stereo.windows.matches import Score, WindowMatches, WindowQuery
+from stereolag.stereo.windows.pixels import spread_over_pixels
+from stereolag.stereo.windows.search import AnySearch, LagRange, RectifiedSearch
+
+LARGEST_VERTICAL = 64
+"""Rows that a strip may reach up and down."""
+
+
+def _step(settings: Any) -> int:
+    step: int = max(1, round(settings.window_size * (1 - settings.overlap)))
+    return step
+
+
+def _needs_spectrum(settings: Any) -> bool:
+    return bool(settings.score == "phase" or settings.search.circular(settings.window_size))
+
+
+def _along_the_row(settings: Any) -> bool:
+    return bool(settings.search.lags(settings.window_size).rows == 1)
+
+
+def _meets_every_right_window(settings: Any) -> bool:
+    by_sums = settings.engine != "fft" and not _needs_spectrum(settings)
+    return _along_the_row(settings) and _step(settings) == 1 and by_sums
+
+
+ALONG_THE_ROW = "needs a search along the row: search.vertical must be 0"
+
+
+class CorrelationMatcher(StereoMatcher):
+    """Slide every window of the left image over its search area in the right one and keep the best score.
+
+    The later stages are off unless they are given; :func:`stereolag.preset` gives them.
+    """
+
+    title = "Convolution"
+    short_name = "correlation"
+    first_shown = ("window_size", "overlap", "search", "score")
+
+    window_size: Annotated[int, Pixels(), FitsImage()] = Field(
+        20,
+        title="Window",
+        description="Side of the square window that is compared, px. Large windows are sure and blurred, small ones "
+        "sharp and easily fooled.",
+        ge=3,
+        le=255,
+    )
+    overlap: float = Field(
+        0.95,
+        title="Overlap",
+        description="Fraction of a window that it shares with the next one: 0.95 of 20 px moves on by 1 px.",
+        ge=0,
+        lt=1,
+        json_schema_extra={"step": 0.05},
+    )
+    search: AnySearch = Field(
+        RectifiedSearch(),
+        title="Search area",
+        description="The part of the right image in which a window is looked for.",
+    )
+    score: Score = Field(
+        "zncc",
+        title="Score",
+        description="zncc: Pearson correlation; ncc: no mean removed (the report's eq. 1.3); cross: not normalised; "
+        "phase: whitened.",
+    )
+    engine: Annotated[
+        Literal["auto", "window_sums", "fft"],
+        Applies(
+            lambda settings: not _needs_spectrum(settings),
+            "phase correlation and an unpadded (circular) search need 'fft' or 'auto'",
+            otherwise=("fft",),
+        ),
+    ] = Field(
+        "auto",
+        title="Engine",
+        description="Running window sums or batched FFT; both give the same map, auto takes the faster one.",
+    )
+    texture: TextureTest | None = Field(
+        None, title="Texture test", description="Give no disparity where a window holds too little to match."
+    )
+    ambiguity: AmbiguityTest | None = Field(
+        None, title="Ambiguity test", description="Give no disparity where another place fits nearly as well."
+    )
+    left_right: Annotated[
+        LeftRightCheck | None,
+        Applies(
+            _meets_every_right_window,
+            "needs a search along the row (search.vertical 0) and a window at every pixel (step 1), scored by window "
+            "sums: neither engine 'fft' nor score 'phase'",
+        ),
+    ] = Field(None, title="Left-right check", description="Give no disparity where the right image's match disagrees.")
+    speckle: Speckle = None
+    filling: Annotated[Filling, Applies(_along_the_row, ALONG_THE_ROW)] = False
+    median: Annotated[Median, Applies(_along_the_row, ALONG_THE_ROW)] = None
+
+    @model_validator(mode="after")
+    def _window_has_room(self) -> Self:
+        self.search.lags(self.window_size)
+        return self
+
+    @property
+    def step(self) -> int:
+        """Return the distance between neighbouring windows, px."""
+        return _step(self)
+
+    def search_range(self) -> tuple[int, int] | None:
+        """Return the first disparity searched and how many, px; None of a correlation that wraps around."""
+        if self.search.circular(self.window_size):
+            return None
+        lags = self.search.lags(self.window_size)
+        return -lags.dx_last, lags.cols
+
+    def with_search_range(self, min_disparity: int, num_disparities: int) -> Self:
+        """Return the matcher with a strip of this range, or as much of it as is allowed.
+
+        A square search area becomes a strip that reaches as many rows up and down, if as many are allowed.
+        """
+        search = RectifiedSearch(
+            num_disparities=min(num_disparities, LARGEST_COUNT),
+            min_disparity=min(max(min_disparity, -FARTHEST_FIRST), FARTHEST_FIRST),
+            vertical=min(self.search.lags(self.window_size).dy_last, LARGEST_VERTICAL),
+        )
+        return changed(self, {"search": search.model_dump()})
+
+    def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
+        """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype."""
+        return estimate_windows(
+            shape,
+            dtype,
+            window_size=self.window_size,
+            step=self.step,
+            lags=self._lags_tried,
+            engine=self._engine_for((shape[0], shape[1])),
+            score=self.score,
+            circular=self.search.circular(self.window_size),
+            both_views=self.left_right is not None,
+            finished=is_finished(self),
+        )
+
+    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
+        """Match the images as grey, window by window, then check, filter and fill."""
+        if self.window_size > min(left.shape[:2]):
+            raise ValueError(
+                f"window_size is {self.window_size} px and the images are {left.shape[1]} × {left.shape[0]}; "
+                "the window must fit into them."
+            )
+        grey = of_ordinary_size(as_grey(left), as_grey(right))
+        query = self.query(*grey)
+        matches = find_matches(query, self._engine_for((left.shape[0], left.shape[1])), progress)
+        found = spread_over_pixels(
+            matches,
+            query,
+            asked=self.search.lags(self.window_size),
+            flat=(self.texture.least if self.texture else FLAT_TEXTURE) * grey_level(*grey),
+            refused=self._refused(matches),
+        )
+        return finished(found, left, right, self)
+
+    def query(self, left: Image, right: Image) -> WindowQuery:
+        """Return what is asked of the windows of two grey images of one type."""
+        return WindowQuery(
+            left,
+            right,
+            self.window_size,
+            self.step,
+            self._lags_tried,
+            self.score,
+            circular=self.search.circular(self.window_size),
+            runner_up=self.ambiguity is not None,
+            right_matches=self.left_right is not None,
+        )
+
+    @property
+    def _lags_tried(self) -> LagRange:
+        """Return the lags asked for with one guard lag at each end of every direction that is searched at all.
+
+        A peak on the border of the search has no sub-pixel neighbour and may be the flank of a higher one outside.
+        With the guard every lag asked for has both neighbours, and only a peak *on* the guard is in doubt.
+        """
+        lags = self.search.lags(self.window_size)
+        if self.search.circular(self.window_size):
+            return lags
+        vertical = int(lags.rows > 1)
+        return LagRange(lags.dy_first - vertical, lags.dy_last + vertical, lags.dx_first - 1, lags.dx_last + 1)
+
+    def _engine_for(self, shape: tuple[int, int]) -> Engine:
+        if _needs_spectrum(self):
+            return "fft"
+        if self.left_right is not None:
+            return "window_sums"
+        if self.engine == "auto":
+            return cheaper_engine(shape, self.window_size, self.step, self._lags_tried)
+        return self.engine
+
+    def _refused(self, matches: WindowMatches) -> ReasonMap | None:
+        """Return which windows the left-right check or the test for ambiguity refuses; None where neither is made."""
+        reason: ReasonMap | None = None
+        measured = np.full(matches.score.shape, Reason.MEASURED, dtype=np.uint8)
+        # np.where runs through noise at the speed of memory; an assignment under a mask guesses every pixel's branch.
+        if self.left_right is not None and matches.right_dx is not None:
+            col = np.arange(matches.dx.shape[1], dtype=np.int32)
+            disagree = left_right_disagree(col + matches.dx, col - matches.right_dx, self.left_right.tolerance)
+            reason = np.where(disagree, np.uint8(Reason.LEFT_RIGHT), measured)
+        if self.ambiguity is not None and matches.runner_up is not None:
+            level = matches.score - matches.runner_up < self.ambiguity.lead
+            reason = np.where(level, np.uint8(Reason.AMBIGUOUS), measured if reason is None else reason)
+        return reason

@@ -1,0 +1,240 @@
+"""Why this match? One window, everything the correlation saw of it, and why it was right or could not be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import streamlit as st
+
+from stereolag.explaining.example_pixels import Lesson, instructive_pixel
+from stereolag.explaining.match import Box, Finding, Inspection, inspect, with_rows_around
+from stereolag.figures.linked_pictures import Picture, word_legend
+from stereolag.figures.match import (
+    RUNNER_UP_COLOUR,
+    SEARCH_COLOUR,
+    WINDOW_COLOUR,
+    patch_png,
+    score_hill,
+    score_map,
+    score_row,
+    sub_pixel_fit,
+)
+from stereolag.figures.pictures import as_rgb
+from stereolag.stereo.reasons import Reason
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.ui.depth.blanks import REASON_WORDS, reasons_of
+from stereolag.ui.depth.view import DepthView
+from stereolag.ui.elements import show_png, shown_progress
+from stereolag.ui.linked_pictures import Mark, linked_pictures
+from stereolag.ui.navigation import fragment
+
+KEY = "depth.inspection"
+ROWS_AROUND = 8
+RIGHT_PX = 1.0
+PLAIN_CHART = {"displayModeBar": False}
+
+LESSONS = {
+    Lesson.CLEAR: ("A clear match", ":material/check_circle:"),
+    Lesson.REPEATS: ("A pattern that repeats", ":material/fence:"),
+    Lesson.BARE: ("A bare wall", ":material/square:"),
+    Lesson.HIDDEN: ("Hidden from the right eye", ":material/visibility_off:"),
+}
+
+Pixel = tuple[int, int]
+
+
+@fragment
+def show_inspection(view: DepthView) -> None:
+    """Show for one pixel the window, where it was looked for, every score, and what the other methods say there."""
+    matcher = next(
+        (one.settings for one in view.results.values() if isinstance(one.settings, CorrelationMatcher)), None
+    )
+    if matcher is None:
+        st.info("Correlation has no result to explain yet.")
+        return
+    _offer_lessons(view, matcher)
+    row, col = _pixel(view)
+    seen = inspect(matcher, view.pair.left, view.pair.right, row, col)
+    linked_pictures(
+        [
+            Picture("Left image: click a pixel", as_rgb(view.pair.left), photograph=True),
+            Picture("Right image: where it was looked for", as_rgb(view.pair.right), photograph=True, pickable=False),
+        ],
+        key=KEY,
+        columns=2,
+        legends=[
+            word_legend(
+                "",
+                [WINDOW_COLOUR, RUNNER_UP_COLOUR, SEARCH_COLOUR],
+                ["the window, and where it was found", "the runner-up", "the search area"],
+            )
+        ],
+        marks=_marks(seen, (row, col)),
+        on_pick=lambda row, col: st.session_state.update({_pixel_key(view): (row, col)}),
+    )
+    _show_verdict(view, matcher, seen, (row, col))
+    patches, hill = st.columns([1, 1.7], gap="medium")
+    with patches:
+        _show_patches(view, seen)
+    with hill:
+        _show_scores(view, matcher, seen, (row, col))
+    _show_row(view, seen, (row, col))
+
+
+def _pixel_key(view: DepthView) -> str:
+    return f"{KEY}.pixel.{view.pair.digest}"
+
+
+def _pixel(view: DepthView) -> Pixel:
+    """Return the pixel chosen; the middle of the picture at first, or where the pair has another size now."""
+    height, width = view.pair.left.shape[:2]
+    row, col = st.session_state.get(_pixel_key(view), (height // 2, width // 2))
+    return min(row, height - 1), min(col, width - 1)
+
+
+def _offer_lessons(view: DepthView, matcher: CorrelationMatcher) -> None:
+    """Offer to find pixels on this pair that are worth looking at."""
+    with st.container(horizontal=True, vertical_alignment="center"):
+        st.markdown("Show me", width="content")
+        pressed = [
+            lesson
+            for lesson, (label, icon) in LESSONS.items()
+            if st.button(label, icon=icon, key=f"{KEY}.{lesson.name.lower()}")
+        ]
+    for lesson in pressed:
+        with shown_progress("Looking for one …") as progress:
+            pixel = instructive_pixel(lesson, matcher, view.pair.left, view.pair.right, progress=progress)
+        if pixel:
+            st.session_state[_pixel_key(view)] = pixel
+        else:
+            st.info("This pair has none, with the window and the search as they are set.")
+
+
+def _marks(seen: Inspection, pixel: Pixel) -> list[Mark]:
+    """Return the frames: the window left, and right the search area, the runner-up and the place found."""
+    marks = [_frame(seen.search, SEARCH_COLOUR, 1, area=True), _frame(seen.window, WINDOW_COLOUR, 0)]
+    if seen.runner_up:
+        marks.append(_frame(_at(seen, seen.runner_up), RUNNER_UP_COLOUR, 1))
+    if seen.found:
+        marks.append(_frame(seen.found, WINDOW_COLOUR, 1))
+    return [*marks, Mark(*pixel, WINDOW_COLOUR, pictures=(0,))]
+
+
+def _frame(box: Box, colour: str, picture: int, *, area: bool = False) -> Mark:
+    return Mark(
+        box.row,
+        box.col,
+        colour,
+        height=box.height,
+        width=box.width,
+        dashed=area,
+        filled=area,
+        pictures=(picture,),
+    )
+
+
+def _at(seen: Inspection, lag: tuple[int, int]) -> Box:
+    """Return the window moved by (dy, dx)."""
+    window = seen.window
+    return Box(window.row + lag[0], window.col + lag[1], window.height, window.width)
+
+
+def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: Inspection, pixel: Pixel) -> None:
+    said = f"**{seen.verdict}**"
+    truth = math.nan if view.pair.truth is None else float(view.pair.truth[pixel])
+    off = abs(seen.disparity - truth)
+    if not math.isnan(off):
+        said += f" The peak says {seen.disparity:.2f} px, the truth is {truth:.2f} px: "
+        said += "it is **right**." if off <= RIGHT_PX else f"it is **wrong** by {off:.1f} px."
+    if view.pair.visible is not None and not view.pair.visible[pixel]:
+        said += " The right camera cannot see this point at all: something nearer hides it."
+    sure = seen.finding is Finding.CLEAR and not off > RIGHT_PX
+    (st.success if sure else st.warning)(said)
+    if getattr(matcher, "optimisation", None) is not None:
+        st.caption(
+            "These are the raw scores of the windowed correlation. The semi-global optimisation weighs them, joined "
+            "by its other costs, against those of the neighbours along eight paths, and may choose another hill."
+        )
+
+
+def _show_patches(view: DepthView, seen: Inspection) -> None:
+    """Show what was looked for beside what was found, enlarged."""
+    st.markdown("##### What was compared")
+    places = [("Looked for", view.pair.left, seen.window, math.nan)]
+    if seen.found:
+        places.append(("Found", view.pair.right, seen.found, seen.peak_score))
+    if seen.runner_up:
+        places.append(("Runner-up", view.pair.right, _at(seen, seen.runner_up), seen.runner_up_score))
+    with st.container(horizontal=True, gap="small"):
+        for name, image, box, score in places:
+            with st.container(width=150):
+                show_png(patch_png(image, box))
+                st.caption(name if math.isnan(score) else f"{name}: **{score:.3f}**")
+    st.caption(
+        "Enlarged, in grey as they are compared, each from its darkest to its brightest. "
+        f"The window really holds {seen.contrast:.0%} of the picture’s contrast."
+    )
+
+
+def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: Inspection, pixel: Pixel) -> None:
+    """Show the scores of all lags, and of some rows above and below that were not searched."""
+    st.markdown("##### How well every place fits")
+    around = inspect(with_rows_around(matcher, ROWS_AROUND), view.pair.left, view.pair.right, *pixel)
+    shape = st.segmented_control(
+        "Shape", ["Hill", "From above"], default="Hill", required=True, key=f"{KEY}.shape", label_visibility="collapsed"
+    )
+    if seen.peak is None:
+        st.caption("There is no score to show.")
+        return
+    if shape == "Hill":
+        st.plotly_chart(score_hill(around, seen), key=f"{KEY}.hill", config=PLAIN_CHART)
+    else:
+        st.plotly_chart(score_map(around, seen), key=f"{KEY}.above", config=PLAIN_CHART)
+    if around.dy.size > seen.dy.size:
+        st.caption(
+            "A sharp top is a sure match; a ridge slides, several tops confuse, a plain holds nothing. Only the middle "
+            "row is searched: the rows above and below are shown to see the hill."
+        )
+
+
+def _show_row(view: DepthView, seen: Inspection, pixel: Pixel) -> None:
+    """Show the scores along the row, the sub-pixel fit, and what every method says here."""
+    answers = _answers(view, seen, pixel)
+    searched = -float(seen.dx[-1]), -float(seen.dx[0])
+    drawn = {
+        name: value
+        for name, (value, _) in answers.items()
+        if searched[0] <= value <= searched[1] and value != np.float32(seen.disparity)
+    }
+    row, fit = st.columns([1.7, 1], gap="medium")
+    with row:
+        st.markdown("##### Along the row")
+        st.plotly_chart(score_row(seen, view.pair.right, drawn), key=f"{KEY}.row", config=PLAIN_CHART)
+    with fit:
+        st.markdown("##### Between the pixels")
+        if seen.peak is None or np.isnan(seen.fit(0.0)):
+            st.caption("A peak without a neighbour on either side has no place between the pixels.")
+        else:
+            st.plotly_chart(sub_pixel_fit(seen), key=f"{KEY}.fit", config=PLAIN_CHART)
+            st.caption("A bell curve through the best score and its two neighbours: its top is the disparity.")
+    st.markdown("##### What each method says here")
+    lines = [f"| **{name}** | {said} |" for name, (_, said) in answers.items()]
+    st.markdown("\n".join(["| | disparity |", "|---|---|", *lines]))
+
+
+def _answers(view: DepthView, seen: Inspection, pixel: Pixel) -> dict[str, tuple[float, str]]:
+    """Return {name: (disparity or NaN, the same in words)} of the methods, and of the truth where it is known."""
+    answers: dict[str, tuple[float, str]] = {}
+    for name, result in view.results.items():
+        disparity = float(result.disparity[pixel])
+        said = f"{disparity:.2f} px"
+        if math.isnan(disparity):
+            said = f"none: {REASON_WORDS[Reason(reasons_of(view, name)[pixel])]}"
+        elif result.reason[pixel] == Reason.FILLED:
+            said += ", filled in"
+        answers[name] = disparity, said
+    if view.pair.truth is not None:
+        truth = float(view.pair.truth[pixel])
+        answers["Truth"] = truth, "unknown" if math.isnan(truth) else f"{truth:.2f} px"
+    return answers

@@ -1,0 +1,119 @@
+"""What is left to do when a visitor has gone: call off what was computed for them, and give their memory back."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import sys
+import threading
+import time
+from contextlib import suppress
+from typing import Any
+
+import streamlit as st
+from streamlit import runtime
+
+from stereolag.ui.jobs import Job
+
+AFTERWARDS_S = 2.0
+"""How long after a session has ended for good its memory is given back, together with that of others."""
+
+
+class Visit:
+    """What is computed for one visitor at the moment, by the place on the page that shows it."""
+
+    def __init__(self) -> None:
+        self.jobs: dict[str, tuple[str, Job[Any]]] = {}
+
+    def end(self) -> None:
+        """Call everything off."""
+        for _, job in self.jobs.values():
+            job.cancel()
+        _give_memory_back_later()
+
+
+@st.cache_resource(scope="session", show_spinner=False, on_release=Visit.end)
+def this_visit() -> Visit:
+    """Return the visit of the session that asks; it ends when the visitor leaves."""
+    return Visit()
+
+
+class _Timer:
+    """Calls something once all sessions that have ended can no longer be taken up again, and seldom enough."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._running = False
+        self._last_end = 0.0
+
+    def start(self, wait_s: float) -> None:
+        """Give memory back after some seconds; not later where it is to be done already, but once more."""
+        with self._lock:
+            self._last_end = time.monotonic()
+            if not self._running:
+                self._running = True
+                self._call_in(wait_s, wait_s)
+
+    def _call_in(self, seconds: float, wait_s: float) -> None:
+        timer = threading.Timer(seconds, self._ring, (wait_s,))
+        timer.daemon = True
+        timer.start()
+
+    def _ring(self, wait_s: float) -> None:
+        _give_memory_back()
+        with self._lock:
+            left_s = self._last_end + wait_s - time.monotonic()
+            self._running = left_s > 0
+            if self._running:  # others have left meanwhile
+                self._call_in(left_s, wait_s)
+
+
+_timer = _Timer()
+
+
+def _give_memory_back_later() -> None:
+    _timer.start(st.get_option("server.disconnectedSessionTTL") + AFTERWARDS_S)
+
+
+def _give_memory_back() -> None:
+    _forget_ended_sessions()
+    # What was frozen at the first page held cycles of the session that opened it.
+    gc.unfreeze()
+    gc.collect()
+    gc.freeze()
+    if sys.platform == "linux":
+        with suppress(AttributeError):  # glibc alone keeps what is freed, and has this to give it back
+            ctypes.CDLL(None).malloc_trim(0)
+
+
+def _forget_ended_sessions() -> None:
+    """Drop the sessions whose time is over: Streamlit does so only when the next one ends."""
+    with suppress(AttributeError):  # another Streamlit: its own way, later
+        if runtime.exists():
+            runtime.get_instance()._session_mgr._session_storage._cache.expire()  # type: ignore[attr-defined]
+
+
+KEY = "reconnection"
+
+_watch = st.components.v2.component(
+    "stereolag.reconnection",
+    js="""
+export default function ({ setTriggerValue }) {
+  const app = document.querySelector("[data-testid=stApp]");
+  const connected = () => app.dataset.testConnectionState === "CONNECTED";
+  let before = connected();
+  const observer = new MutationObserver(() => {
+    const now = connected();
+    if (now && !before) setTriggerValue("back", true);
+    before = now;
+  });
+  observer.observe(app, { attributes: true, attributeFilter: ["data-test-connection-state"] });
+  return () => observer.disconnect();
+}
+""",
+)
+
+
+def run_again_when_reconnected() -> None:
+    """Watch the connection of this page; must be called outside of its parts that rerun alone."""
+    _watch(key=KEY, on_back_change=lambda: None)
