@@ -109,6 +109,12 @@ class BlockMatcher(StereoMatcher):
             raise ValueError(f"block_size is {value}; OpenCV allows odd sizes only.")
         return value
 
+    @classmethod
+    def other_name(cls, name: str) -> str:
+        """Return OpenCV's name of a setting: ``num_disparities`` is ``numDisparities``, ``p1`` is ``P1``."""
+        first, *others = name.split("_")
+        return first + "".join(word.capitalize() for word in others) if others else name.capitalize()
+
     seconds_of_a_cost: ClassVar[float]
     """What each pixel and disparity takes, two cores."""
     bytes_of_a_cost: ClassVar[int]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereolag.signals import SignalLag
+from stereolag.stereo.reasons import Reason
 from stereolag.templates import TemplateSearch
 
 
@@ -40,3 +41,25 @@ def duration(seconds: float) -> str:
 def percent(share: float) -> str:
     """Return a share, 0..1, as a percentage."""
     return f"{share * 100:.0f} %"
+
+
+REASON_WORDS = {
+    Reason.MEASURED: "measured",
+    Reason.FILLED: "filled in",
+    Reason.OUT_OF_FRAME: "out of frame",
+    Reason.LOW_TEXTURE: "too little texture",
+    Reason.AMBIGUOUS: "ambiguous",
+    Reason.LEFT_RIGHT: "left and right disagree",
+    Reason.SPECKLE: "speckle",
+    Reason.AT_SEARCH_EDGE: "at the edge of the search",
+}
+
+REASONS_EXPLAINED = {
+    Reason.FILLED: "Not measured: the surface behind was continued.",
+    Reason.OUT_OF_FRAME: "The window, or the place where it should be found, lies outside the right image.",
+    Reason.LOW_TEXTURE: "The window is as good as blank, like a bare wall: nothing to compare.",
+    Reason.AMBIGUOUS: "Another place fits nearly as well: a fence, a repeated pattern, or something too smooth.",
+    Reason.LEFT_RIGHT: "Matched from the right image the answer is another: mostly hidden behind something nearer.",
+    Reason.SPECKLE: "A small island of disparities unlike all around it: mostly a chance match.",
+    Reason.AT_SEARCH_EDGE: "The best match lies on the edge of the search area: the true one may lie beyond.",
+}

@@ -16,10 +16,10 @@ from stereolag.ui.pairs import StereoPair, example_pair
 
 def panel() -> None:
     import streamlit as st
+    from stereolag.ui.matchers import ask_block_matcher
 
     from stereolag.ui.depth.doctor import show_doctor, treated
     from stereolag.ui.depth.view import DepthView
-    from stereolag.ui.matchers import ask_block_matcher
 
     pair = treated(st.session_state["pair"])
     matcher = ask_block_matcher(pair)

@@ -41,12 +41,12 @@ def view_of(pair: StereoPair, *matchers: StereoMatcher) -> DepthView:
 
 def section() -> None:
     import streamlit as st
+    from stereolag.ui.matchers import ask_block_matcher
 
     from stereolag import StereoBM
     from stereolag.ui.depth.address import take_over
     from stereolag.ui.depth.downloads import show_downloads
     from stereolag.ui.depth.view import DepthView
-    from stereolag.ui.matchers import ask_block_matcher
 
     pair = st.session_state["pair"]
     take_over(pair)

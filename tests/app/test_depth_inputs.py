@@ -38,9 +38,9 @@ ndisp=64
 
 def inputs() -> None:
     import streamlit as st
+    from stereolag.ui.matchers import ask_block_matcher, ask_correlation
 
     from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.matchers import ask_block_matcher, ask_correlation
 
     pair = choose_pair()
     st.session_state["shown"] = pair, ask_block_matcher(pair), ask_correlation(pair)

@@ -20,6 +20,8 @@ class SearchArea(Settings):
 
     title: ClassVar[str] = ""
     """What the page calls it."""
+    first_shown: ClassVar[tuple[str, ...]] = ()
+    """The settings that most visitors want; none given: all."""
 
     @staticmethod
     def centred(search_size: int, *, vertical: int | None = None) -> CentredSearch:
@@ -109,6 +111,7 @@ class RectifiedSearch(SearchArea):
     """A one-sided strip along the row, as OpenCV searches a rectified pair, with an optional vertical reach."""
 
     title = "Strip along the row"
+    first_shown = ("num_disparities", "vertical")
 
     kind: Literal["rectified"] = "rectified"
     num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -13,10 +12,9 @@ from stereolag.doctor.diagnosis import Diagnosis, diagnose, estimate_diagnosis, 
 from stereolag.doctor.findings import Ailment, Finding
 from stereolag.doctor.remedies import apply_remedy
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.ranges import searched_range, with_range
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.matcher_controls import set_controls
-from stereolag.ui.pairs import StereoPair
+from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.results import computed, computed_in_turn
 
 REMEDIES_KEY = "depth.remedies"
@@ -44,6 +42,7 @@ def show_doctor(view: DepthView) -> None:
     """Show what the doctor finds on the pair and in the ranges searched, and what a click would mend."""
     pair = view.pair
     diagnosis = computed_in_turn(
+        "diagnosis",
         lambda progress: diagnose(pair.left, pair.right),
         estimate_diagnosis(pair.left.shape, pair.left.dtype),
         inputs=pair.digest,
@@ -63,8 +62,8 @@ def show_doctor(view: DepthView) -> None:
             st.warning(f"**Input doctor:** {_counted(len(ill))} on this pair.", icon=":material/stethoscope:")
         for one in ill:
             _show(one)
-        for number, done in enumerate(pair.notes[len(pair.notes) - len(pair.remedies) :]):
-            _show_remedy(pair, number, done)
+        for number, remedy in enumerate(pair.remedies):
+            _show_remedy(pair, number, remedy)
         _show_all(advice, "All that was looked at" if ill else HEALTHY)
 
 
@@ -86,7 +85,7 @@ def _advice(diagnosis: Diagnosis, view: DepthView) -> list[Advice]:
     judged = [
         (judge_range(diagnosis, *searched), matcher)
         for matcher in (result.settings for result in view.results.values())
-        if isinstance(matcher, StereoMatcher) and (searched := searched_range(matcher)) is not None
+        if (searched := matcher.search_range()) is not None
     ]
     ranges = [finding for finding, _ in judged if finding is not None]
     if ranges:
@@ -97,25 +96,32 @@ def _advice(diagnosis: Diagnosis, view: DepthView) -> list[Advice]:
 
 def _set_ranges(diagnosis: Diagnosis, matchers: list[StereoMatcher], pair: StereoPair) -> None:
     for matcher in matchers:
-        set_controls(with_range(matcher, diagnosis.suggested_min, diagnosis.suggested_num), pair)
+        set_controls(matcher.with_search_range(diagnosis.suggested_min, diagnosis.suggested_num), pair)
 
 
 def _prescribe(pair: StereoPair, ailment: Ailment) -> None:
     """Note that the visitor wants this remedy; swapping what was swapped is no remedy but undoes the other."""
-    if ailment == Ailment.SWAPPED and ailment in pair.remedies:
-        _undo(pair, pair.remedies.index(ailment))
+    given = _given(pair)
+    if ailment == Ailment.SWAPPED and ailment in given:
+        _undo(pair, given.index(ailment))
     else:
-        st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*pair.remedies, ailment)
+        st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*given, ailment)
 
 
 def _undo(pair: StereoPair, number: int) -> None:
-    remedies = (*pair.remedies[:number], *pair.remedies[number + 1 :])
-    st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = remedies
+    given = _given(pair)
+    st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*given[:number], *given[number + 1 :])
+
+
+def _given(pair: StereoPair) -> tuple[Ailment, ...]:
+    """Return against which ailments the pair was given a remedy."""
+    return tuple(Ailment(remedy.name.removeprefix("+")) for remedy in pair.remedies)
 
 
 def _mended(pair: StereoPair, ailment: Ailment) -> StereoPair:
     """Return the pair after one remedy; what is known of it is kept where it still holds."""
     return computed(
+        "remedy",
         lambda progress: _with_remedy(pair, ailment),
         inputs=pair.digest,
         settings=ailment,
@@ -129,18 +135,12 @@ def _with_remedy(pair: StereoPair, ailment: Ailment) -> StereoPair:
     done = DONE[ailment]
     if ailment == Ailment.SWAPPED and pair.truth is not None:
         done += " The true disparity belongs to the other picture and is left out."
-    mended = replace(
-        pair,
-        left=left,
-        right=right,
-        digest=f"{pair.digest} +{ailment}",
-        notes=(*pair.notes, done),
-        remedies=(*pair.remedies, ailment),
-        original=pair.source,
-    )
+    change = Change(f"+{ailment}", done, remedy=True)
     if ailment == Ailment.SWAPPED:
-        return replace(mended, truth=None, visible=None)
-    return replace(mended, calibration=None) if ailment == Ailment.ROTATION else mended
+        return pair.after(change, left=left, right=right, truth=None, visible=None)
+    if ailment == Ailment.ROTATION:
+        return pair.after(change, left=left, right=right, calibration=None)
+    return pair.after(change, left=left, right=right)
 
 
 def _show_all(advice: list[Advice], heading: str) -> None:
@@ -156,11 +156,11 @@ def _show(advice: Advice) -> None:
             _button(advice.finding.remedy, f"depth.doctor.{advice.finding.ailment}", advice.mend)
 
 
-def _show_remedy(pair: StereoPair, number: int, done: str) -> None:
+def _show_remedy(pair: StereoPair, number: int, remedy: Change) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        st.markdown(f":blue[:material/healing:] {done}", width="stretch")
-        earlier = pair.remedies[:number].count(pair.remedies[number])
-        key = f"depth.doctor.undo.{pair.remedies[number]}" + (f".{earlier}" if earlier else "")
+        st.markdown(f":blue[:material/healing:] {remedy.sentence}", width="stretch")
+        earlier = pair.remedies[:number].count(remedy)
+        key = f"depth.doctor.undo.{remedy.name.removeprefix('+')}" + (f".{earlier}" if earlier else "")
         _button("Undo", key, partial(_undo, pair, number))
 
 

@@ -23,11 +23,12 @@ from stereolag.figures.match import (
 from stereolag.figures.pictures import as_rgb
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.ui.depth.blanks import REASON_WORDS, reasons_of
+from stereolag.ui.depth.blanks import reasons_of
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import show_png, shown_progress
 from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.navigation import fragment
+from stereolag.ui.sentences import REASON_WORDS
 
 KEY = "depth.inspection"
 ROWS_AROUND = 8
