@@ -7,12 +7,12 @@ PYTHON ?= python3
 PORT ?= 8501
 VENV := .venv
 BIN := $(VENV)/bin
-KERNELS := $(wildcard stereolag/kernels/*.py) stereolag/warming.py
+KERNELS := $(wildcard stereolag/kernels/*.py) stereolag/commands/warming.py
 
 .PHONY: run setup setup-dev test check bench clean
 
 run: setup
-	@exec $(BIN)/python -P stereolag/ui/serving.py --port $(PORT)
+	@exec $(BIN)/python -P stereolag/commands/serving.py --port $(PORT)
 
 setup: $(VENV)/.run-ready $(VENV)/.kernels-warm
 
@@ -46,5 +46,5 @@ $(VENV)/.dev-ready: requirements-dev.txt requirements.txt | $(VENV)/bin/python
 
 # Compiling here, once, spares the first visitor of the app the wait: the machine code is kept on disk.
 $(VENV)/.kernels-warm: $(VENV)/.run-ready $(KERNELS)
-	$(BIN)/python -m stereolag.warming
+	$(BIN)/python -m stereolag.commands.warming
 	@touch $@

@@ -22,7 +22,7 @@ from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
 from websockets.sync.client import connect
 
 PROJECT = Path(__file__).resolve().parents[2]
-LAUNCHER = "stereolag/ui/serving.py"
+LAUNCHER = "stereolag/commands/serving.py"
 PATIENCE_S = 120
 
 WATCH = """
@@ -127,7 +127,7 @@ def test_an_install_without_a_library_it_needs_says_so(environment: dict[str, st
 def test_an_install_without_its_own_files_says_so(environment: dict[str, str], port: int, tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     (copy / "stereolag").mkdir(parents=True)
-    shutil.copytree(PROJECT / "stereolag/ui", copy / "stereolag/ui")
+    shutil.copytree(PROJECT / "stereolag/commands", copy / "stereolag/commands")
     shutil.copy(PROJECT / "app.py", copy)
     line = refused(environment, "--port", str(port), project=copy)
     assert line.startswith("stereolag cannot start: ModuleNotFoundError: No module named 'stereolag.")
