@@ -15,6 +15,9 @@ from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.result import DisparityMap, Reason
 from stereolag.stereo.search import SearchArea
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
+from stereolag.version import VERSION
+
+__version__ = VERSION
 
 __all__ = [
     "Calibration",
@@ -28,6 +31,7 @@ __all__ = [
     "StereoSGBM",
     "TemplateMatch",
     "TemplateSearch",
+    "__version__",
     "evaluate",
     "match_template",
     "read_calibration",
