@@ -34,7 +34,7 @@ class CorrelationMatcher(StereoMatcher):
     """
 
     window_size: int = Field(
-        20,
+        default=20,
         title="Window",
         description="Side of the square window that is compared, px. Large windows are sure and blurred, small ones "
         "sharp and easily fooled.",
@@ -42,7 +42,7 @@ class CorrelationMatcher(StereoMatcher):
         le=255,
     )
     overlap: float = Field(
-        0.95,
+        default=0.95,
         title="Overlap",
         description="Fraction of a window that it shares with the next one: 0.95 of 20 px moves on by 1 px.",
         ge=0,
@@ -50,48 +50,50 @@ class CorrelationMatcher(StereoMatcher):
         json_schema_extra={"step": 0.05},
     )
     search: AnySearch = Field(
-        CentredSearch(),
+        default=CentredSearch(),
         title="Search area",
         description="The part of the right image in which a window is looked for.",
     )
     score: Score = Field(
-        "zncc",
+        default="zncc",
         title="Score",
         description="zncc: Pearson correlation; ncc: no mean removed (the report's eq. 1.3); cross: not normalised; "
         "phase: whitened.",
     )
     engine: Literal["auto", "window_sums", "fft"] = Field(
-        "auto",
+        default="auto",
         title="Engine",
         description="Running window sums or batched FFT; both give the same answer, auto takes the faster one.",
     )
     optimisation: SemiGlobal | None = Field(
-        None,
+        default=None,
         title="Semi-global optimisation",
         description="Weigh every match against its neighbours' along eight paths, instead of taking the best alone.",
     )
     cost: MatchingCost = Field(
-        MatchingCost(),
+        default=MatchingCost(),
         title="Matching cost",
         description="What the optimisation weighs: the correlation, joined by census and gradient.",
     )
     texture: TextureTest | None = Field(
-        None, title="Texture test", description="Give no answer where a window holds too little to match."
+        default=None, title="Texture test", description="Give no answer where a window holds too little to match."
     )
     ambiguity: AmbiguityTest | None = Field(
-        None, title="Ambiguity test", description="Give no answer where another place fits nearly as well."
+        default=None, title="Ambiguity test", description="Give no answer where another place fits nearly as well."
     )
     left_right: LeftRightCheck | None = Field(
-        None, title="Left-right check", description="Give no answer where the right image's match disagrees."
+        default=None, title="Left-right check", description="Give no answer where the right image's match disagrees."
     )
     speckle: SpeckleFilter | None = Field(
-        None, title="Speckle filter", description="Drop small islands of disparity unlike all around them."
+        default=None, title="Speckle filter", description="Drop small islands of disparity unlike all around them."
     )
     filling: bool = Field(
-        False, title="Fill gaps", description="Continue the surface behind over what could not be measured."
+        default=False, title="Fill gaps", description="Continue the surface behind over what could not be measured."
     )
     median: MedianFilter | None = Field(
-        None, title="Edge-respecting median", description="Smooth the map where the picture is smooth, and only there."
+        default=None,
+        title="Edge-respecting median",
+        description="Smooth the map where the picture is smooth, and only there.",
     )
 
     @classmethod

@@ -46,7 +46,7 @@ class CentredSearch(SearchArea):
 
     kind: Literal["centred"] = "centred"
     search_size: int = Field(
-        40,
+        default=40,
         title="Search area",
         description="Side of the square of the right image in which a window is looked for, px. "
         "Equal to the window (unpadded) the correlation is circular and wraps at half the window.",
@@ -54,7 +54,7 @@ class CentredSearch(SearchArea):
         le=1024,
     )
     vertical: int | None = Field(
-        None,
+        default=None,
         title="Vertical reach",
         description="Rows searched above and below, px; none means as far as sideways.",
         ge=0,
@@ -85,7 +85,7 @@ class RectifiedSearch(SearchArea):
 
     kind: Literal["rectified"] = "rectified"
     num_disparities: int = Field(
-        64,
+        default=64,
         title="Disparities searched",
         description="How many disparities are tried, px (OpenCV's numDisparities).",
         ge=1,
@@ -93,14 +93,14 @@ class RectifiedSearch(SearchArea):
         json_schema_extra={"step": 16},
     )
     min_disparity: int = Field(
-        0,
+        default=0,
         title="Smallest disparity",
         description="The first disparity tried, px (OpenCV's minDisparity).",
         ge=-512,
         le=512,
     )
     vertical: int = Field(
-        0,
+        default=0,
         title="Vertical reach",
         description="Rows searched above and below, px, for pairs that are not quite rectified.",
         ge=0,
