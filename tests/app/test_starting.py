@@ -16,10 +16,9 @@ from queue import Queue
 from threading import Thread
 
 import pytest
-from streamlit.proto.BackMsg_pb2 import BackMsg
-from streamlit.proto.ClientState_pb2 import ClientState
 from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
-from websockets.sync.client import connect
+
+from tests.protocol import visit
 
 PROJECT = Path(__file__).resolve().parents[2]
 LAUNCHER = "stereolag/commands/serving.py"
@@ -87,16 +86,6 @@ def started(environment: dict[str, str], port: int) -> Iterator[tuple[subprocess
             yield process, lines
         finally:
             process.kill()
-
-
-def visit(address: str) -> list[ForwardMsg]:
-    """Open the home page as a browser does and return all that the server sends for it."""
-    messages = []
-    with connect(f"{address.replace('http', 'ws')}/_stcore/stream", max_size=None) as page:
-        page.send(BackMsg(rerun_script=ClientState()).SerializeToString())
-        while not messages or messages[-1].WhichOneof("type") != "script_finished":
-            messages.append(ForwardMsg.FromString(page.recv(timeout=PATIENCE_S, decode=False)))
-    return messages
 
 
 def test_it_serves_a_page_at_the_one_address_it_prints_and_asks_nobody(
