@@ -12,17 +12,19 @@ from streamlit.testing.v1 import AppTest
 from stereolag.doctor.findings import Ailment
 from stereolag.ui.depth.doctor import HEALTHY
 from stereolag.ui.pairs import StereoPair, example_pair
+from tests.app import keys
 
 
 def panel() -> None:
     import streamlit as st
-    from stereolag.ui.matchers import ask_block_matcher
 
+    from stereolag.stereo.opencv import StereoBM
     from stereolag.ui.depth.doctor import show_doctor, treated
     from stereolag.ui.depth.view import DepthView
+    from stereolag.ui.matcher_controls import ask_matcher
 
     pair = treated(st.session_state["pair"])
-    matcher = ask_block_matcher(pair)
+    matcher = ask_matcher(StereoBM, pair)
     if matcher is not None:
         show_doctor(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, 0, 64))
     st.session_state["shown"] = pair
@@ -68,7 +70,7 @@ def test_each_ailment_is_mended_by_a_click_and_comes_back_with_undo(ailment: str
     app.button(key=f"depth.doctor.{ailment}").click().run()
     assert not app.exception
     mended = app.session_state["shown"]
-    assert mended.remedies == (ailment,)
+    assert [change.name for change in mended.remedies] == [ailment]
     assert mended.digest != pair.digest
     assert mended.source == pair.source
     assert ailment not in [button.key.rpartition(".")[2] for button in app.button if "undo" not in button.key]
@@ -83,9 +85,9 @@ def test_swapping_what_was_swapped_undoes_it() -> None:
     app.session_state["depth.remedies"] = {pair.source: ("swapped", "rows", "rows")}
     app.run()
     assert not app.exception  # the same remedy twice has two buttons to undo it
-    keys = [button.key for button in app.button if "undo" in button.key]
-    assert len(keys) == len(set(keys)) == len(app.session_state["shown"].remedies)
-    for key in reversed(keys):
+    buttons = [button.key for button in app.button if "undo" in button.key]
+    assert len(buttons) == len(set(buttons)) == len(app.session_state["shown"].remedies)
+    for key in reversed(buttons):
         app.button(key=key).click().run()
     assert app.session_state["shown"] is pair
 
@@ -109,10 +111,10 @@ def test_what_no_longer_holds_is_dropped_and_said() -> None:
 
 def test_the_range_is_set_in_the_controls() -> None:
     app = opened(changed("cube"))
-    app.slider(key="depth.bm.disparities.cube").set_value(16).run()
+    app.slider(key=keys.setting("bm", "num_disparities", "cube")).set_value(16).run()
     assert any("too small a range" in text.value for text in app.markdown)
     app.button(key="depth.doctor.range").click().run()
-    assert app.slider(key="depth.bm.disparities.cube").value == 64
+    assert app.slider(key=keys.setting("bm", "num_disparities", "cube")).value == 64
     assert healthy(app)
 
 

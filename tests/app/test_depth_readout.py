@@ -49,7 +49,7 @@ def test_two_points_have_disparities_depths_and_a_distance() -> None:
     assert not app.exception
     assert "15.3 px·m" in app.markdown[0].value
     said = table(app)
-    assert list(said) == ["Convolution", "StereoBM", "StereoSGBM", "Truth"]
+    assert list(said) == ["Convolution", "StereoBM", "StereoSGBM", "Ground truth"]
     view = small_view()
     assert view.pair.truth is not None
     disparity = float(view.pair.truth[A])

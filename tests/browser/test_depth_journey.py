@@ -166,9 +166,9 @@ def test_maps_are_compared_in_one_locked_range_under_one_crosshair(visit: DepthP
     legend = visit.page.locator(".legends")
     colours = legend.inner_text()
     assert re.search(r"far to near\s+\d+\s+\d+", colours)
-    found, true = number_in(visit.reading("Convolution")), number_in(visit.reading("Truth"))
+    found, true = number_in(visit.reading("Convolution")), number_in(visit.reading("Ground truth"))
     assert true == pytest.approx(truth[row, col], abs=0.01)
-    assert number_in(visit.reading("Convolution − Truth")) == pytest.approx(found - true, abs=0.02)
+    assert number_in(visit.reading("Convolution − Ground truth")) == pytest.approx(found - true, abs=0.02)
     crosses = visit.page.locator("svg .cross")
     assert crosses.count() == visit.page.locator(".viewport").count() == 7
     expect(visit.page.get_by_text("All 3 methods agree to 1 px on")).to_be_visible()
@@ -181,7 +181,7 @@ def test_maps_are_compared_in_one_locked_range_under_one_crosshair(visit: DepthP
     expect(visit.figure("Convolution − StereoSGBM")).to_be_visible()
 
     visit.page.get_by_role("button", name="Before / after").click()
-    visit.page.get_by_label("Picture on the right").select_option("Truth")
+    visit.page.get_by_label("Picture on the right").select_option("Ground truth")
     visit.page.get_by_role("slider", name="How much of the picture on the left").fill("30")
     expect(visit.page.locator(".layer").nth(1)).to_have_css("clip-path", "inset(0px 0px 0px 30%)")
     visit.screenshot(f"before-after-{visit.name}-light")
@@ -195,8 +195,8 @@ def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(visit: 
     height, width = truth.shape
     a, b = (300, 330), (250, 420)
     visit.choose("Values")
-    visit.hover("Truth", *a)
-    disparity, metres = map(number_in, visit.reading("Truth").split(" · "))
+    visit.hover("Ground truth", *a)
+    disparity, metres = map(number_in, visit.reading("Ground truth").split(" · "))
     assert disparity == pytest.approx(truth[a], abs=0.01)
     assert metres == pytest.approx(known.depth(truth[a]), rel=0.01)
     expect(visit.figure("Convolution").locator(".reading")).to_have_text(
@@ -209,7 +209,7 @@ def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(visit: 
     apart = distance_between(
         known, SeenPoint(*a, float(truth[a])), SeenPoint(*b, float(truth[b])), width=width, height=height
     )
-    assert number_in(visit.table()["Truth"][-1]) == pytest.approx(apart.metres, rel=0.01)
+    assert number_in(visit.table()["Ground truth"][-1]) == pytest.approx(apart.metres, rel=0.01)
     visit.screenshot(f"values-{visit.name}-light")
 
     found = number_in(visit.table()["StereoSGBM"][2])
@@ -238,7 +238,7 @@ def test_a_click_explains_a_match_and_the_buttons_find_walls_and_fences(visit: D
     visit.choose("Why this match?")
     visit.click("Left image: click a pixel", row, col)
     expect(visit.page.locator(".where")).to_have_text(f"row {row}, column {col}")
-    assert number_in(visit.table()["Truth"][0]) == pytest.approx(truth[row, col], abs=0.01)
+    assert number_in(visit.table()["Ground truth"][0]) == pytest.approx(truth[row, col], abs=0.01)
     verdict = visit.page.get_by_text("The peak says")
     expect(verdict).to_contain_text(f"the truth is {truth[row, col]:.2f} px")
     visit.screenshot(f"why-{visit.name}-light")

@@ -115,7 +115,7 @@ def _undo(pair: StereoPair, number: int) -> None:
 
 def _given(pair: StereoPair) -> tuple[Ailment, ...]:
     """Return against which ailments the pair was given a remedy."""
-    return tuple(Ailment(remedy.name.removeprefix("+")) for remedy in pair.remedies)
+    return tuple(Ailment(remedy.name) for remedy in pair.remedies)
 
 
 def _mended(pair: StereoPair, ailment: Ailment) -> StereoPair:
@@ -135,7 +135,7 @@ def _with_remedy(pair: StereoPair, ailment: Ailment) -> StereoPair:
     done = DONE[ailment]
     if ailment == Ailment.SWAPPED and pair.truth is not None:
         done += " The true disparity belongs to the other picture and is left out."
-    change = Change(f"+{ailment}", done, remedy=True)
+    change = Change(ailment, done, remedy=True)
     if ailment == Ailment.SWAPPED:
         return pair.after(change, left=left, right=right, truth=None, visible=None)
     if ailment == Ailment.ROTATION:
@@ -160,7 +160,7 @@ def _show_remedy(pair: StereoPair, number: int, remedy: Change) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         st.markdown(f":blue[:material/healing:] {remedy.sentence}", width="stretch")
         earlier = pair.remedies[:number].count(remedy)
-        key = f"depth.doctor.undo.{remedy.name.removeprefix('+')}" + (f".{earlier}" if earlier else "")
+        key = f"depth.doctor.undo.{remedy.name}" + (f".{earlier}" if earlier else "")
         _button("Undo", key, partial(_undo, pair, number))
 
 

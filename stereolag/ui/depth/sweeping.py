@@ -214,19 +214,18 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], show
     )
     if clicked is not None:
         st.session_state[f"{KEY}.clicks"] = clicks + 1
-        row, col = divmod(clicked, len(axes[1].values))
-        _take_over(matcher, axes, row, col)
+        try:
+            chosen = settings_of_cell(matcher, axes, *divmod(clicked, len(axes[1].values)))
+        except ValueError as error:
+            st.error(str(error))
+        else:
+            adopt(chosen)
 
 
-def _take_over(matcher: StereoMatcher, axes: tuple[Axis, Axis], row: int, col: int) -> None:
-    """Hand the settings of a cell over to the controls; say so where they do not fit together."""
+def settings_of_cell(matcher: StereoMatcher, axes: tuple[Axis, Axis], row: int, col: int) -> StereoMatcher:
+    """Return the settings of one cell of a sweep; ValueError where they do not fit together."""
     down, across = axes
-    try:
-        chosen = changed(matcher, {down.parameter.name: down.values[row], across.parameter.name: across.values[col]})
-    except ValueError as error:
-        st.error(str(error))
-        return
-    adopt(chosen)
+    return changed(matcher, {down.parameter.name: down.values[row], across.parameter.name: across.values[col]})
 
 
 def _cell_of(axes: tuple[Axis, Axis]) -> tuple[int, int] | None:
