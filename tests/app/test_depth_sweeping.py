@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_merits
+from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_objectives
 from stereolag.settings import changed
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
@@ -18,7 +18,7 @@ from stereolag.stereo.semi_global.costs import MatchingCost
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.tuning.objective import Bench
+from stereolag.tuning.objective import TuningPair
 from stereolag.tuning.parameters import parameters
 from stereolag.tuning.sweep import sweep
 from stereolag.ui.depth.sweeping import Axis, settings_of_cell
@@ -90,12 +90,12 @@ def test_a_sweep_shows_a_map_and_a_figure_for_every_combination(script: Any) -> 
     assert app.button[0].label == "Sweep 6 combinations"
     app.button[0].click().run()
     assert not app.exception
-    maps, merits = (json.loads(chart.proto.spec) for chart in app.get("plotly_chart"))
+    maps, objectives = (json.loads(chart.proto.spec) for chart in app.get("plotly_chart"))
     assert maps["data"][0]["type"] == "image"
-    assert merits["layout"]["xaxis"]["ticktext"] == ["9", "15", "21"]
-    assert merits["layout"]["yaxis"]["ticktext"] == ["32", "64"]
+    assert objectives["layout"]["xaxis"]["ticktext"] == ["9", "15", "21"]
+    assert objectives["layout"]["yaxis"]["ticktext"] == ["32", "64"]
     assert len(maps["data"][1]["text"]) == 6
-    assert app.session_state["depth.sweep"].sheet.merits.shape == (2, 3)
+    assert app.session_state["depth.sweep"].sheet.objectives.shape == (2, 3)
 
 
 def test_other_values_ask_for_another_sweep() -> None:
@@ -139,15 +139,15 @@ def test_a_cell_gives_its_settings_to_the_page() -> None:
 
 def test_the_figures_show_holes_and_frames() -> None:
     view = small_view()
-    bench = Bench.of(view.pair.left, view.pair.right, view.pair.truth)
+    tuning_pair = TuningPair.of(view.pair.left, view.pair.right, view.pair.truth)
     centred = CorrelationMatcher(window_size=9, search=SearchArea.centred(33))
-    grid = sweep(centred, bench, rows=("window_size", [9, 41]), cols=("search.search_size", [33, 64]))
+    grid = sweep(centred, tuning_pair, rows=("window_size", [9, 41]), cols=("search.search_size", [33, 64]))
     sheet = ContactSheet.of(grid, view.pair.left.shape)
     assert sheet.maps.shape == (2 * sheet.height, 2 * sheet.width)
     assert np.isnan(sheet.maps[sheet.height :, : sheet.width]).all()
     for figure in (
         sweep_maps(sheet, ("Window", "Search area"), 0, 64, (0, 0)),
-        sweep_merits(sheet, ("Window", "Search area"), (0, 0)),
+        sweep_objectives(sheet, ("Window", "Search area"), (0, 0)),
     ):
         assert [shape.line.dash for shape in figure.layout.shapes] == ["solid", "dot"]
         assert "does not fit" in figure.data[1].text[2]

@@ -297,13 +297,13 @@ def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(visit: DepthPage
         visit.settle()
     visit.press("Sweep 6 combinations")
     chart = visit.page.get_by_test_id("stPlotlyChart").last
-    merits = chart.locator(".js-plotly-plot").evaluate("plot => [...plot._fullData[0].z].map(row => [...row])")
-    assert np.shape(merits) in {(2, 3), (3, 2)}
+    objectives = chart.locator(".js-plotly-plot").evaluate("plot => [...plot._fullData[0].z].map(row => [...row])")
+    assert np.shape(objectives) in {(2, 3), (3, 2)}
     visit.screenshot(f"sweep-{visit.name}-light")
-    row, col = np.unravel_index(np.argmax(merits), np.shape(merits))
+    row, col = np.unravel_index(np.argmax(objectives), np.shape(objectives))
     choose_cell(chart, int(row), int(col))
     visit.settle()
-    assert 100 - visit.number("Bad-2", method=1) == pytest.approx(np.max(merits), abs=0.06)
+    assert 100 - visit.number("Bad-2", method=1) == pytest.approx(np.max(objectives), abs=0.06)
 
 
 def test_a_search_shows_its_progress_is_ended_and_taken_over(open_page: OpenPage) -> None:

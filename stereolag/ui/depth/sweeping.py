@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import streamlit as st
 
-from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_merits
+from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_objectives
 from stereolag.progress import Progress
 from stereolag.settings import Number, changed
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.tuning.objective import affordable_bench
+from stereolag.tuning.objective import affordable_pair
 from stereolag.tuning.parameters import Parameter, parameters
 from stereolag.tuning.sweep import sweep
 from stereolag.ui.depth.address import adopt
@@ -51,7 +51,8 @@ class Axis:
 def show_sweep(view: DepthView) -> None:
     """Ask for two parameters, try all their combinations, and show them; a click takes a cell's settings over."""
     st.markdown(
-        "Two settings in all their combinations. A click on a cell takes its settings over. " + merit_in_words(view),
+        "Two settings in all their combinations. A click on a cell takes its settings over. "
+        + objective_in_words(view),
         width=760,
     )
     matcher = ask_method(view, key=f"{KEY}.method")
@@ -69,7 +70,7 @@ def show_sweep(view: DepthView) -> None:
         _show(view, matcher, axes, shown)
 
 
-def merit_in_words(view: DepthView) -> str:
+def objective_in_words(view: DepthView) -> str:
     """Return what settings are judged by on this pair."""
     if view.pair.truth is not None:
         return "The score is the share of the true pixels that are **right within 2 px**; missing ones count as wrong."
@@ -164,9 +165,9 @@ def _compute(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], k
     once = matcher.estimate(pair.left.shape, pair.left.dtype)
 
     def work(progress: Progress) -> SweepShown:
-        bench = affordable_bench(matcher, pair.left, pair.right, pair.truth, trials=trials, budget_s=BUDGET_S)
-        grid = sweep(matcher, bench, rows=rows, cols=cols, progress=progress)
-        return SweepShown(key, bench.scale, ContactSheet.of(grid, pair.left.shape))
+        tuning_pair = affordable_pair(matcher, pair.left, pair.right, pair.truth, trials=trials, budget_s=BUDGET_S)
+        grid = sweep(matcher, tuning_pair, rows=rows, cols=cols, progress=progress)
+        return SweepShown(key, tuning_pair.scale, ContactSheet.of(grid, pair.left.shape))
 
     try:
         shown = computed_in_turn(
@@ -193,7 +194,7 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], show
     cell = _cell_of(axes)
     figures = (
         ("maps", sweep_maps(shown.sheet, titles, view.low, view.high, cell)),
-        ("merits", sweep_merits(shown.sheet, titles, cell)),
+        ("objectives", sweep_objectives(shown.sheet, titles, cell)),
     )
     clicked = None
     # A chart keeps its selection; under a new name it begins without one, and the same cell can be clicked again.
