@@ -18,6 +18,7 @@ from stereolag.tuning.objective import (
     affordable_pair,
     consistent,
     likeness,
+    photometric_consistency,
     seen_from_the_right,
 )
 from stereolag.tuning.suggestion import Suggestion, search_settings
