@@ -38,8 +38,8 @@ class Search:
 def show_suggest(view: DepthView) -> None:
     """Ask for a method and a time, search its settings, and offer what was found."""
     st.markdown(
-        "Let the computer tune: it changes one setting at a time, keeps what raises the score, and goes round again "
-        "until nothing helps any more. " + objective_in_words(view),
+        "The search changes one setting at a time, keeps every change that raises the score, and starts over until "
+        "nothing helps. " + objective_in_words(view),
         width=760,
     )
     matcher = ask_method(view, key=f"{KEY}.method")
@@ -167,7 +167,7 @@ def _show_suggestion(view: DepthView, start: StereoMatcher, found: Suggestion) -
             "Suggested": st.column_config.TextColumn(alignment="right"),
             "Gain": st.column_config.NumberColumn(
                 format="+%.1f points",
-                help="What the change added to the score when it was found, in percentage points.",
+                help="How much the change raised the score when it was made, in percentage points.",
             ),
         },
         hide_index=True,

@@ -73,10 +73,11 @@ def show_sweep(view: DepthView) -> None:
 def objective_in_words(view: DepthView) -> str:
     """Return what settings are judged by on this pair."""
     if view.pair.truth is not None:
-        return "The score is the share of the true pixels that are **right within 2 px**; missing ones count as wrong."
+        return "The score is the share of the pixels with ground truth that are **right within 2 px**; missing ones count "
+            "as wrong."
     return (
-        "Without a truth the score is how well the two images **agree** through the map: how much alike the places are "
-        "that it matches, counting only pixels from which the way back from the right image leads home."
+        "Without ground truth the score is how well the two images **agree** through the map: the correlation of the "
+        "places matched, counted only where matching back from the right image returns to the same pixel."
     )
 
 
