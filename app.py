@@ -75,8 +75,8 @@ def show_depth() -> None:
     low, high = disparity_range([result.disparity if pair.truth is None else pair.truth])
     show_png(image_into_map(pair.left, result.disparity, low, high))
     st.markdown(
-        f"Two cameras look at a puzzle cube. **{result.valid.sum():,} windows** were each found again: those that shifted "
-        "most, in purple, are the nearest."
+        f"Two cameras look at a puzzle cube. **{result.valid.sum():,} windows** were each found again: those that "
+        "shifted most, in purple, are the nearest."
     )
 
 

@@ -73,8 +73,10 @@ def show_sweep(view: DepthView) -> None:
 def objective_in_words(view: DepthView) -> str:
     """Return what settings are judged by on this pair."""
     if view.pair.truth is not None:
-        return "The score is the share of the pixels with ground truth that are **right within 2 px**; missing ones count "
-            "as wrong."
+        return (
+            "The score is the share of the pixels with ground truth that are **right within 2 px**; missing ones "
+            "count as wrong."
+        )
     return (
         "Without ground truth the score is how well the two images **agree** through the map: the correlation of the "
         "places matched, counted only where matching back from the right image returns to the same pixel."
