@@ -94,8 +94,8 @@ def workspace(pair: StereoPair) -> None:
 
 with page(
     "Depth maps",
-    "Near things shift more between the two cameras than far ones. Cut the left image into small windows and slide each "
-    "along the right image: the lag of the best match is its disparity, large for near things and small for far ones.",
+    "Near things shift more between the two cameras than far ones. Cut the left image into small windows and slide each"
+    " along the right image: the lag of the best match is its disparity, large for near things and small for far ones.",
 ):
     chosen_pair = choose_pair()
     show_presets(chosen_pair)

@@ -53,7 +53,7 @@ def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(ope
     expect(reading(page, "StereoSGBM")).to_have_text(re.compile(r"^\d+\.\d\d px · 0\.\d+ ± 0\.\d+ m$"))
     assert page.locator("svg .cross").count() == page.locator(".viewport").count()
     hover(left, 0.01, 0.5)
-    expect(reading(page, "StereoBM")).to_have_text("no answer: out of frame")
+    expect(reading(page, "StereoBM")).to_have_text("no disparity: out of frame")
 
     left.click(position=point(left, 0.5, 0.6))  # type: ignore[arg-type]
     expect(page.get_by_text("A: depth")).to_be_visible()

@@ -93,10 +93,10 @@ def test_one_picture_with_both_views_is_split_down_the_middle(open_page: OpenPag
     visit = DepthPage(open_page(DEPTH_MAPS + "square"))
     before = visit.number("Coverage")
     visit.choose("Your own files")
-    visit.choose("One side-by-side picture")
+    visit.choose("One side-by-side image")
     visit.give("Both images side by side", picture_file("both.png", both))
     expect(visit.said("The picture was split down the middle.")).to_be_visible()
-    visit.give("True disparity", files.truth)
+    visit.give("Ground truth (optional)", files.truth)
     assert visit.number("Bad-2") < 20
     assert abs(visit.number("Coverage") - before) <= 5
     visit.screenshot("side-by-side-light")
@@ -134,7 +134,7 @@ def test_the_doctor_catches_mends_and_takes_back(
     left, right = read_image(pair.left.data), read_image(pair.right.data)
     visit = DepthPage(open_page(DEPTH_MAPS + "square"))
     visit.choose("Your own files")
-    visit.choose("One side-by-side picture")
+    visit.choose("One side-by-side image")
     for ailment, (symptom, remedy) in REMEDIES.items():
         visit.give("Both images side by side", picture_file(f"{ailment}.png", np.hstack(ILLS[ailment](left, right))))
         found = visit.said(symptom)
@@ -170,8 +170,8 @@ def test_maps_are_compared_in_one_locked_range_under_one_crosshair(visit: DepthP
     assert true == pytest.approx(truth[row, col], abs=0.01)
     assert number_in(visit.reading("Convolution − Ground truth")) == pytest.approx(found - true, abs=0.02)
     crosses = visit.page.locator("svg .cross")
-    assert crosses.count() == visit.page.locator(".viewport").count() == 7
-    expect(visit.page.get_by_text("All 3 methods agree to 1 px on")).to_be_visible()
+    assert crosses.count() == visit.page.locator(".viewport").count() == 8
+    expect(visit.page.get_by_text("All 4 methods agree to 1 px on")).to_be_visible()
     visit.screenshot(f"compare-{visit.name}-light")
 
     visit.move("Window", "End")
@@ -274,7 +274,7 @@ def test_the_scoreboard_says_what_the_evaluation_says(visit: DepthPage, pair: Ow
     rows = {first: [float(one) for one in others] for first, *others in visit.frame(8)}
     expected = [100 * judged.density, judged.epe, *judged.bad.values(), judged.d1_all]
     assert rows["StereoBM"] == pytest.approx(expected, rel=1e-5)
-    assert rows.keys() == {"Convolution", "StereoBM", "StereoSGBM"}
+    assert rows.keys() == {"Convolution", "StereoBM", "StereoSGBM", "Semi-global"}
     visit.screenshot(f"scoreboard-{visit.name}-light")
     visit.choose("are left out")
     rows = {first: [float(one) for one in others] for first, *others in visit.frame(7)}
@@ -322,7 +322,7 @@ def test_a_search_shows_its_progress_is_ended_and_taken_over(open_page: OpenPage
     visit.screenshot("suggest-light")
     visit.press("Use these settings")
     expect(visit.page.get_by_role("button", name="In use")).to_be_disabled()
-    visit.unfold("OpenCV StereoSGBM")
+    visit.unfold("StereoSGBM")
     assert visit.value("Disparities searched") == changes["Disparities searched"] > 16
 
 
