@@ -167,12 +167,11 @@ def local_deviation(image: Image, size: int) -> DoubleMap:
     size
         Side of the window, px; of an even one the larger half lies above and to the left of the pixel.
     """
-    centred = image.astype(np.float64)
-    centred -= np.rint(centred.mean())
+    centred: DoubleMap = image.astype(np.float64)
+    centred = centred - np.rint(centred.mean())
     window = (size, size)
-    mean = cv2.blur(centred, window)
-    variance = np.asarray(cv2.sqrBoxFilter(centred, cv2.CV_64F, window))
-    variance -= mean * mean
+    mean, square = cv2.blur(centred, window), cv2.sqrBoxFilter(centred, cv2.CV_64F, window)
+    variance: DoubleMap = np.subtract(square, mean * mean)
     element, border = np.ones(window, np.uint8), cv2.BORDER_REFLECT_101
     lowest = cv2.erode(image, element, borderType=border)
     variance[lowest == cv2.dilate(image, element, borderType=border)] = 0
