@@ -10,18 +10,11 @@ import numpy.typing as npt
 from stereolag.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import LANES, larger, load, lowest_lane, shifted, splat, store
+from stereolag.stereo.windows.prepared_pair import Found, Windows
+from stereolag.stereo.windows.recording import record_group, record_runners_up
 from stereolag.stereo.windows.running_sums import add_row, replace_row, slide
-from stereolag.stereo.windows.scores import record_group, record_runners_up, score_group
+from stereolag.stereo.windows.scores import score_group
 from stereolag.stereo.windows.search import LagTable
-
-
-class Windows(NamedTuple):
-    """The windows of one image: (rows, cols)."""
-
-    total: Array
-    """Sum of the pixels."""
-    inverse: npt.NDArray[np.float32]
-    """1 / norm; 0 for a window that takes no part."""
 
 
 class Workspace(NamedTuple):
@@ -39,18 +32,6 @@ class Workspace(NamedTuple):
     """(group): code of the best lag."""
     right_best: npt.NDArray[np.int32]
     """(lags): best so far for the right windows that the current left window meets; empty if not asked for."""
-
-
-class Found(NamedTuple):
-    """What is known of each window of the grid (rows, cols); what nobody asked for is empty."""
-
-    dy: npt.NDArray[np.int16]
-    dx: npt.NDArray[np.int16]
-    around: npt.NDArray[np.int32]
-    """(9 | 3, rows, cols): the scores at and around the peak, in the order of :attr:`LagTable.around`."""
-    runner_up: npt.NDArray[np.int32]
-    right_key: npt.NDArray[np.int32]
-    """(rows, right windows): score and code of the best left window for each right window."""
 
 
 @compiled
