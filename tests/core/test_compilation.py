@@ -54,7 +54,7 @@ def loops(tmp_path: Path) -> Path:
     """Return a folder with the decorator alone and two loops, of which one calls the other."""
     folder = tmp_path / "loops"
     folder.mkdir()
-    shutil.copy(PROJECT / "stereolag/kernels/compilation.py", folder)
+    shutil.copy(PROJECT / "stereolag/loops/compilation.py", folder)
     (folder / "outer.py").write_text(TWO_LOOPS)
     (folder / "inner.py").write_text(INNER.format(1))
     return folder
@@ -89,12 +89,12 @@ def code_in(folder: Path) -> dict[str, int]:
 def test_a_first_start_keeps_machine_code_beside_the_sources_and_says_nothing(install: Path) -> None:
     ran = run(install, "-c", SMALL_LAG)
     assert (ran.stdout, ran.stderr) == ("4\n", "")
-    assert code_in(install / "stereolag/kernels/__pycache__")
+    assert code_in(install / "stereolag/loops/__pycache__")
     assert not code_in(install.parent / "temporary")
 
 
 def test_without_a_place_beside_the_sources_code_is_kept_in_the_temporary_folder(install: Path) -> None:
-    (install / "stereolag/kernels/__pycache__").touch()  # a file: not even root makes a folder of it
+    (install / "stereolag/loops/__pycache__").touch()  # a file: not even root makes a folder of it
     first = run(install, "-c", SMALL_LAG)
     assert first.stdout == "4\n", first.stderr
     kept = code_in(install.parent / "temporary")
@@ -113,7 +113,7 @@ def test_a_read_only_install_works_though_it_holds_older_code(install: Path) -> 
     command = [*mount, str(install)]
     if not shutil.which("unshare") or subprocess.run([*command, "true"], capture_output=True, check=False).returncode:
         pytest.skip("this user may not mount a folder read-only")
-    older = install / "stereolag/kernels/__pycache__/bands.older-1.py311.nbi"
+    older = install / "stereolag/loops/__pycache__/bands.older-1.py311.nbi"
     older.parent.mkdir()
     older.touch()
     os.utime(older, (0, 0))
@@ -125,7 +125,7 @@ def test_a_read_only_install_works_though_it_holds_older_code(install: Path) -> 
 
 
 def test_older_code_that_cannot_be_deleted_is_not_used(install: Path) -> None:
-    stuck = install / "stereolag/kernels/__pycache__/bands.older-1.py311.nbi"
+    stuck = install / "stereolag/loops/__pycache__/bands.older-1.py311.nbi"
     stuck.mkdir(parents=True)
     os.utime(stuck, (0, 0))
     ran = run(install, "-c", SMALL_LAG)

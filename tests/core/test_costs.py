@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.stereo.semi_global.cost_features import BITS, NOISE, census, census_reference
+from stereolag.inputs import as_eight_bit
+from stereolag.stereo.semi_global.census import BITS, census, census_reference
+from stereolag.stereo.semi_global.cost_features import NOISE
 from stereolag.stereo.semi_global.cost_volume import Weights, cost_reference
 from stereolag.stereo.semi_global.costs import UNSEEN, MatchingCost, matching_cost
 
@@ -82,9 +84,9 @@ def test_the_census_is_that_of_the_formula_and_ignores_exposure() -> None:
 
 def test_eight_bits_are_left_as_they_are_and_others_share_one_scale() -> None:
     image = noise((8, 9))
-    assert eight_bit(image, image)[0] is image
+    assert as_eight_bit(image, image)[0] is image
     deep = image.astype(np.uint16) * 100 + 3000
-    left, right = eight_bit(deep, deep // 2)
+    left, right = as_eight_bit(deep, deep // 2)
     assert left.dtype == right.dtype == np.uint8
     assert left.max() == 255 and right.min() == 0 and right.max() < 140
 
@@ -92,4 +94,4 @@ def test_eight_bits_are_left_as_they_are_and_others_share_one_scale() -> None:
 @pytest.mark.parametrize("dtype", [np.uint16, np.float32, np.float64])
 def test_a_flat_pair_of_any_type_survives(dtype: type) -> None:
     flat = np.full((8, 9), 3, dtype)
-    assert not eight_bit(flat, flat)[0].any()
+    assert not as_eight_bit(flat, flat)[0].any()

@@ -29,8 +29,8 @@ from stereolag.loops.vector_lanes import (
     store,
     where_positive,
 )
+from stereolag.stereo.windows.matches import Score, WindowQuery
 from stereolag.stereo.windows.running_sums import slide
-from stereolag.stereo.windows.search import LagRange
 
 SCALE = 2.0**29
 OFFSET = 1.5
@@ -198,7 +198,23 @@ def as_scores(kept: Array, score: Array, left_inverse: Array, right_norm: float)
             score[row, col] = value if kept[row, col] > 0 else np.float32(np.nan)
 
 
-def score_lag(left_windows: Array, right_windows: Array, score: str) -> npt.NDArray[np.float64]:
+def score_volume_reference(query: WindowQuery) -> npt.NDArray[np.float64]:
+    """Return (dy, dx, rows, cols): the score of every window at every lag, NaN where that is no candidate."""
+    size, step, lags = query.window_size, query.step, query.lags
+    left_windows = sliding_window_view(query.left, (size, size))[::step, ::step]
+    right_windows = sliding_window_view(query.right, (size, size))
+    volume = np.full((lags.rows, lags.cols, *query.grid), np.nan)
+    y, x = (step * np.arange(count) for count in query.grid)
+    for row, dy in enumerate(range(lags.dy_first, lags.dy_last + 1)):
+        for col, dx in enumerate(range(lags.dx_first, lags.dx_last + 1)):
+            i = np.flatnonzero((y + dy >= 0) & (y + dy < right_windows.shape[0]))
+            j = np.flatnonzero((x + dx >= 0) & (x + dx < right_windows.shape[1]))
+            here, there = np.ix_(i, j), np.ix_(y[i] + dy, x[j] + dx)
+            volume[row, col][here] = _score_reference(left_windows[here], right_windows[there], query.score)
+    return volume
+
+
+def _score_reference(left_windows: Array, right_windows: Array, score: Score) -> npt.NDArray[np.float64]:
     """Return the score of each left window with the right window at the same place; NaN where there is none.
 
     Parameters
@@ -220,20 +236,3 @@ def score_lag(left_windows: Array, right_windows: Array, score: str) -> npt.NDAr
     flat |= (np.ptp(right_windows, axis=(2, 3)) == 0) if score == "zncc" else ~right.any((2, 3))
     norms = np.sqrt((left**2).sum((2, 3)) * (right**2).sum((2, 3)))
     return np.where(flat, np.nan, products / np.where(flat, 1, norms))
-
-
-def score_volume(
-    left: Array, right: Array, *, window_size: int, step: int, search: LagRange, score: str
-) -> npt.NDArray[np.float64]:
-    """Return (dy, dx, rows, cols): the score of every window at every lag, NaN where that is no candidate."""
-    left_windows = sliding_window_view(left, (window_size, window_size))[::step, ::step]
-    right_windows = sliding_window_view(right, (window_size, window_size))
-    volume = np.full((search.rows, search.cols, *left_windows.shape[:2]), np.nan)
-    y, x = step * np.arange(left_windows.shape[0]), step * np.arange(left_windows.shape[1])
-    for row, dy in enumerate(range(search.dy_first, search.dy_last + 1)):
-        for col, dx in enumerate(range(search.dx_first, search.dx_last + 1)):
-            i = np.flatnonzero((y + dy >= 0) & (y + dy < right_windows.shape[0]))
-            j = np.flatnonzero((x + dx >= 0) & (x + dx < right_windows.shape[1]))
-            here, there = np.ix_(i, j), np.ix_(y[i] + dy, x[j] + dx)
-            volume[row, col][here] = score_lag(left_windows[here], right_windows[there], score)
-    return volume
