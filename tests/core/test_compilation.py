@@ -89,7 +89,7 @@ def code_in(folder: Path) -> dict[str, int]:
 def test_a_first_start_keeps_machine_code_beside_the_sources_and_says_nothing(install: Path) -> None:
     ran = run(install, "-c", SMALL_LAG)
     assert (ran.stdout, ran.stderr) == ("4\n", "")
-    assert code_in(install / "stereolag/loops/__pycache__")
+    assert code_in(install / "stereolag")
     assert not code_in(install.parent / "temporary")
 
 

@@ -11,8 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereolag.stereo.windows.matches import WindowQuery
+from stereolag.stereo.windows.prepared_pair import NO_RIGHT_MATCH
+from stereolag.stereo.windows.running_sums import describe_windows, describe_windows_reference
 from stereolag.stereo.windows.scores import score_volume_reference
 from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.windows.tiles import right_view_reference
 from stereolag.stereo.windows.window_sums import match_windows
 
 
@@ -174,12 +177,11 @@ def test_a_flat_window_has_no_match(rng):
 def test_right_matches_are_the_best_of_the_other_view(rng, score, search):
     left, right = picture(rng, (20, 70), np.uint8), picture(rng, (20, 70), np.uint8)
     found = match_windows(WindowQuery(left, right, 7, 1, search, score, runner_up=True, right_matches=True))
-    mirrored = LagRange(0, 0, -search.dx_last, -search.dx_first)
-    swapped = match_windows(WindowQuery(right, left, 7, 1, mirrored, score))
-    none = np.isnan(swapped.score)
+    volume = score_volume_reference(WindowQuery(left, right, 7, 1, search, score))
+    plain = right_view_reference(volume, search, NO_RIGHT_MATCH)
     assert found.right_dx is not None
-    np.testing.assert_array_equal(found.right_dx == -32768, none)
-    assert (found.right_dx == -swapped.dx)[~none].mean() > 0.99
+    np.testing.assert_array_equal(found.right_dx == NO_RIGHT_MATCH, plain == NO_RIGHT_MATCH)
+    assert (found.right_dx == plain).mean() > 0.99  # scores that differ by less than float32 can tell are equal
 
 
 def test_swapping_the_images_flips_the_sign(rng):
@@ -255,3 +257,21 @@ def test_too_many_lags_are_refused(rng):
 def test_a_search_ends_after_it_begins():
     with pytest.raises(ValueError, match="before its beginning"):
         LagRange(0, 0, 5, 4)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float64])
+@pytest.mark.parametrize("norm", [0.0, 7.0])
+@pytest.mark.parametrize("keep_mean", [False, True])
+@pytest.mark.parametrize(("window", "step"), [(3, 1), (8, 1), (5, 3)])
+def test_windows_are_described_as_by_the_formula(rng, dtype, norm, keep_mean, window, step):
+    image = picture(rng, (30, 40), dtype)
+    image[5:20, 5:25] = 77
+    share = 0.0 if keep_mean else 1 / window**2
+    shape = [(side - window) // step + 1 for side in image.shape]
+    total = np.zeros(shape, np.int32 if dtype == np.uint8 else np.float64)
+    inverse, texture = np.zeros((2, *shape), np.float32)
+    describe_windows(image, window, step, 0, share, norm, 0.25, total, inverse, texture)
+    plain = describe_windows_reference(image, window, step, share, norm, 0.25)
+    for found, expected in zip((total, inverse, texture), plain, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
+    assert not inverse[shape[0] // 3, shape[1] // 3]

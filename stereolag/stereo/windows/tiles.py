@@ -14,7 +14,7 @@ from stereolag.stereo.windows.prepared_pair import Found, Windows
 from stereolag.stereo.windows.recording import record_group, record_runners_up
 from stereolag.stereo.windows.running_sums import add_row, replace_row, slide
 from stereolag.stereo.windows.scores import score_group
-from stereolag.stereo.windows.search import LagTable
+from stereolag.stereo.windows.search import LagRange, LagTable
 
 
 class Workspace(NamedTuple):
@@ -217,3 +217,24 @@ def as_right_dx(right_key: Array, dx_of: Array, code_mask: int, nowhere: int, ri
         for x in range(right_key.shape[1]):
             key = right_key[row, x]
             right_dx[row, x] = dx_of[key & code_mask] if key > code_mask else nowhere
+
+
+def right_view_reference(volume: Array, lags: LagRange, nowhere: int) -> npt.NDArray[np.int16]:
+    """Return the displacement of the best left window of every right one, `nowhere` where none meets it.
+
+    Parameters
+    ----------
+    volume
+        (1, lags, rows, cols) scores of windows one pixel apart, NaN where there is none: those of
+        :func:`stereolag.stereo.windows.scores.score_volume_reference`.
+    """
+    rows, cols = volume.shape[2:]
+    best, right_dx = np.full((rows, cols), -np.inf), np.full((rows, cols), nowhere, np.int16)
+    for dx in lags.ranked()[1]:  # the shortest first: it keeps what is as good
+        scores = np.full((rows, cols), -np.inf)
+        left, right = slice(max(0, -dx), min(cols, cols - dx)), slice(max(0, dx), min(cols, cols + dx))
+        if left.start < left.stop:
+            scores[:, right] = np.nan_to_num(volume[0, dx - lags.dx_first, :, left], nan=-np.inf)
+        right_dx[scores > best] = dx
+        best = np.maximum(best, scores)
+    return right_dx
