@@ -164,3 +164,31 @@ def sliding_pearson(signal_1: Vector, signal_2: Vector, first_lag: int, curve: V
         if energy_1 > flat_1 and energy_2 > flat_2:
             pearson = (product - sum_1 * sum_2 / first.size) / np.sqrt(energy_1 * energy_2)
             curve[index] = pearson * np.sqrt(first.size / longest)
+
+
+def running_sums_reference(signal: Vector) -> tuple[Vector, Vector]:
+    """Return what :func:`running_sums` must equal, by plain NumPy."""
+    return np.append(0.0, np.cumsum(signal)), np.append(0.0, np.cumsum(signal**2))
+
+
+def turn_forth_reference(signal: Vector, turn: Spectrum) -> Spectrum:
+    """Return what :func:`turn_forth` must fill in."""
+    return np.asarray(np.pad(signal, (0, turn.size - signal.size)) * turn)
+
+
+def cross_spectrum_reference(spectrum_1: Spectrum, spectrum_2: Spectrum) -> Spectrum:
+    """Return what :func:`cross_spectrum` must equal."""
+    return np.asarray(spectrum_1.conj() * spectrum_2)
+
+
+def turn_back_reference(products: Spectrum, turn: Spectrum, first: int, last: int) -> Vector:
+    """Return what :func:`turn_back` must equal."""
+    turned = products * turn.conj()
+    return np.concatenate((turned.imag[turned.size + first :], turned.real[: last + 1]))
+
+
+def weighted_pearson_reference(signal_1: Vector, signal_2: Vector, lags: npt.NDArray[np.int64]) -> Vector:
+    """Return what :func:`weighted_pearson` and :func:`sliding_pearson` must make of each lag, by the plain formula."""
+    scores = np.array([overlap_pearson(signal_1, signal_2, int(lag)) for lag in lags])
+    weight = overlap_length(signal_1.size, signal_2.size, lags) / min(signal_1.size, signal_2.size)
+    return np.asarray(np.nan_to_num(scores * np.sqrt(weight)))
