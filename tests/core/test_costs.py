@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereolag.inputs import as_eight_bit
-from stereolag.stereo.semi_global.census import BITS, census, census_reference
-from stereolag.stereo.semi_global.cost_features import NOISE
-from stereolag.stereo.semi_global.cost_volume import Weights, cost_reference
+from stereolag.stereo.semi_global.census import census, census_reference
+from stereolag.stereo.semi_global.cost_terms import TERMS
+from stereolag.stereo.semi_global.cost_volume import cost_reference
 from stereolag.stereo.semi_global.costs import UNSEEN, MatchingCost, matching_cost
 
 Picture = npt.NDArray[np.uint8]
@@ -24,13 +24,7 @@ def noise(shape: tuple[int, int], seed: int = 0) -> Picture:
 def expected(
     left: Picture, right: Picture, radius: int, first: int, count: int, cost: MatchingCost
 ) -> npt.NDArray[np.float64]:
-    weights = Weights(
-        correlation=cost.correlation,
-        bit=cost.census / BITS,
-        gradient=cost.gradient,
-        unseen=int(UNSEEN * (cost.correlation + cost.census + cost.gradient)),
-    )
-    return cost_reference(left, right, radius, first, count, NOISE, cost.gradient_limit, weights)
+    return cost_reference(left, right, radius, first, count, int(UNSEEN * cost.highest), cost)
 
 
 @settings(max_examples=12)
@@ -63,6 +57,11 @@ def test_each_term_alone(weights: tuple[int, int, int]) -> None:
     cost = MatchingCost(correlation=weights[0], census=weights[1], gradient=weights[2])
     found = matching_cost(left, right, window_size=5, min_disparity=0, num_disparities=6, settings=cost)
     assert np.abs(found - expected(left, right, 2, 0, 6, cost)).max() < 0.51
+
+
+def test_every_term_has_its_weight_in_the_settings_and_no_weight_is_without_a_term() -> None:
+    assert {term.weight for term in TERMS} == set(MatchingCost.model_fields) - {"gradient_limit"}
+    assert MatchingCost().highest == 240
 
 
 @pytest.mark.parametrize("shift", [-3, 0, 5])
