@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag.arrays import Mask
+from stereolag.flatness import flat_energy
 from stereolag.inputs import local_deviation
-from stereolag.stereo.finishing.checks import ambiguous, left_right_disagree, rejected
+from stereolag.stereo.finishing.checks import TextureTest, ambiguous, least_texture, left_right_disagree, rejected
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matches import LagMap
 
@@ -88,3 +89,18 @@ def test_a_large_offset_hides_no_deviation() -> None:
     faint = np.random.default_rng(0).normal(0, 0.01, (30, 40))
     np.testing.assert_allclose(local_deviation(faint + 1e6, 5), local_deviation(faint, 5), rtol=1e-5)
     assert not local_deviation(np.full((9, 9), 1e6 + 1 / 3), 5).any()
+
+
+@pytest.mark.parametrize(("dtype", "unit"), [(np.uint8, 1), (np.uint16, 257), (np.float32, 1 / 255)])
+def test_the_least_texture_is_in_the_units_of_the_images(dtype: type, unit: float) -> None:
+    image = (np.array([[0, 255]]) * unit).astype(dtype)
+    assert least_texture(TextureTest(least=2.0), image, image) == pytest.approx(2 * unit, rel=1e-5)
+    assert 0 < least_texture(None, image, image) < 1e-5 * unit
+
+
+@given(st.integers(2, 12), st.integers(0, 255))
+def test_no_window_of_whole_numbers_that_varies_is_flat(side: int, level: int) -> None:
+    window = np.full((side, side), level)
+    assert window.var() * window.size <= flat_energy(window.size, 255, exact=True)
+    window[0, 0] += 1 if level < 255 else -1
+    assert window.var() * window.size > flat_energy(window.size, 255, exact=True)

@@ -111,8 +111,8 @@ def add_correlation(
     """Add half the weight times one less the correlation of the windows.
 
     Products are summed down each column of the window once and then along the row, so that the time does not depend on
-    the window; both sums are carried from run to run. Arrays are flattened once a run: a view made for every pixel takes three times as long as the
-    arithmetic.
+    the window; both sums are carried from run to run. Arrays are flattened once a run: a view made for every
+    pixel takes three times as long as the arithmetic.
     """
     width, stride = np.uint64(left.total.shape[1]), np.uint64(left.padded.shape[1])
     lags, side = np.uint64(run.lags), stride - width + np.uint64(1)

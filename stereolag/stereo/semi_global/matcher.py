@@ -10,15 +10,15 @@ from pydantic import Field, field_validator
 
 from stereolag.arrays import ReasonMap
 from stereolag.estimates import Estimate
-from stereolag.inputs import Image, as_eight_bit, as_grey, grey_level, local_deviation, of_ordinary_size
+from stereolag.inputs import Image, as_eight_bit, as_grey, local_deviation, of_ordinary_size
 from stereolag.progress import Progress
 from stereolag.settings import FitsImage, OfThePair, Pixels, Usual
 from stereolag.stereo.finishing.checks import (
-    FLAT_TEXTURE,
     AmbiguityTest,
     LeftRightCheck,
     TextureTest,
     ambiguous,
+    least_texture,
     left_right_disagree,
 )
 from stereolag.stereo.finishing.stages import Filling, Median, Speckle, finished
@@ -122,7 +122,7 @@ class SemiGlobalMatcher(StereoMatcher):
         matches = match_semi_global(query, progress)
         highest = PATHS * self.cost.highest
         reason = self._reasons(matches, highest)
-        flat = (self.texture.least if self.texture else FLAT_TEXTURE) * grey_level(*grey)
+        flat = least_texture(self.texture, *grey)
         reason[local_deviation(grey[0], self.window_size) <= flat] = Reason.LOW_TEXTURE
         disparity = np.where(
             reason == Reason.MEASURED,

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import Array
+from stereolag.flatness import flat_energy
 from stereolag.inputs import Image
 from stereolag.loops.vector_lanes import LANES
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
@@ -18,12 +19,6 @@ from stereolag.stereo.windows.search import LagRange, lag_table, strips_of
 
 LARGEST_EXACT_WINDOW = 181
 """px: 181² products of uint8 still fit a signed 32-bit sum."""
-
-FLAT_WHOLE = 0.25
-"""Energy below which a window of whole numbers is flat: the least that is not 0 is a half."""
-
-FLAT_SHARE = 1e-11
-"""Energy per pixel, relative to the largest pixel squared, that float64 sums cannot tell from none."""
 
 NO_RIGHT_MATCH = -32768
 
@@ -190,7 +185,9 @@ def _check(query: WindowQuery) -> None:
 def comparable(left: Image, right: Image, window: int, score: str) -> Comparable:
     """Return both images as uint8, or as float64 about their mean, and what a flat window is."""
     if left.dtype == np.uint8 and window <= LARGEST_EXACT_WINDOW:
-        return Comparable(np.ascontiguousarray(left), np.ascontiguousarray(right), True, FLAT_WHOLE)
+        return Comparable(
+            np.ascontiguousarray(left), np.ascontiguousarray(right), True, flat_energy(window**2, 255, exact=True)
+        )
     # One mean for both: what a score takes off each window is the same then for either. "ncc" keeps the mean.
     mean = 0.0 if score == "ncc" else float(np.rint((left.mean(dtype=float) + right.mean(dtype=float)) / 2))
     if score != "ncc" and np.issubdtype(left.dtype, np.floating):
@@ -199,9 +196,8 @@ def comparable(left: Image, right: Image, window: int, score: str) -> Comparable
     brightest = max(float(np.abs(left).max()), float(np.abs(right).max()))
     whole_numbers = mean == np.rint(mean) and brightest > 1
     exact = whole_numbers and bool((left == np.rint(left)).all() and (right == np.rint(right)).all())
-    if exact and window**2 * brightest**2 < 2**46:
-        return Comparable(left, right, True, FLAT_WHOLE)
-    return Comparable(left, right, False, FLAT_SHARE * window**2 * brightest**2)
+    exact = exact and window**2 * brightest**2 < 2**46
+    return Comparable(left, right, exact, flat_energy(window**2, brightest, exact=exact))
 
 
 def _spread(image: Array) -> float:
