@@ -45,7 +45,7 @@ def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset()) -> An
 
     Use it as ``@compiled``, or as ``@compiled(fastmath={"reassoc", "contract"})`` where sums may be taken in any order.
     Never ``parallel=True``: its default threading layer aborts the process when two sessions enter it at once; the
-    threads are ours (:mod:`stereolag.loops.bands`). Never the whole of ``fastmath``: NaN is an answer here.
+    threads are ours (:mod:`stereolag.loops.bands`). Never the whole of ``fastmath``: NaN means something here.
 
     Parameters
     ----------

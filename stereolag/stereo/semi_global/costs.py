@@ -77,7 +77,7 @@ def matching_cost(
     "Evaluation of stereo matching costs on images with radiometric differences", 2009; Mei et al., "On building an
     accurate stereo matching system on graphics hardware", 2011). A lag that leads out of the frame costs more than a
     match and less than a mismatch, so that a later optimisation carries the neighbours' disparity on to the border of
-    the picture.
+    the image.
 
     Parameters
     ----------

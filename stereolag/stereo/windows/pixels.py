@@ -55,7 +55,7 @@ def spread_over_pixels(
     Parameters
     ----------
     matches
-        The answer of the windows.
+        What was found of the windows.
     query
         What they were asked.
     asked
