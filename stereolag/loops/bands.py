@@ -1,4 +1,4 @@
-"""Rows of a picture, shared out over the cores."""
+"""Rows of an image, shared out over the cores."""
 
 from __future__ import annotations
 

@@ -20,10 +20,11 @@ import stat
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Set
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar, cast, overload
 
 import numba
 from numba.core.caching import CompileResultCacheImpl, _CacheLocator
@@ -76,13 +77,31 @@ class OwnCode(_CacheLocator):
         return str(self._line)
 
 
-def compiled(function: Function) -> Function:
+@overload
+def compiled(function: Function, /) -> Function: ...
+
+
+@overload
+def compiled(*, fastmath: Set[str]) -> Callable[[Function], Function]: ...
+
+
+def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset()) -> Any:
     """Compile a function on first use, keep the machine code on disk, and release the interpreter lock while it runs.
 
+    Use it as ``@compiled``, or as ``@compiled(fastmath={"reassoc", "contract"})`` where sums may be taken in any order.
     Never ``parallel=True``: its default threading layer aborts the process when two sessions enter it at once; the
-    threads are ours (:mod:`stereolag.loops.bands`). Never ``fastmath``: NaN is an answer here.
+    threads are ours (:mod:`stereolag.loops.bands`). Never the whole of ``fastmath``: NaN means something here.
+
+    Parameters
+    ----------
+    function
+        What is compiled; a division by zero gives infinity or NaN, as in NumPy.
+    fastmath
+        LLVM's names of the liberties that floating-point arithmetic may take.
     """
-    return cast(Function, numba.njit(nogil=True, cache=KEPT, error_model="numpy")(function))
+    if function is None:
+        return partial(compiled, fastmath=fastmath)
+    return numba.njit(nogil=True, cache=KEPT, error_model="numpy", fastmath=set(fastmath))(function)
 
 
 def folder_name() -> str:

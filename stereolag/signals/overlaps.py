@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from stereolag.arrays import Vector
-from stereolag.loops.compilation import KEPT
+from stereolag.loops.compilation import compiled
 
 Spectrum = npt.NDArray[np.complex128]
 
@@ -48,7 +47,7 @@ def overlap_pearson(signal_1: Vector, signal_2: Vector, lag: int) -> float:
     return float(np.clip(_dot(first, second) / np.sqrt(energy_1 * energy_2), -1.0, 1.0))
 
 
-@njit(nogil=True, cache=KEPT, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def _dot(first: Vector, second: Vector) -> float:
     # numpy hands a long dot product to all threads of BLAS, which on a busy machine takes 100 times as long.
     total = 0.0
@@ -57,7 +56,7 @@ def _dot(first: Vector, second: Vector) -> float:
     return total
 
 
-@njit(nogil=True, cache=KEPT)
+@compiled
 def running_sums(signal: Vector) -> tuple[Vector, Vector]:
     """Return the sums and the sums of squares of the first 0, 1, … N samples, each (N + 1,)."""
     sums = np.empty(signal.size + 1)
@@ -72,7 +71,7 @@ def running_sums(signal: Vector) -> tuple[Vector, Vector]:
     return sums, squares
 
 
-@njit(nogil=True, cache=KEPT)
+@compiled
 def turn_forth(signal: Vector, turn: Spectrum, turned: Spectrum) -> None:
     """Fill `turned` (N,) with ``signal * turn``, and with zeros behind the end of the signal."""
     for i in range(signal.size):
@@ -80,7 +79,7 @@ def turn_forth(signal: Vector, turn: Spectrum, turned: Spectrum) -> None:
     turned[signal.size :] = 0
 
 
-@njit(nogil=True, cache=KEPT)
+@compiled
 def cross_spectrum(spectrum_1: Spectrum, spectrum_2: Spectrum) -> Spectrum:
     """Return ``conj(spectrum_1) * spectrum_2``, in the memory of the first."""
     for i in range(spectrum_1.size):
@@ -91,7 +90,7 @@ def cross_spectrum(spectrum_1: Spectrum, spectrum_2: Spectrum) -> Spectrum:
     return spectrum_1
 
 
-@njit(nogil=True, cache=KEPT)
+@compiled
 def turn_back(products: Spectrum, turn: Spectrum, first: int, last: int) -> Vector:
     """Return the lags from `first` (≤ 0) to `last` (≥ 0) of ``products * conj(turn)``: negative ones are imaginary.
 
@@ -110,7 +109,7 @@ def turn_back(products: Spectrum, turn: Spectrum, first: int, last: int) -> Vect
     return curve
 
 
-@njit(nogil=True, cache=KEPT, error_model="numpy")
+@compiled
 def weighted_pearson(
     products: Vector, first_lag: int, sums_1: Vector, squares_1: Vector, sums_2: Vector, squares_2: Vector
 ) -> None:
@@ -139,7 +138,7 @@ def weighted_pearson(
         products[index] = value if varies else 0.0
 
 
-@njit(nogil=True, cache=KEPT, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def sliding_pearson(signal_1: Vector, signal_2: Vector, first_lag: int, curve: Vector) -> None:
     """Fill `curve` with what :func:`weighted_pearson` makes, every overlap summed anew.
 
@@ -165,3 +164,31 @@ def sliding_pearson(signal_1: Vector, signal_2: Vector, first_lag: int, curve: V
         if energy_1 > flat_1 and energy_2 > flat_2:
             pearson = (product - sum_1 * sum_2 / first.size) / np.sqrt(energy_1 * energy_2)
             curve[index] = pearson * np.sqrt(first.size / longest)
+
+
+def running_sums_reference(signal: Vector) -> tuple[Vector, Vector]:
+    """Return what :func:`running_sums` must equal, by plain NumPy."""
+    return np.append(0.0, np.cumsum(signal)), np.append(0.0, np.cumsum(signal**2))
+
+
+def turn_forth_reference(signal: Vector, turn: Spectrum) -> Spectrum:
+    """Return what :func:`turn_forth` must fill in."""
+    return np.asarray(np.pad(signal, (0, turn.size - signal.size)) * turn)
+
+
+def cross_spectrum_reference(spectrum_1: Spectrum, spectrum_2: Spectrum) -> Spectrum:
+    """Return what :func:`cross_spectrum` must equal."""
+    return np.asarray(spectrum_1.conj() * spectrum_2)
+
+
+def turn_back_reference(products: Spectrum, turn: Spectrum, first: int, last: int) -> Vector:
+    """Return what :func:`turn_back` must equal."""
+    turned = products * turn.conj()
+    return np.concatenate((turned.imag[turned.size + first :], turned.real[: last + 1]))
+
+
+def weighted_pearson_reference(signal_1: Vector, signal_2: Vector, lags: npt.NDArray[np.int64]) -> Vector:
+    """Return what :func:`weighted_pearson` and :func:`sliding_pearson` must make of each lag, by the plain formula."""
+    scores = np.array([overlap_pearson(signal_1, signal_2, int(lag)) for lag in lags])
+    weight = overlap_length(signal_1.size, signal_2.size, lags) / min(signal_1.size, signal_2.size)
+    return np.asarray(np.nan_to_num(scores * np.sqrt(weight)))

@@ -7,10 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from stereolag.arrays import Vector
-from stereolag.loops.compilation import KEPT
+from stereolag.loops.compilation import compiled
 
 Lags = npt.NDArray[np.int64]
 
@@ -112,7 +111,7 @@ def _interpolation(reach: int) -> Vector:
     return np.asarray(weights)
 
 
-@njit(nogil=True, cache=KEPT)
+@compiled
 def main_lobe(curve: npt.NDArray[np.float64], peak: int) -> tuple[int, int]:
     """Return the first index of the main lobe around `peak` and the one behind its last.
 

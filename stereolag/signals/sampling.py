@@ -6,10 +6,9 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from stereolag.arrays import Vector
-from stereolag.loops.compilation import KEPT
+from stereolag.loops.compilation import compiled
 from stereolag.progress import Progress
 from stereolag.signals.overlaps import FLAT, running_sums
 
@@ -133,7 +132,7 @@ def slice_correlation(signal_1: Vector, signal_2: Vector, start_1: int, start_2:
     return float(np.corrcoef(signal_1[start_1 : start_1 + length], signal_2[start_2 : start_2 + length])[0, 1])
 
 
-@njit(nogil=True, cache=KEPT)
+@compiled
 def best_matches(
     slices_1: npt.NDArray[np.float64],
     starts_1: Indices,
@@ -196,7 +195,7 @@ def best_matches(
     return lags, scores
 
 
-@njit(nogil=True, cache=KEPT, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def _product(piece: Vector, signal: Vector, start: int) -> float:
     # The piece is mean-free, so the mean of the other slice drops out.
     total = 0.0

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
-from stereolag.loops.compilation import KEPT
+from stereolag.loops.compilation import compiled
 
 Array64 = npt.NDArray[np.float64]
 
@@ -32,7 +31,7 @@ def pearson(products: Array64, energy: Array64, norm: float, tolerance: float) -
     return np.where(varies, np.clip(scores, -1.0, 1.0), np.nan).astype(np.float32)
 
 
-@njit(nogil=True, cache=KEPT, error_model="numpy")
+@compiled
 def fill_pearson(scores: npt.NDArray[Any], products: Array64, energy: Array64, norm: float, tolerance: float) -> None:
     """Write :func:`pearson` into `scores` (rows, cols); the other arrays may be larger, their excess is not read."""
     rows, cols = scores.shape
@@ -67,7 +66,7 @@ def box_energy(planes: Array64, height: int, width: int) -> Array64:
     return np.asarray(np.square(deviations).sum(axis=(0, 3, 4)))
 
 
-@njit(nogil=True, cache=KEPT)
+@compiled
 def running_box_energy(planes: Array64, height: int, width: int) -> Array64:
     """Return :func:`box_energy` at a cost independent of the window: sums run down the columns, then along the row.
 
@@ -136,7 +135,7 @@ def placement_score(
     return float(np.clip(np.sum(window * deviations[:, opaque].T) / norm, -1.0, 1.0))
 
 
-@njit(nogil=True, cache=KEPT)
+@compiled
 def placement_scores(
     image: npt.NDArray[Any],
     deviations: npt.NDArray[np.float64],

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pairs import shifted_pair, texture
 from pydantic import ValidationError
 
+from stereolag.settings import Applies, Settings, SettingsError, marker
 from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.matcher import DisparityMap
+from stereolag.stereo.finishing.checks import LeftRightCheck
+from stereolag.stereo.finishing.filters import MedianFilter
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.reasons import Reason
+from stereolag.stereo.semi_global.costs import MatchingCost
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 
@@ -147,7 +156,7 @@ def test_step_is_the_unshared_part_of_a_window(overlap: float) -> None:
     [
         ({"window_size": 2}, "window_size"),
         ({"overlap": 1.0}, "overlap"),
-        ({"window_size": 41}, "search_size"),
+        ({"window_size": 41, "search": SearchArea.centred(40)}, "search_size"),
         ({"score": "ssd"}, "score"),
         ({"score": "phase", "engine": "window_sums"}, "engine"),
         ({"search": SearchArea.centred(20), "engine": "window_sums"}, "engine"),
@@ -155,8 +164,56 @@ def test_step_is_the_unshared_part_of_a_window(overlap: float) -> None:
     ],
 )
 def test_bad_settings_are_refused_by_name(settings: dict[str, object], names: str) -> None:
-    with pytest.raises(ValidationError, match=names):
+    with pytest.raises(SettingsError, match=names):
         CorrelationMatcher(**settings)
+
+
+CONTRADICTIONS: list[tuple[type[StereoMatcher], str, dict[str, object]]] = [
+    (CorrelationMatcher, "engine", {"score": "phase", "engine": "window_sums"}),
+    (CorrelationMatcher, "engine", {"search": SearchArea.centred(20), "engine": "window_sums"}),
+    (CorrelationMatcher, "left_right", {"overlap": 0.5, "left_right": LeftRightCheck()}),
+    (CorrelationMatcher, "left_right", {"engine": "fft", "left_right": LeftRightCheck()}),
+    (CorrelationMatcher, "left_right", {"search": SearchArea.centred(40), "left_right": LeftRightCheck()}),
+    (CorrelationMatcher, "filling", {"search": SearchArea.rectified(16, vertical=1), "filling": True}),
+    (CorrelationMatcher, "median", {"search": SearchArea.centred(40), "median": MedianFilter()}),
+    (StereoBM, "speckle_range", {"speckle_range": 2}),
+    (StereoSGBM, "speckle_range", {"speckle_window_size": 0, "speckle_range": 3}),
+    (SemiGlobalMatcher, "cost.gradient_limit", {"cost": {"gradient": 0, "gradient_limit": 9}}),
+]
+
+
+@pytest.mark.parametrize(("kind", "name", "settings"), CONTRADICTIONS)
+def test_no_setting_is_accepted_and_ignored(kind: type[StereoMatcher], name: str, settings: dict[str, object]) -> None:
+    holder: type[Settings] = MatchingCost if name.startswith("cost.") else kind
+    rule = marker(holder.model_fields[name.rpartition(".")[2]], Applies)
+    assert rule is not None
+    with pytest.raises(SettingsError, match=re.escape(rule.reason)) as told:
+        kind(**settings)
+    assert [problem.name for problem in told.value.problems] == [name]
+
+
+def test_every_rule_is_among_the_contradictions() -> None:
+    holders = {kind.__name__: kind for kind in METHODS} | {"cost": MatchingCost}
+    rules = {
+        f"{owner}.{name}"
+        for owner, kind in holders.items()
+        for name, field in kind.model_fields.items()
+        if marker(field, Applies)
+    }
+    tested = {name if "." in name else f"{kind.__name__}.{name}" for kind, name, _ in CONTRADICTIONS}
+    assert tested == rules
+
+
+def test_a_result_says_in_one_line_what_it_is() -> None:
+    result = CorrelationMatcher(window_size=9, search=SearchArea.rectified(16)).compute(*shifted_pair(40, 60, 0, -4))
+    assert re.fullmatch(r"<DisparityMap 60 × 40, \d+\.\d% valid, by CorrelationMatcher in [\d.e-]+ s>", repr(result))
+
+
+def test_a_path_in_place_of_an_image_is_answered_with_what_to_do() -> None:
+    image = np.zeros((40, 60), np.uint8)
+    for left, right, name in (("left.png", image, "left"), (image, Path("right.png"), "right")):
+        with pytest.raises(ValueError, match=rf"{name} is a \w+; give an array, such as sl\.read_image\({name}\)"):
+            CorrelationMatcher().compute(left, right)  # type: ignore[arg-type]
 
 
 def test_settings_are_immutable_and_survive_json() -> None:
@@ -170,6 +227,7 @@ MATCHERS = [
     CorrelationMatcher(window_size=9, search=SearchArea.rectified(16)),
     StereoBM(num_disparities=16),
     StereoSGBM(),
+    SemiGlobalMatcher(),
 ]
 
 

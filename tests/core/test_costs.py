@@ -8,8 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.stereo.semi_global.cost_features import BITS, NOISE, census, census_reference
-from stereolag.stereo.semi_global.cost_volume import Weights, cost_reference
+from stereolag.inputs import as_eight_bit
+from stereolag.stereo.semi_global.census import census, census_reference
+from stereolag.stereo.semi_global.cost_terms import TERMS
+from stereolag.stereo.semi_global.cost_volume import cost_reference
 from stereolag.stereo.semi_global.costs import UNSEEN, MatchingCost, matching_cost
 
 Picture = npt.NDArray[np.uint8]
@@ -22,13 +24,7 @@ def noise(shape: tuple[int, int], seed: int = 0) -> Picture:
 def expected(
     left: Picture, right: Picture, radius: int, first: int, count: int, cost: MatchingCost
 ) -> npt.NDArray[np.float64]:
-    weights = Weights(
-        correlation=cost.correlation,
-        bit=cost.census / BITS,
-        gradient=cost.gradient,
-        unseen=int(UNSEEN * (cost.correlation + cost.census + cost.gradient)),
-    )
-    return cost_reference(left, right, radius, first, count, NOISE, cost.gradient_limit, weights)
+    return cost_reference(left, right, radius, first, count, int(UNSEEN * cost.highest), cost)
 
 
 @settings(max_examples=12)
@@ -63,6 +59,11 @@ def test_each_term_alone(weights: tuple[int, int, int]) -> None:
     assert np.abs(found - expected(left, right, 2, 0, 6, cost)).max() < 0.51
 
 
+def test_every_term_has_its_weight_in_the_settings_and_no_weight_is_without_a_term() -> None:
+    assert {term.weight for term in TERMS} == set(MatchingCost.model_fields) - {"gradient_limit"}
+    assert MatchingCost().highest == 240
+
+
 @pytest.mark.parametrize("shift", [-3, 0, 5])
 def test_the_true_lag_costs_least_whatever_the_exposure(shift: int) -> None:
     scene = noise((40, 80))
@@ -82,9 +83,9 @@ def test_the_census_is_that_of_the_formula_and_ignores_exposure() -> None:
 
 def test_eight_bits_are_left_as_they_are_and_others_share_one_scale() -> None:
     image = noise((8, 9))
-    assert eight_bit(image, image)[0] is image
+    assert as_eight_bit(image, image)[0] is image
     deep = image.astype(np.uint16) * 100 + 3000
-    left, right = eight_bit(deep, deep // 2)
+    left, right = as_eight_bit(deep, deep // 2)
     assert left.dtype == right.dtype == np.uint8
     assert left.max() == 255 and right.min() == 0 and right.max() < 140
 
@@ -92,4 +93,4 @@ def test_eight_bits_are_left_as_they_are_and_others_share_one_scale() -> None:
 @pytest.mark.parametrize("dtype", [np.uint16, np.float32, np.float64])
 def test_a_flat_pair_of_any_type_survives(dtype: type) -> None:
     flat = np.full((8, 9), 3, dtype)
-    assert not eight_bit(flat, flat)[0].any()
+    assert not as_eight_bit(flat, flat)[0].any()

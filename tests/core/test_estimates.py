@@ -20,6 +20,7 @@ from stereolag.limits import limits
 from stereolag.signals import estimate_lag, signal_lag
 from stereolag.signals.estimates import _products, fitting_recordings
 from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
@@ -41,8 +42,10 @@ import cv2
 import numpy as np
 from benchmarks.timing import peak_extra_memory
 from stereolag.signals import estimate_lag, signal_lag
-from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import estimate_search, match_template
 
 random = np.random.default_rng(0)
@@ -53,7 +56,6 @@ def pair(rows, cols):
     return left, np.roll(left, -8, axis=1)
 def noise(size):
     return random.standard_normal(size)
-preset = CorrelationMatcher.preset
 setup, warm, job, estimate = sys.argv[1:]
 exec(setup)
 eval(warm)
@@ -108,12 +110,14 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
             "m.estimate(l.shape, l.dtype)",
         )
         for matcher, rows, cols in (
-            ("preset('dense')", 2000, 2000),
+            ("preset('fast')", 2000, 2000),
+            ("CorrelationMatcher(overlap=0.5, search=SearchArea.centred(60), engine='fft')", 1500, 1500),
+            ("CorrelationMatcher(window_size=32, overlap=0.5, score='phase')", 1500, 1500),
             ("preset('accurate')", 900, 1200),
             ("StereoBM()", 2500, 3500),
         )
     ],
-    ids=["fft", "phat", "template", "dense", "accurate", "StereoBM"],
+    ids=["fft", "phat", "template", "fast", "window FFT", "phase", "accurate", "StereoBM"],
 )
 def test_an_estimate_is_at_least_what_is_measured_and_at_most_twice_that(
     setup: str, warm: str, job: str, estimate: str
@@ -150,7 +154,7 @@ def test_larger_pictures_take_more(method: Any) -> None:
 
 
 MATCHERS = [
-    *(CorrelationMatcher.preset(name) for name in ("report", "dense", "accurate")),
+    *(preset(name) for name in ("report", "fast", "accurate")),
     CorrelationMatcher(engine="fft", overlap=0.5),
     CorrelationMatcher(search=SearchArea.centred(20)),
     StereoBM(),
@@ -272,13 +276,12 @@ def test_a_pair_too_large_is_refused_before_it_is_matched(
 def test_a_refusal_names_the_number_of_disparities_that_would_fit(limited: Callable[[int], None]) -> None:
     limited(256)
     left = np.random.default_rng(0).integers(0, 256, (700, 1000), dtype=np.uint8)
-    matcher = CorrelationMatcher.preset("accurate", num_disparities=256)
+    matcher = preset("accurate", num_disparities=256)
     with pytest.raises(ValueError, match=r"\d+ % of the width and height, or (\d+) disparities, would fit\.") as told:
         matcher.compute(left, left)
     named = re.search(r"or (\d+) disparities", str(told.value))
     assert named is not None
-    fewer = matcher.with_disparities(int(named[1]))
-    assert fewer is not None
+    fewer = matcher.with_search_range(0, int(named[1]))
     assert fewer.estimate(left.shape).memory <= limits().job_memory
 
 

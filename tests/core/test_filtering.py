@@ -11,31 +11,11 @@ from scipy import ndimage
 
 from stereolag.stereo.finishing.filling import fill_rows, fill_rows_reference, filled_from_behind
 from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter, edge_respecting_median, without_speckles
-from stereolag.stereo.finishing.weighted_median import weighted_median
+from stereolag.stereo.finishing.weighted_median import weighted_median, weighted_median_reference
 from stereolag.stereo.reasons import Reason
 
 FloatMap = npt.NDArray[np.float32]
 NAN = np.float32(np.nan)
-
-
-def weighted_median_reference(
-    values: FloatMap, guide: npt.NDArray[np.uint8], radius: int, spacing: int, contrast: int
-) -> FloatMap:
-    height, width, channels = guide.shape
-    out = values.copy()
-    for y, x in np.argwhere(np.isfinite(values)):
-        votes = sorted(
-            (
-                float(values[row, col]),
-                max(1, contrast * channels - int(np.abs(guide[row, col].astype(int) - guide[y, x]).sum())),
-            )
-            for row in range(y - radius, y + radius + 1, spacing)
-            for col in range(x - radius, x + radius + 1, spacing)
-            if 0 <= row < height and 0 <= col < width and np.isfinite(values[row, col])
-        )
-        weights = np.cumsum([weight for _, weight in votes])
-        out[y, x] = votes[int(np.searchsorted(2 * weights, weights[-1]))][0]
-    return out
 
 
 @settings(max_examples=20)

@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 import pytest
 from pairs import shifted_pair
-from pydantic import ValidationError
 
+from stereolag.settings import SettingsError
+from stereolag.stereo import opencv
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.reasons import Reason
 
@@ -40,7 +41,7 @@ def test_semi_global_equals_opencv() -> None:
     ("matcher", "settings", "says"),
     [
         (StereoBM, {"num_disparities": 0}, "num_disparities"),
-        (StereoBM, {"num_disparities": 40}, "multiple of 16"),
+        (StereoBM, {"num_disparities": 40}, "multiples of 16"),
         (StereoBM, {"block_size": 20}, "odd"),
         (StereoSGBM, {"block_size": 4}, "odd"),
         (StereoSGBM, {"num_disparities": 0}, "num_disparities"),
@@ -48,7 +49,7 @@ def test_semi_global_equals_opencv() -> None:
     ],
 )
 def test_what_opencv_would_silently_change_is_refused(matcher: type[StereoBM], settings: dict, says: str) -> None:
-    with pytest.raises(ValidationError, match=says):
+    with pytest.raises(SettingsError, match=says):
         matcher(**settings)
 
 
@@ -67,3 +68,16 @@ def test_minus_one_really_switches_the_left_right_check_off() -> None:
         return StereoSGBM(num_disparities=32, **settings).compute(left, right).coverage
 
     assert coverage(-1) == coverage(64) > coverage(1)
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_one_hot_pixel_leaves_the_other_grey_levels_apart(dtype: type, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The range from the least to the most left StereoBM 14 grey levels of a picture with one bright pixel."""
+    left, right = (image.astype(dtype) * 12 for image in shifted_pair(90, 160, 0, -9))
+    left[40, 80] = 65535
+    seen: list[np.ndarray] = []
+    eight_bit = opencv.as_eight_bit
+    monkeypatch.setattr(opencv, "as_eight_bit", lambda *pair: seen.extend(eight_bit(*pair)) or tuple(seen))
+    result = StereoBM(num_disparities=16).compute(left, right)
+    assert np.unique(seen[0]).size > 100
+    assert abs(np.nanmedian(result.disparity) - 9) < 0.1

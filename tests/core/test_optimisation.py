@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.loops import semi_global as kernel
 from stereolag.stereo.semi_global.paths import SemiGlobal, optimise, path_sums, path_sums_reference
 from stereolag.stereo.semi_global.selection import cheapest_lags, cheapest_lags_reference, valley_offset
 
@@ -41,7 +40,7 @@ def test_the_sums_do_not_depend_on_how_often_progress_is_told(monkeypatch: pytes
     rng = np.random.default_rng(0)
     costs, guide = rng.integers(0, 251, (7, 9, 5), dtype=np.uint8), rng.integers(0, 256, (7, 9), dtype=np.uint8)
     whole = optimise(costs, guide, SemiGlobal())
-    monkeypatch.setattr(kernel, "CELLS_AT_ONCE", 3 * 9 * 5)
+    monkeypatch.setattr("stereolag.stereo.semi_global.paths.CELLS_AT_ONCE", 3 * 9 * 5)
     told: list[float] = []
     np.testing.assert_array_equal(optimise(costs, guide, SemiGlobal(), told.append), whole)
     assert told == [3 / 7, 6 / 7, 1.0]

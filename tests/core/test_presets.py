@@ -5,59 +5,71 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pairs import shifted_pair, texture
-from pydantic import ValidationError
 
 from stereolag.reading import read_disparity, read_image
 from stereolag.samples import stereo_pairs
+from stereolag.settings import SettingsError
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
 from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.reasons import Reason
-from stereolag.stereo.semi_global.paths import SemiGlobal
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 
-PRESETS = ["report", "dense", "accurate"]
+PRESETS = ["report", "fast", "accurate"]
 
 
 def test_the_reports_preset_is_the_reports() -> None:
-    matcher = CorrelationMatcher.preset("report", num_disparities=64)
+    matcher = preset("report", num_disparities=64)
+    assert isinstance(matcher, CorrelationMatcher)
     assert (matcher.window_size, matcher.step, matcher.score) == (20, 1, "zncc")
     assert matcher.search == SearchArea.centred(40)
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_survive_json(name: str) -> None:
-    matcher = CorrelationMatcher.preset(name, num_disparities=32)
-    assert CorrelationMatcher.model_validate_json(matcher.model_dump_json()) == matcher
+    matcher = preset(name, num_disparities=32)
+    assert type(matcher).model_validate_json(matcher.model_dump_json()) == matcher
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("report", CorrelationMatcher), ("fast", CorrelationMatcher), ("accurate", SemiGlobalMatcher)]
+)
+def test_a_preset_is_a_matcher_of_its_kind_over_the_range_asked_for(name: str, kind: type[StereoMatcher]) -> None:
+    matcher = preset(name, num_disparities=48, min_disparity=-8)
+    assert type(matcher) is kind
+    assert matcher.search_range() == ((-10, 21) if name == "report" else (-8, 48))
 
 
 def test_an_unknown_preset_is_refused_by_name() -> None:
-    with pytest.raises(ValueError, match="'fast'; allowed are 'report', 'dense' and 'accurate'"):
-        CorrelationMatcher.preset("fast")
+    with pytest.raises(ValueError, match="'dense'; allowed are 'report', 'fast', 'accurate'"):
+        preset("dense")
 
 
-@pytest.mark.parametrize("name", ["dense", "accurate"])
+@pytest.mark.parametrize("name", ["fast", "accurate"])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 @pytest.mark.parametrize("shift", [0.0, 7.0, 11.4])
 def test_a_shifted_wall_is_measured(name: str, dtype: type, shift: float) -> None:
     left, right = shifted_pair(80, 140, 0, -shift, dtype=dtype)
-    result = CorrelationMatcher.preset(name, num_disparities=16).compute(left, right)
+    result = preset(name, num_disparities=16).compute(left, right)
     inner = result.disparity[10:-10, 30:-10]
     assert np.mean(result.reason[10:-10, 30:-10] == Reason.MEASURED) > 0.95
     assert abs(np.median(inner) - shift) < 0.1
     assert np.mean(np.abs(inner - shift) < 0.5) > 0.98
 
 
-@pytest.mark.parametrize("name", ["dense", "accurate"])
+@pytest.mark.parametrize("name", ["fast", "accurate"])
 def test_what_is_filled_says_so_and_nothing_stays_blank(name: str) -> None:
     rows, cols = 80, 160
     wall, box = texture(rows, cols, seed=1), texture(40, 50, seed=2)
     left, right = wall.copy(), np.roll(wall, -4, axis=1)
     left[20:60, 70:120], right[20:60, 58:108] = box, box
     pair = left.astype(np.uint8), right.astype(np.uint8)
-    result = CorrelationMatcher.preset(name, num_disparities=16).compute(*pair)
+    result = preset(name, num_disparities=16).compute(*pair)
     assert result.valid.all()
     assert np.array_equal(result.filled, result.reason == Reason.FILLED)
     assert set(np.unique(result.reason)) == {Reason.MEASURED, Reason.FILLED}
@@ -107,8 +119,6 @@ def test_speckles_are_dropped_and_the_median_smooths() -> None:
 @pytest.mark.parametrize(
     ("settings", "says"),
     [
-        ({"optimisation": SemiGlobal()}, "SearchArea.rectified"),
-        ({"search": SearchArea.rectified(16, vertical=1), "optimisation": SemiGlobal()}, "search.vertical"),
         ({"search": SearchArea.rectified(16, vertical=1), "filling": True}, "filling"),
         ({"search": SearchArea.rectified(16, vertical=1), "median": MedianFilter()}, "median"),
         ({"search": SearchArea.rectified(16), "overlap": 0.5, "left_right": LeftRightCheck()}, "left_right"),
@@ -117,7 +127,7 @@ def test_speckles_are_dropped_and_the_median_smooths() -> None:
     ],
 )
 def test_stages_that_do_not_fit_are_refused(settings: dict[str, object], says: str) -> None:
-    with pytest.raises(ValidationError, match=says):
+    with pytest.raises(SettingsError, match=says):
         CorrelationMatcher(**settings)
 
 
@@ -129,22 +139,20 @@ def test_accurate_beats_opencv_on_the_bundled_pairs(name: str) -> None:
     bad = {
         matcher: evaluate(matcher.compute(*pair).disparity, truth).bad[1.0]
         for matcher in (
-            CorrelationMatcher.preset("accurate", num_disparities=count),
-            CorrelationMatcher.preset("dense", num_disparities=count),
+            preset("accurate", num_disparities=count),
+            preset("fast", num_disparities=count),
             StereoSGBM(num_disparities=count),
             StereoBM(num_disparities=count, block_size=15),
         )
     }
-    accurate, dense, semi_global, block = bad.values()
+    accurate, fast, semi_global, block = bad.values()
     assert accurate < semi_global
-    assert dense < block
+    assert fast < block
 
 
 def test_progress_of_the_optimisation_runs_to_the_end() -> None:
     seen: list[float] = []
-    CorrelationMatcher.preset("accurate", num_disparities=16).compute(
-        *shifted_pair(60, 100, 0, -4), progress=seen.append
-    )
+    preset("accurate", num_disparities=16).compute(*shifted_pair(60, 100, 0, -4), progress=seen.append)
     assert seen == sorted(seen)
     assert seen[-1] == 1
 
@@ -153,7 +161,7 @@ def test_progress_of_the_optimisation_runs_to_the_end() -> None:
 @pytest.mark.parametrize("scale", [1 / 255, 1e-30, 1e30, 1e200])
 def test_floats_are_measured_in_whatever_unit_they_come(name: str, scale: float) -> None:
     left, right = shifted_pair(60, 110, 0, -5, dtype=np.float64)
-    matcher = CorrelationMatcher.preset(name, num_disparities=16)
+    matcher = preset(name, num_disparities=16)
     plain, scaled = matcher.compute(left, right), matcher.compute(left * scale, right * scale)
     inner = np.s_[15:-15, 30:-15]
     assert np.median(scaled.disparity[inner]) == pytest.approx(5, abs=0.1)
@@ -164,6 +172,6 @@ def test_floats_are_measured_in_whatever_unit_they_come(name: str, scale: float)
 @pytest.mark.parametrize("dtype", [np.uint8, np.float32])
 def test_a_bare_wall_is_not_measured(name: str, dtype: type) -> None:
     wall = np.full((60, 100), 90, dtype=dtype)
-    result = CorrelationMatcher.preset(name, num_disparities=16).compute(wall, wall)
+    result = preset(name, num_disparities=16).compute(wall, wall)
     assert not result.valid.any()
     assert np.all(result.reason[15:-15, 30:-15] == Reason.LOW_TEXTURE)

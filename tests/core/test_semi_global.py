@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 from stereolag.progress import silent
+from stereolag.settings import SettingsError
+from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck
+from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global import matching as semi_global
 from stereolag.stereo.semi_global.costs import MatchingCost
-from stereolag.stereo.semi_global.matching import VolumeMatches, match_semi_global, strips
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
+from stereolag.stereo.semi_global.matching import VolumeQuery, match_semi_global, strips
 from stereolag.stereo.semi_global.paths import SemiGlobal
 
 Picture = npt.NDArray[np.uint8]
@@ -31,17 +37,22 @@ def moved(image: npt.NDArray[np.float64], disparity: float) -> Picture:
     return np.clip(np.rint(np.fft.ifft(np.fft.fft(image, axis=1) * turn, axis=1).real), 0, 255).astype(np.uint8)
 
 
-def matched(left: Picture, right: Picture, first: int = 0, count: int = 16) -> VolumeMatches:
-    return match_semi_global(
-        left,
-        right,
-        window_size=9,
-        min_disparity=first,
-        num_disparities=count,
-        cost=MatchingCost(),
-        optimisation=SemiGlobal(),
-        progress=silent,
-    )
+class Matched(NamedTuple):
+    """What is found of every pixel, as disparities: the whole one, with its fraction, and that of the right view."""
+
+    whole: npt.NDArray[np.int64]
+    disparity: npt.NDArray[np.float64]
+    from_right: npt.NDArray[np.int64]
+
+
+def query(left: Picture, right: Picture, first: int = 0, count: int = 16) -> VolumeQuery:
+    return VolumeQuery(left, right, 9, first, count, MatchingCost(), SemiGlobal())
+
+
+def matched(left: Picture, right: Picture, first: int = 0, count: int = 16) -> Matched:
+    found = match_semi_global(query(left, right, first, count), silent)
+    whole = found.lag.astype(int) + first
+    return Matched(whole, whole + found.offset, found.right_lag.astype(int) + first)
 
 
 @pytest.mark.parametrize(("shift", "first"), [(0, -8), (5, 0), (-6, -12), (11, 3)])
@@ -49,8 +60,8 @@ def test_a_whole_shift_is_found_everywhere(shift: int, first: int) -> None:
     image = texture(48, 96)
     found = matched(moved(image, 0), moved(image, shift), first)
     inside = (slice(None), slice(20, -20))
-    assert (found.dx[inside] == -shift).all()
-    assert (found.right_dx[inside] == -shift).all()
+    assert (found.whole[inside] == shift).all()
+    assert (found.from_right[inside] == shift).all()
     assert abs(found.disparity[inside].mean() - shift) < 0.02
 
 
@@ -75,8 +86,8 @@ def test_a_square_before_a_wall_and_what_it_hides() -> None:
     left, right = wall[:, :120].copy(), wall[:, 3:123].copy()
     left[25:55, 50:80], right[25:55, 40:70] = square, square
     found = matched(left, right)
-    assert (found.dx[30:50, 55:75] == -10).mean() > 0.98
-    assert (found.dx[:15, 10:] == -3).mean() > 0.98
+    assert (found.whole[30:50, 55:75] == 10).mean() > 0.98
+    assert (found.whole[:15, 10:] == 3).mean() > 0.98
 
 
 def test_strips_cover_every_row_once_and_see_beyond() -> None:
@@ -93,21 +104,73 @@ def test_strips_give_nearly_what_the_whole_gives(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(semi_global, "MOST_BYTES", 100 * 16 * 5 * 80)
     assert len(list(strips(120, 100 * 16 * 5))) > 2
     parts = matched(left, right)
-    assert (parts.dx == whole.dx).mean() > 0.99
-    assert np.abs(parts.disparity - whole.disparity)[parts.dx == whole.dx].mean() < 0.01
+    assert (parts.whole == whole.whole).mean() > 0.99
+    assert np.abs(parts.disparity - whole.disparity)[parts.whole == whole.whole].mean() < 0.01
 
 
 def test_progress_only_grows_and_ends_at_one() -> None:
     image = texture(30, 60)
     told: list[float] = []
-    match_semi_global(
-        moved(image, 0),
-        moved(image, 2),
-        window_size=5,
-        min_disparity=0,
-        num_disparities=8,
-        cost=MatchingCost(),
-        optimisation=SemiGlobal(),
-        progress=told.append,
-    )
+    match_semi_global(query(moved(image, 0), moved(image, 2)), told.append)
     assert told == sorted(told) and told[-1] == 1
+
+
+@pytest.mark.parametrize("size", [4, 10, 254])
+def test_a_window_without_a_middle_is_refused(size: int) -> None:
+    with pytest.raises(SettingsError, match=f"window_size is {size}; allowed are odd sizes"):
+        SemiGlobalMatcher(window_size=size)
+
+
+def test_weights_that_are_all_nothing_are_refused() -> None:
+    with pytest.raises(SettingsError, match="correlation, census and gradient are all 0"):
+        MatchingCost(correlation=0, census=0, gradient=0)
+
+
+WEIGHTS = [(100, 100, 40), (100, 0, 0), (0, 100, 0), (0, 0, 50), (3, 0, 0)]
+
+
+@pytest.mark.parametrize("weights", WEIGHTS)
+def test_the_score_lies_between_none_and_all_of_the_weights_in_use(weights: tuple[int, int, int]) -> None:
+    """It reached -0.23, and was 1 where nothing weighed: it was counted in weights that were not those in use."""
+    cost = MatchingCost(**dict(zip(("correlation", "census", "gradient"), weights, strict=True)))
+    matcher = SemiGlobalMatcher(num_disparities=16, window_size=5, cost=cost)
+    noise = np.random.default_rng(0).integers(0, 256, (2, 40, 70), dtype=np.uint8)
+    unrelated = matcher.compute(*noise).score
+    same = matcher.compute(noise[0], noise[0]).score
+    for score in (unrelated, same):
+        assert score.min() >= 0 and score.max() <= 1
+    inside = np.s_[6:-6, 22:-6]
+    assert np.median(same[inside]) > 0.98
+    assert np.median(unrelated[inside]) < 0.9
+
+
+def test_the_same_share_of_the_weights_scores_alike() -> None:
+    left, right = moved(texture(40, 90), 0), moved(texture(40, 90), 4)
+    half, whole = (
+        SemiGlobalMatcher(
+            num_disparities=16,
+            cost=MatchingCost(correlation=50 * k, census=50 * k, gradient=20 * k),
+            optimisation=SemiGlobal(penalty_small=12 * k, penalty_large=200 * k, penalty_at_edges=40 * k),
+        )
+        .compute(left, right)
+        .score
+        for k in (1, 2)
+    )
+    np.testing.assert_allclose(half, whole, atol=0.01)
+
+
+def test_the_checks_of_the_matcher_give_their_reasons() -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (2, 40, 90), dtype=np.uint8)
+    matcher = SemiGlobalMatcher(num_disparities=16, left_right=LeftRightCheck())
+    assert (matcher.compute(*noise).reason == Reason.LEFT_RIGHT).mean() > 0.2
+    matcher = SemiGlobalMatcher(num_disparities=16, ambiguity=AmbiguityTest(lead=0.5))
+    assert (matcher.compute(*noise).reason == Reason.AMBIGUOUS).mean() > 0.5
+    bare = noise[0].copy()
+    bare[:, 30:60] = 90
+    reason = SemiGlobalMatcher(num_disparities=16).compute(bare, bare).reason
+    assert (reason[:, 35:55] == Reason.LOW_TEXTURE).all()
+
+
+def test_a_window_larger_than_the_images_is_named() -> None:
+    with pytest.raises(ValueError, match="window_size is 9 px and the images are 40 × 8"):
+        SemiGlobalMatcher().compute(*np.zeros((2, 8, 40), np.uint8))

@@ -9,13 +9,13 @@ import pytest
 from pairs import shifted_pair
 
 from stereolag.signals import signal_lag
-from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.methods import PresetName, preset
 from stereolag.templates import match_template
 
 
-@pytest.mark.parametrize("preset", ["report", "dense", "accurate"])
-def test_matchers_answer_alike_from_many_threads(preset: str) -> None:
-    matcher = CorrelationMatcher.preset(preset, num_disparities=16)
+@pytest.mark.parametrize("name", ["report", "fast", "accurate"])
+def test_matchers_answer_alike_from_many_threads(name: PresetName) -> None:
+    matcher = preset(name, num_disparities=16)
     pairs = [shifted_pair(60, 100, 0, -shift, seed=shift) for shift in range(1, 9)]
     alone = [matcher.compute(*pair) for pair in pairs]
     with ThreadPoolExecutor(8) as threads:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.stereo.windows.scores import score_volume
+from stereolag.stereo.windows.matches import WindowQuery
+from stereolag.stereo.windows.prepared_pair import NO_RIGHT_MATCH
+from stereolag.stereo.windows.running_sums import describe_windows, describe_windows_reference
+from stereolag.stereo.windows.scores import score_volume_reference
 from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.windows.tiles import right_view_reference
 from stereolag.stereo.windows.window_sums import match_windows
 
 
@@ -39,9 +44,11 @@ def at_lag(volume, search, dy, dx):
     return np.where(inside, volume[np.where(inside, row, 0), np.where(inside, col, 0), i, j], np.nan)
 
 
-def assert_equals_reference(left, right, *, window_size, step, search, score):
-    found = match_windows(left, right, window_size=window_size, step=step, search=search, score=score, runner_up=True)
-    volume = score_volume(left, right, window_size=window_size, step=step, search=search, score=score)
+def assert_equals_reference(query):
+    found = match_windows(replace(query, runner_up=True))
+    left, right, search = query.left, query.right, query.lags
+    window_size, score = query.window_size, query.score
+    volume = score_volume_reference(query)
     # A plain correlation has no scale of its own: compare it with what the brightest windows could give.
     unit = 1.0
     if score == "cross":
@@ -82,26 +89,20 @@ def cases(draw):
         for _ in range(draw(st.integers(0, 2))):
             y, x = draw(st.integers(0, height - 1)), draw(st.integers(0, width - 1))
             image[y:, x:] = draw(st.sampled_from([0, 1, 200]))
-    settings = {
-        "window_size": window_size,
-        "step": draw(st.integers(1, window_size + 1)),
-        "search": search,
-        "score": draw(st.sampled_from(SCORES)),
-    }
-    return left, right, settings
+    step, score = draw(st.integers(1, window_size + 1)), draw(st.sampled_from(SCORES))
+    return WindowQuery(left, right, window_size, step, search, score)
 
 
 @given(cases())
 @settings(max_examples=250)
-def test_equals_the_plain_formula(case):
-    left, right, settings = case
-    assert_equals_reference(left, right, **settings)
+def test_equals_the_plain_formula(query):
+    assert_equals_reference(query)
 
 
 def test_a_faint_picture_beside_a_bright_one_loses_nothing():
     left = np.array([[35980, 0], [37265, 0]], np.uint16)
     right = np.array([[0, 1], [0, 1]], np.uint16)
-    assert_equals_reference(left, right, window_size=2, step=1, search=LagRange(0, 0, 0, 0), score="cross")
+    assert_equals_reference(WindowQuery(left, right, 2, 1, LagRange(0, 0, 0, 0), "cross"))
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -111,7 +112,7 @@ def test_recovers_a_known_shift(rng, dtype, score, dy, dx):
     scene = picture(rng, (60, 90), dtype)
     left = scene[10:50, 10:80]
     right = scene[10 - dy : 50 - dy, 10 - dx : 80 - dx]
-    found = match_windows(left, right, window_size=15, step=2, search=LagRange(-5, 5, -8, 8), score=score)
+    found = match_windows(WindowQuery(left, right, 15, 2, LagRange(-5, 5, -8, 8), score))
     inside = np.s_[5:8, 5:20]
     share = ((found.dy == dy) & (found.dx == dx))[inside].mean()
     assert share == 1 if score == "zncc" else share > 0.8
@@ -122,7 +123,7 @@ def test_tiles_and_bands_leave_no_seam(rng, monkeypatch, columns_in_cache):
     monkeypatch.setattr("stereolag.stereo.windows.window_sums.CACHE_BYTES", columns_in_cache)
     monkeypatch.setattr("stereolag.stereo.windows.window_sums.BAND_WORK", 1.0)
     left, right = picture(rng, (40, 130), np.uint8), picture(rng, (40, 130), np.uint8)
-    assert_equals_reference(left, right, window_size=6, step=1, search=LagRange(-1, 1, -20, 13), score="zncc")
+    assert_equals_reference(WindowQuery(left, right, 6, 1, LagRange(-1, 1, -20, 13), "zncc"))
 
 
 @pytest.mark.parametrize("dtype", [np.uint16, np.float32, np.float64])
@@ -131,7 +132,7 @@ def test_a_mean_ten_thousand_times_the_contrast_hides_nothing(rng, dtype):
     scene = scene.round().astype(dtype) if dtype != np.float64 else scene
     left, right = scene[:, 5:95].copy(), scene[:, 10:100].copy()
     left[:, 45:], right[:, 40:] = left[:, 45:] // 2, right[:, 40:] // 2  # no one mean suits both halves
-    found = match_windows(left, right, window_size=9, step=1, search=LagRange(0, 0, -12, 12), score="zncc")
+    found = match_windows(WindowQuery(left, right, 9, 1, LagRange(0, 0, -12, 12), "zncc"))
     half = np.s_[:, 12:36]
     assert (found.dx[half] == -5).all()
     np.testing.assert_allclose(found.score[half], 1, atol=1e-4)
@@ -141,23 +142,23 @@ def test_a_mean_ten_thousand_times_the_contrast_hides_nothing(rng, dtype):
 def test_the_unit_of_float_images_does_not_matter(rng, scale):
     scene = rng.normal(size=(30, 80)) + 0.3
     left, right = scene[:, :60], scene[:, 4:64] + 0.1 * rng.normal(size=(30, 60))
-    settings = {"window_size": 9, "step": 2, "search": LagRange(0, 0, -12, 12), "score": "zncc"}
-    found = match_windows(left, right, **settings)
-    scaled = match_windows(left * scale, right * scale, **settings)
+    query = WindowQuery(left, right, 9, 2, LagRange(0, 0, -12, 12))
+    found = match_windows(query)
+    scaled = match_windows(replace(query, left=left * scale, right=right * scale))
     np.testing.assert_array_equal(scaled.dx, found.dx)
     np.testing.assert_allclose(scaled.score, found.score, atol=2e-6)
-    volume = score_volume(left, right, **settings)
+    volume = score_volume_reference(query)
     np.testing.assert_allclose(found.score, np.nanmax(volume, (0, 1)), atol=2e-6)
 
 
 def test_equal_scores_go_to_the_shortest_displacement(rng):
     row = np.tile(rng.integers(0, 255, 8, dtype=np.uint8), 10)
     image = np.tile(row, (30, 1))
-    found = match_windows(image, image, window_size=8, step=1, search=LagRange(-3, 3, -20, 20), score="zncc")
+    found = match_windows(WindowQuery(image, image, 8, 1, LagRange(-3, 3, -20, 20), "zncc"))
     assert not found.dx.any() and not found.dy.any()
     # Periods on either side, as far left as right: the left one comes first by the documented order.
     shifted = np.roll(image, 4, axis=1)
-    found = match_windows(image, shifted, window_size=8, step=1, search=LagRange(0, 0, -20, 20), score="zncc")
+    found = match_windows(WindowQuery(image, shifted, 8, 1, LagRange(0, 0, -20, 20), "zncc"))
     assert (found.dx[:, 10:-10] == -4).all()
     assert found.runner_up is None
 
@@ -165,7 +166,7 @@ def test_equal_scores_go_to_the_shortest_displacement(rng):
 def test_a_flat_window_has_no_match(rng):
     left, right = picture(rng, (30, 60), np.uint8), picture(rng, (30, 60), np.uint8)
     left[:, 20:40] = 77
-    found = match_windows(left, right, window_size=8, step=1, search=LagRange(0, 0, -10, 10), score="zncc")
+    found = match_windows(WindowQuery(left, right, 8, 1, LagRange(0, 0, -10, 10), "zncc"))
     assert np.isnan(found.score[:, 20:33]).all()
     assert (found.texture[:, 20:33] == 0).all()
     assert np.isfinite(found.score[:, :20]).all()
@@ -175,22 +176,19 @@ def test_a_flat_window_has_no_match(rng):
 @pytest.mark.parametrize("search", [LagRange(0, 0, -25, 0), LagRange(0, 0, -5, 40), LagRange(0, 0, -200, 200)])
 def test_right_matches_are_the_best_of_the_other_view(rng, score, search):
     left, right = picture(rng, (20, 70), np.uint8), picture(rng, (20, 70), np.uint8)
-    found = match_windows(
-        left, right, window_size=7, step=1, search=search, score=score, runner_up=True, right_matches=True
-    )
-    mirrored = LagRange(0, 0, -search.dx_last, -search.dx_first)
-    swapped = match_windows(right, left, window_size=7, step=1, search=mirrored, score=score)
-    none = np.isnan(swapped.score)
+    found = match_windows(WindowQuery(left, right, 7, 1, search, score, runner_up=True, right_matches=True))
+    volume = score_volume_reference(WindowQuery(left, right, 7, 1, search, score))
+    plain = right_view_reference(volume, search, NO_RIGHT_MATCH)
     assert found.right_dx is not None
-    np.testing.assert_array_equal(found.right_dx == -32768, none)
-    assert (found.right_dx == -swapped.dx)[~none].mean() > 0.99
+    np.testing.assert_array_equal(found.right_dx == NO_RIGHT_MATCH, plain == NO_RIGHT_MATCH)
+    assert (found.right_dx == plain).mean() > 0.99  # scores that differ by less than float32 can tell are equal
 
 
 def test_swapping_the_images_flips_the_sign(rng):
     scene = picture(rng, (30, 80), np.uint8)
     left, right = scene[:, 6:70], scene[:, 3:67]
-    one = match_windows(left, right, window_size=9, step=1, search=LagRange(0, 0, -8, 8), score="zncc")
-    other = match_windows(right, left, window_size=9, step=1, search=LagRange(0, 0, -8, 8), score="zncc")
+    one = match_windows(WindowQuery(left, right, 9, 1, LagRange(0, 0, -8, 8), "zncc"))
+    other = match_windows(WindowQuery(right, left, 9, 1, LagRange(0, 0, -8, 8), "zncc"))
     inside = np.s_[:, 10:-10]
     assert (one.dx[inside] == 3).all() and (other.dx[inside] == -3).all()
 
@@ -198,7 +196,7 @@ def test_swapping_the_images_flips_the_sign(rng):
 def test_a_range_out_of_the_frame_finds_nothing(rng):
     image = picture(rng, (20, 30), np.uint8)
     for search in (LagRange(0, 0, 500, 600), LagRange(-90, -50, 0, 0)):
-        found = match_windows(image, image, window_size=7, step=1, search=search, score="zncc", runner_up=True)
+        found = match_windows(WindowQuery(image, image, 7, 1, search, "zncc", runner_up=True))
         assert np.isnan(found.score).all() and np.isnan(found.around).all() and np.isnan(found.runner_up).all()
 
 
@@ -206,7 +204,7 @@ def test_large_windows_of_bytes_do_not_overflow():
     image = np.full((300, 300), 255, np.uint8)
     image[::7, ::5] = 0
     for window_size in (181, 182, 260):
-        found = match_windows(image, image, window_size=window_size, step=20, search=LagRange(0, 0, -3, 3), score="ncc")
+        found = match_windows(WindowQuery(image, image, window_size, 20, LagRange(0, 0, -3, 3), "ncc"))
         assert (found.dx == 0).all()
         np.testing.assert_allclose(found.score, 1, atol=1e-6)
 
@@ -215,7 +213,7 @@ def test_threads_may_call_at_once(rng):
     left, right = picture(rng, (60, 90), np.uint8), picture(rng, (60, 90), np.uint8)
 
     def match(window_size):
-        return match_windows(left, right, window_size=window_size, step=1, search=LagRange(-2, 2, -9, 9), score="zncc")
+        return match_windows(WindowQuery(left, right, window_size, 1, LagRange(-2, 2, -9, 9), "zncc"))
 
     alone = {size: match(size).score for size in (5, 8, 11)}
     with ThreadPoolExecutor(6) as pool:
@@ -227,9 +225,7 @@ def test_progress_rises_to_one(rng, monkeypatch):
     monkeypatch.setattr("stereolag.stereo.windows.window_sums.BAND_WORK", 2e4)
     image = picture(rng, (60, 90), np.uint8)
     told: list[float] = []
-    match_windows(
-        image, image, window_size=7, step=1, search=LagRange(0, 0, -30, 0), score="zncc", progress=told.append
-    )
+    match_windows(WindowQuery(image, image, 7, 1, LagRange(0, 0, -30, 0), "zncc"), told.append)
     assert len(told) > 4
     assert told == sorted(told) and told[-1] == 1
 
@@ -240,32 +236,42 @@ def test_progress_rises_to_one(rng, monkeypatch):
         ({"window_size": 31}, "window of 31 px"),
         ({"step": 0}, "step is 0"),
         ({"score": "sad"}, "'sad'"),
-        ({"search": LagRange(0, 1, 0, 0), "right_matches": True}, "no vertical search"),
+        ({"lags": LagRange(0, 1, 0, 0), "right_matches": True}, "no vertical search"),
         ({"right": np.zeros((30, 41), np.uint8)}, "one size"),
         ({"right": np.zeros((30, 40), np.float32)}, "type"),
     ],
 )
 def test_bad_settings_are_named(rng, change, message):
     image = picture(rng, (30, 40), np.uint8)
-    good = {
-        "left": image,
-        "right": image,
-        "window_size": 7,
-        "step": 1,
-        "search": LagRange(0, 0, -5, 0),
-        "score": "zncc",
-    }
-    settings = good | change
+    good = WindowQuery(image, image, 7, 1, LagRange(0, 0, -5, 0))
     with pytest.raises(ValueError, match=message):
-        match_windows(settings.pop("left"), settings.pop("right"), **settings)
+        match_windows(replace(good, **change))
 
 
 def test_too_many_lags_are_refused(rng):
     image = picture(rng, (400, 400), np.uint8)
     with pytest.raises(ValueError, match="65535"):
-        match_windows(image, image, window_size=5, step=1, search=LagRange(-200, 200, -200, 200), score="zncc")
+        match_windows(WindowQuery(image, image, 5, 1, LagRange(-200, 200, -200, 200), "zncc"))
 
 
 def test_a_search_ends_after_it_begins():
     with pytest.raises(ValueError, match="before its beginning"):
         LagRange(0, 0, 5, 4)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float64])
+@pytest.mark.parametrize("norm", [0.0, 7.0])
+@pytest.mark.parametrize("keep_mean", [False, True])
+@pytest.mark.parametrize(("window", "step"), [(3, 1), (8, 1), (5, 3)])
+def test_windows_are_described_as_by_the_formula(rng, dtype, norm, keep_mean, window, step):
+    image = picture(rng, (30, 40), dtype)
+    image[5:20, 5:25] = 77
+    share = 0.0 if keep_mean else 1 / window**2
+    shape = [(side - window) // step + 1 for side in image.shape]
+    total = np.zeros(shape, np.int32 if dtype == np.uint8 else np.float64)
+    inverse, texture = np.zeros((2, *shape), np.float32)
+    describe_windows(image, window, step, 0, share, norm, 0.25, total, inverse, texture)
+    plain = describe_windows_reference(image, window, step, share, norm, 0.25)
+    for found, expected in zip((total, inverse, texture), plain, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
+    assert not inverse[shape[0] // 3, shape[1] // 3]

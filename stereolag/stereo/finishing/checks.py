@@ -9,11 +9,10 @@ import numpy.typing as npt
 from pydantic import Field
 
 from stereolag.arrays import FloatMap, Mask, ReasonMap
+from stereolag.flatness import FLAT_TEXTURE
+from stereolag.inputs import Image, grey_level
 from stereolag.settings import Settings
 from stereolag.stereo.reasons import Reason
-
-FLAT_TEXTURE = 1e-6
-"""Standard deviation, grey levels of 255, below which a window holds nothing to correlate, tested or not."""
 
 
 class LeftRightCheck(Settings):
@@ -53,6 +52,11 @@ class TextureTest(Settings):
         ge=0,
         json_schema_extra={"step": 0.5},
     )
+
+
+def least_texture(test: TextureTest | None, left: Image, right: Image) -> float:
+    """Return the standard deviation, in the units of two images, up to which a window is not matched."""
+    return (test.least if test else FLAT_TEXTURE) * grey_level(left, right)
 
 
 def rejected(disparity: FloatMap, reason: ReasonMap, where: Mask, why: Reason) -> tuple[FloatMap, ReasonMap]:

@@ -170,3 +170,24 @@ def _halve(total: Array, count: Any, middle: Array, below: Array, low: Array, hi
         enough = 2 * below[x] >= total[x]
         high[x] = middle[x] if enough else high[x]
         low[x] = low[x] if enough else middle[x] + np.int32(1)
+
+
+def weighted_median_reference(
+    values: FloatMap, guide: npt.NDArray[np.uint8], radius: int, spacing: int, contrast: int
+) -> FloatMap:
+    """Return what :func:`weighted_median` must equal, pixel by pixel, for values that are whole 256ths."""
+    height, width, channels = guide.shape
+    out = values.copy()
+    for y, x in np.argwhere(np.isfinite(values)):
+        votes = sorted(
+            (
+                float(values[row, col]),
+                max(1, contrast * channels - int(np.abs(guide[row, col].astype(int) - guide[y, x]).sum())),
+            )
+            for row in range(y - radius, y + radius + 1, spacing)
+            for col in range(x - radius, x + radius + 1, spacing)
+            if 0 <= row < height and 0 <= col < width and np.isfinite(values[row, col])
+        )
+        weights = np.cumsum([weight for _, weight in votes])
+        out[y, x] = votes[int(np.searchsorted(2 * weights, weights[-1]))][0]
+    return out

@@ -19,7 +19,7 @@ Words = npt.NDArray[np.uint32]
 def census(image: npt.NDArray[Any]) -> Words:
     """Return (H, W) words of 24 bits: for the 5 × 5 neighbours in reading order, whether each is darker.
 
-    The picture is mirrored at its borders. Any increasing change of brightness leaves the words as they are.
+    The image is mirrored at its borders. Any increasing change of brightness leaves the words as they are.
     """
     padded = cv2.copyMakeBorder(image, RADIUS, RADIUS, RADIUS, RADIUS, cv2.BORDER_REFLECT_101)
     words = np.empty(image.shape, np.uint32)

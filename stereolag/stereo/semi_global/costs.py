@@ -10,9 +10,8 @@ from pydantic import Field, model_validator
 from stereolag.inputs import Image
 from stereolag.loops.bands import over_bands
 from stereolag.settings import Applies, Settings
-from stereolag.stereo.semi_global.census import BITS
-from stereolag.stereo.semi_global.cost_features import features, mirrored
-from stereolag.stereo.semi_global.cost_volume import Costs, Weights, cost_rows
+from stereolag.stereo.semi_global.cost_terms import TERMS
+from stereolag.stereo.semi_global.cost_volume import Costs, cost_rows, features_of
 
 UNSEEN = 0.28
 """Cost of a lag that leads out of the frame, as a share of the highest: between a good match and a mismatch."""
@@ -59,7 +58,7 @@ class MatchingCost(Settings):
     @property
     def highest(self) -> int:
         """Return the cost of a lag at which nothing fits, at most 250."""
-        return self.correlation + self.census + self.gradient
+        return sum(getattr(self, term.weight) for term in TERMS)
 
 
 def matching_cost(
@@ -78,7 +77,7 @@ def matching_cost(
     "Evaluation of stereo matching costs on images with radiometric differences", 2009; Mei et al., "On building an
     accurate stereo matching system on graphics hardware", 2011). A lag that leads out of the frame costs more than a
     match and less than a mismatch, so that a later optimisation carries the neighbours' disparity on to the border of
-    the picture.
+    the image.
 
     Parameters
     ----------
@@ -97,19 +96,11 @@ def matching_cost(
         (H, W, num_disparities) uint8, 0..250.
     """
     radius = window_size // 2
-    last = min_disparity + num_disparities - 1
-    weights = Weights(
-        correlation=float(settings.correlation),
-        bit=settings.census / BITS,
-        gradient=float(settings.gradient),
-        unseen=UNSEEN * settings.highest,
-    )
-    slope = settings.gradient / settings.gradient_limit
-    left_features = features(left, radius, slope)
-    right_features = mirrored(features(right, radius, slope), radius, max(0, -min_disparity), max(0, last))
+    before, after = max(0, -min_disparity), max(0, min_disparity + num_disparities - 1)
+    pairs = features_of(left, right, radius, settings, before, after)
+    origin, unseen = left.shape[1] - 1 + radius + before, int(UNSEEN * settings.highest)
     costs = np.empty((*left.shape, num_disparities), np.uint8)
     over_bands(
-        lambda first, end: cost_rows(left_features, right_features, radius, min_disparity, weights, first, end, costs),
-        left.shape[0],
+        lambda first, end: cost_rows(pairs, radius, min_disparity, origin, unseen, first, end, costs), left.shape[0]
     )
     return costs

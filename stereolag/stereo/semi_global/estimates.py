@@ -18,7 +18,7 @@ FEATURES = 66
 """A pixel while the features of both images are made."""
 
 VOLUME_SECONDS = 3e-9
-"""Seconds a cell of the volume: its cost, eight paths and its part in the selection."""
+"""Seconds per pixel and lag: its cost, eight paths and its part in the selection."""
 
 
 def estimate_volume(shape: Shape, dtype: npt.DTypeLike, *, num_disparities: int) -> Estimate:

@@ -25,7 +25,7 @@ COST_SHARE, PATHS_SHARE = 0.3, 0.5
 """Shares of a strip's time that its costs and its paths take."""
 
 OVERLAP = 24
-"""Rows that a strip sees beyond its own, so that paths have settled where its answer begins."""
+"""Rows that a strip sees beyond its own, so that paths have settled where its own rows begin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class VolumeMatches(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """Rows `first` to `end` of the answer, computed from rows `top` to `bottom` of the images."""
+    """Rows `first` to `end` of the map, computed from rows `top` to `bottom` of the images."""
 
     top: int
     first: int

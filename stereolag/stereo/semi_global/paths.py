@@ -191,7 +191,7 @@ def _sweep(
 
 
 def path_sums_reference(costs: Costs, guide: Pixels, small: int, large: Array) -> npt.NDArray[np.int64]:
-    """Return the sum of both answers of :func:`path_sums`, by the formula, pixel by pixel."""
+    """Return the sum of both volumes of :func:`path_sums`, by the formula, pixel by pixel."""
     height, width, lags = costs.shape
     total = np.zeros(costs.shape, np.int64)
     for dy, dx in ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)):
@@ -223,7 +223,7 @@ class SemiGlobal(Settings):
     penalty_large: int = Field(
         default=400,
         title="Penalty of a jump",
-        description="Cost of any larger change, where the picture is even.",
+        description="Cost of any larger change, where the image is even.",
         ge=1,
         le=3000,
         json_schema_extra={"step": 20},
@@ -231,7 +231,7 @@ class SemiGlobal(Settings):
     penalty_at_edges: int = Field(
         default=80,
         title="Penalty of a jump at an edge",
-        description="What is left of that cost across a strong edge of the picture, where surfaces may end.",
+        description="What is left of that cost across a strong edge of the image, where surfaces may end.",
         ge=1,
         le=3000,
         json_schema_extra={"step": 20},

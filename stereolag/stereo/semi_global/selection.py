@@ -58,7 +58,7 @@ def cheapest_lags(first_sums: Sums, second_sums: Sums, smallest: int) -> Cheapes
 def _cheapest_rows(
     first_sums: Sums, second_sums: Sums, smallest: int, first: int, end: int, found: CheapestLags
 ) -> None:
-    """Answer for rows `first` to `end`.
+    """Find the cheapest lags of rows `first` to `end`.
 
     A key is the cost with the lag in its low bits: its minimum settles cost and tie in one comparison.
     """

@@ -21,7 +21,7 @@ FFT_SECONDS = 2.1e-9
 
 
 def find_matches(query: WindowQuery, engine: Engine, progress: Progress = silent) -> WindowMatches:
-    """Match every window with the engine named; both give the same answer.
+    """Match every window with the engine named; both find the same, to the bit where the images hold integers.
 
     `right_matches`, the best left window of every right one, is had by window sums alone.
     """

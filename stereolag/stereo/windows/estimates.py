@@ -13,10 +13,7 @@ from stereolag.stereo.windows.search import LagRange
 from stereolag.stereo.windows.window_fft import BATCH_BYTES
 
 WINDOW_CHECKS = 24
-"""A window while the left-right check compares the two directions."""
-
-SURFACES = 72
-"""A pixel while the batched FFT sums the windows of the images: float64 images, frames and summed-area tables."""
+"""Bytes of a window while the left-right check compares the two directions."""
 
 BYTES_OF_A_POINT = 32
 """What the batched FFT reckons for each point of a search area."""
@@ -45,7 +42,7 @@ def estimate_windows(
     shape, dtype
         Of one image: (rows, cols) or (rows, cols, channels).
     window_size, step, lags, engine, score, circular
-        As :func:`stereolag.stereo.windows.matching.match_by_windows` takes them.
+        As :class:`stereolag.stereo.windows.matches.WindowQuery` holds them.
     both_views
         Whether the best left window of every right one is looked for too.
     finished
@@ -58,19 +55,17 @@ def estimate_windows(
     kept = (4 * 9 + 4 if lags.rows > 1 else 4 * 3 + 2) + 4 + 4 + 8 + 2 * both_views
     images = grey_bytes(shape, dtype)
     whole = np.dtype(dtype) == np.uint8
+    margin = (height + lags.rows) * (width + lags.cols + 32)
+    # Pixels of other types are compared as float64, once as they are and once framed, and one more on its way.
+    matching = 2 * margin if whole else 8 * (4 * pixels + margin)
     if engine == "fft":
         slower = SLOWER_WHITENED if score == "phase" else SLOWER_FFT
-        area = (window_size + lags.rows) * (window_size + lags.cols)
-        batch = min(BATCH_BYTES, BYTES_OF_A_POINT * area * windows)
-        framed = (height + lags.rows) * (width + lags.cols)
-        matching = max(SURFACES * framed, 32 * framed + 4 * batch + kept * windows)
-        if circular:  # no frame, and no sums: both images in float64, and one on its way
-            matching = 24 * pixels + 2 * batch + kept * windows
+        area = window_size**2 if circular else (window_size + lags.rows) * (window_size + lags.cols)
+        matching += min(BATCH_BYTES, BYTES_OF_A_POINT * area * windows) * 5 // 4 + kept * windows
+        if score == "phase":
+            matching += 8 * (pixels + margin)
     else:
         slower = SLOWER_WHOLE if whole else SLOWER_DOUBLE
-        margin = (height + lags.rows) * (width + lags.cols + 32)
-        # Pixels of other types are compared as float64, once as they are and once framed, and one more on its way.
-        matching = 2 * margin if whole else 8 * (4 * pixels + margin)
         matching += (kept + 4 * both_views) * windows + 2 * 12 * (lags.rows + step) * (width + lags.cols)
     stages = [
         matching,

@@ -10,14 +10,14 @@ from pydantic import Field, model_validator
 
 from stereolag.arrays import ReasonMap
 from stereolag.estimates import Estimate
-from stereolag.inputs import Image, as_grey, grey_level, of_ordinary_size
+from stereolag.inputs import Image, as_grey, of_ordinary_size
 from stereolag.progress import Progress
 from stereolag.settings import Applies, FitsImage, Pixels, changed
 from stereolag.stereo.finishing.checks import (
-    FLAT_TEXTURE,
     AmbiguityTest,
     LeftRightCheck,
     TextureTest,
+    least_texture,
     left_right_disagree,
 )
 from stereolag.stereo.finishing.stages import Filling, Median, Speckle, finished, is_finished
@@ -181,7 +181,7 @@ class CorrelationMatcher(StereoMatcher):
             matches,
             query,
             asked=self.search.lags(self.window_size),
-            flat=(self.texture.least if self.texture else FLAT_TEXTURE) * grey_level(*grey),
+            flat=least_texture(self.texture, *grey),
             refused=self._refused(matches),
         )
         return finished(found, left, right, self)

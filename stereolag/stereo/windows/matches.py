@@ -1,4 +1,4 @@
-"""Window matching as a question and its answer: one record for either, whichever engine does the work."""
+"""What is asked of a window matcher and what it finds: one record for each, whichever engine does the work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sub-pixel fits of every window's peak: compiled, and the plain formulas that they must equal.
+"""Sub-pixel fits of every window's peak: compiled, and the plain formula that they must equal.
 
 Written without a branch, so that the compiler fits sixteen windows at once. A Gaussian needs only the logarithms of
 ratios of scores, which come from the series of the inverse hyperbolic tangent: the fits differ from the plain formula
@@ -22,7 +22,7 @@ EIGHT = np.float32(8)
 
 
 @compiled
-def log_ratio(numerator: Any, denominator: Any) -> Any:
+def _log_ratio(numerator: Any, denominator: Any) -> Any:
     """Return the logarithm of the ratio of two positive numbers: 8 artanh((a - b) / (a + b)) of their fourth roots."""
     a, b = math.sqrt(math.sqrt(numerator)), math.sqrt(math.sqrt(denominator))
     z = (a - b) / (a + b)
@@ -31,11 +31,11 @@ def log_ratio(numerator: Any, denominator: Any) -> Any:
 
 
 @compiled
-def fit_three(before: Any, peak: Any, after: Any) -> Any:
+def _fit_three(before: Any, peak: Any, after: Any) -> Any:
     """Return the offset of a peak between three scores: by a Gaussian, or a parabola where one is not positive."""
     positive = min(before, after) > ZERO
-    fall_before = log_ratio(peak, before) if positive else peak - before
-    fall_after = log_ratio(peak, after) if positive else peak - after
+    fall_before = _log_ratio(peak, before) if positive else peak - before
+    fall_after = _log_ratio(peak, after) if positive else peak - after
     bend = fall_before + fall_after
     offset = min(HALF, max(-HALF, HALF * (fall_before - fall_after) / bend))
     # A missing neighbour is NaN, and so is the bend: then this is false too.
@@ -43,16 +43,16 @@ def fit_three(before: Any, peak: Any, after: Any) -> Any:
 
 
 @compiled
-def fit_along_rows(around: FloatMap, offset_dx: FloatMap, first: int, end: int) -> None:
+def _fit_along_rows(around: FloatMap, offset_dx: FloatMap, first: int, end: int) -> None:
     """Fit rows `first` to `end` of the grid of windows after a search along one row of lags."""
     for row in range(first, end):
         before, peak, after, offset = around[0, 0, row], around[0, 1, row], around[0, 2, row], offset_dx[row]
         for col in range(peak.size):
-            offset[col] = fit_three(before[col], peak[col], after[col])
+            offset[col] = _fit_three(before[col], peak[col], after[col])
 
 
 @compiled
-def fit_in_two_dimensions(around: FloatMap, offset_dy: FloatMap, offset_dx: FloatMap, first: int, end: int) -> None:
+def _fit_in_two_dimensions(around: FloatMap, offset_dy: FloatMap, offset_dx: FloatMap, first: int, end: int) -> None:
     """Fit rows `first` to `end` of the grid of windows: nine scores named by compass, the peak in the middle."""
     for row in range(first, end):
         nw, n, ne = around[0, 0, row], around[0, 1, row], around[0, 2, row]
@@ -66,14 +66,14 @@ def fit_in_two_dimensions(around: FloatMap, offset_dy: FloatMap, offset_dx: Floa
             )
             positive = lowest > ZERO
             # The peak itself is 0 among the logarithms of ratios to it.
-            a = log_ratio(nw[col], top) if positive else nw[col] - top
-            b = log_ratio(n[col], top) if positive else n[col] - top
-            c = log_ratio(ne[col], top) if positive else ne[col] - top
-            d = log_ratio(w[col], top) if positive else w[col] - top
-            f = log_ratio(e[col], top) if positive else e[col] - top
-            g = log_ratio(sw[col], top) if positive else sw[col] - top
-            h = log_ratio(s[col], top) if positive else s[col] - top
-            i = log_ratio(se[col], top) if positive else se[col] - top
+            a = _log_ratio(nw[col], top) if positive else nw[col] - top
+            b = _log_ratio(n[col], top) if positive else n[col] - top
+            c = _log_ratio(ne[col], top) if positive else ne[col] - top
+            d = _log_ratio(w[col], top) if positive else w[col] - top
+            f = _log_ratio(e[col], top) if positive else e[col] - top
+            g = _log_ratio(sw[col], top) if positive else sw[col] - top
+            h = _log_ratio(s[col], top) if positive else s[col] - top
+            i = _log_ratio(se[col], top) if positive else se[col] - top
             slope_y = (g + h + i - a - b - c) / (TWO * THREE)
             slope_x = (c + f + i - a - d - g) / (TWO * THREE)
             bend_y = (a + b + c + g + h + i - TWO * (d + f)) / (TWO * THREE)
@@ -85,65 +85,20 @@ def fit_in_two_dimensions(around: FloatMap, offset_dy: FloatMap, offset_dx: Floa
             together = (
                 (determinant > ZERO) & (bend_x < ZERO) & (bend_y < ZERO) & (abs(joint_y) <= ONE) & (abs(joint_x) <= ONE)
             )
-            apart_y, apart_x = fit_three(n[col], top, s[col]), fit_three(w[col], top, e[col])
+            apart_y, apart_x = _fit_three(n[col], top, s[col]), _fit_three(w[col], top, e[col])
             dy[col] = joint_y if together else apart_y
             dx[col] = joint_x if together else apart_x
 
 
 def fit_peaks(around: FloatMap) -> tuple[FloatMap, FloatMap]:
-    """Return the sub-pixel (dy, dx) offsets of the peak of every window.
+    """Return the sub-pixel (dy, dx) offsets of the peak of every window: the one fit of the package.
 
-    Parameters
-    ----------
-    around
-        (3, 3, n_rows, n_cols) float32 scores around each peak, or (1, 3, ...) after a search along one row of lags;
-        NaN = no such lag.
+    Along one row it is a Gaussian through three scores (Willert & Gharib 1991, the usual choice in PIV), or a parabola
+    where a score is not positive and so has no logarithm. Of the fits measured on shifted textures and photographs
+    (parabola, equiangular lines, cosine, lines through the root of the distance) the Gaussian had the smallest bias: at
+    most 0.04 px on windows of 20 px, against 0.07 px for the parabola.
 
-    Returns
-    -------
-    tuple of ndarray
-        (n_rows, n_cols) float32, px; 0 where nothing can be fitted.
-    """
-    offset_dy, offset_dx = np.zeros((2, *around.shape[2:]), dtype=np.float32)
-
-    def fit(first: int, end: int) -> None:
-        if around.shape[0] == 1:
-            fit_along_rows(around, offset_dx, first, end)
-        else:
-            fit_in_two_dimensions(around, offset_dy, offset_dx, first, end)
-
-    over_bands(fit, around.shape[2])
-    return offset_dy, offset_dx
-
-
-def peak_offset(before: FloatMap, peak: FloatMap, after: FloatMap) -> FloatMap:
-    """Return how far the true peak lies from the highest sample, from the scores one lag to each side.
-
-    A Gaussian through the three scores (Willert & Gharib 1991, the usual choice in PIV), or a parabola where a score
-    is not positive and so has no logarithm. Of the fits measured on shifted textures and photographs (parabola,
-    equiangular lines, cosine, lines through the root of the distance) the Gaussian had the smallest bias: at most
-    0.04 px on windows of 20 px, against 0.07 px for the parabola.
-
-    Parameters
-    ----------
-    before, peak, after
-        Scores at lag - 1, lag, lag + 1 of one shape, float; ``peak`` is the largest. NaN = no such lag.
-
-    Returns
-    -------
-    ndarray
-        float32 offset, -0.5..0.5 px; 0 where a neighbour is missing or the three are level.
-    """
-    low, top, high = _logarithms(np.stack([before, peak, after]))
-    curvature = low - 2 * top + high
-    offset = np.divide(low - high, 2 * curvature, where=curvature < 0, out=np.zeros_like(curvature))
-    return np.asarray(np.clip(offset, -0.5, 0.5), dtype=np.float32)
-
-
-def peak_offsets(around: FloatMap) -> tuple[FloatMap, FloatMap]:
-    """Return the (dy, dx) offsets of the true peak from the 3 × 3 scores around the highest sample.
-
-    A two-dimensional Gaussian is fitted to the nine scores at once by regression (Nobach & Honkanen, "Two-dimensional
+    In two dimensions a Gaussian is fitted to the nine scores at once by regression (Nobach & Honkanen, "Two-dimensional
     Gaussian regression for sub-pixel displacement estimation in particle image velocimetry", 2005). Two separate fits
     would err wherever the peak is oblique: on shifted textures their bias reached 0.14 px, that of the joint fit
     0.03 px. Where a score is missing or the nine do not bend down to all sides, the separate fits stand in.
@@ -151,17 +106,31 @@ def peak_offsets(around: FloatMap) -> tuple[FloatMap, FloatMap]:
     Parameters
     ----------
     around
-        (3, 3, ...) float scores at dy - 1..dy + 1 and dx - 1..dx + 1; the largest in the middle. NaN = no such lag.
+        (3, 3, n_rows, n_cols) float32 scores at dy - 1..dy + 1 and dx - 1..dx + 1, the largest in the middle, or
+        (1, 3, ...) after a search along one row of lags; NaN = no such lag. Of a single window: (3, 3, 1, 1).
 
     Returns
     -------
     tuple of ndarray
-        float32 offsets in px, within ±1.
+        (n_rows, n_cols) float32, px: -0.5..0.5 along a row, within ±1 in two dimensions; 0 where nothing can be fitted.
     """
-    apart = (
-        peak_offset(around[0, 1], around[1, 1], around[2, 1]),
-        peak_offset(around[1, 0], around[1, 1], around[1, 2]),
-    )
+    offset_dy, offset_dx = np.zeros((2, *around.shape[2:]), dtype=np.float32)
+
+    def fit(first: int, end: int) -> None:
+        if around.shape[0] == 1:
+            _fit_along_rows(around, offset_dx, first, end)
+        else:
+            _fit_in_two_dimensions(around, offset_dy, offset_dx, first, end)
+
+    over_bands(fit, around.shape[2])
+    return offset_dy, offset_dx
+
+
+def fit_peaks_reference(around: FloatMap) -> tuple[FloatMap, FloatMap]:
+    """Return what :func:`fit_peaks` must equal within 0.003 px, by the logarithms themselves."""
+    if around.shape[0] == 1:
+        return np.zeros(around.shape[2:], np.float32), _fit_three_reference(*around[0])
+    apart_y, apart_x = _fit_three_reference(*around[:, 1]), _fit_three_reference(*around[1])
     values = _logarithms(around.reshape(9, *around.shape[2:])).reshape(around.shape)
     by_row, by_col = values.sum(axis=1), values.sum(axis=0)
     slope_y, slope_x = (by_row[2] - by_row[0]) / 6, (by_col[2] - by_col[0]) / 6
@@ -170,12 +139,22 @@ def peak_offsets(around: FloatMap) -> tuple[FloatMap, FloatMap]:
     determinant = 4 * bend_x * bend_y - twist**2
     together = np.isfinite(determinant) & (determinant > 0) & (bend_x < 0) & (bend_y < 0)
     scale = np.divide(1, determinant, where=together, out=np.zeros_like(determinant))
-    joint = ((twist * slope_x - 2 * bend_x * slope_y) * scale, (twist * slope_y - 2 * bend_y * slope_x) * scale)
-    together &= np.maximum(np.abs(joint[0]), np.abs(joint[1])) <= 1
-    return (
-        np.where(together, joint[0], apart[0]).astype(np.float32),
-        np.where(together, joint[1], apart[1]).astype(np.float32),
+    joint_y, joint_x = (
+        (twist * slope_x - 2 * bend_x * slope_y) * scale,
+        (twist * slope_y - 2 * bend_y * slope_x) * scale,
     )
+    together &= np.maximum(np.abs(joint_y), np.abs(joint_x)) <= 1
+    return (
+        np.where(together, joint_y, apart_y).astype(np.float32),
+        np.where(together, joint_x, apart_x).astype(np.float32),
+    )
+
+
+def _fit_three_reference(before: FloatMap, peak: FloatMap, after: FloatMap) -> FloatMap:
+    low, top, high = _logarithms(np.stack([before, peak, after]))
+    curvature = low - 2 * top + high
+    offset = np.divide(low - high, 2 * curvature, where=curvature < 0, out=np.zeros_like(curvature))
+    return np.asarray(np.clip(offset, -0.5, 0.5), dtype=np.float32)
 
 
 def _logarithms(scores: FloatMap) -> DoubleMap:

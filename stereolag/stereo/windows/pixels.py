@@ -55,7 +55,7 @@ def spread_over_pixels(
     Parameters
     ----------
     matches
-        The answer of the windows.
+        What was found of the windows.
     query
         What they were asked.
     asked
@@ -184,3 +184,40 @@ def _blank(maps: _Maps, y: int, left: int, right: int) -> None:
     if maps.dy.size:
         for x in range(left, right):
             maps.dy[y, x] = NOTHING
+
+
+def spread_over_pixels_reference(
+    matches: WindowMatches, query: WindowQuery, *, asked: LagRange, flat: float, refused: ReasonMap | None
+) -> PixelMatches:
+    """Return what :func:`spread_over_pixels` must equal, by plain NumPy."""
+    height, width = query.left.shape
+    size, step = query.window_size, query.step
+    beside_dy, beside_dx = fit_peaks(matches.around)
+    place = np.indices(matches.dx.shape) * step + np.stack([matches.dy, matches.dx])
+    last = np.array([height - size, width - size])[:, None, None]
+    beyond = [
+        (matches.dy < asked.dy_first) | (matches.dy > asked.dy_last),
+        (matches.dx < asked.dx_first) | (matches.dx > asked.dx_last),
+    ]
+    cut = (place == 0) | (place == last)
+    searched = [asked.rows > 1, True] if not query.circular else [False, False]
+    reason = np.zeros(matches.dx.shape, np.uint8) if refused is None else refused.copy()
+    for condition, why in ((beyond, Reason.AT_SEARCH_EDGE), (cut, Reason.OUT_OF_FRAME)):
+        for axis in (0, 1):
+            reason[condition[axis] & searched[axis]] = why
+    reason[np.isnan(matches.score)] = Reason.OUT_OF_FRAME
+    reason[matches.texture <= np.float32(flat)] = Reason.LOW_TEXTURE
+    measured = reason == Reason.MEASURED
+    row, col = ((np.arange(side) - (size - step) // 2) // step for side in (height, width))
+    here = np.ix_(row.clip(0, len(reason) - 1), col.clip(0, reason.shape[1] - 1))
+    known = ((row >= 0) & (row < len(reason)))[:, None] & ((col >= 0) & (col < reason.shape[1]))
+
+    def spread(values: FloatMap) -> FloatMap:
+        return np.where(known, values[here], NOTHING).astype(np.float32)
+
+    return PixelMatches(
+        spread(np.where(measured, -(matches.dx + beside_dx), NOTHING)),
+        np.where(known, reason[here], OUT_OF_FRAME).astype(np.uint8),
+        spread(matches.score),
+        spread(np.where(measured, matches.dy + beside_dy, NOTHING)) if asked.rows > 1 else None,
+    )

@@ -13,6 +13,7 @@ float64 sums by the same code.
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from stereolag.arrays import Array
 from stereolag.loops.compilation import compiled
@@ -173,3 +174,16 @@ def describe_windows(
                 texture[row, col] = 0 if flat else np.sqrt(np.float32(energy[col * step])) / window
                 if flat:
                     inverse[row, col] = 0
+
+
+def describe_windows_reference(
+    image: Array, window: int, step: int, share: float, norm: float, floor: float
+) -> tuple[Array, Array, Array]:
+    """Return the total, inverse norm and texture that :func:`describe_windows` must set, from the first row on."""
+    windows = sliding_window_view(image.astype(np.float64), (window, window))[::step, ::step]
+    total, square = windows.sum((2, 3)), (windows**2).sum((2, 3))
+    energy, about_mean = square - share * total**2, square - total**2 / window**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.full(total.shape, 1 / norm) if norm > 0 else np.where(energy > floor, 1 / np.sqrt(energy), 0)
+        texture = np.where(about_mean > floor, np.sqrt(about_mean) / window, 0)
+    return total, np.where(texture > 0, inverse, 0), texture

@@ -2,13 +2,15 @@
 
 A score s of -1..1 is kept as the integer ``(s + OFFSET) * SCALE``: positive, below 2**31, and as fine as float32; 0
 means no candidate. With its low bits given to the code of the lag
-(:class:`stereolag.stereo.windows.search.LagTable`), one comparison finds the better of two scores and settles ties, and
-nothing is divided before the best is known.
+(:class:`stereolag.stereo.windows.search.LagTable`), one comparison finds the better of two scores and settles ties,
+and nothing is divided before the best is known.
 
 Inner loops take arrays one by one: Numba counts references on every field taken out of a tuple.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,19 +23,44 @@ from stereolag.loops.vector_lanes import (
     cast,
     item,
     larger,
-    largest,
     load,
     nearest,
-    put,
     splat,
     store,
     where_positive,
 )
+from stereolag.stereo.windows.matches import Score, WindowQuery
 from stereolag.stereo.windows.running_sums import slide
-from stereolag.stereo.windows.search import LagRange
 
 SCALE = 2.0**29
 OFFSET = 1.5
+
+
+@compiled
+def _as_kept(
+    products: Any,
+    left_correction: Any,
+    left_whole: Any,
+    left_fraction: Any,
+    left_scale: Any,
+    right_excess: Any,
+    right_scale: Any,
+) -> Any:
+    """Return the scores of one left window at sixteen lags as they are kept; 0 where `right_scale` is.
+
+    ``mean = share * total`` is the mean of a left window l, or 0 for a score that keeps the mean. Split into a whole
+    number m and a fraction f, the covariance with a right window r of n pixels is ::
+
+        sum((l - mean) * r) = sum((l - m) * (r - m)) - f * sum(r - m)
+        sum((l - m) * (r - m)) = sum(l * r) - m * sum(l) - m * (sum(r) - n * m)
+
+    The second line is exact in integers, and so small that float32 is enough for the first. (Float64 sums need no such
+    care: there m is the mean, and f is 0.)
+    """
+    covariance = cast(products - left_correction - left_whole * right_excess, np.float32)
+    covariance = covariance - left_fraction * cast(right_excess, np.float32)
+    zero = splat(OFFSET * SCALE, np.float32)
+    return where_positive(right_scale, cast(covariance * left_scale * right_scale + zero, np.int32))
 
 
 @compiled
@@ -67,18 +94,9 @@ def score_group(
     """Score `count` left windows of a row at every lag; the first ends at `column` of the tile, the others follow.
 
     One pass over the lags does it all: the column sums move down a row (as in ``replace_row``), the window sums slide
-    right, the sums become scores, and each lane keeps the best. ``mean = share * total`` is the mean of a left window
-    l, or 0 for a score that keeps the mean. Split into a whole number m and a fraction f, the covariance with a right
-    window r of n pixels is ::
-
-        sum((l - mean) * r) = sum((l - m) * (r - m)) - f * sum(r - m)
-        sum((l - m) * (r - m)) = sum(l * r) - m * sum(l) - m * (sum(r) - n * m)
-
-    The second line is exact in integers, and so small that float32 is enough for the first. (Float64 sums need no such
-    care: there m is the mean, and f is 0.)
+    right, the sums become scores (:func:`_as_kept`), and each lane keeps the best.
     """
     lags = columns.shape[1]
-    zero = splat(OFFSET * SCALE, np.float32)
     score_bits = splat(~code_mask, np.int32)
     for member in range(count):
         x = member * step
@@ -107,10 +125,10 @@ def score_group(
             products = load(window_sums, lag) + column_sum
             store(window_sums, lag, products - load(columns, gone + lag))
             right_excess = load(right_total, there + offset) - right_correction
-            covariance = cast(products - left_correction - left_whole * right_excess, np.float32)
-            covariance = covariance - left_fraction * cast(right_excess, np.float32)
             right_scale = load(right_inverse, there + offset)
-            score = where_positive(right_scale, cast(covariance * left_scale * right_scale + zero, np.int32))
+            score = _as_kept(
+                products, left_correction, left_whole, left_fraction, left_scale, right_excess, right_scale
+            )
             store(scores, first + lag, score)
             best = larger(best, (score & score_bits) | load(codes, lag))
         store(best_lanes, member * LANES, best)
@@ -119,65 +137,49 @@ def score_group(
 
 
 @compiled
-def record_group(
-    count: int,
-    at: int,
+def score_products(
+    first: int,
+    end: int,
+    products: Array,
+    window: int,
+    share: float,
     left_at: int,
+    left_total: Array,
     left_inverse: Array,
-    best_lanes: Array,
-    scores: Array,
-    found_codes: Array,
-    code_mask: int,
-    around_code: Array,
-    dy_of: Array,
-    dx_of: Array,
-    dy: Array,
-    dx: Array,
-    around: Array,
-) -> None:
-    """Write down the best lags of a group of windows and the scores around them, from window `at` of the grid on.
-
-    A group at a time: the processor then works on one window's best while it waits for another's.
-    """
-    planes = around_code.shape[1]
-    for member in range(count):
-        key = largest(load(best_lanes, member * LANES))
-        code = key & code_mask if key > code_mask and item(left_inverse, left_at + member) > 0 else 0
-        put(found_codes, member, code)
-        put(dx, at + member, item(dx_of, code))
-        if dy.size > 0:
-            put(dy, at + member, item(dy_of, code))
-    for plane in range(planes):
-        for member in range(count):
-            lag = item(around_code, item(found_codes, member) * planes + plane)
-            put(around, plane * dx.size + at + member, item(scores, member * scores.shape[1] + lag))
-
-
-@compiled
-def record_runners_up(
-    count: int,
-    at: int,
-    scores: Array,
-    found_codes: Array,
-    around_code: Array,
+    right_at: Array,
+    right_total: Array,
+    right_inverse: Array,
+    offsets: Array,
     codes: Array,
     code_mask: int,
-    runner_up: Array,
+    scores: Array,
+    best_lanes: Array,
 ) -> None:
-    """Write down the best score farther than one pixel from the peak, whose neighbourhood is struck out of `scores`."""
-    planes = around_code.shape[1]
-    for member in range(count):
-        for plane in range(planes):
-            lag = item(around_code, item(found_codes, member) * planes + plane)
-            put(scores, member * scores.shape[1] + lag, 0)
-    score_bits = splat(~code_mask, np.int32)
-    for member in range(count):
+    """Score windows `first` to `end` of those whose `products`, (windows, lags), are known: as :func:`score_group`.
+
+    The first of all is window `left_at` of the left ones; at the first lag each meets the right window `right_at`.
+    """
+    lags, score_bits = codes.size, splat(~code_mask, np.int32)
+    for member in range(first, end):
+        total_of_left = item(left_total, left_at + member)
+        mean = total_of_left * share
+        whole = nearest(mean, products.dtype)
+        left_whole = splat(whole, products.dtype)
+        left_fraction = splat(mean - whole, np.float32)
+        left_correction = splat(whole * total_of_left, products.dtype)
+        right_correction = splat(window * window * whole, products.dtype)
+        left_scale = splat(item(left_inverse, left_at + member) * np.float32(SCALE), np.float32)
         best = splat(0, np.int32)
-        for lag in range(0, codes.size, LANES):
-            # The codes bring the sign bit to the lanes beyond the range.
-            key = load(scores, member * scores.shape[1] + lag) | load(codes, lag)
-            best = larger(best, key & score_bits)
-        put(runner_up, at + member, largest(best) if item(found_codes, member) > 0 else 0)
+        there = item(right_at, member)
+        for strip in range(offsets.size):
+            offset, lag = item(offsets, strip), strip * LANES
+            right_excess = load(right_total, there + offset) - right_correction
+            right_scale = load(right_inverse, there + offset)
+            product = load(products, member * lags + lag)
+            score = _as_kept(product, left_correction, left_whole, left_fraction, left_scale, right_excess, right_scale)
+            store(scores, member * scores.shape[1] + lag, score)
+            best = larger(best, (score & score_bits) | load(codes, lag))
+        store(best_lanes, member * LANES, best)
 
 
 @compiled
@@ -196,7 +198,23 @@ def as_scores(kept: Array, score: Array, left_inverse: Array, right_norm: float)
             score[row, col] = value if kept[row, col] > 0 else np.float32(np.nan)
 
 
-def score_lag(left_windows: Array, right_windows: Array, score: str) -> npt.NDArray[np.float64]:
+def score_volume_reference(query: WindowQuery) -> npt.NDArray[np.float64]:
+    """Return (dy, dx, rows, cols): the score of every window at every lag, NaN where that is no candidate."""
+    size, step, lags = query.window_size, query.step, query.lags
+    left_windows = sliding_window_view(query.left, (size, size))[::step, ::step]
+    right_windows = sliding_window_view(query.right, (size, size))
+    volume = np.full((lags.rows, lags.cols, *query.grid), np.nan)
+    y, x = (step * np.arange(count) for count in query.grid)
+    for row, dy in enumerate(range(lags.dy_first, lags.dy_last + 1)):
+        for col, dx in enumerate(range(lags.dx_first, lags.dx_last + 1)):
+            i = np.flatnonzero((y + dy >= 0) & (y + dy < right_windows.shape[0]))
+            j = np.flatnonzero((x + dx >= 0) & (x + dx < right_windows.shape[1]))
+            here, there = np.ix_(i, j), np.ix_(y[i] + dy, x[j] + dx)
+            volume[row, col][here] = _score_reference(left_windows[here], right_windows[there], query.score)
+    return volume
+
+
+def _score_reference(left_windows: Array, right_windows: Array, score: Score) -> npt.NDArray[np.float64]:
     """Return the score of each left window with the right window at the same place; NaN where there is none.
 
     Parameters
@@ -218,20 +236,3 @@ def score_lag(left_windows: Array, right_windows: Array, score: str) -> npt.NDAr
     flat |= (np.ptp(right_windows, axis=(2, 3)) == 0) if score == "zncc" else ~right.any((2, 3))
     norms = np.sqrt((left**2).sum((2, 3)) * (right**2).sum((2, 3)))
     return np.where(flat, np.nan, products / np.where(flat, 1, norms))
-
-
-def score_volume(
-    left: Array, right: Array, *, window_size: int, step: int, search: LagRange, score: str
-) -> npt.NDArray[np.float64]:
-    """Return (dy, dx, rows, cols): the score of every window at every lag, NaN where that is no candidate."""
-    left_windows = sliding_window_view(left, (window_size, window_size))[::step, ::step]
-    right_windows = sliding_window_view(right, (window_size, window_size))
-    volume = np.full((search.rows, search.cols, *left_windows.shape[:2]), np.nan)
-    y, x = step * np.arange(left_windows.shape[0]), step * np.arange(left_windows.shape[1])
-    for row, dy in enumerate(range(search.dy_first, search.dy_last + 1)):
-        for col, dx in enumerate(range(search.dx_first, search.dx_last + 1)):
-            i = np.flatnonzero((y + dy >= 0) & (y + dy < right_windows.shape[0]))
-            j = np.flatnonzero((x + dx >= 0) & (x + dx < right_windows.shape[1]))
-            here, there = np.ix_(i, j), np.ix_(y[i] + dy, x[j] + dx)
-            volume[row, col][here] = score_lag(left_windows[here], right_windows[there], score)
-    return volume

@@ -231,8 +231,10 @@ class LagTable(NamedTuple):
     """By code."""
 
 
-def lag_table(lags: LagRange, stride: int) -> LagTable:
+def lag_table(lags: LagRange, stride: int, *, wrapped: bool = False) -> LagTable:
     """Return `lags` laid out in strips, for a right image of `stride` pixels a row.
+
+    The neighbours of the lags at one end are those at the other if the search is `wrapped`.
 
     Raises
     ------
@@ -247,9 +249,9 @@ def lag_table(lags: LagRange, stride: int) -> LagTable:
     row[0], col[0] = 0, 0
     codes = np.full((lags.rows, width), np.iinfo(np.int32).min, np.int32)
     codes[row[1:], col[1:]] = np.arange(1, lags.count + 1)
+    places = np.arange(codes.size, dtype=np.int32).reshape(codes.shape)[:, : lags.cols]
     # A border of "no lag" around the range gives every lag its neighbours.
-    index = np.full((lags.rows + 2, lags.cols + 2), codes.size, np.int32)
-    index[1:-1, 1:-1] = np.arange(codes.size, dtype=np.int32).reshape(codes.shape)[:, : lags.cols]
+    index = np.pad(places, 1, mode="wrap") if wrapped else np.pad(places, 1, constant_values=codes.size)
     up = (-1, 0, 1) if lags.rows > 1 else (0,)
     around = np.stack([index[row + 1 + down, col + 1 + aside] for down in up for aside in (-1, 0, 1)], axis=1)
     around[0] = codes.size

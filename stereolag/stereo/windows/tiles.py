@@ -10,18 +10,11 @@ import numpy.typing as npt
 from stereolag.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import LANES, larger, load, lowest_lane, shifted, splat, store
+from stereolag.stereo.windows.prepared_pair import Found, Windows
+from stereolag.stereo.windows.recording import record_group, record_runners_up
 from stereolag.stereo.windows.running_sums import add_row, replace_row, slide
-from stereolag.stereo.windows.scores import record_group, record_runners_up, score_group
-from stereolag.stereo.windows.search import LagTable
-
-
-class Windows(NamedTuple):
-    """The windows of one image: (rows, cols)."""
-
-    total: Array
-    """Sum of the pixels."""
-    inverse: npt.NDArray[np.float32]
-    """1 / norm; 0 for a window that takes no part."""
+from stereolag.stereo.windows.scores import score_group
+from stereolag.stereo.windows.search import LagRange, LagTable
 
 
 class Workspace(NamedTuple):
@@ -39,18 +32,6 @@ class Workspace(NamedTuple):
     """(group): code of the best lag."""
     right_best: npt.NDArray[np.int32]
     """(lags): best so far for the right windows that the current left window meets; empty if not asked for."""
-
-
-class Found(NamedTuple):
-    """What is known of each window of the grid (rows, cols); what nobody asked for is empty."""
-
-    dy: npt.NDArray[np.int16]
-    dx: npt.NDArray[np.int16]
-    around: npt.NDArray[np.int32]
-    """(9 | 3, rows, cols): the scores at and around the peak, in the order of :attr:`LagTable.around`."""
-    runner_up: npt.NDArray[np.int32]
-    right_key: npt.NDArray[np.int32]
-    """(rows, right windows): score and code of the best left window for each right window."""
 
 
 @compiled
@@ -236,3 +217,24 @@ def as_right_dx(right_key: Array, dx_of: Array, code_mask: int, nowhere: int, ri
         for x in range(right_key.shape[1]):
             key = right_key[row, x]
             right_dx[row, x] = dx_of[key & code_mask] if key > code_mask else nowhere
+
+
+def right_view_reference(volume: Array, lags: LagRange, nowhere: int) -> npt.NDArray[np.int16]:
+    """Return the displacement of the best left window of every right one, `nowhere` where none meets it.
+
+    Parameters
+    ----------
+    volume
+        (1, lags, rows, cols) scores of windows one pixel apart, NaN where there is none: those of
+        :func:`stereolag.stereo.windows.scores.score_volume_reference`.
+    """
+    rows, cols = volume.shape[2:]
+    best, right_dx = np.full((rows, cols), -np.inf), np.full((rows, cols), nowhere, np.int16)
+    for dx in lags.ranked()[1]:  # the shortest first: it keeps what is as good
+        scores = np.full((rows, cols), -np.inf)
+        left, right = slice(max(0, -dx), min(cols, cols - dx)), slice(max(0, dx), min(cols, cols + dx))
+        if left.start < left.stop:
+            scores[:, right] = np.nan_to_num(volume[0, dx - lags.dx_first, :, left], nan=-np.inf)
+        right_dx[scores > best] = dx
+        best = np.maximum(best, scores)
+    return right_dx

@@ -1,231 +1,295 @@
 """Window matching by batched FFT: every window against its own search area, many at a time.
 
 Beside :mod:`stereolag.stereo.windows.window_sums` this engine pays where windows are few (a low overlap) and the
-search is large, and it is the only one for scores that need a spectrum: phase correlation, and the circular
-correlation of an unpadded search.
+search is large, and it is the only one for scores that need a spectrum: phase correlation, and the circular correlation
+of an unpadded search. Only the products come from elsewhere: what is made of them is the same code, and so is the map.
 """
 
 from __future__ import annotations
 
-from typing import TypeVar
+from abc import ABC, abstractmethod
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
+from stereolag.arrays import Array
+from stereolag.loops.bands import over_bands
+from stereolag.loops.vector_lanes import LANES
 from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
+from stereolag.stereo.windows.prepared_pair import PreparedPair, Windows, framed
+from stereolag.stereo.windows.recording import record_group, record_runners_up
+from stereolag.stereo.windows.scores import OFFSET, SCALE, as_scores, score_products
 from stereolag.stereo.windows.search import LagRange
 
 Spectrum = npt.NDArray[np.complex128]
 Surface = npt.NDArray[np.float64]
-Pixel = TypeVar("Pixel", bound=np.generic)
 
 BATCH_BYTES = 32 * 2**20
 """Windows are taken in batches whose padded search areas fill about this much memory."""
 
-TIE = 1e-9
-"""Scores closer than this are equal: the rounding of an FFT must not choose between them."""
-
-FLAT = 1e-12
-"""A window is flat when its variance is below this share of the image's own energy: what rounding leaves of zero."""
+POWERLESS = 1e-9
+"""Share of a spectrum's highest magnitude up to which a frequency has no power, and so no phase."""
 
 
 def match_windows_fft(query: WindowQuery, progress: Progress = silent) -> WindowMatches:
-    """Match every window of the left image by FFT; the answer equals that of the window sums.
+    """Match every window of the left image by FFT, as :func:`stereolag.stereo.windows.window_sums.match_windows` does.
+
+    Sums of integers are rounded to integers: then both give the same to the bit. Of other images the sums of either
+    are rounded in the sixteenth digit, which a score of 32 bits shows once in a million.
 
     Parameters
     ----------
     query
-        `right_matches` are not had by FFT.
+        `right_matches` are not to be had by FFT.
     progress
         Called with the fraction done after every batch.
+
+    Raises
+    ------
+    ValueError
+        What :class:`stereolag.stereo.windows.prepared_pair.PreparedPair` refuses, or `right_matches`.
     """
-    scorer = _scorer(query)
-    window_size, lags, (n_rows, n_cols) = query.window_size, query.lags, query.grid
-    rows = np.arange(0, query.left.shape[0] - window_size + 1, query.step)
-    cols = np.arange(0, query.left.shape[1] - window_size + 1, query.step)
-    count, vertical = n_rows * n_cols, 3 if lags.rows > 1 else 1
-    best = np.empty((2, count), dtype=np.int16)
-    around = np.empty((vertical, 3, count), dtype=np.float32)
-    second, texture = np.empty((2, count), dtype=np.float32)
-    batch = max(1, BATCH_BYTES // scorer.bytes_per_window)
-    for start in range(0, count, batch):
-        some = np.arange(start, min(start + batch, count))
-        surface, texture[some] = scorer.score(rows[some // n_cols], cols[some % n_cols])
-        peak = _peaks(surface, lags)
-        best[:, some] = peak + np.array([[lags.dy_first], [lags.dx_first]])
-        around[:, :, some] = _around(surface, peak, vertical, wrapped=query.circular)
-        if query.runner_up:
-            second[some] = _runners_up(surface, peak)
-        progress((some[-1] + 1) / count)
-    scores = around.reshape(vertical, 3, n_rows, n_cols)
-    score_at_peak = scores[vertical // 2, 1].copy()
-    none = np.isnan(score_at_peak)
-    dy, dx = np.where(none, np.int16(0), best.reshape(2, n_rows, n_cols))
-    return WindowMatches(
-        dy=dy,
-        dx=dx,
-        score=score_at_peak,
-        around=scores,
-        texture=texture.reshape(n_rows, n_cols),
-        runner_up=second.reshape(n_rows, n_cols) if query.runner_up else None,
+    if query.right_matches:
+        raise ValueError("Matches of the right windows are had by window sums alone.")
+    pair = PreparedPair(query)
+    if pair.lags is None:
+        for first in range(pair.rows):
+            pair.rescale(first, first + 1, pair.left_windows(first, first + 1).inverse)
+        progress(1.0)
+        return pair.matches()
+    surfaces = _surfaces(pair, pair.lags)
+    batch = max(1, BATCH_BYTES // surfaces.bytes_per_window)
+    rows = max(1, batch // pair.cols)
+    for first in range(0, pair.rows, rows):
+        end = min(first + rows, pair.rows)
+        left, right = pair.left_windows(first, end), pair.right_windows(first, end)
+        for begin in range(0, left.inverse.size, batch):
+            some = np.arange(begin, min(begin + batch, left.inverse.size))
+            _record(pair, first, some, left, *surfaces.score(first, some, left, right))
+            progress((first * pair.cols + int(some[-1]) + 1) / (pair.rows * pair.cols))
+        pair.rescale(first, end, left.inverse)
+    return pair.matches()
+
+
+def _record(
+    pair: PreparedPair,
+    first: int,
+    some: npt.NDArray[np.intp],
+    left: Windows,
+    scores: npt.NDArray[np.int32],
+    best_lanes: npt.NDArray[np.int32],
+) -> None:
+    """Write down the best lags of some windows, counted from row `first` of the grid on."""
+    found, table, left_at = pair.found, pair.table, int(some[0])
+    at = first * pair.cols + left_at
+    codes = np.empty(some.size, np.int32)
+    record_group(
+        some.size,
+        at,
+        left_at,
+        left.inverse,
+        best_lanes,
+        scores,
+        codes,
+        table.code_mask,
+        table.around,
+        table.dy,
+        table.dx,
+        found.dy,
+        found.dx,
+        found.around,
     )
+    if found.runner_up.size:
+        record_runners_up(some.size, at, scores, codes, table.around, table.codes, table.code_mask, found.runner_up)
 
 
 def score_surface(query: WindowQuery, top: int, left_edge: int) -> Surface:
-    """Return the (lag rows, lag cols) float64 scores of the one window whose top-left pixel is given.
+    """Return the (lag rows, lag cols) scores of the one window whose top-left pixel is given, as its match saw them.
 
-    NaN = no candidate. :func:`match_windows_fft` finds its peaks on these surfaces.
+    NaN = no candidate.
     """
-    surfaces, _ = _scorer(query).score(np.array([top]), np.array([left_edge]))
-    only: Surface = surfaces[0]
-    return only
+    pair = PreparedPair(replace(query, step=1, runner_up=False, right_matches=False))
+    surface = np.full((query.lags.rows, query.lags.cols), np.nan)
+    if pair.lags is None:
+        return surface
+    left, right = pair.left_windows(top, top + 1), pair.right_windows(top, top + 1)
+    kept, _ = _surfaces(pair, pair.lags).score(top, np.array([left_edge]), left, right)
+    kept = kept[0, : pair.table.codes.size].reshape(pair.lags.rows, -1)[:, : pair.lags.cols]
+    inverse = float(left.inverse[0, left_edge])
+    if inverse > 0:
+        scores = np.empty(kept.shape, np.float32)
+        as_scores(kept, scores, np.full(kept.shape, inverse, np.float32), pair.score_norm)
+        row, col = pair.lags.dy_first - query.lags.dy_first, pair.lags.dx_first - query.lags.dx_first
+        surface[row : row + pair.lags.rows, col : col + pair.lags.cols] = scores
+    return surface
 
 
-def _scorer(query: WindowQuery) -> _CircularSurfaces | _LinearSurfaces:
-    # The scores that remove means do not see a common offset; taking it away keeps the sums small and so exact.
-    offset = 0.0 if query.score == "ncc" else float(np.mean(query.left, dtype=np.float64))
-    surfaces = _CircularSurfaces if query.circular else _LinearSurfaces
-    left, right = (image.astype(np.float64) - offset for image in (query.left, query.right))
-    return surfaces(left, right, query.window_size, query.lags, query.score)
+def _surfaces(pair: PreparedPair, lags: LagRange) -> _Surfaces:
+    if pair.circular:
+        return _Circular(pair, lags)
+    return _Whitened(pair, lags) if pair.score == "phase" else _Products(pair, lags)
 
 
-class _LinearSurfaces:
-    """Scores of windows inside larger search areas: zero-padded, so nothing wraps."""
+class _Surfaces(ABC):
+    """The scores of windows at every lag, kept as :mod:`stereolag.stereo.windows.scores` keeps them."""
 
-    def __init__(self, left: Surface, right: Surface, window_size: int, lags: LagRange, score: str) -> None:
-        self.left, self.window_size, self.lags, self.kind = left, window_size, lags, score
-        height, width = window_size + lags.rows - 1, window_size + lags.cols - 1
-        self.fft_shape = (scipy.fft.next_fast_len(height, real=True), scipy.fft.next_fast_len(width, real=True))
-        self.search_shape = (height, width)
+    def __init__(self, pair: PreparedPair, lags: LagRange) -> None:
+        self.pair, self.lags = pair, lags
+        if pair.circular:
+            self.area = self.fft_shape = (pair.window, pair.window)
+        else:
+            self.area = (pair.window + lags.rows - 1, pair.window + lags.cols - 1)
+            rows, cols = (scipy.fft.next_fast_len(side, real=True) for side in self.area)
+            self.fft_shape = (rows, cols)
         self.bytes_per_window = 8 * 4 * self.fft_shape[0] * self.fft_shape[1]
-        # A frame of zeros around the right image lets every search area be cut the same way; lags that reach into
-        # it are struck out again.
-        self.margin = (
-            max(0, -lags.dy_first),
-            max(0, lags.dy_last),
-            max(0, -lags.dx_first),
-            max(0, lags.dx_last),
-        )
-        top, bottom, before, after = self.margin
-        self.padded = np.pad(right, ((top, bottom), (before, after)))
-        inside = np.pad(np.ones(right.shape, dtype=np.bool_), ((top, bottom), (before, after)))
-        count = window_size**2
-        sums = _window_sums(self.padded, window_size)
-        self.variance = np.maximum(_window_sums(self.padded**2, window_size) - sums**2 / count, 0)
-        self.energy = _window_sums(self.padded**2, window_size) if score == "ncc" else self.variance
-        self.inside = _window_sums(inside.astype(np.float64), window_size) == count
-        self.flat = FLAT * count * float(np.mean(right**2) + np.mean(left**2))
 
-    def score(self, tops: npt.NDArray[np.intp], lefts: npt.NDArray[np.intp]) -> tuple[Surface, Surface]:
-        """Return the (n, lag rows, lag cols) scores, NaN where no candidate, and the (n,) texture of each window."""
-        size, lags = self.window_size, self.lags
-        windows = _cut(self.left, tops, lefts, (size, size))
-        mean_free = windows - windows.mean(axis=(1, 2), keepdims=True)
-        norm = np.sqrt((windows**2 if self.kind == "ncc" else mean_free**2).sum(axis=(1, 2)))
-        texture = np.sqrt((mean_free**2).mean(axis=(1, 2)))
-        starts = tops + self.margin[0] + lags.dy_first, lefts + self.margin[2] + lags.dx_first
-        areas = _cut(self.padded, *starts, self.search_shape)
-        pattern = windows if self.kind == "ncc" else mean_free
-        if self.kind == "phase":
-            areas = areas - areas.mean(axis=(1, 2), keepdims=True)
-        spectrum: Spectrum = scipy.fft.rfft2(pattern, self.fft_shape, workers=-1).conj()
+    @abstractmethod
+    def score(
+        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """Return the scores and the best lanes of some windows, as :func:`score_products` sets them.
+
+        Parameters
+        ----------
+        first
+            Row of the grid at which `left` and `right` begin.
+        some
+            (n,) indices of the left windows, one after the other.
+        left, right
+            What is known of the windows.
+        """
+
+    def places(self, first: int, some: npt.NDArray[np.intp]) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """Return the top-left pixels of some windows."""
+        rows, cols = np.divmod(some, self.pair.cols)
+        return (first + rows) * self.pair.step, cols * self.pair.step
+
+    def correlated(self, windows: Array, areas: Array, *, whitened: bool) -> Surface:
+        """Return the (n, lag rows, lag cols) correlation of windows with their search areas; wrapped if circular."""
+        spectrum: Spectrum = scipy.fft.rfft2(windows, self.fft_shape, workers=-1).conj()
         spectrum *= scipy.fft.rfft2(areas, self.fft_shape, workers=-1)
-        if self.kind == "phase":
+        if whitened:
             _whiten(spectrum)
-        surface = scipy.fft.irfft2(spectrum, self.fft_shape, workers=-1)[:, : lags.rows, : lags.cols]
-        candidate = _cut(self.inside, *starts, (lags.rows, lags.cols))
-        if self.kind in ("zncc", "ncc"):
-            energy = _cut(self.energy, *starts, (lags.rows, lags.cols))
-            candidate = candidate & (energy > self.flat)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                surface = surface / (np.sqrt(energy) * norm[:, None, None])
-            surface = np.clip(surface, -1, 1)
-        candidate = candidate & (texture**2 * self.window_size**2 > self.flat)[:, None, None]
-        return np.where(candidate, surface, np.nan), texture
+        surface: Surface = scipy.fft.irfft2(spectrum, self.fft_shape, workers=-1)
+        return surface
 
 
-class _CircularSurfaces:
+class _Products(_Surfaces):
+    """Sums of products with larger search areas, zero-padded so that nothing wraps, made scores as by window sums."""
+
+    def score(
+        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        pair, lags, table = self.pair, self.lags, self.pair.table
+        tops, lefts = self.places(first, some)
+        areas = _cut(pair.right, tops + pair.right_row, lefts + pair.right_col, self.area)
+        windows = _cut(pair.left, tops, lefts, (pair.window, pair.window))
+        surface = self.correlated(windows, areas, whitened=False)[:, : lags.rows, : lags.cols]
+        if pair.exact:
+            np.rint(surface, out=surface)
+        products = np.zeros((some.size, lags.rows, table.codes.size // lags.rows), pair.sums_dtype)
+        products[:, :, : lags.cols] = surface
+        scores = np.zeros((some.size, table.codes.size + LANES), np.int32)
+        best_lanes = np.empty((some.size, LANES), np.int32)
+        right_at = (tops - first * pair.step) * pair.right.shape[1] + lefts + pair.right_col
+
+        def make_scores(begin: int, end: int) -> None:
+            score_products(
+                begin,
+                end,
+                products.reshape(some.size, -1),
+                pair.window,
+                pair.share,
+                int(some[0]),
+                *left,
+                right_at,
+                *right,
+                table.right_offset,
+                table.codes,
+                table.code_mask,
+                scores,
+                best_lanes,
+            )
+
+        over_bands(make_scores, some.size)
+        return scores, best_lanes
+
+
+class _Whitened(_Surfaces):
+    """Phase correlation: nothing but the phase of the spectrum counts."""
+
+    def __init__(self, pair: PreparedPair, lags: LagRange) -> None:
+        super().__init__(pair, lags)
+        # Beyond the frame lies the mean: an edge there would have a phase.
+        self.right = framed(pair.plain_right - float(np.mean(pair.left)), lags)
+
+    def score(
+        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        pair, lags = self.pair, self.lags
+        tops, lefts = self.places(first, some)
+        areas = _cut(self.right, tops + pair.right_row, lefts + pair.right_col, self.area)
+        windows = _cut(pair.left, tops, lefts, (pair.window, pair.window))
+        surface = self.correlated(_mean_free(windows), _mean_free(areas), whitened=True)
+        in_frame = _cut(right.inverse, tops - first * pair.step, lefts + pair.right_col, (lags.rows, lags.cols)) > 0
+        return _as_kept(pair, lags, np.where(in_frame, surface[:, : lags.rows, : lags.cols], np.nan))
+
+
+class _Circular(_Surfaces):
     """Scores of windows against the same place of the right image, wrapped around at the window's edges."""
 
-    def __init__(self, left: Surface, right: Surface, window_size: int, lags: LagRange, score: str) -> None:
-        self.left, self.right, self.window_size, self.kind = left, right, window_size, score
-        self.order = np.ix_(
-            np.arange(lags.dy_first, lags.dy_last + 1) % window_size,
-            np.arange(lags.dx_first, lags.dx_last + 1) % window_size,
+    def score(
+        self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        pair, lags = self.pair, self.lags
+        tops, lefts = self.places(first, some)
+        order = np.ix_(
+            np.arange(some.size),
+            np.arange(lags.dy_first, lags.dy_last + 1) % pair.window,
+            np.arange(lags.dx_first, lags.dx_last + 1) % pair.window,
         )
-        self.bytes_per_window = 8 * 4 * window_size**2
-        self.flat = FLAT * window_size**2 * float(np.mean(right**2) + np.mean(left**2))
-
-    def score(self, tops: npt.NDArray[np.intp], lefts: npt.NDArray[np.intp]) -> tuple[Surface, Surface]:
-        """Return the (n, lag rows, lag cols) circular scores and the (n,) texture of each window."""
-        shape = (self.window_size, self.window_size)
-        pair = [_cut(image, tops, lefts, shape) for image in (self.left, self.right)]
-        texture = pair[0].std(axis=(1, 2))
-        if self.kind != "ncc":
-            pair = [windows - windows.mean(axis=(1, 2), keepdims=True) for windows in pair]
-        energy = [(windows**2).sum(axis=(1, 2)) for windows in pair]
-        spectrum: Spectrum = scipy.fft.rfft2(pair[0], workers=-1).conj()
-        spectrum *= scipy.fft.rfft2(pair[1], workers=-1)
-        if self.kind == "phase":
-            _whiten(spectrum)
-        surface = scipy.fft.irfft2(spectrum, shape, workers=-1)[:, self.order[0], self.order[1]]
-        candidate = (texture**2 * self.window_size**2 > self.flat) & (energy[1] > self.flat)
-        if self.kind in ("zncc", "ncc"):
-            with np.errstate(divide="ignore", invalid="ignore"):
-                surface = np.clip(surface / np.sqrt(energy[0] * energy[1])[:, None, None], -1, 1)
-        return np.where(candidate[:, None, None], surface, np.nan), texture
+        windows, areas = (_cut(image, tops, lefts, self.area) for image in (pair.left, pair.right))
+        if pair.score != "ncc":
+            windows, areas = _mean_free(windows), _mean_free(areas)
+        surface = self.correlated(windows, areas, whitened=pair.score == "phase")[order]
+        inverse = right.inverse.reshape(-1)[some].astype(np.float64)
+        if pair.score != "phase":
+            right_norm = np.full(inverse.shape, 1 / pair.right_norm) if pair.score == "cross" else inverse
+            surface *= (left.inverse.reshape(-1)[some] * right_norm)[:, None, None]
+        return _as_kept(pair, lags, np.where(inverse[:, None, None] > 0, surface, np.nan))
 
 
-def _cut(
-    image: npt.NDArray[Pixel], tops: npt.NDArray[np.intp], lefts: npt.NDArray[np.intp], shape: tuple[int, int]
-) -> npt.NDArray[Pixel]:
-    """Return the (n, *shape) patches of `image` whose top-left pixels are given."""
-    return np.lib.stride_tricks.sliding_window_view(image, shape)[tops, lefts]
+def _as_kept(
+    pair: PreparedPair, lags: LagRange, scores: Surface
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """Return (n, lag rows, lag cols) scores of -1..1, NaN for none, as they are kept, and the best of each lane.
+
+    Rounded to the nearest: what an FFT leaves of equal scores must not choose between them.
+    """
+    codes, count = pair.table.codes, len(scores)
+    kept = np.zeros((count, codes.size + LANES), np.int32)
+    strips = kept[:, : codes.size].reshape(count, lags.rows, -1)
+    candidate = ~np.isnan(scores)
+    strips[:, :, : lags.cols] = np.rint((np.where(candidate, scores, -OFFSET) + OFFSET) * SCALE)
+    keys = (kept[:, : codes.size] & ~pair.table.code_mask) | codes
+    return kept, keys.reshape(count, -1, LANES).max(axis=1)
 
 
-def _window_sums(image: Surface, size: int) -> Surface:
-    """Return the sum over every `size` × `size` window, from the summed-area table (Crow 1984)."""
-    table = np.pad(image, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
-    sums: Surface = table[size:, size:] - table[:-size, size:] - table[size:, :-size] + table[:-size, :-size]
-    return sums
+def _cut(image: Array, tops: npt.NDArray[np.intp], lefts: npt.NDArray[np.intp], shape: tuple[int, int]) -> Array:
+    """Return the (n, *shape) float64 patches of `image` whose top-left pixels are given."""
+    return np.lib.stride_tricks.sliding_window_view(image, shape)[tops, lefts].astype(np.float64, copy=False)
+
+
+def _mean_free(patches: Array) -> Array:
+    return np.asarray(patches - patches.mean(axis=(1, 2), keepdims=True))
 
 
 def _whiten(spectrum: Spectrum) -> None:
     """Leave only the phase of a cross-power spectrum; where there is no power there is no phase either."""
     magnitude = np.abs(spectrum)
-    floor = 1e-9 * magnitude.max(axis=(1, 2), keepdims=True)
+    floor = POWERLESS * magnitude.max(axis=(1, 2), keepdims=True)
     np.divide(spectrum, magnitude, out=spectrum, where=magnitude > floor)
     spectrum[magnitude <= floor] = 0
-
-
-def _peaks(surface: Surface, lags: LagRange) -> npt.NDArray[np.intp]:
-    """Return the (2, n) row and column of the highest score of every (n, lag rows, lag cols) surface.
-
-    Of equal maxima, as periodic pictures have them, the smallest displacement wins.
-    """
-    dy, dx = np.mgrid[lags.dy_first : lags.dy_last + 1, lags.dx_first : lags.dx_last + 1].reshape(2, -1)
-    nearest_first = np.lexsort((dx, dy, dy**2 + dx**2))
-    scores = np.where(np.isnan(surface), -np.inf, surface).reshape(surface.shape[0], -1)[:, nearest_first]
-    highest = scores.max(axis=1, keepdims=True)
-    first = np.argmax(scores >= highest - TIE * np.abs(highest), axis=1)
-    return np.stack(np.divmod(nearest_first[first], lags.cols))
-
-
-def _around(surface: Surface, peak: npt.NDArray[np.intp], vertical: int, *, wrapped: bool) -> Surface:
-    """Return the (vertical, 3, n) scores around the peak of every surface; NaN outside, or the far side if wrapped."""
-    border = ((0, 0), (1, 1), (1, 1))
-    framed = np.pad(surface, border, mode="wrap") if wrapped else np.pad(surface, border, constant_values=np.nan)
-    down, across = np.mgrid[-(vertical // 2) : vertical // 2 + 1, -1:2]
-    each = np.arange(surface.shape[0])
-    beside: Surface = framed[each, peak[0] + 1 + down[..., None], peak[1] + 1 + across[..., None]]
-    return beside
-
-
-def _runners_up(surface: Surface, peak: npt.NDArray[np.intp]) -> Surface:
-    """Return the best score farther than 1 px from the peak of every surface; NaN where there is none."""
-    rows, cols = np.arange(surface.shape[1])[:, None], np.arange(surface.shape[2])
-    near = (np.abs(rows - peak[0][:, None, None]) <= 1) & (np.abs(cols - peak[1][:, None, None]) <= 1)
-    second = np.where(near | np.isnan(surface), -np.inf, surface).max(axis=(1, 2))
-    return np.where(np.isfinite(second), second, np.nan)

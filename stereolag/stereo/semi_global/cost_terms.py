@@ -1,0 +1,288 @@
+"""The terms of the matching cost, each one record: a new term is written here, listed once, and named in the settings.
+
+A compiled loop adds a term's cost for a run of neighbouring pixels at every lag. Inner loops over the lags are
+functions of their own: in the body of the loop over the pixels they take four times as long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.arrays import Array
+from stereolag.loops.compilation import compiled
+from stereolag.loops.popcount import popcount
+from stereolag.stereo.semi_global.census import BITS, census, census_reference
+
+if TYPE_CHECKING:
+    from stereolag.stereo.semi_global.costs import MatchingCost
+
+EightBit = npt.NDArray[np.uint8]
+Volume = npt.NDArray[np.float64]
+
+NOISE = 2.0
+"""Standard deviation of the grey levels, of 255, taken for noise: a window that varies less correlates with nothing."""
+
+SOBEL_UNIT = 4
+"""The Sobel filter adds up four differences between grey levels two pixels apart."""
+
+
+class Run(NamedTuple):
+    """The pixels of one row that are worked on together: their costs stay in the processor's cache."""
+
+    y: int
+    first: int
+    end: int
+    """Columns `first` to `end`; the runs of a row follow one another."""
+    is_top: bool
+    """Whether this is the first row of its band."""
+    lags: int
+    origin: int
+    """Where column 0 of the right image meets the first lag, in features without a border."""
+
+
+class CostTerm(NamedTuple):
+    """One term of the matching cost.
+
+    Attributes
+    ----------
+    weight
+        The field of :class:`stereolag.stereo.semi_global.costs.MatchingCost` that holds the most it costs.
+    kind
+        The type of its features, which tells compiled code which term they belong to.
+    features
+        Makes what is compared, of one image: a named tuple of arrays (H, W), or (H, W) within a border of the window's
+        radius, and numbers; called with the image, the radius and the settings.
+    add
+        Compiled; called with the features of both images, a run, room for what is kept from one row of a band to the
+        next, int32, and the costs of the run, float32, (pixels × lags), to which it adds its own.
+    reference
+        The plain formula: (H, W, W), the cost of each pixel of the left image with each of the same row of the right
+        one; called with both images, the radius and the settings.
+    """
+
+    weight: str
+    kind: type[Any]
+    features: Callable[[EightBit, int, MatchingCost], Any]
+    add: Callable[..., None]
+    reference: Callable[[EightBit, EightBit, int, MatchingCost], Volume]
+
+
+class CorrelationFeatures(NamedTuple):
+    """What the correlation compares."""
+
+    padded: npt.NDArray[np.int16]
+    """Grey levels less 128, within a border of the window's radius."""
+    total: npt.NDArray[np.float32]
+    """Sum of the window around every pixel, of those levels."""
+    mean: npt.NDArray[np.float32]
+    inverse: npt.NDArray[np.float32]
+    """One over the root of the window's energy about its mean."""
+    half: np.float32
+    """Cost of a correlation of 0."""
+
+
+def correlation_features(image: EightBit, radius: int, settings: MatchingCost) -> CorrelationFeatures:
+    """Return the windows of an image, with their sums and norms."""
+    side = 2 * radius + 1
+    padded = cv2.copyMakeBorder(image, radius, radius, radius, radius, cv2.BORDER_REFLECT_101).astype(np.int16)
+    padded -= 128
+    inside = (slice(radius, radius + image.shape[0]), slice(radius, radius + image.shape[1]))
+    total = np.asarray(cv2.boxFilter(padded, cv2.CV_32F, (side, side), normalize=False)[inside], np.float32)
+    energy = np.asarray(cv2.sqrBoxFilter(padded, cv2.CV_32F, (side, side), normalize=False)[inside], np.float32)
+    energy += np.float32(side**2 * NOISE**2) - total * total * np.float32(1 / side**2)
+    return CorrelationFeatures(
+        padded=padded,
+        total=total,
+        mean=total * np.float32(1 / side**2),
+        inverse=np.reciprocal(np.sqrt(energy, out=energy), out=energy),
+        half=np.float32(settings.correlation * 0.5),
+    )
+
+
+@compiled
+def add_correlation(
+    left: CorrelationFeatures, right: CorrelationFeatures, run: Run, carried: Array, costs: Array
+) -> None:
+    """Add half the weight times one less the correlation of the windows.
+
+    Products are summed down each column of the window once and then along the row, so that the time does not depend on
+    the window; both sums are carried from run to run. Arrays are flattened once a run: a view made for every
+    pixel takes three times as long as the arithmetic.
+    """
+    width, stride = np.uint64(left.total.shape[1]), np.uint64(left.padded.shape[1])
+    lags, side = np.uint64(run.lags), stride - width + np.uint64(1)
+    zero, one = np.uint64(0), np.uint64(1)
+    # Column 0 stays zero: it is what leaves the window before that is full.
+    columns, window = carried[lags:], carried[:lags]
+    left_pixels, right_pixels = left.padded.reshape(-1), right.padded.reshape(-1)
+    totals, inverses = right.total.reshape(-1), right.inverse.reshape(-1)
+    right_stride, origin, y = np.uint64(right.padded.shape[1]), np.uint64(run.origin), np.uint64(run.y)
+    reach = origin + side // np.uint64(2)
+    first, end = np.uint64(run.first), np.uint64(run.end)
+    if run.first == 0:
+        if run.is_top:
+            columns[:] = 0
+            for row in range(y, y + side - one):
+                for col in range(stride):
+                    newest, pixel = row * right_stride + reach - col, left_pixels[row * stride + col]
+                    _slide(columns, (col + one) * lags, zero, window, lags, right_pixels, newest, zero, pixel, 0)
+        window[:] = 0
+    incoming, outgoing = y + side - one, y if run.is_top else y - one
+    for col in range(zero if run.first == 0 else first + side - one, end + side - one):
+        here, leaving = (col + one) * lags, (col + one - side) * lags if col >= side else zero
+        newest, oldest = incoming * right_stride + reach - col, outgoing * right_stride + reach - col
+        gained, lost = left_pixels[incoming * stride + col], 0 if run.is_top else left_pixels[outgoing * stride + col]
+        _slide(columns, here, leaving, window, lags, right_pixels, newest, oldest, gained, lost)
+        if col + one >= side:
+            x = col + one - side
+            scale, source = np.float32(left.half * left.inverse[y, x]), y * right_stride + origin - x
+            target = (x - first) * lags
+            _add_scores(window, left.mean[y, x], scale, left.half, totals, inverses, source, lags, costs, target)
+
+
+@compiled
+def _slide(
+    columns: Array,
+    here: Any,
+    leaving: Any,
+    window: Array,
+    lags: Any,
+    pixels: Array,
+    newest: Any,
+    oldest: Any,
+    gained: Any,
+    lost: Any,
+) -> None:
+    """Move a column of products down by one row, and take it into the window in place of the one that leaves.
+
+    `gained` and `lost` are the left image's pixels of the row that the column gains and of the one it loses; `newest`
+    and `oldest` say where the right image's pixels of those rows begin.
+    """
+    more, less = np.int32(gained), np.int32(lost)
+    for lag in range(lags):
+        products = more * np.int32(pixels[newest + lag]) - less * np.int32(pixels[oldest + lag])
+        column = np.int32(columns[here + lag] + products)
+        columns[here + lag] = column
+        window[lag] += column - columns[leaving + lag]
+
+
+@compiled
+def _add_scores(
+    window: Array,
+    mean: Any,
+    scale: Any,
+    half: Any,
+    totals: Array,
+    inverses: Array,
+    source: Any,
+    lags: Any,
+    costs: Array,
+    target: Any,
+) -> None:
+    for lag in range(lags):
+        covariance = np.float32(window[lag]) - mean * totals[source + lag]
+        costs[target + lag] += half - covariance * scale * inverses[source + lag]
+
+
+def correlation_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
+    """Return the cost of the correlation by its formula."""
+    side = 2 * radius + 1
+    free, norm = [], []
+    for image in (left, right):
+        padded = np.pad(image.astype(float), radius, mode="reflect")
+        windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side))
+        free.append(windows - windows.mean(axis=(2, 3), keepdims=True))
+        norm.append(np.sqrt((free[-1] ** 2).sum(axis=(2, 3)) + (side * NOISE) ** 2))
+    scores = np.einsum("yxij,yzij->yxz", *free) / (norm[0][:, :, None] * norm[1][:, None, :])
+    return np.asarray(settings.correlation * (1 - scores) / 2)
+
+
+class CensusFeatures(NamedTuple):
+    """What the census compares."""
+
+    words: npt.NDArray[np.uint32]
+    bit: np.float32
+    """Cost of one bit that differs."""
+
+
+def census_features(image: EightBit, radius: int, settings: MatchingCost) -> CensusFeatures:
+    """Return the census words of an image."""
+    return CensusFeatures(census(image), np.float32(settings.census / BITS))
+
+
+@compiled
+def add_census(left: CensusFeatures, right: CensusFeatures, run: Run, carried: Array, costs: Array) -> None:
+    """Add the cost of each bit that differs."""
+    words, lags = right.words.reshape(-1), np.uint64(run.lags)
+    start = np.uint64(run.y) * np.uint64(right.words.shape[1]) + np.uint64(run.origin)
+    for x in range(run.first, run.end):
+        target = np.uint64(x - run.first) * lags
+        _add_bits(left.words[run.y, x], words, start - np.uint64(x), left.bit, lags, costs, target)
+
+
+@compiled
+def _add_bits(word: Any, words: Array, source: Any, bit: Any, lags: Any, costs: Array, target: Any) -> None:
+    for lag in range(lags):
+        costs[target + lag] += bit * np.float32(popcount(np.uint32(word ^ words[source + lag])))
+
+
+def census_cost_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
+    """Return the cost of the census by its formula."""
+    words, others = census_reference(left), census_reference(right)
+    return np.asarray(settings.census / BITS * np.bitwise_count(words[:, :, None] ^ others[:, None, :]))
+
+
+class GradientFeatures(NamedTuple):
+    """What the gradient compares."""
+
+    gradient: npt.NDArray[np.float32]
+    """Horizontal gradient, in units of cost."""
+    cap: np.float32
+    """The most that a difference costs."""
+
+
+def gradient_features(image: EightBit, radius: int, settings: MatchingCost) -> GradientFeatures:
+    """Return the horizontal gradient of an image."""
+    scale = settings.gradient / settings.gradient_limit / SOBEL_UNIT
+    gradient = np.asarray(cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=scale), np.float32)
+    return GradientFeatures(gradient, np.float32(settings.gradient))
+
+
+@compiled
+def add_gradient(left: GradientFeatures, right: GradientFeatures, run: Run, carried: Array, costs: Array) -> None:
+    """Add the difference of the gradients, up to the cap."""
+    gradients, lags = right.gradient.reshape(-1), np.uint64(run.lags)
+    start = np.uint64(run.y) * np.uint64(right.gradient.shape[1]) + np.uint64(run.origin)
+    for x in range(run.first, run.end):
+        target = np.uint64(x - run.first) * lags
+        _add_apart(left.gradient[run.y, x], gradients, start - np.uint64(x), left.cap, lags, costs, target)
+
+
+@compiled
+def _add_apart(gradient: Any, gradients: Array, source: Any, cap: Any, lags: Any, costs: Array, target: Any) -> None:
+    for lag in range(lags):
+        costs[target + lag] += min(abs(gradient - gradients[source + lag]), cap)
+
+
+def gradient_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
+    """Return the cost of the gradient by its formula."""
+    slopes = []
+    for image in (left, right):
+        padded = np.pad(image.astype(np.int64), 1, mode="reflect")
+        smooth = padded[:-2] + 2 * padded[1:-1] + padded[2:]
+        slopes.append((smooth[:, 2:] - smooth[:, :-2]) / SOBEL_UNIT)
+    apart = np.abs(slopes[0][:, :, None] - slopes[1][:, None, :])
+    return np.asarray(settings.gradient * np.minimum(apart / settings.gradient_limit, 1))
+
+
+TERMS = (
+    CostTerm("correlation", CorrelationFeatures, correlation_features, add_correlation, correlation_reference),
+    CostTerm("census", CensusFeatures, census_features, add_census, census_cost_reference),
+    CostTerm("gradient", GradientFeatures, gradient_features, add_gradient, gradient_reference),
+)
+"""Every term, in the order in which their costs are added up."""
