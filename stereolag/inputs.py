@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.arrays import DoubleMap
+
 Image: TypeAlias = npt.NDArray[Any]
 """(rows, cols) grey or (rows, cols, 3 | 4) RGB(A); uint8, uint16 or float."""
 
@@ -150,3 +152,28 @@ def as_eight_bit(left: Image, right: Image) -> tuple[npt.NDArray[np.uint8], npt.
         np.clip(np.rint((image.astype(np.float64) - low) * scale), 0, 255).astype(np.uint8) for image in (left, right)
     ]
     return spread[0], spread[1]
+
+
+def local_deviation(image: Image, size: int) -> DoubleMap:
+    """Return the standard deviation of the `size` × `size` window around every pixel, in the image's own units.
+
+    Float64 sums about the mean of the whole image; a window whose pixels are all equal has exactly 0, whatever rounding
+    leaves of its sums. The image is mirrored at its borders.
+
+    Parameters
+    ----------
+    image
+        (H, W) uint8, uint16 or float.
+    size
+        Side of the window, px; of an even one the larger half lies above and to the left of the pixel.
+    """
+    centred = image.astype(np.float64)
+    centred -= np.rint(centred.mean())
+    window = (size, size)
+    mean = cv2.blur(centred, window)
+    variance = np.asarray(cv2.sqrBoxFilter(centred, cv2.CV_64F, window))
+    variance -= mean * mean
+    element, border = np.ones(window, np.uint8), cv2.BORDER_REFLECT_101
+    lowest = cv2.erode(image, element, borderType=border)
+    variance[lowest == cv2.dilate(image, element, borderType=border)] = 0
+    return np.asarray(np.sqrt(np.maximum(variance, 0)))

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator
 
 from stereolag.arrays import ReasonMap
 from stereolag.estimates import Estimate
-from stereolag.inputs import Image, as_eight_bit, as_grey, grey_level, of_ordinary_size
+from stereolag.inputs import Image, as_eight_bit, as_grey, grey_level, local_deviation, of_ordinary_size
 from stereolag.progress import Progress
 from stereolag.settings import FitsImage, OfThePair, Pixels, Usual
 from stereolag.stereo.finishing.checks import (
@@ -124,7 +123,7 @@ class SemiGlobalMatcher(StereoMatcher):
         highest = PATHS * self.cost.highest
         reason = self._reasons(matches, highest)
         flat = (self.texture.least if self.texture else FLAT_TEXTURE) * grey_level(*grey)
-        reason[_deviation(grey[0], self.window_size) <= flat] = Reason.LOW_TEXTURE
+        reason[local_deviation(grey[0], self.window_size) <= flat] = Reason.LOW_TEXTURE
         disparity = np.where(
             reason == Reason.MEASURED,
             matches.lag + matches.offset + np.float32(self.min_disparity),
@@ -149,10 +148,3 @@ class SemiGlobalMatcher(StereoMatcher):
         reason[(lag == self.num_disparities - 1) | ((lag == 0) & (first != 0))] = Reason.AT_SEARCH_EDGE
         reason[(match < 0) | (match >= lag.shape[1])] = Reason.OUT_OF_FRAME
         return reason
-
-
-def _deviation(image: Image, window_size: int) -> npt.NDArray[np.float64]:
-    """Return the standard deviation of the window around every pixel, grey levels."""
-    centred = image - float(np.round(np.mean(image)))
-    mean, square = (cv2.blur(part, (window_size, window_size)) for part in (centred, centred * centred))
-    return np.asarray(np.sqrt(np.maximum(square - mean * mean, 0)))
