@@ -48,7 +48,8 @@ def score_window(
         slice(first_row, top + size + max(0, lags.dy_last)),
         slice(first_col, start + size + max(0, lags.dx_last)),
     )
-    part = replace(query, **{side: np.ascontiguousarray(getattr(query, side)[reached]) for side in ("left", "right")})
+    left, right = (np.ascontiguousarray(image[reached]) for image in (query.left, query.right))
+    part = replace(query, left=left, right=right)
     surface = score_surface(part, top - first_row, start - first_col)
     matches = find_matches(part, "window_sums")
     at = (top - first_row) // step, (start - first_col) // step

@@ -14,13 +14,14 @@ from stereolag.ui.depth.view import DepthView, settings_of
 from stereolag.ui.linked_pictures import linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed
+from stereolag.ui.sentences import OPENCV_REASONS, REASON_WORDS, REASONS_EXPLAINED
 
 KEY = "depth.blanks"
 
 
 @fragment
 def show_blanks(view: DepthView) -> None:
-    """Show where each method has no measurement and why, and how much of the picture each reason costs."""
+    """Show where each method has no measurement and why, and the share of the image that each reason costs."""
     reasons = {name: reasons_of(view, name) for name in view.results}
     present = [cause for cause in REASON_COLOURS if any((one == cause).any() for one in reasons.values())]
     words = tuple(REASON_WORDS[cause] for cause in Reason)
@@ -41,51 +42,19 @@ def show_blanks(view: DepthView) -> None:
     )
     st.plotly_chart(share_of_reasons(reasons, REASON_WORDS), key=f"{KEY}.shares", config={"displayModeBar": False})
     st.markdown("\n".join(f"- **{REASON_WORDS[cause].capitalize()}**: {REASONS_EXPLAINED[cause]}" for cause in present))
-    st.caption(
-        "StereoBM and StereoSGBM do not say why. Their reasons were found by matching again with one filter after "
-        "another switched off: the filter whose absence brings a pixel back had blanked it."
-    )
-
-
-REASON_WORDS = {
-    Reason.MEASURED: "measured",
-    Reason.FILLED: "filled in",
-    Reason.OUT_OF_FRAME: "out of frame",
-    Reason.LOW_TEXTURE: "too little texture",
-    Reason.AMBIGUOUS: "ambiguous",
-    Reason.LEFT_RIGHT: "left and right disagree",
-    Reason.SPECKLE: "speckle",
-    Reason.AT_SEARCH_EDGE: "at the edge of the search",
-}
-
-REASONS_EXPLAINED = {
-    Reason.FILLED: "Not measured: the surface behind was continued.",
-    Reason.OUT_OF_FRAME: "The window, or the place where it should be found, lies outside the right image.",
-    Reason.LOW_TEXTURE: "The window is as good as blank, like a bare wall: nothing to compare.",
-    Reason.AMBIGUOUS: "Another place fits nearly as well: a fence, a repeated pattern, or something too smooth.",
-    Reason.LEFT_RIGHT: "Matched from the right image the answer is another: mostly hidden behind something nearer.",
-    Reason.SPECKLE: "A small island of disparities unlike all around it: mostly a chance match.",
-    Reason.AT_SEARCH_EDGE: "The best match lies on the edge of the search area: the true one may lie beyond.",
-}
+    if any(isinstance(result.settings, BlockMatcher) for result in view.results.values()):
+        st.caption(OPENCV_REASONS)
 
 
 def reasons_of(view: DepthView, name: str) -> ReasonMap:
-    """Return the reasons of one of the maps, for OpenCV's found by matching again."""
+    """Return the reason of every pixel of one map; OpenCV's are found by matching again."""
     result = view.results[name]
     if not isinstance(result.settings, BlockMatcher):
         return result.reason
-    explained = computed(
-        lambda progress: _Reasons(blank_reasons(result, view.pair.left, view.pair.right, progress=progress)),
+    return computed(
+        lambda progress: blank_reasons(result, view.pair.left, view.pair.right, progress=progress),
         inputs=view.pair.digest,
         settings=settings_of(result),
         shared=view.pair.shared,
-        label=f"Asking {name} why …",
+        label=f"Finding the reasons of {name} …",
     )
-    return explained.reason
-
-
-class _Reasons:
-    """Reasons as the store of results keeps them: an attribute whose bytes it can count."""
-
-    def __init__(self, reason: ReasonMap) -> None:
-        self.reason = reason
