@@ -7,14 +7,15 @@ PYTHON ?= python3
 PORT ?= 8501
 VENV := .venv
 BIN := $(VENV)/bin
-KERNELS := $(wildcard stereolag/kernels/*.py) stereolag/warming.py
+LOOPS := $(shell grep -rlE --include='*.py' '^(from|import) .*(numba|llvmlite|compilation)' stereolag) \
+  stereolag/commands/warming.py
 
 .PHONY: run setup setup-dev test check bench clean
 
 run: setup
-	@exec $(BIN)/python -P stereolag/ui/serving.py --port $(PORT)
+	@exec $(BIN)/python -P stereolag/commands/serving.py --port $(PORT)
 
-setup: $(VENV)/.run-ready $(VENV)/.kernels-warm
+setup: $(VENV)/.run-ready $(VENV)/.loops-warm
 
 setup-dev: setup $(VENV)/.dev-ready
 
@@ -45,6 +46,6 @@ $(VENV)/.dev-ready: requirements-dev.txt requirements.txt | $(VENV)/bin/python
 	@touch $@
 
 # Compiling here, once, spares the first visitor of the app the wait: the machine code is kept on disk.
-$(VENV)/.kernels-warm: $(VENV)/.run-ready $(KERNELS)
-	$(BIN)/python -m stereolag.warming
+$(VENV)/.loops-warm: $(VENV)/.run-ready $(LOOPS)
+	$(BIN)/python -m stereolag.commands.warming
 	@touch $@

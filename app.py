@@ -9,9 +9,10 @@ from stereolag.figures.recordings import correlation_curve
 from stereolag.figures.templates import match_close_up
 from stereolag.signals import signal_lag
 from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import match_template
+from stereolag.ui.depth.maps import map_task
 from stereolag.ui.elements import show_png
+from stereolag.ui.matcher_controls import first_settings
 from stereolag.ui.navigation import page
 from stereolag.ui.pairs import example_pair
 from stereolag.ui.pictures import example_pictures
@@ -24,6 +25,7 @@ def show_lag() -> None:
     """Show the correlation of the first example."""
     pair = example_recordings("coast")
     result = computed(
+        "lag",
         lambda progress: signal_lag(pair.signal_1, pair.signal_2, sampling_rate=44_100, speed=333, progress=progress),
         inputs=pair.digest,
         settings="home",
@@ -42,6 +44,7 @@ def show_search() -> None:
     """Show the place that was found in the first maze."""
     pictures = example_pictures("maze")
     result = computed(
+        "template search",
         lambda progress: match_template(pictures.picture, pictures.template, method="sampled", seed=0),
         inputs=pictures.digest,
         settings="home",
@@ -60,8 +63,9 @@ def show_search() -> None:
 def show_depth() -> None:
     """Show the depth map of an example."""
     pair = example_pair("cube")
-    matcher = CorrelationMatcher(search=SearchArea.rectified(pair.num_disparities or 64))
+    matcher = first_settings(CorrelationMatcher, pair)
     result = computed(
+        map_task(matcher),
         lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
         inputs=pair.digest,
         settings=matcher.model_dump_json(),

@@ -83,6 +83,7 @@ def measure(pair: RecordingPair) -> None:
         return
     try:
         result = computed_in_turn(
+            "lag",
             lambda progress: signal_lag(pair.signal_1, pair.signal_2, **search.model_dump(), seed=0, progress=progress),
             estimate_lag(pair.signal_1.size, pair.signal_2.size, method=search.method, max_lag=search.max_lag),
             inputs=pair.digest,

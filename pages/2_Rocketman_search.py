@@ -78,6 +78,7 @@ def find(inputs: PictureAndTemplate) -> None:
         return
     try:
         result = computed_in_turn(
+            "template search",
             lambda progress: match_template(
                 inputs.picture, inputs.template, mask=inputs.mask, **query.model_dump(), seed=0, progress=progress
             ),

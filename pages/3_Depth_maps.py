@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import streamlit as st
 
+from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.address import write_address
 from stereolag.ui.depth.blanks import show_blanks
 from stereolag.ui.depth.colouring import coloured_alike
@@ -11,6 +12,7 @@ from stereolag.ui.depth.comparison import show_comparison
 from stereolag.ui.depth.doctor import show_doctor
 from stereolag.ui.depth.downloads import show_downloads
 from stereolag.ui.depth.inputs import choose_pair
+from stereolag.ui.depth.maps import choose_methods, measured, show_images, show_map
 from stereolag.ui.depth.match import show_inspection
 from stereolag.ui.depth.presets import show_presets
 from stereolag.ui.depth.readout import show_readout
@@ -18,8 +20,8 @@ from stereolag.ui.depth.scoreboard import show_scoreboard
 from stereolag.ui.depth.space import show_space
 from stereolag.ui.depth.suggesting import show_suggest
 from stereolag.ui.depth.sweeping import show_sweep
-from stereolag.ui.depth.view import measured, show_images, show_map
-from stereolag.ui.matchers import ask_block_matcher, ask_correlation, ask_semi_global
+from stereolag.ui.keys import PART, opened_key
+from stereolag.ui.matcher_controls import ask_matcher
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pairs import StereoPair
 
@@ -33,10 +35,10 @@ PARTS = {
     "Suggest": show_suggest,
     "In 3-D": show_space,
 }
-SEMI_GLOBAL = "StereoSGBM"
 WHAT_FOLLOWS = (
     "**[Look closer ↓](#look-closer)** Compare all methods pixel by pixel, read values and distances, see why a match "
-    "was made or is missing, judge by the truth, sweep or suggest settings, walk through it in 3-D, take it all away."
+    "was made or is missing, judge by the ground truth, sweep or suggest settings, walk through it in 3-D, take it all "
+    "away."
 )
 
 
@@ -44,54 +46,48 @@ WHAT_FOLLOWS = (
 def workspace(pair: StereoPair) -> None:
     """Ask, compute and show; moving a control reruns this part alone, and the maps come before all the rest."""
     doctor = st.container()
-    titles = ("Images", "Convolution", "OpenCV StereoBM")
     columns = st.columns(3, gap="medium")
-    places = []
-    for column, title in zip(columns, titles, strict=True):
-        column.markdown(f"#### {title}")
-        places.append(column.container())
-    colours = columns[0].container()
-    with columns[1], st.container(border=True):
-        matcher = ask_correlation(pair)
-    with columns[2], st.container(border=True):
-        block_matcher = ask_block_matcher(pair)
-    methods = {"Convolution": (matcher, places[1]), "StereoBM": (block_matcher, places[2])}
-    results = {}
-    for name, (settings, place) in methods.items():
-        with place:
-            result = measured(pair, settings, f"{name} …")
-        if result is not None:
-            results[name] = result
+    columns[0].markdown("#### Images")
+    images, colours = columns[0].container(), columns[0].container()
+    shown = choose_methods(columns[1:])
+    matchers, maps, results = {}, {}, {}
+    for column, method in zip(columns[1:], shown, strict=True):
+        with column:
+            maps[method] = st.container()
+            with st.container(border=True):
+                matchers[method] = ask_matcher(method, pair)
+    for method in shown:
+        with maps[method]:
+            results |= measured(pair, matchers[method])
     with colours:
         view = coloured_alike(pair, results)
-    for name, (_, place) in methods.items():
-        with place:
-            show_map(view, name)
-    with places[0]:
+    for method in shown:
+        with maps[method]:
+            show_map(view, method.title)
+    with images:
         show_images(view)
-    with columns[0], st.expander("OpenCV StereoSGBM", key="depth.sgbm", on_change="rerun") as semi_global:
-        if semi_global.open:
-            st.caption("A third method to compare with: it joins the maps below.")
-        semi_global_matcher = ask_semi_global(pair, drawn=bool(semi_global.open))
+    others = [method for method in METHODS if method not in shown]
+    opened = []
+    with columns[0]:
+        for method in others:
+            with st.expander(method.title, key=opened_key(method.short_name), on_change="rerun") as expander:
+                if expander.open:
+                    opened.append(method)
+                    st.caption("One more method to compare with: it joins the maps below.")
+                matchers[method] = ask_matcher(method, pair, drawn=bool(expander.open))
     columns[0].markdown(WHAT_FOLLOWS)
-    write_address(pair, (matcher, block_matcher, semi_global_matcher))
+    write_address(pair, matchers.values())
     st.subheader("Look closer", anchor="look-closer")
     part = st.segmented_control(
-        "Look closer",
-        [*PARTS],
-        key="depth.part",
-        persist_state="session",
-        width="stretch",
-        label_visibility="collapsed",
+        "Look closer", [*PARTS], key=PART, persist_state="session", width="stretch", label_visibility="collapsed"
     )
-    if part or semi_global.open:
-        with columns[0]:
-            third = measured(pair, semi_global_matcher, f"{SEMI_GLOBAL} …")
-        if third is not None:
-            view = replace(view, results=results | {SEMI_GLOBAL: third})
+    with columns[0]:
+        for method in others if part else opened:
+            results |= measured(pair, matchers[method])
+    view = replace(view, results=results)
     with doctor:
         show_doctor(view)
-    if part and view.results:
+    if part and results:
         PARTS[part](view)
     show_downloads(view)
 

@@ -18,6 +18,9 @@ from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
+from stereolag.version import VERSION
+
+__version__ = VERSION
 
 __all__ = [
     "Calibration",
@@ -32,6 +35,7 @@ __all__ = [
     "StereoSGBM",
     "TemplateMatch",
     "TemplateSearch",
+    "__version__",
     "evaluate",
     "match_template",
     "preset",

@@ -20,10 +20,12 @@ class Limits(Settings):
     """What is accepted; each can be set by an environment variable, ``STEREOLAG_MAX_MEGAPIXELS`` and so on."""
 
     # No less than the bundled examples take.
-    max_megapixels: int = Field(50, description="Pixels of one image, millions.", ge=4, le=1000)
-    max_megasamples: int = Field(30, description="Samples of one recording, all channels, millions.", ge=1, le=10_000)
+    max_megapixels: int = Field(default=50, description="Pixels of one image, millions.", ge=4, le=1000)
+    max_megasamples: int = Field(
+        default=30, description="Samples of one recording, all channels, millions.", ge=1, le=10_000
+    )
     job_memory_mb: int | None = Field(
-        None,
+        default=None,
         description="Memory of one job, MB; unless set, and at the most, half of what the machine has.",
         ge=64,
     )

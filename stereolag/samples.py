@@ -11,7 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-ASSETS = Path(__file__).resolve().parents[1] / "assets"
+PACKAGE = Path(__file__).resolve().parent
+INSTALLED = PACKAGE / "assets"
+ASSETS = INSTALLED if INSTALLED.is_dir() else PACKAGE.parent / "assets"
+"""Within the installed package, or beside it in a checkout."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,7 @@ def recordings() -> dict[str, RecordingExample]:
     Raises
     ------
     FileNotFoundError
-        The examples are not beside the package.
+        The examples are neither within the package nor beside it.
     """
     folder = _folder("signals")
     examples = [
@@ -127,7 +130,7 @@ def mazes() -> dict[str, MazeExample]:
     Raises
     ------
     FileNotFoundError
-        The examples are not beside the package.
+        The examples are neither within the package nor beside it.
     """
     folder = _folder("maze")
     examples = [
@@ -143,7 +146,7 @@ def stereo_pairs() -> dict[str, StereoExample]:
     Raises
     ------
     FileNotFoundError
-        The examples are not beside the package.
+        The examples are neither within the package nor beside it.
     """
     calibrations = sorted(_folder("stereo").glob("*/calibration.json"))
     return {path.parent.name: _stereo_example(path) for path in calibrations}
@@ -169,7 +172,7 @@ def _folder(kind: str) -> Path:
     folder = ASSETS / kind
     if not folder.is_dir():
         raise FileNotFoundError(
-            f"The bundled examples are not at {folder}; they come with the project's checkout, beside the package."
+            f"The bundled examples are not at {folder}; they come with the installed package and with the checkout."
         )
     return folder
 

@@ -53,6 +53,11 @@ class StereoMatcher(Settings):
     """The settings that most visitors want; all others are folded away below them. None given: all are shown."""
 
     @classmethod
+    def other_name(cls, name: str) -> str:
+        """Return the name under which a setting is known elsewhere, shown beside its title; "" without one."""
+        return ""
+
+    @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
         if "title" not in vars(cls):
             cls.title = cls.__name__

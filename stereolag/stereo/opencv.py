@@ -82,7 +82,7 @@ class BlockMatcher(StereoMatcher):
     """What both OpenCV matchers share: the search range, the checks, and how the answer is read."""
 
     num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
-        64,
+        default=64,
         title="Disparities searched",
         description="How many disparities are tried, px; a multiple of 16 (OpenCV's numDisparities).",
         ge=16,
@@ -90,7 +90,7 @@ class BlockMatcher(StereoMatcher):
         multiple_of=16,
     )
     min_disparity: Annotated[int, Pixels(), Usual(-64, 64)] = Field(
-        0,
+        default=0,
         title="Smallest disparity",
         description="The first disparity tried, px (OpenCV's minDisparity).",
         ge=-512,
@@ -108,6 +108,12 @@ class BlockMatcher(StereoMatcher):
         if value % 2 == 0:
             raise ValueError(f"block_size is {value}; OpenCV allows odd sizes only.")
         return value
+
+    @classmethod
+    def other_name(cls, name: str) -> str:
+        """Return OpenCV's name of a setting: ``num_disparities`` is ``numDisparities``, ``p1`` is ``P1``."""
+        first, *others = name.split("_")
+        return first + "".join(word.capitalize() for word in others) if others else name.capitalize()
 
     seconds_of_a_cost: ClassVar[float]
     """What each pixel and disparity takes, two cores."""
@@ -175,14 +181,14 @@ class StereoBM(BlockMatcher):
     bytes_of_a_cost = 1
 
     pre_filter_cap: int = Field(
-        31,
+        default=31,
         title="Pre-filter cap",
         description="Gradients are clipped here before they are compared (OpenCV's preFilterCap).",
         ge=1,
         le=63,
     )
     texture_threshold: int = Field(
-        10,
+        default=10,
         title="Texture threshold",
         description="Blocks with less texture get no answer (OpenCV's textureThreshold).",
         ge=0,
@@ -190,7 +196,7 @@ class StereoBM(BlockMatcher):
         json_schema_extra={"step": 10},
     )
     block_size: Annotated[int, Pixels(), FitsImage()] = Field(
-        21,
+        default=21,
         title="Block",
         description="Side of the compared block, px; odd (OpenCV's blockSize).",
         ge=5,
@@ -221,7 +227,7 @@ class StereoSGBM(BlockMatcher):
 
     block_size: BlockSize = 5
     p1: int = Field(
-        200,
+        default=200,
         title="Small-step penalty",
         description="Cost of a step of 1 px between neighbours (OpenCV's P1).",
         ge=0,
@@ -229,7 +235,7 @@ class StereoSGBM(BlockMatcher):
         json_schema_extra={"step": 10},
     )
     p2: int = Field(
-        800,
+        default=800,
         title="Large-step penalty",
         description="Cost of a larger step; more than the small one (OpenCV's P2).",
         ge=1,
@@ -237,7 +243,7 @@ class StereoSGBM(BlockMatcher):
         json_schema_extra={"step": 10},
     )
     pre_filter_cap: int = Field(
-        0,
+        default=0,
         title="Pre-filter cap",
         description="Gradients are clipped here before they are compared; 0 leaves it to OpenCV (preFilterCap).",
         ge=0,

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeVar
 
-from pydantic import ValidationError
-
-from stereolag.reading.sources import quoted
-from stereolag.settings import Settings
+from stereolag.reading.sources import harmless, quoted
+from stereolag.settings import Settings, SettingsError
 
 SettingsT = TypeVar("SettingsT", bound=Settings)
 
@@ -44,7 +42,7 @@ def parameters_of(settings: Settings, first: Settings) -> dict[str, str]:
     return found
 
 
-def settings_of(parameters: Mapping[str, str], first: SettingsT, *, prefix: str = "") -> Recalled:
+def recalled_settings(parameters: Mapping[str, str], first: SettingsT, *, prefix: str = "") -> Recalled:
     """Return the settings that :func:`parameters_of` wrote; what is unknown or not allowed is left out.
 
     Parameters
@@ -61,7 +59,7 @@ def settings_of(parameters: Mapping[str, str], first: SettingsT, *, prefix: str 
     while wanted:
         try:
             return Recalled(type(first).model_validate(_document(wanted, first)), ignored)
-        except ValidationError as error:
+        except SettingsError as error:
             refused = _refused(error, wanted)
         for reason in dict.fromkeys(refused.values()):
             alike = [name for name, why in refused.items() if why == reason]
@@ -100,16 +98,12 @@ def _read(text: str) -> Any:
     return {NOTHING: None, ON: {}}.get(text, text)
 
 
-def _refused(error: ValidationError, parameters: Mapping[str, str]) -> dict[str, str]:
+def _refused(error: SettingsError, parameters: Mapping[str, str]) -> dict[str, str]:
     """Return which parameters are to blame, and why; all of them where they are refused together."""
     refused: dict[str, str] = {}
-    together = ""
-    for problem in error.errors():
-        message = str(problem["ctx"]["error"]) if problem["type"] == "value_error" else f"{problem['msg']}."
-        # The place also names the kind of a union, which is no part of the name.
-        places = {str(part) for part in problem["loc"]}
-        blamed = [name for name in parameters if places and set(name.split(".")) <= places]
-        blamed = blamed or [name for name in parameters if places & {name.split(".")[0]}]
-        refused |= dict.fromkeys(blamed, message)
-        together = together or message
-    return refused or dict.fromkeys(parameters, together)
+    for name, sentence in error.problems:
+        parts = set(name.split(".")) - {""}
+        blamed = [one for one in parameters if parts and parts <= {part for part in one.split(".") if part != KIND}]
+        blamed = blamed or [one for one in parameters if parts & {one.split(".")[0]}]
+        refused |= dict.fromkeys(blamed, harmless(sentence))
+    return refused or dict.fromkeys(parameters, harmless(str(error)))

@@ -1,168 +1,279 @@
-"""The controls of any matcher's settings, those of its stages within them, and how they are set from outside."""
+"""The controls of any stereo method, made from its settings class, and how they are set from outside."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from types import NoneType
-from typing import Any, get_args
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any, TypeVar, cast
 
 import streamlit as st
 
-from stereolag.settings import Settings
+from stereolag.settings import FitsImage, OfThePair, Settings, SettingsError, Usual, marker
+from stereolag.settings.fields import Number, choices, nested
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.opencv import BlockMatcher, StereoBM, StereoSGBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import CentredSearch, RectifiedSearch
-from stereolag.ui.controls import adopt_value, control
+from stereolag.stereo.methods import METHODS
+from stereolag.ui.controls import adopt_value, control, last_valid
+from stereolag.ui.keys import method_key, more_key, setting_key
 from stereolag.ui.pairs import StereoPair
 
-SEARCH_KEY = "depth.search"
-PREFIXES: dict[type[StereoMatcher], str] = {
-    CorrelationMatcher: "depth",
-    StereoBM: "depth.bm",
-    StereoSGBM: "depth.sgbm",
+CHOICE_NAMES = {
+    "zncc": "ZNCC",
+    "ncc": "NCC",
+    "cross": "Plain",
+    "phase": "Phase",
+    "auto": "Automatic",
+    "window_sums": "Window sums",
+    "fft": "FFT",
 }
-SHORT_NAMES = {
-    "window_size": "window",
-    "block_size": "block",
-    "num_disparities": "disparities",
-    "min_disparity": "smallest",
-    "uniqueness_ratio": "uniqueness",
-    "texture_threshold": "texture",
-}
-OF_THE_PAIR = ("num_disparities", "search_size")
-"""Settings that begin with what the pair needs, and so are kept for each pair apart."""
+LARGEST_WINDOW = 101
+DISPARITIES_AT_FIRST = 64
 
+KIND = "kind"
+"""The field that tells the settings of one kind from those of another."""
+
+Matcher = TypeVar("Matcher", bound=StereoMatcher)
 Values = dict[str, Any]
 
 
-def _along_the_row(values: Mapping[str, Any]) -> bool:
-    return bool(values["search"].vertical == 0)
+@dataclass(frozen=True)
+class _Place:
+    """Where the controls of some settings are drawn, and under which names.
+
+    Attributes
+    ----------
+    kind, first
+        The settings class, and what its controls are set to at first.
+    method, path
+        Short name of the method, and the names on the way to these settings, each with a dot behind it.
+    pair
+        What the matcher will work on.
+    more, more_drawn
+        Where settings go that are folded away, and whether they are drawn there.
+    drawn, disabled
+        Whether all others are drawn, and whether none of them can be moved now.
+    refused
+        Takes note of settings within these that do not fit together.
+    """
+
+    kind: type[Settings]
+    first: Settings
+    method: type[StereoMatcher]
+    path: str
+    pair: StereoPair
+    more: AbstractContextManager[Any]
+    more_drawn: bool
+    drawn: bool
+    disabled: bool
+    refused: Callable[[SettingsError], None]
+
+    def key(self, name: str) -> str:
+        return _key(self.method, self.kind, self.path, name, self.pair)
+
+    def folded(self) -> _Place:
+        """Return the same place for settings all of which are folded away."""
+        return replace(self, more=nullcontext(), drawn=self.more_drawn)
 
 
-def _window_at_every_pixel(values: Mapping[str, Any]) -> bool:
-    step = max(1, round(values["window_size"] * (1 - values["overlap"])))
-    return values["optimisation"] is not None or (
-        step == 1 and values["score"] != "phase" and values["engine"] != "fft"
-    )
-
-
-APPLIES: dict[str, Callable[[Mapping[str, Any]], bool]] = {
-    "speckle_range": lambda values: bool(values["speckle_window_size"] > 0),
-    "engine": lambda values: bool(values["score"] != "phase"),
-    "optimisation": lambda values: _along_the_row(values) and isinstance(values["search"], RectifiedSearch),
-    "cost": lambda values: values["optimisation"] is not None,
-    "left_right": lambda values: _along_the_row(values) and _window_at_every_pixel(values),
-    "filling": _along_the_row,
-    "median": _along_the_row,
-}
-"""When a setting matters at all, given those drawn before it."""
-
-
-def ask(
-    kind: type[StereoMatcher],
-    name: str,
-    values: Values,
-    pair: StereoPair,
-    *,
-    value: Any = None,
-    drawn: bool = True,
-    **options: Any,
-) -> None:
-    """Draw the control of one setting of a matcher, and note in `values` what it is set to.
-
-    A stage that can be left out is a switch with the stage's own controls below it. What does not apply is disabled
-    and counts as its default.
+def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) -> Matcher | None:
+    """Return the settings of a method as the visitor set them; those valid before where they are refused.
 
     Parameters
     ----------
-    kind, name
-        The matcher and its field.
-    values
-        The fields drawn before.
+    kind
+        The method.
     pair
-        What the matcher will work on.
-    value
-        What the control is set to at first; the field's own default unless given.
+        What it will work on.
     drawn
-        False where it is folded away.
-    **options
-        As :func:`stereolag.ui.controls.control` takes them.
+        False where its controls are folded away: they are not drawn, which takes time, and keep their values.
     """
-    applies = name not in APPLIES or APPLIES[name](values)
-    key = key_of(PREFIXES[kind], name, pair)
-    field = kind.model_fields[name]
-    stage = _stage(kind, name)
-    if stage is None:
-        beside = opencv_name(name) if issubclass(kind, BlockMatcher) else ""
-        found = control(kind, name, key=key, value=value, beside=beside, disabled=not applies, drawn=drawn, **options)
-    elif field.default is not None:
-        found = _ask_stage(stage, key, pair, disabled=not applies, drawn=drawn)
-    elif drawn:
-        wanted = st.toggle(
-            field.title or name, help=field.description, key=key, persist_state="session", disabled=not applies
-        )
-        found = _ask_stage(stage, key, pair, disabled=not applies, drawn=True) if wanted else None
-    else:
-        found = _ask_stage(stage, key, pair, disabled=False, drawn=False) if st.session_state.get(key) else None
-    values[name] = found if applies else field.default
+    refusals: list[SettingsError] = []
+    top = st.container() if drawn else nullcontext()
+    foldable = set(kind.model_fields) - set(_first_shown(kind))
+    folds = bool(foldable) and drawn
+    # Folded away, they are not drawn: a rerun draws them when they are opened.
+    expander = st.expander("More settings", key=more_key(kind.short_name), on_change="rerun") if folds else None
+    first = first_settings(kind, pair)
+    place = _Place(
+        kind,
+        first,
+        kind,
+        "",
+        pair,
+        expander or nullcontext(),
+        bool(expander and expander.open),
+        drawn,
+        False,
+        refusals.append,
+    )
+    values = _ask_all(place, top)
+
+    def make() -> Matcher:
+        for refusal in refusals:
+            raise refusal
+        return kind(**values)
+
+    return last_valid(make, f"{method_key(kind.short_name)}.valid")
+
+
+def first_settings(kind: type[Matcher], pair: StereoPair) -> Matcher:
+    """Return the settings with which the page begins for a pair."""
+    return cast(Matcher, _first_settings(kind, pair.num_disparities or DISPARITIES_AT_FIRST))
 
 
 def set_controls(matcher: StereoMatcher, pair: StereoPair) -> None:
     """Set the controls of a method to these settings; they must not be drawn yet in this run."""
-    _set(matcher, PREFIXES[type(matcher)], pair)
+    _set(matcher, type(matcher), "", pair)
 
 
-def key_of(prefix: str, name: str, pair: StereoPair) -> str:
-    """Return the key of the control of one setting."""
-    key = f"{prefix}.{SHORT_NAMES.get(name, name)}"
-    return f"{key}.{pair.source}" if name in OF_THE_PAIR else key
+def matchers_in_use() -> list[StereoMatcher]:
+    """Return the settings of all methods whose controls were drawn before."""
+    kept = (st.session_state.get(f"{method_key(kind.short_name)}.valid") for kind in METHODS)
+    return [matcher for matcher in kept if isinstance(matcher, StereoMatcher)]
 
 
-def search_key(kind: type[Settings], name: str, pair: StereoPair) -> str:
-    """Return the key of the control of one setting of a search area."""
-    return key_of("depth", "reach" if kind is CentredSearch and name == "vertical" else name, pair)
+@lru_cache(maxsize=256)
+def _first_settings(kind: type[StereoMatcher], disparities: int) -> StereoMatcher:
+    """Return them; asked for by every control, they are validated once."""
+    return kind().with_search_range(0, disparities)
 
 
-def opencv_name(name: str) -> str:
-    """Return what OpenCV calls a setting: ``num_disparities`` is ``numDisparities``, ``p1`` is ``P1``."""
-    first, *others = name.split("_")
-    return first + "".join(word.capitalize() for word in others) if others else name.capitalize()
+def _first_shown(kind: type[Settings]) -> tuple[str, ...]:
+    shown: tuple[str, ...] = getattr(kind, "first_shown", ())
+    return shown or tuple(kind.model_fields)
 
 
-def _ask_stage(stage: type[Settings], prefix: str, pair: StereoPair, *, disabled: bool, drawn: bool) -> Settings:
-    """Draw the controls of a stage and return its settings, each of which is within its own bounds."""
-    return stage(
-        **{
-            name: control(stage, name, key=key_of(prefix, name, pair), disabled=disabled, drawn=drawn)
-            for name in stage.model_fields
-        }
-    )
+def _ask_all(place: _Place, top: AbstractContextManager[Any]) -> Values:
+    """Draw the controls of all settings of a place, those shown first at its top; return what they are set to."""
+    values: Values = {}
+    shown = _first_shown(place.kind)
+    folded = [name for name in place.kind.model_fields if name not in shown and name != KIND]
+    with top:
+        for name in shown:
+            if name != KIND:
+                _ask(place, name, values)
+    with place.more:
+        for name in folded:
+            _ask(place.folded(), name, values)
+    return values
 
 
-def _set(settings: Settings, prefix: str, pair: StereoPair) -> None:
-    for name in type(settings).model_fields:
-        value, key = getattr(settings, name), key_of(prefix, name, pair)
-        if isinstance(value, CentredSearch | RectifiedSearch):
-            _set_search(value, pair)
-        elif _stage(type(settings), name) is None:
+def _ask(place: _Place, name: str, values: Values) -> None:
+    """Draw the control of one setting, and note in `values` what it is set to.
+
+    A stage that can be left out is a switch with the stage's own controls below it, a choice of kinds a row of buttons
+    with the controls of the kind. What does not apply is disabled and counts as its default.
+    """
+    field = place.kind.model_fields[name]
+    kinds = cast(tuple[type[Settings], ...], nested(field))
+    others = SimpleNamespace(**{**dict(place.first), **values})
+    try:
+        applies = place.kind.obstacle(name, others) is None
+    except ValueError:  # the others do not fit together, which is said elsewhere
+        applies = True
+    disabled = place.disabled or not applies
+    value = getattr(place.first, name)
+    if not kinds:
+        found: Any = control(
+            place.kind,
+            name,
+            key=place.key(name),
+            value=value,
+            beside=place.method.other_name(name) if place.kind is place.method else "",
+            names=CHOICE_NAMES if choices(field) else None,
+            disabled=disabled,
+            drawn=place.drawn,
+            **_ends(place, name),
+        )
+    elif len(kinds) > 1:
+        found = _ask_kind(place, name, value, kinds)
+    elif field.default is not None:
+        found = _ask_within(place, name, value, kinds[0], disabled=disabled)
+    elif _switched_on(place, name, disabled=disabled):
+        found = _ask_within(place, name, value or kinds[0](), kinds[0], disabled=disabled)
+    else:
+        found = None
+    values[name] = found if applies else field.default
+
+
+def _switched_on(place: _Place, name: str, *, disabled: bool) -> bool:
+    """Draw the switch of a stage that can be left out, and return whether it is on."""
+    field, key = place.kind.model_fields[name], place.key(name)
+    if not place.drawn:
+        return bool(st.session_state.get(key))
+    return st.toggle(field.title or name, help=field.description, key=key, persist_state="session", disabled=disabled)
+
+
+def _ask_kind(place: _Place, name: str, value: Settings, kinds: tuple[type[Settings], ...]) -> Settings:
+    """Ask which kind of settings, and draw the controls of that kind."""
+    by_name = {str(kind.model_fields[KIND].default): kind for kind in kinds}
+    usual = str(getattr(value, KIND))
+    key = f"{place.key(name)}.{KIND}"
+    chosen: str = st.session_state.get(key, usual)
+    if place.drawn:
+        field = place.kind.model_fields[name]
+        chosen = st.segmented_control(
+            field.title or name,
+            [*by_name],
+            default=usual,
+            format_func=lambda one: str(getattr(by_name[one], "title", one)),
+            required=True,
+            key=key,
+            persist_state="session",
+            help=field.description,
+        )
+    kind = by_name[chosen]
+    at_first = value if isinstance(value, kind) else _alternative(kind, place.pair)
+    return _ask_within(place, f"{name}.{chosen}", at_first, kind)
+
+
+def _ask_within(place: _Place, name: str, first: Settings, kind: type[Settings], *, disabled: bool = False) -> Settings:
+    """Draw the controls of settings that lie within others, and return them; as at first where they are refused."""
+    within = replace(place, kind=kind, first=first, path=f"{place.path}{name}.", disabled=disabled)
+    values = _ask_all(within, nullcontext())
+    try:
+        return kind(**values)
+    except SettingsError as error:
+        place.refused(error)
+        return first
+
+
+def _alternative(kind: type[Settings], pair: StereoPair) -> Settings:
+    """Return the first settings of a kind that is not the method's usual one."""
+    reaching = getattr(kind, "reaching", None)
+    return kind() if reaching is None else cast(Settings, reaching(pair.num_disparities or DISPARITIES_AT_FIRST))
+
+
+def _ends(place: _Place, name: str) -> dict[str, Any]:
+    """Return the bounds of a slider, where what the field allows is more than the inputs can use."""
+    field = place.kind.model_fields[name]
+    usual = marker(field, Usual) or Usual()
+    ends: dict[str, Number | None] = {"low": usual.low, "high": usual.high}
+    if marker(field, FitsImage):
+        ends["high"] = min(LARGEST_WINDOW, *(int(side) - 1 for side in place.pair.left.shape[:2]))
+    return {end: value for end, value in ends.items() if value is not None}
+
+
+def _key(method: type[StereoMatcher], kind: type[Settings], path: str, name: str, pair: StereoPair) -> str:
+    of_the_pair = marker(kind.model_fields[name], OfThePair) is not None
+    return setting_key(method.short_name, f"{path}{name}", pair.source if of_the_pair else None)
+
+
+def _set(settings: Settings, method: type[StereoMatcher], path: str, pair: StereoPair) -> None:
+    kind = type(settings)
+    for name, field in kind.model_fields.items():
+        if name == KIND:
+            continue
+        value, key, kinds = getattr(settings, name), _key(method, kind, path, name, pair), nested(field)
+        if not kinds:
             adopt_value(key, value)
+        elif len(kinds) > 1:
+            st.session_state[f"{key}.{KIND}"] = getattr(value, KIND)
+            _set(value, method, f"{path}{name}.{getattr(value, KIND)}.", pair)
         else:
-            st.session_state[key] = value is not None
+            if field.default is None:
+                st.session_state[key] = value is not None
             if value is not None:
-                _set(value, key, pair)
-
-
-def _set_search(search: CentredSearch | RectifiedSearch, pair: StereoPair) -> None:
-    st.session_state[SEARCH_KEY] = search.kind
-    for name in set(type(search).model_fields) - {"kind"}:
-        adopt_value(search_key(type(search), name, pair), getattr(search, name))
-
-
-def _stage(kind: type[Settings], name: str) -> type[Settings] | None:
-    """Return the settings class of a field that holds settings, perhaps None; None for all other fields."""
-    annotation = kind.model_fields[name].annotation
-    for one in (annotation, *(part for part in get_args(annotation) if part is not NoneType)):
-        if isinstance(one, type) and issubclass(one, Settings):
-            return one
-    return None
+                _set(value, method, f"{path}{name}.", pair)

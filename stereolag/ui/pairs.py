@@ -1,48 +1,96 @@
-"""The stereo pair of the depth page, and the bundled ones."""
+"""The stereo pair of the depth page, what was done to it, and the bundled ones."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
-import numpy as np
-import numpy.typing as npt
 import streamlit as st
 
 from stereolag import samples
-from stereolag.doctor.findings import Ailment
+from stereolag.arrays import FloatMap, Mask
 from stereolag.geometry.calibration import Calibration
 from stereolag.inputs import Image
 from stereolag.reading import read_calibration, read_disparity, read_image
 
-Disparity = npt.NDArray[np.float32]
+SIZES = {"Automatic": None, "Full": 1, "1/2": 2, "1/4": 4}
+"""The sizes in which a pair can be matched, and by what its sides are divided then; None: by what suits it."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What was done to the images since they were read.
+
+    Attributes
+    ----------
+    name
+        Tells the pair after it from the pair before; "" where the files tell already.
+    sentence
+        The same in words; "" where there is nothing to say.
+    remedy
+        Whether the input doctor did it at the visitor's wish, who can undo it.
+    """
+
+    name: str
+    sentence: str
+    remedy: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class StereoPair:
-    """Two images of one scene, and its true disparity, range, cameras and occlusion where they are known.
+    """Two images of one scene, and what is known of it.
 
-    `visible` is True where the right camera sees what the left one does: the non-occluded pixels. `notes` say what was
-    done to the pictures since they were read, `remedies` what of that the input doctor did; `original` is the digest
-    before he did.
+    Attributes
+    ----------
+    left, right
+        The images as they are matched.
+    truth
+        (H, W) px, the ground truth of the left image; None where it is not known.
+    num_disparities
+        How many disparities the pair needs, px; None where it is not known.
+    description
+        What the page says of it.
+    files
+        Tells it from every other pair: a digest of its files, or the name of the example.
+    shared
+        Whether it is an example, whose results every visitor may share.
+    calibration
+        Of the left camera.
+    visible
+        (H, W), True where the right camera sees what the left one does: the non-occluded pixels.
+    changes
+        What was done to it, in order.
     """
 
     left: Image
     right: Image
-    truth: Disparity | None
+    truth: FloatMap | None
     num_disparities: int | None
     description: str
-    digest: str
+    files: str
     shared: bool
     calibration: Calibration | None = None
-    visible: npt.NDArray[np.bool_] | None = None
-    notes: tuple[str, ...] = ()
-    remedies: tuple[Ailment, ...] = ()
-    original: str | None = None
+    visible: Mask | None = None
+    changes: tuple[Change, ...] = ()
+
+    @property
+    def digest(self) -> str:
+        """Return what tells these very images from all others."""
+        return " ".join((self.files, *(change.name for change in self.changes if change.name)))
 
     @property
     def source(self) -> str:
         """Return the digest of the pair before any remedy: controls that belong to the pair hang on it."""
-        return self.original or self.digest
+        return " ".join((self.files, *(change.name for change in self.changes if change.name and not change.remedy)))
+
+    @property
+    def remedies(self) -> tuple[Change, ...]:
+        """Return what the input doctor did."""
+        return tuple(change for change in self.changes if change.remedy)
+
+    def after(self, change: Change, **fields: Any) -> Self:
+        """Return the pair after a change, with other values in some of its fields."""
+        return replace(self, changes=(*self.changes, change), **fields)
 
 
 @st.cache_resource(show_spinner="Loading the example …")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import threading
 import weakref
-from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
 import streamlit as st
+from cachetools import LRUCache
 
 from stereolag.estimates import Estimate
 from stereolag.limits import limits
@@ -30,42 +31,34 @@ BETWEEN_LOOKS_S = 0.4
 
 
 class RecentResults:
-    """The results used last, as many as fit into `max_bytes`; the newest stays whatever its size.
-
-    Attributes
-    ----------
-    size
-        The memory of all of them, bytes.
-    """
+    """The results used last, as many as fit into `max_bytes`; the newest stays whatever its size."""
 
     def __init__(self, max_bytes: int) -> None:
-        self.size = 0
         self._max_bytes = max_bytes
-        self._results: OrderedDict[str, tuple[Any, int]] = OrderedDict()
+        self._results: LRUCache[str, Any] = LRUCache(math.inf, getsizeof=_bytes_of)
         self._lock = threading.Lock()
+
+    @property
+    def size(self) -> int:
+        """Return the memory of all of them, bytes."""
+        return int(self._results.currsize)
 
     def get(self, key: str) -> Any:
         """Return the result kept under `key`, or None."""
         with self._lock:
-            if key not in self._results:
-                return None
-            self._results.move_to_end(key)
-            return self._results[key][0]
+            return self._results.get(key)
 
     def put(self, key: str, result: Any) -> None:
         """Keep a result, and forget those that were not used for longest."""
-        size = _bytes_of(result)
         with self._lock:
-            self.size += size - self._results.pop(key, (None, 0))[1]
-            self._results[key] = result, size
+            self._results[key] = result
         self.shrink(self._max_bytes)
 
     def shrink(self, max_bytes: int) -> None:
         """Forget results, those first that were not used for longest, until the rest, or the newest, fits."""
         with self._lock:
-            while len(self._results) > 1 and self.size > max_bytes:
-                _, (_, size) = self._results.popitem(last=False)
-                self.size -= size
+            while len(self._results) > 1 and self._results.currsize > max_bytes:
+                self._results.popitem()
 
 
 class SharedRoom:
@@ -113,11 +106,13 @@ def _own_results() -> RecentResults:
     return _room().results()
 
 
-def computed(compute: Callable[[Progress], T], *, inputs: str, settings: str, shared: bool, label: str) -> T:
+def computed(task: str, compute: Callable[[Progress], T], *, inputs: str, settings: str, shared: bool, label: str) -> T:
     """Return what `compute` gives for these inputs and settings, from memory where it was computed before.
 
     Parameters
     ----------
+    task
+        Tells different computations on the same inputs apart.
     compute
         Takes a progress callback.
     inputs
@@ -127,7 +122,7 @@ def computed(compute: Callable[[Progress], T], *, inputs: str, settings: str, sh
     shared
         Whether the inputs are the examples, which every visitor may share.
     label
-        What is shown meanwhile; it also tells different computations on the same inputs apart.
+        What is shown meanwhile.
     """
     # There whether or not anything is computed: else all that follows would change its place, and be drawn anew.
     place = st.empty()
@@ -138,20 +133,18 @@ def computed(compute: Callable[[Progress], T], *, inputs: str, settings: str, sh
         place.empty()
         return result
 
-    return remembered(make, inputs=inputs, settings=settings, shared=shared, name=label)
+    return remembered(task, make, inputs=inputs, settings=settings, shared=shared)
 
 
-def remembered(make: Callable[[], T], *, inputs: str, settings: str, shared: bool, name: str) -> T:
+def remembered(task: str, make: Callable[[], T], *, inputs: str, settings: str, shared: bool) -> T:
     """Return what `make` gives, as :func:`computed` does, for what takes so little that nothing is shown meanwhile.
 
     Parameters
     ----------
-    inputs, settings, shared
+    task, inputs, settings, shared
         As :func:`computed` takes them.
-    name
-        Tells different things made of the same inputs apart.
     """
-    key = _key(name, inputs, settings)
+    key = _key(task, inputs, settings)
     results = _results(shared)
     result: T | None = results.get(key)
     if result is None:
@@ -161,27 +154,34 @@ def remembered(make: Callable[[], T], *, inputs: str, settings: str, shared: boo
 
 
 def computed_in_turn(
-    compute: Callable[[Progress], T], estimate: Estimate, *, inputs: str, settings: str, shared: bool, label: str
+    task: str,
+    compute: Callable[[Progress], T],
+    estimate: Estimate,
+    *,
+    inputs: str,
+    settings: str,
+    shared: bool,
+    label: str,
 ) -> T | None:
     """Return what :func:`computed` returns, or None while a heavy job waits, is computed, or was cancelled.
 
     What is light is computed at once. What is heavy takes its turn beside the page, which shows how far it is, offers
-    to cancel it, and runs again when it is done; so does other work on the page meanwhile. Of one label there is one
+    to cancel it, and runs again when it is done; so does other work on the page meanwhile. Of one task there is one
     job at a time: with other inputs or settings, the one before is called off.
 
     Parameters
     ----------
-    compute, inputs, settings, shared, label
+    task, compute, inputs, settings, shared, label
         As :func:`computed` takes them.
     estimate
         What the job will take.
     """
-    key = _key(label, inputs, settings)
+    key = _key(task, inputs, settings)
     jobs = this_visit().jobs
-    before, job = jobs.get(label, (key, None))
+    before, job = jobs.get(task, (key, None))
     if job is not None and before != key:
         job.cancel()
-        del jobs[label]
+        del jobs[task]
         job = None
     results = _results(shared)
     result: T | None = results.get(key)
@@ -189,32 +189,32 @@ def computed_in_turn(
     if job is None and (result is not None or refused or not is_heavy(estimate)):
         if estimate.seconds < PATIENCE_S:
             # Over before anybody could see that something is computed, and drawing that takes time too.
-            return remembered(lambda: compute(silent), inputs=inputs, settings=settings, shared=shared, name=label)
-        return computed(compute, inputs=inputs, settings=settings, shared=shared, label=label)
+            return remembered(task, lambda: compute(silent), inputs=inputs, settings=settings, shared=shared)
+        return computed(task, compute, inputs=inputs, settings=settings, shared=shared, label=label)
     place = st.empty()
     if job is None:
         job = Job(lambda job: compute(job.report_or_end), estimate)
-        jobs[label] = key, job
+        jobs[task] = key, job
     if job.running and not job.cancelled:
         with place.container():
-            st.fragment(_show_job, run_every=BETWEEN_LOOKS_S)(job, label)
+            st.fragment(_show_job, run_every=BETWEEN_LOOKS_S)(job, task, label)
         return None
     if job.cancelled:
         with place.container(horizontal=True, vertical_alignment="center"):
             st.caption("Cancelled.", width="content")
-            st.button("Compute", key=f"results.again.{label}", on_click=_forget_job, args=(label,))
+            st.button("Compute", key=f"results.again.{task}", on_click=_forget_job, args=(task,))
         return None
-    del jobs[label]
+    del jobs[task]
     result = job.result()
     _keep(results, key, result)
     return result
 
 
-def _forget_job(label: str) -> None:
-    this_visit().jobs.pop(label, None)
+def _forget_job(task: str) -> None:
+    this_visit().jobs.pop(task, None)
 
 
-def _show_job(job: Job[Any], label: str) -> None:
+def _show_job(job: Job[Any], task: str, label: str) -> None:
     """Show how far a job is, and let it be called off."""
     if job.cancelled or not job.running:
         st.rerun(scope="app")
@@ -223,11 +223,11 @@ def _show_job(job: Job[Any], label: str) -> None:
             st.info(waiting_in_words(job), icon=":material/groups:")
         else:
             st.progress(min(max(job.progress, 0.0), 1.0), label)
-        st.button("Cancel", key=f"results.cancel.{label}", on_click=job.cancel, icon=":material/stop_circle:")
+        st.button("Cancel", key=f"results.cancel.{task}", on_click=job.cancel, icon=":material/stop_circle:")
 
 
-def _key(label: str, inputs: str, settings: str) -> str:
-    return hashlib.sha256("\0".join((label, inputs, settings)).encode()).hexdigest()
+def _key(task: str, inputs: str, settings: str) -> str:
+    return hashlib.sha256("\0".join((task, inputs, settings)).encode()).hexdigest()
 
 
 def _keep(results: RecentResults, key: str, result: object) -> None:
@@ -240,7 +240,9 @@ def _results(shared: bool) -> RecentResults:
 
 
 def _bytes_of(result: Any) -> int:
-    """Return the memory of a file, or of the arrays that a result holds as attributes."""
+    """Return the memory of a file, an array, or the arrays that a result holds as attributes."""
     if isinstance(result, bytes):
         return len(result)
+    if isinstance(result, np.ndarray):
+        return result.nbytes
     return sum(value.nbytes for value in vars(result).values() if isinstance(value, np.ndarray))

@@ -168,12 +168,16 @@ EXAMPLE_LABELS = {
     ExampleKind.BARE: "A bare wall",
     ExampleKind.HIDDEN: "Hidden from the right camera",
 }
+NO_CORRELATION = "Correlation has no result to explain yet."
 NO_EXAMPLE = "This pair has none with these window and search settings."
 
 BEFORE_OPTIMISATION = (
     "These are the raw scores of the windowed correlation. Semi-global optimisation weighs them, together with its "
     "other costs, against those of the neighbours along eight paths, and may choose another peak."
 )
+ROW_FIT = "A bell curve through the best score and its two neighbours: its peak is the disparity."
+SQUARE_FIT = "A section through the bell fitted to the best score and its eight neighbours: its peak is the disparity."
+NO_FIT = "A match at the edge has no sub-pixel position: its neighbour on one side is missing."
 HIDDEN_FROM_RIGHT = "The right camera cannot see this point: something nearer hides it."
 RIGHT_PX = 1.0
 """A match is called right up to this error, px."""

@@ -12,8 +12,6 @@ from typing import Generic, TypeVar
 import streamlit as st
 from streamlit.runtime.uploaded_file_manager import UploadedFile
 
-from stereolag.ui.controls import sentence
-
 T = TypeVar("T")
 
 PICTURE_TYPES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif")
@@ -112,7 +110,7 @@ def put_together(make: Callable[[], T], key: str) -> T | None:
     try:
         made = make()
     except ValueError as error:
-        st.error(sentence(error))
+        st.error(str(error))
         kept: T | None = st.session_state.get(key)
         st.session_state[REFUSED_KEY] = kept is None
         return kept

@@ -12,12 +12,11 @@ import streamlit as st
 from streamlit.components.v2 import manifest_scanner
 from streamlit.testing.v1 import AppTest
 
+from tests.app import keys
+
 PROJECT = Path(__file__).resolve().parents[2]
 
 OpenPage = Callable[[str], AppTest]
-
-FOLDS = ("depth.more", "depth.bm.more", "depth.sgbm", "depth.sgbm.more", "depth.colours.opened")
-"""What is folded away on the depth page at first, and not drawn."""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -62,7 +61,7 @@ def open_unfolded(open_page: OpenPage) -> OpenPage:
     def opened(path: str) -> AppTest:
         app = open_page(path)
         if "Depth" in path:
-            for fold in FOLDS:
+            for fold in keys.FOLDS:
                 app.session_state[fold] = True
             app.run()
         return app

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from tests.app import uploads
+from tests.app import keys, uploads
 
 OpenPage = Callable[[str], AppTest]
 Shown = Callable[[AppTest], str]
@@ -180,17 +180,17 @@ def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(
     for seed, side in enumerate(("left", "right")):
         put(app, f"pairs.{side}", f"{side}.png", uploads.png(uploads.texture(*size, seed)))
     assert not app.exception
-    for part in app.button_group(key="depth.part").options:
-        app.button_group(key="depth.part").set_value(part).run()
+    for part in app.button_group(key=keys.PART).options:
+        app.button_group(key=keys.PART).set_value(part).run()
         assert not app.exception
-    app.button(key="depth.preset.report").click().run()
+    app.button(key=keys.preset_key("report")).click().run()
     assert not app.exception
     assert any("px and the images are" in error.value for error in app.error)
-    app.button(key="depth.preset.reset").click().run()
+    app.button(key=keys.preset_key("reset")).click().run()
     app.button_group(key="pairs").set_value("cube").run()
     assert not app.exception
     assert not app.error
-    assert app.slider(key="depth.window").value == 20
+    assert app.slider(key=keys.WINDOW).value == 20
 
 
 def test_a_side_by_side_picture_of_one_column_is_refused(open_page: OpenPage) -> None:

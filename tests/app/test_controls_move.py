@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from tests.app import keys
+
 OpenPage = Callable[[str], AppTest]
 Shown = Callable[[AppTest], str]
 
@@ -32,57 +34,75 @@ MOVES: dict[str, dict[str, Any]] = {
     DEPTH: {
         "pairs": "square",
         "pairs.size": "1/2",
-        "depth.view": "Truth",
-        "depth.window": 9,
-        "depth.overlap": 0.5,
-        "depth.search": "centred",
-        "depth.disparities.pair cube": 32,
-        "depth.smallest": 20,
-        "depth.vertical": 1,
-        "depth.score": "cross",
-        "depth.optimisation": True,
-        "depth.texture": True,
-        "depth.ambiguity": True,
-        "depth.left_right": True,
-        "depth.speckle": True,
-        "depth.filling": True,
-        "depth.median": True,
-        "depth.bm.block": 9,
-        "depth.bm.disparities.pair cube": 32,
-        "depth.bm.smallest": 20,
-        "depth.bm.uniqueness": 60,
-        "depth.bm.texture": 8_010,
-        "depth.bm.speckle_window_size": 200,
-        "depth.bm.disp12_max_diff": 0,
-        "depth.bm.pre_filter_cap": 3,
-        "depth.part": "Scoreboard",
+        keys.VIEW: "Truth",
+        keys.WINDOW: 9,
+        keys.OVERLAP: 0.5,
+        keys.SEARCH: "centred",
+        keys.DISPARITIES: 32,
+        keys.SMALLEST: 20,
+        keys.VERTICAL: 1,
+        keys.setting("correlation", "score"): "cross",
+        keys.setting("correlation", "texture"): True,
+        keys.setting("correlation", "ambiguity"): True,
+        keys.LEFT_RIGHT: True,
+        keys.setting("correlation", "speckle"): True,
+        keys.setting("correlation", "filling"): True,
+        keys.MEDIAN: True,
+        keys.BLOCK: 9,
+        keys.setting("bm", "num_disparities", keys.CUBE): 32,
+        keys.BLOCK_SMALLEST: 20,
+        keys.BLOCK_UNIQUENESS: 60,
+        keys.setting("bm", "texture_threshold"): 8_010,
+        keys.BLOCK_SPECKLES: 200,
+        keys.setting("bm", "disp12_max_diff"): 0,
+        keys.setting("bm", "pre_filter_cap"): 3,
+        keys.PART: "Scoreboard",
         "depth.colours.range.pair cube": (10.0, 90.0),
         "depth.colours.palette": "turbo",
-        "depth.sgbm.block": 9,
-        "depth.sgbm.disparities.pair cube": 32,
-        "depth.sgbm.smallest": 20,
-        "depth.sgbm.uniqueness": 60,
-        "depth.sgbm.p1": 600,
-        "depth.sgbm.p2": 3_000,
-        "depth.sgbm.speckle_window_size": 1_000,
-        "depth.sgbm.speckle_range": 0,
-        "depth.sgbm.disp12_max_diff": 8,
-        "depth.sgbm.pre_filter_cap": 63,
+        keys.setting("sgbm", "block_size"): 9,
+        keys.setting("sgbm", "num_disparities", keys.CUBE): 32,
+        keys.setting("sgbm", "min_disparity"): 20,
+        keys.setting("sgbm", "uniqueness_ratio"): 60,
+        keys.setting("sgbm", "p1"): 600,
+        keys.setting("sgbm", "p2"): 3_000,
+        keys.setting("sgbm", "speckle_window_size"): 1_000,
+        keys.setting("sgbm", "speckle_range"): 0,
+        keys.setting("sgbm", "disp12_max_diff"): 8,
+        keys.setting("sgbm", "pre_filter_cap"): 63,
+        keys.setting("sgm", "window_size"): 15,
+        keys.setting("sgm", "num_disparities", keys.CUBE): 32,
+        keys.setting("sgm", "min_disparity"): 20,
+        keys.setting("sgm", "cost.correlation"): 0,
+        keys.setting("sgm", "cost.census"): 0,
+        keys.setting("sgm", "cost.gradient"): 0,
+        keys.setting("sgm", "cost.gradient_limit"): 40,
+        keys.setting("sgm", "optimisation.penalty_small"): 70,
+        keys.setting("sgm", "optimisation.penalty_large"): 121,
+        keys.setting("sgm", "optimisation.penalty_at_edges"): 361,
+        keys.setting("sgm", "optimisation.edge_contrast"): 200,
+        keys.setting("sgm", "texture"): True,
+        keys.setting("sgm", "ambiguity"): True,
+        keys.setting("sgm", "left_right"): True,
+        keys.setting("sgm", "speckle"): True,
+        keys.setting("sgm", "filling"): True,
+        keys.setting("sgm", "median"): True,
+        keys.FIRST_METHOD: "sgm",
+        keys.SECOND_METHOD: "sgbm",
     },
 }
 # What must be set first: there is one exact copy, others count where more are wanted and less is enough.
 FIRST: dict[str, dict[str, Any]] = {
     "template.min_score": {"template.max_matches": 5},
     "template.max_matches": {"template.min_score": 0.2},
-    "depth.search": {"depth.overlap": 0.5},  # a square is searched in a moment if there are few windows
-    "depth.texture": {"pairs": "road"},  # its sky is flat
-} | {
-    key: {"depth.part": "Scoreboard"}
-    for key in MOVES[DEPTH]
-    if key.startswith("depth.sgbm.")  # a third method there
+    keys.SEARCH: {keys.OVERLAP: 0.5},  # a square is searched in a moment if there are few windows
+    keys.setting("correlation", "texture"): {"pairs": "road"},  # its sky is flat
+    keys.setting("sgm", "texture"): {"pairs": "road"},
 }
-SEEN_IN_THE_TIME_ALONE = {"depth.engine"}
-ONLY_WITH_A_SQUARE_SEARCH: dict[str, Any] = {"depth.search_size.pair cube": 60, "depth.reach": 0}
+for one in MOVES[DEPTH]:
+    if one.startswith(("depth.sgbm.", "depth.sgm.")):  # shown there, beside the first two
+        FIRST[one] = FIRST.get(one, {}) | {keys.PART: "Scoreboard"}
+SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine")}
+ONLY_WITH_A_SQUARE_SEARCH: dict[str, Any] = {keys.SEARCH_SIZE: 60, keys.REACH: 0}
 
 
 def controls(app: AppTest) -> dict[str, Any]:
@@ -112,9 +132,9 @@ def test_moving_a_control_of_the_square_search_changes_what_is_shown(
     open_unfolded: OpenPage, shown: Shown, key: str
 ) -> None:
     app = open_unfolded(DEPTH)
-    controls(app)["depth.window"].set_value(31)
-    controls(app)["depth.overlap"].set_value(0.5)  # few windows: a large square is searched in a moment
-    controls(app)["depth.search"].set_value("centred").run()
+    controls(app)[keys.WINDOW].set_value(31)
+    controls(app)[keys.OVERLAP].set_value(0.5)  # few windows: a large square is searched in a moment
+    controls(app)[keys.SEARCH].set_value("centred").run()
     before = shown(app)
     controls(app)[key].set_value(ONLY_WITH_A_SQUARE_SEARCH[key]).run()
     assert not app.exception
@@ -125,8 +145,8 @@ def test_moving_a_control_of_the_square_search_changes_what_is_shown(
 def test_going_back_to_a_setting_shows_the_same_again(open_unfolded: OpenPage, shown: Shown) -> None:
     app = open_unfolded(DEPTH)
     before = shown(app), [metric.value for metric in app.metric]
-    app.slider(key="depth.window").set_value(31).run()
-    app.slider(key="depth.window").set_value(20).run()
+    app.slider(key=keys.WINDOW).set_value(31).run()
+    app.slider(key=keys.WINDOW).set_value(20).run()
     assert (shown(app), [metric.value for metric in app.metric]) == before
 
 
@@ -134,40 +154,40 @@ def test_a_window_larger_than_its_search_area_is_refused_and_the_last_map_stays(
     open_unfolded: OpenPage, shown: Shown
 ) -> None:
     app = open_unfolded(DEPTH)
-    controls(app)["depth.overlap"].set_value(0.5)
-    controls(app)["depth.search"].set_value("centred").run()
-    controls(app)["depth.search_size.pair cube"].set_value(60).run()
+    controls(app)[keys.OVERLAP].set_value(0.5)
+    controls(app)[keys.SEARCH].set_value("centred").run()
+    controls(app)[keys.SEARCH_SIZE].set_value(60).run()
     before = shown(app)
-    controls(app)["depth.window"].set_value(91).run()
+    controls(app)[keys.WINDOW].set_value(91).run()
     assert not app.exception
     assert [error.value for error in app.error] == [
         "search_size is 60 px and window_size 91 px; the search area must be at least as large as the window."
     ]
     assert shown(app) == before
-    assert app.slider(key="depth.window").value == 91
+    assert app.slider(key=keys.WINDOW).value == 91
 
 
 def test_folding_settings_away_changes_nothing(open_unfolded: OpenPage, shown: Shown) -> None:
     app = open_unfolded(DEPTH)
-    for key, value in {"depth.left_right": True, "depth.smallest": 20, "depth.bm.smallest": 20}.items():
+    for key, value in {keys.LEFT_RIGHT: True, keys.SMALLEST: 20, keys.BLOCK_SMALLEST: 20}.items():
         controls(app)[key].set_value(value).run()
     before = shown(app)
-    for fold in ("depth.more", "depth.bm.more"):
+    for fold in (keys.MORE, keys.BLOCK_MORE):
         app.session_state[fold] = False
         app.run()
         assert shown(app) == before
-    assert "depth.smallest" not in controls(app)
-    app.session_state["depth.more"] = True
+    assert keys.SMALLEST not in controls(app)
+    app.session_state[keys.MORE] = True
     app.run()
-    assert controls(app)["depth.smallest"].value == 20
-    assert controls(app)["depth.left_right"].value
+    assert controls(app)[keys.SMALLEST].value == 20
+    assert controls(app)[keys.LEFT_RIGHT].value
     assert shown(app) == before
 
 
 def test_an_adopted_value_beyond_the_page_s_own_bounds_is_kept_when_folded_away(open_page: OpenPage) -> None:
     app = open_page(f"{DEPTH}")
-    app.session_state["depth.smallest"] = app.session_state["depth.smallest.adopted"] = -100
+    app.session_state[keys.SMALLEST] = app.session_state[f"{keys.SMALLEST}.adopted"] = -100
     app.run()
-    app.session_state["depth.more"] = True
+    app.session_state[keys.MORE] = True
     app.run()
-    assert app.slider(key="depth.smallest").value == -100
+    assert app.slider(key=keys.SMALLEST).value == -100

@@ -8,6 +8,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.stereo.matcher import StereoMatcher
+from tests.app import keys
 
 DEPTH = "pages/3_Depth_maps.py"
 RANGE = "depth.colours.range.pair cube"
@@ -27,7 +28,7 @@ def test_changing_only_the_colours_computes_nothing(
 def test_the_range_holds_still_until_it_is_fitted_again(open_unfolded: Callable[[str], AppTest]) -> None:
     app = open_unfolded(DEPTH)
     first = app.slider(key=RANGE).value
-    app.slider(key="depth.window").set_value(7).run()
+    app.slider(key=keys.WINDOW).set_value(7).run()
     assert app.slider(key=RANGE).value == first
     app.slider(key=RANGE).set_value((0.0, 40.0)).run()
     assert app.slider(key=RANGE).value == (0.0, 40.0)

@@ -22,6 +22,7 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.downloads import archive, files
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
+from tests.app import keys
 
 PROJECT = Path(__file__).resolve().parents[2]
 BLOCK = StereoBM(num_disparities=16, block_size=9)
@@ -41,12 +42,12 @@ def view_of(pair: StereoPair, *matchers: StereoMatcher) -> DepthView:
 
 def section() -> None:
     import streamlit as st
+    from stereolag.ui.matchers import ask_block_matcher
 
     from stereolag import StereoBM
     from stereolag.ui.depth.address import take_over
     from stereolag.ui.depth.downloads import show_downloads
     from stereolag.ui.depth.view import DepthView
-    from stereolag.ui.matchers import ask_block_matcher
 
     pair = st.session_state["pair"]
     take_over(pair)
@@ -59,7 +60,7 @@ def opened(pair: StereoPair) -> AppTest:
     app = AppTest.from_function(section, default_timeout=60)
     app.session_state["pair"] = pair
     app.session_state["depth.take.opened"] = True
-    app.session_state["depth.bm.block"] = 9
+    app.session_state[keys.BLOCK] = 9
     return app.run()
 
 
@@ -136,13 +137,13 @@ def test_every_file_has_a_button_and_those_that_cannot_be_had_are_disabled() -> 
 
 def test_settings_are_loaded_again_and_the_controls_can_be_moved_from_there() -> None:
     app = opened(small_pair())
-    app.session_state["depth.bm.more"] = True
+    app.session_state[keys.BLOCK_MORE] = True
     settings = StereoBM(min_disparity=-70, num_disparities=32, block_size=7, speckle_window_size=70, speckle_range=9)
     app.file_uploader[0].upload("settings.json", settings_json(settings).encode(), "application/json").run()
     assert not app.exception
     assert app.session_state["matcher"] == settings
-    assert app.slider(key="depth.bm.smallest").min == -70  # farther than the page goes of itself
-    app.slider(key="depth.bm.uniqueness").set_value(40).run()
+    assert app.slider(key=keys.BLOCK_SMALLEST).min == -70  # farther than the page goes of itself
+    app.slider(key=keys.BLOCK_UNIQUENESS).set_value(40).run()
     assert app.session_state["matcher"].uniqueness_ratio == 40
     assert app.session_state["matcher"].speckle_window_size == 70
 

@@ -11,7 +11,7 @@ from PIL import Image
 from streamlit.testing.v1 import AppTest
 
 from stereolag.ui.pairs import StereoPair
-from tests.app import uploads
+from tests.app import keys, uploads
 
 SCENE = uploads.texture(120, 205)
 LEFT, RIGHT = SCENE[:, :-5], SCENE[:, 5:]
@@ -38,9 +38,9 @@ ndisp=64
 
 def inputs() -> None:
     import streamlit as st
+    from stereolag.ui.matchers import ask_block_matcher, ask_correlation
 
     from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.matchers import ask_block_matcher, ask_correlation
 
     pair = choose_pair()
     st.session_state["shown"] = pair, ask_block_matcher(pair), ask_correlation(pair)
@@ -130,7 +130,7 @@ def test_two_typed_numbers_are_a_calibration() -> None:
 
 def test_size_changes_pictures_truth_calibration_range_and_settings_together() -> None:
     app = own(calibration=("calib.txt", MIDDLEBURY.encode()), truth=("t.png", uploads.png(TRUTH)))
-    app.slider(key="depth.window").set_value(30).run()
+    app.slider(key=keys.WINDOW).set_value(30).run()
     app.button_group(key="pairs.size").set_value("1/2").run()
     pair, block_matcher, correlation = app.session_state["shown"]
     assert pair.left.shape == (60, 100, 3)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from stereolag.ui.depth.parameters import parameters
 from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_merits
@@ -19,7 +20,6 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.tuning.objective import Bench
 from stereolag.tuning.sweep import sweep
-from stereolag.ui.depth.parameters import parameters
 from tests.app.depth_view import small_view
 
 

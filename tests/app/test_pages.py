@@ -5,6 +5,8 @@ from collections.abc import Callable
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from tests.app import keys
+
 OpenPage = Callable[[str], AppTest]
 
 
@@ -79,7 +81,7 @@ def test_depth_page_shows_both_methods_with_their_figures(open_page: OpenPage) -
 
 def test_settings_stay_when_another_page_is_visited(open_page: OpenPage) -> None:
     app = open_page("pages/3_Depth_maps.py")
-    app.slider(key="depth.window").set_value(31).run()
+    app.slider(key=keys.WINDOW).set_value(31).run()
     app.switch_page("app.py").run()
     app.switch_page("pages/3_Depth_maps.py").run()
-    assert app.slider(key="depth.window").value == 31
+    assert app.slider(key=keys.WINDOW).value == 31

@@ -16,13 +16,12 @@ from queue import Queue
 from threading import Thread
 
 import pytest
-from streamlit.proto.BackMsg_pb2 import BackMsg
-from streamlit.proto.ClientState_pb2 import ClientState
 from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
-from websockets.sync.client import connect
+
+from tests.protocol import visit
 
 PROJECT = Path(__file__).resolve().parents[2]
-LAUNCHER = "stereolag/ui/serving.py"
+LAUNCHER = "stereolag/commands/serving.py"
 PATIENCE_S = 120
 
 WATCH = """
@@ -89,16 +88,6 @@ def started(environment: dict[str, str], port: int) -> Iterator[tuple[subprocess
             process.kill()
 
 
-def visit(address: str) -> list[ForwardMsg]:
-    """Open the home page as a browser does and return all that the server sends for it."""
-    messages = []
-    with connect(f"{address.replace('http', 'ws')}/_stcore/stream", max_size=None) as page:
-        page.send(BackMsg(rerun_script=ClientState()).SerializeToString())
-        while not messages or messages[-1].WhichOneof("type") != "script_finished":
-            messages.append(ForwardMsg.FromString(page.recv(timeout=PATIENCE_S, decode=False)))
-    return messages
-
-
 def test_it_serves_a_page_at_the_one_address_it_prints_and_asks_nobody(
     environment: dict[str, str], port: int, tmp_path: Path
 ) -> None:
@@ -127,7 +116,7 @@ def test_an_install_without_a_library_it_needs_says_so(environment: dict[str, st
 def test_an_install_without_its_own_files_says_so(environment: dict[str, str], port: int, tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     (copy / "stereolag").mkdir(parents=True)
-    shutil.copytree(PROJECT / "stereolag/ui", copy / "stereolag/ui")
+    shutil.copytree(PROJECT / "stereolag/commands", copy / "stereolag/commands")
     shutil.copy(PROJECT / "app.py", copy)
     line = refused(environment, "--port", str(port), project=copy)
     assert line.startswith("stereolag cannot start: ModuleNotFoundError: No module named 'stereolag.")

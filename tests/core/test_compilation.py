@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
+import inspect
 import os
+import pkgutil
 import shutil
 import stat
 import subprocess
 import sys
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+from numba.core.dispatcher import Dispatcher
 
-from stereolag.loops.compilation import STAMP, forget_older_code, is_private
+import stereolag
+from stereolag.loops import compilation
+from stereolag.loops.compilation import FOLDER, MAKES_CODE, SOURCES, is_private
+
+COMPILATION = Path(compilation.__file__).relative_to(SOURCES)
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -26,11 +35,15 @@ print(sl.signal_lag(sound[4:], sound[:-4], method="direct", max_lag=9).lag)
 """A measurement of few loops: each start without machine code compiles them."""
 
 TWO_LOOPS = """
+import sys
 import inner
 from compilation import compiled
 @compiled
 def outer(number):
     return inner.inner(number)
+if "wait" in sys.argv:
+    print("ready", flush=True)
+    input()
 print(outer(1))
 """
 INNER = """
@@ -39,6 +52,8 @@ from compilation import compiled
 def inner(number):
     return number + {}
 """
+
+OLDER = f"stereolag-{0:016x}"
 
 
 @pytest.fixture
@@ -52,33 +67,52 @@ def install(tmp_path: Path) -> Path:
 @pytest.fixture
 def loops(tmp_path: Path) -> Path:
     """Return a folder with the decorator alone and two loops, of which one calls the other."""
-    folder = tmp_path / "loops"
-    folder.mkdir()
-    shutil.copy(PROJECT / "stereolag/kernels/compilation.py", folder)
-    (folder / "outer.py").write_text(TWO_LOOPS)
-    (folder / "inner.py").write_text(INNER.format(1))
-    return folder
+    return two_loops(tmp_path / "package")
 
 
-def run(
-    folder: Path, *arguments: str, before: Sequence[str] = (), **variables: str
-) -> subprocess.CompletedProcess[str]:
-    """Run Python on what a folder holds, by a user who has no home, with a temporary folder beside it."""
+def two_loops(package: Path, number: int = 1) -> Path:
+    """Make a package that holds nothing but a room with the decorator and two loops, and return the room."""
+    room = package / "room"
+    room.mkdir(parents=True)
+    shutil.copy(SOURCES / COMPILATION, room)
+    (room / "outer.py").write_text(TWO_LOOPS)
+    (room / "inner.py").write_text(INNER.format(number))
+    return room
+
+
+def variables_for(folder: Path) -> dict[str, str]:
+    """Return the environment of a user who has no home, with a temporary folder beside the one that is run."""
     temporary = folder.parent / "temporary"
     temporary.mkdir(exist_ok=True)
     nowhere = folder.parent / "a file"
     nowhere.touch()
-    environment = {
+    return {
         "PATH": os.environ["PATH"],
         "PYTHONPATH": str(folder),
         "PYTHONDONTWRITEBYTECODE": "1",
         "XDG_CACHE_HOME": str(nowhere),
         "TMPDIR": str(temporary),
     }
+
+
+def run(
+    folder: Path, *arguments: str, before: Sequence[str] = (), **variables: str
+) -> subprocess.CompletedProcess[str]:
+    """Run Python on what a folder holds."""
     command = [*before, sys.executable, "-W", "error", *arguments]
-    return subprocess.run(
-        command, cwd=folder.parent, env=environment | variables, capture_output=True, text=True, check=False
-    )
+    environment = variables_for(folder) | variables
+    return subprocess.run(command, cwd=folder.parent, env=environment, capture_output=True, text=True, check=False)
+
+
+def begun(folder: Path, **variables: str) -> subprocess.Popen[str]:
+    """Run the two loops of a folder as far as to the first call, which waits for a line."""
+    command = [sys.executable, "-W", "error", str(folder / "outer.py"), "wait"]
+    environment = variables_for(folder) | variables
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n", process.communicate()[1]
+    return process
 
 
 def code_in(folder: Path) -> dict[str, int]:
@@ -89,12 +123,12 @@ def code_in(folder: Path) -> dict[str, int]:
 def test_a_first_start_keeps_machine_code_beside_the_sources_and_says_nothing(install: Path) -> None:
     ran = run(install, "-c", SMALL_LAG)
     assert (ran.stdout, ran.stderr) == ("4\n", "")
-    assert code_in(install / "stereolag/kernels/__pycache__")
+    assert code_in((install / "stereolag" / COMPILATION).with_name("__pycache__"))
     assert not code_in(install.parent / "temporary")
 
 
 def test_without_a_place_beside_the_sources_code_is_kept_in_the_temporary_folder(install: Path) -> None:
-    (install / "stereolag/kernels/__pycache__").touch()  # a file: not even root makes a folder of it
+    (install / "stereolag" / COMPILATION).with_name("__pycache__").touch()  # a file: not even root makes a folder of it
     first = run(install, "-c", SMALL_LAG)
     assert first.stdout == "4\n", first.stderr
     kept = code_in(install.parent / "temporary")
@@ -113,9 +147,8 @@ def test_a_read_only_install_works_though_it_holds_older_code(install: Path) -> 
     command = [*mount, str(install)]
     if not shutil.which("unshare") or subprocess.run([*command, "true"], capture_output=True, check=False).returncode:
         pytest.skip("this user may not mount a folder read-only")
-    older = install / "stereolag/kernels/__pycache__/bands.older-1.py311.nbi"
-    older.parent.mkdir()
-    older.touch()
+    older = (install / "stereolag" / COMPILATION).with_name("__pycache__") / OLDER
+    older.mkdir(parents=True)
     os.utime(older, (0, 0))
     ran = run(install, "-c", SMALL_LAG, before=command)
     assert ran.stdout == "4\n", ran.stderr
@@ -124,13 +157,15 @@ def test_a_read_only_install_works_though_it_holds_older_code(install: Path) -> 
     assert older.exists()
 
 
-def test_older_code_that_cannot_be_deleted_is_not_used(install: Path) -> None:
-    stuck = install / "stereolag/kernels/__pycache__/bands.older-1.py311.nbi"
-    stuck.mkdir(parents=True)
-    os.utime(stuck, (0, 0))
-    ran = run(install, "-c", SMALL_LAG)
-    assert ran.stdout == "4\n", ran.stderr
-    assert len(ran.stderr.splitlines()) == 1
+def test_a_place_that_is_taken_is_not_used(loops: Path) -> None:
+    run(loops, str(loops / "outer.py"))
+    (kept,) = (loops / "__pycache__").iterdir()
+    shutil.rmtree(kept)
+    kept.touch()
+    ran = run(loops, str(loops / "outer.py"))
+    assert ran.stdout == "2\n", ran.stderr
+    (line,) = ran.stderr.splitlines()
+    assert line.startswith(f"Machine code is kept in {loops.parent / 'temporary'}")
 
 
 def test_without_any_place_loops_are_compiled_anew(loops: Path) -> None:
@@ -169,15 +204,87 @@ def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Pa
     assert answer() == "3\n"
 
 
-def test_many_at_once_forget_older_code(tmp_path: Path) -> None:
-    for name in range(200):
-        (tmp_path / f"{name}.nbc").touch()
-    with ThreadPoolExecutor(8) as executor:
-        list(executor.map(forget_older_code, [tmp_path] * 16))
-    assert [file.name for file in tmp_path.iterdir()] == [STAMP]
-    (tmp_path / "newer.nbc").touch()
-    forget_older_code(tmp_path)
-    assert (tmp_path / "newer.nbc").exists()
+def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(tmp_path: Path) -> None:
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    releases = [two_loops(tmp_path / "older", 1), two_loops(tmp_path / "newer", 2)]
+    processes = [begun(loops, **kept) for loops in 3 * releases]
+    for process in processes:
+        assert process.stdin is not None
+        process.stdin.write("\n")
+        process.stdin.flush()
+    assert [process.communicate() for process in processes] == 3 * [("2\n", ""), ("3\n", "")]
+    code = code_in(tmp_path / "kept")
+    assert len({Path(file).relative_to(tmp_path / "kept").parts[0] for file in code}) == 2
+    assert [run(loops, str(loops / "outer.py"), **kept).stdout for loops in releases] == ["2\n", "3\n"]
+    assert code_in(tmp_path / "kept") == code
+
+
+def test_an_upgrade_leaves_a_process_its_code_and_takes_none_from_it(loops: Path) -> None:
+    run(loops, str(loops / "outer.py"))
+    older = code_in(loops)
+    running = begun(loops)
+    (loops / "inner.py").write_text(INNER.format(2))
+    assert run(loops, str(loops / "outer.py")).stdout == "3\n"
+    assert older.items() <= code_in(loops).items()
+    assert running.communicate("\n") == ("2\n", "")
+    assert run(loops, str(loops / "outer.py")).stdout == "3\n"
+
+
+def test_code_that_is_long_unused_is_forgotten_and_compiled_by_who_still_wants_it(loops: Path) -> None:
+    running = begun(loops)
+    (older,) = (loops / "__pycache__").iterdir()
+    os.utime(older, (0, 0))
+    others = [loops / "__pycache__" / name for name in ("another", "stereolag-notes")]
+    for other in others:
+        other.mkdir()
+        os.utime(other, (0, 0))
+    (loops / "inner.py").write_text(INNER.format(2))
+    assert run(loops, str(loops / "outer.py")).stdout == "3\n"
+    assert not older.exists()
+    assert all(other.exists() for other in others)
+    assert running.communicate("\n") == ("2\n", "")
+    assert code_in(older)
+    assert run(loops, str(loops / "outer.py")).stdout == "3\n"
+    assert code_in(older)
+
+
+def modules_with_loops() -> list[ModuleType]:
+    """Return every module of the library in which a loop is written."""
+    names = [module.name for module in pkgutil.walk_packages(stereolag.__path__, "stereolag.")]
+    library = [importlib.import_module(name) for name in names if name.split(".")[1] not in ("ui", "app", "commands")]
+    return [module for module in library if loops_of(module)]
+
+
+def loops_of(module: ModuleType) -> list[Callable[..., object]]:
+    """Return the functions of a module that Numba compiles."""
+    members = [value for value in vars(module).values() if isinstance(value, Dispatcher)]
+    return [loop.py_func for loop in members if loop.py_func.__module__ == module.__name__]
+
+
+def test_the_folder_is_named_by_all_that_loops_are_made_of() -> None:
+    constants = 0
+    for module in modules_with_loops():
+        assert MAKES_CODE.search(Path(inspect.getfile(module)).read_bytes()), module
+        used = {name for loop in loops_of(module) for name in loop.__code__.co_names}
+        for statement in ast.walk(ast.parse(inspect.getsource(module))):
+            if isinstance(statement, ast.ImportFrom) and str(statement.module).startswith("stereolag."):
+                borrowed = used & {alias.asname or alias.name for alias in statement.names}
+                source = Path(inspect.getfile(sys.modules[str(statement.module)])).read_bytes()
+                assert not borrowed or MAKES_CODE.search(source), (module, statement.module, borrowed)
+                constants += len(borrowed)
+    assert constants
+
+
+def test_every_loop_is_kept_in_that_folder() -> None:
+    assert FOLDER is not None
+    places = [
+        Path(value.stats.cache_path)
+        for module in modules_with_loops()
+        for value in vars(module).values()
+        if isinstance(value, Dispatcher)
+    ]
+    assert places
+    assert all(place.is_relative_to(FOLDER) for place in places)
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="Windows keeps a user's folders apart by itself")

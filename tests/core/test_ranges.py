@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from stereolag.stereo.ranges import searched_range, with_range
 
 from stereolag import CorrelationMatcher, SearchArea, StereoBM, StereoSGBM
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
-from stereolag.stereo.ranges import searched_range, with_range
 
 MATCHERS: list[StereoMatcher] = [
     *(kind() for kind in METHODS.values()),

@@ -20,7 +20,7 @@ class LeftRightCheck(Settings):
     """A match must be the same, seen from the right image."""
 
     tolerance: int = Field(
-        1,
+        default=1,
         title="Left-right tolerance",
         description="How far the match of the right image's pixel may lead from where it came, px. What fails is "
         "mostly hidden from one of the cameras.",
@@ -33,7 +33,7 @@ class AmbiguityTest(Settings):
     """A match must clearly beat any other."""
 
     lead: float = Field(
-        0.015,
+        default=0.015,
         title="Lead over the next best",
         description="By how much the best place must beat every place farther than 1 px from it: in the score, or as "
         "a share of the highest cost where matches are optimised.",
@@ -47,7 +47,7 @@ class TextureTest(Settings):
     """A window must hold something to match."""
 
     least: float = Field(
-        1.0,
+        default=1.0,
         title="Least texture",
         description="Standard deviation of the window, in grey levels of 255, below which nothing is measured.",
         ge=0,

@@ -21,7 +21,7 @@ class SpeckleFilter(Settings):
     """Small islands of disparity unlike all around them are mismatches."""
 
     size: int = Field(
-        100,
+        default=100,
         title="Smallest surface",
         description="A connected surface of fewer pixels is taken away.",
         ge=1,
@@ -29,7 +29,7 @@ class SpeckleFilter(Settings):
         json_schema_extra={"step": 10},
     )
     difference: float = Field(
-        2.0,
+        default=2.0,
         title="Connected within",
         description="Neighbours belong to one surface if their disparities differ by no more, px.",
         gt=0,
@@ -42,7 +42,7 @@ class MedianFilter(Settings):
     """Each pixel takes the middle disparity of its neighbours of like colour: smooth inside, sharp at edges."""
 
     radius: int = Field(
-        6,
+        default=6,
         title="Median radius",
         description="How far the neighbours lie, px.",
         ge=2,
@@ -50,7 +50,7 @@ class MedianFilter(Settings):
         multiple_of=2,
     )
     contrast: int = Field(
-        25,
+        default=25,
         title="Median contrast",
         description="Difference of colour, levels of 255, at which a neighbour all but loses its vote.",
         ge=1,

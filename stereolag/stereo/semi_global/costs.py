@@ -22,28 +22,28 @@ class MatchingCost(Settings):
     """What a mismatch costs: the correlation of the windows, joined by finer terms that keep edges sharp."""
 
     correlation: int = Field(
-        100,
+        default=100,
         title="Correlation",
         description="Cost of windows that are each other's negative (ZNCC -1); +1 costs nothing.",
         ge=0,
         le=100,
     )
     census: int = Field(
-        100,
+        default=100,
         title="Census",
         description="Cost where all of the 5 × 5 neighbours have changed from darker to brighter or back.",
         ge=0,
         le=100,
     )
     gradient: int = Field(
-        40,
+        default=40,
         title="Gradient",
         description="Cost of a horizontal gradient that differs by the limit or more.",
         ge=0,
         le=50,
     )
     gradient_limit: Annotated[int, Applies(lambda settings: settings.gradient > 0, "needs gradient above 0")] = Field(
-        8,
+        default=8,
         title="Gradient limit",
         description="Difference of gradients, grey levels of 255, beyond which a larger one costs no more.",
         ge=1,

@@ -43,7 +43,7 @@ class SemiGlobalMatcher(StereoMatcher):
     first_shown = ("window_size", "num_disparities", "optimisation")
 
     window_size: Annotated[int, Pixels(), FitsImage()] = Field(
-        9,
+        default=9,
         title="Window",
         description="Side of the correlation's window, px; odd, so that a pixel is its middle.",
         ge=3,
@@ -51,7 +51,7 @@ class SemiGlobalMatcher(StereoMatcher):
         json_schema_extra={"step": 2},
     )
     num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
-        64,
+        default=64,
         title="Disparities searched",
         description="How many disparities are tried, px (OpenCV's numDisparities).",
         ge=1,
@@ -59,30 +59,30 @@ class SemiGlobalMatcher(StereoMatcher):
         json_schema_extra={"step": 16},
     )
     min_disparity: Annotated[int, Pixels(), Usual(-64, 64)] = Field(
-        0,
+        default=0,
         title="Smallest disparity",
         description="The first disparity tried, px (OpenCV's minDisparity).",
         ge=-512,
         le=512,
     )
     cost: MatchingCost = Field(
-        MatchingCost(),
+        default=MatchingCost(),
         title="Matching cost",
         description="What the optimisation weighs: the correlation, joined by census and gradient.",
     )
     optimisation: SemiGlobal = Field(
-        SemiGlobal(),
+        default=SemiGlobal(),
         title="Semi-global optimisation",
         description="What a change of disparity between neighbours costs.",
     )
     texture: TextureTest | None = Field(
-        None, title="Texture test", description="Give no disparity where a window holds too little to match."
+        default=None, title="Texture test", description="Give no disparity where a window holds too little to match."
     )
     ambiguity: AmbiguityTest | None = Field(
-        None, title="Ambiguity test", description="Give no disparity where another one fits nearly as well."
+        default=None, title="Ambiguity test", description="Give no disparity where another one fits nearly as well."
     )
     left_right: LeftRightCheck | None = Field(
-        None, title="Left-right check", description="Give no disparity where the right image's match disagrees."
+        default=None, title="Left-right check", description="Give no disparity where the right image's match disagrees."
     )
     speckle: Speckle = None
     filling: Filling = False

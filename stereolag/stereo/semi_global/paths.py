@@ -214,14 +214,14 @@ class SemiGlobal(Settings):
     """What a change of disparity between neighbours costs; a mismatch costs up to 250."""
 
     penalty_small: int = Field(
-        24,
+        default=24,
         title="Penalty of a slant",
         description="Cost of a change by one lag. Higher is smoother, lower follows slanted surfaces.",
         ge=1,
         le=250,
     )
     penalty_large: int = Field(
-        400,
+        default=400,
         title="Penalty of a jump",
         description="Cost of any larger change, where the picture is even.",
         ge=1,
@@ -229,7 +229,7 @@ class SemiGlobal(Settings):
         json_schema_extra={"step": 20},
     )
     penalty_at_edges: int = Field(
-        80,
+        default=80,
         title="Penalty of a jump at an edge",
         description="What is left of that cost across a strong edge of the picture, where surfaces may end.",
         ge=1,
@@ -237,7 +237,7 @@ class SemiGlobal(Settings):
         json_schema_extra={"step": 20},
     )
     edge_contrast: int = Field(
-        40,
+        default=40,
         title="Strong edge",
         description="Step between two pixels, grey levels of 255, that counts as a strong edge.",
         ge=1,

@@ -65,7 +65,7 @@ class CorrelationMatcher(StereoMatcher):
     first_shown = ("window_size", "overlap", "search", "score")
 
     window_size: Annotated[int, Pixels(), FitsImage()] = Field(
-        20,
+        default=20,
         title="Window",
         description="Side of the square window that is compared, px. Large windows are sure and blurred, small ones "
         "sharp and easily fooled.",
@@ -73,7 +73,7 @@ class CorrelationMatcher(StereoMatcher):
         le=255,
     )
     overlap: float = Field(
-        0.95,
+        default=0.95,
         title="Overlap",
         description="Fraction of a window that it shares with the next one: 0.95 of 20 px moves on by 1 px.",
         ge=0,
@@ -81,12 +81,12 @@ class CorrelationMatcher(StereoMatcher):
         json_schema_extra={"step": 0.05},
     )
     search: AnySearch = Field(
-        RectifiedSearch(),
+        default=RectifiedSearch(),
         title="Search area",
         description="The part of the right image in which a window is looked for.",
     )
     score: Score = Field(
-        "zncc",
+        default="zncc",
         title="Score",
         description="zncc: Pearson correlation; ncc: no mean removed (the report's eq. 1.3); cross: not normalised; "
         "phase: whitened.",
@@ -99,15 +99,15 @@ class CorrelationMatcher(StereoMatcher):
             otherwise=("fft",),
         ),
     ] = Field(
-        "auto",
+        default="auto",
         title="Engine",
         description="Running window sums or batched FFT; both give the same map, auto takes the faster one.",
     )
     texture: TextureTest | None = Field(
-        None, title="Texture test", description="Give no disparity where a window holds too little to match."
+        default=None, title="Texture test", description="Give no disparity where a window holds too little to match."
     )
     ambiguity: AmbiguityTest | None = Field(
-        None, title="Ambiguity test", description="Give no disparity where another place fits nearly as well."
+        default=None, title="Ambiguity test", description="Give no disparity where another place fits nearly as well."
     )
     left_right: Annotated[
         LeftRightCheck | None,
@@ -116,7 +116,9 @@ class CorrelationMatcher(StereoMatcher):
             "needs a search along the row (search.vertical 0) and a window at every pixel (step 1), scored by window "
             "sums: neither engine 'fft' nor score 'phase'",
         ),
-    ] = Field(None, title="Left-right check", description="Give no disparity where the right image's match disagrees.")
+    ] = Field(
+        default=None, title="Left-right check", description="Give no disparity where the right image's match disagrees."
+    )
     speckle: Speckle = None
     filling: Annotated[Filling, Applies(_along_the_row, ALONG_THE_ROW)] = False
     median: Annotated[Median, Applies(_along_the_row, ALONG_THE_ROW)] = None

@@ -2,7 +2,8 @@
 
 A score s of -1..1 is kept as the integer ``(s + OFFSET) * SCALE``: positive, below 2**31, and as fine as float32; 0
 means no candidate. With its low bits given to the code of the lag
-(:class:`stereolag.stereo.windows.search.LagTable`), one comparison finds the better of two scores and settles ties, and nothing is divided before the best is known.
+(:class:`stereolag.stereo.windows.search.LagTable`), one comparison finds the better of two scores and settles ties, and
+nothing is divided before the best is known.
 
 Inner loops take arrays one by one: Numba counts references on every field taken out of a tuple.
 """

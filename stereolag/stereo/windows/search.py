@@ -20,6 +20,8 @@ class SearchArea(Settings):
 
     title: ClassVar[str] = ""
     """What the page calls it."""
+    first_shown: ClassVar[tuple[str, ...]] = ()
+    """The settings that most visitors want; none given: all."""
 
     @staticmethod
     def centred(search_size: int, *, vertical: int | None = None) -> CentredSearch:
@@ -61,7 +63,7 @@ class CentredSearch(SearchArea):
 
     kind: Literal["centred"] = "centred"
     search_size: Annotated[int, Pixels(), OfThePair(), Usual(high=256)] = Field(
-        40,
+        default=40,
         title="Search area",
         description="Side of the square of the right image in which a window is looked for, px. "
         "Equal to the window (unpadded) the correlation is circular and wraps at half the window.",
@@ -69,7 +71,7 @@ class CentredSearch(SearchArea):
         le=1024,
     )
     vertical: Annotated[int | None, Pixels(), Usual(high=256)] = Field(
-        None,
+        default=None,
         title="Vertical reach",
         description="Rows searched above and below, px; none means as far as sideways.",
         ge=0,
@@ -109,10 +111,11 @@ class RectifiedSearch(SearchArea):
     """A one-sided strip along the row, as OpenCV searches a rectified pair, with an optional vertical reach."""
 
     title = "Strip along the row"
+    first_shown = ("num_disparities", "vertical")
 
     kind: Literal["rectified"] = "rectified"
     num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
-        64,
+        default=64,
         title="Disparities searched",
         description="How many disparities are tried, px (OpenCV's numDisparities).",
         ge=1,
@@ -120,14 +123,14 @@ class RectifiedSearch(SearchArea):
         json_schema_extra={"step": 16},
     )
     min_disparity: Annotated[int, Pixels(), Usual(-64, 64)] = Field(
-        0,
+        default=0,
         title="Smallest disparity",
         description="The first disparity tried, px (OpenCV's minDisparity).",
         ge=-512,
         le=512,
     )
     vertical: Annotated[int, Pixels(), Usual(high=16)] = Field(
-        0,
+        default=0,
         title="Vertical reach",
         description="Rows searched above and below, px, for pairs that are not quite rectified.",
         ge=0,

@@ -1,8 +1,8 @@
 """Window matching by batched FFT: every window against its own search area, many at a time.
 
 Beside :mod:`stereolag.stereo.windows.window_sums` this engine pays where windows are few (a low overlap) and the
-search is large, and it is the only one for scores that need a spectrum: phase correlation, and the circular correlation of an
-unpadded search.
+search is large, and it is the only one for scores that need a spectrum: phase correlation, and the circular
+correlation of an unpadded search.
 """
 
 from __future__ import annotations

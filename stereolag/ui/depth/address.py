@@ -12,36 +12,31 @@ from stereolag.reading import read_matcher
 from stereolag.reading.sources import quoted
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.ui.addresses import parameters_of, settings_of
+from stereolag.ui import keys
+from stereolag.ui.addresses import parameters_of, recalled_settings
 from stereolag.ui.choices import OWN
-from stereolag.ui.depth.inputs import DIVISORS
-from stereolag.ui.matcher_controls import set_controls
-from stereolag.ui.matchers import first_settings
-from stereolag.ui.pairs import StereoPair
+from stereolag.ui.matcher_controls import first_settings, set_controls
+from stereolag.ui.pairs import SIZES, StereoPair
 
 WRITTEN_KEY = "depth.address"
 """In the session's state: the parameters as this page wrote them last."""
 
-PREFIXES: dict[type[StereoMatcher], str] = {CorrelationMatcher: "", StereoBM: "bm.", StereoSGBM: "sgbm."}
-"""What stands before the settings of each method."""
-
-PAIR, SIZE = "pair", "size"
+ADOPTED = "depth.adopt"
+"""In the session's state: the settings to take over, as :func:`stereolag.reading.matchers.read_matcher` reads them."""
 
 
-def recall_choices(key: str) -> dict[str, str]:
-    """Choose the example and the size that a new address names; return its other parameters, for the settings.
+def recall_choices() -> dict[str, str]:
+    """Choose the example, the size and the methods that a new address names; return its other parameters.
 
     An address is new when it is not what this page wrote last: a link that was opened, or a step back.
     """
     found = st.query_params.to_dict()
     if not found or found == st.session_state.get(WRITTEN_KEY):
         return {}
-    for name, allowed, place in ((PAIR, samples.stereo_pairs(), key), (SIZE, DIVISORS, f"{key}.size")):
+    for name, (key, allowed) in _choices().items():
         value = found.pop(name, None)
         if value in allowed:
-            st.session_state[place] = value
+            st.session_state[key] = value
         elif value is not None:
             st.warning(f"{name} = {quoted(value)} in the address is ignored: allowed are {', '.join(allowed)}.")
     return found
@@ -51,38 +46,29 @@ def recall_settings(parameters: Mapping[str, str], pair: StereoPair) -> None:
     """Set the controls, none of which must be drawn yet, to the settings that an address names."""
     if not parameters:
         return
-    for kind in METHODS.values():
-        prefix = PREFIXES[kind]
-        named = {name.removeprefix(prefix): text for name, text in parameters.items() if _prefix(name) == prefix}
-        recalled = settings_of(named, first_settings(kind, pair), prefix=prefix)
+    for kind in METHODS:
+        prefix = _prefix(kind)
+        named = {name.removeprefix(prefix): text for name, text in parameters.items() if _prefix_of(name) == prefix}
+        recalled = recalled_settings(named, first_settings(kind, pair), prefix=prefix)
         set_controls(recalled.settings, pair)
         for sentence in recalled.ignored:
             st.warning(f"In the address, {sentence}")
 
 
-def write_address(pair: StereoPair, matchers: Iterable[StereoMatcher | None], key: str = "pairs") -> None:
+def write_address(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) -> None:
     """Put what is chosen and set into the address, as far as it is not as at first."""
-    chosen, size = st.session_state.get(key), st.session_state.get(f"{key}.size")
     parameters: dict[str, str] = {}
-    if chosen not in (None, OWN, next(iter(samples.stereo_pairs()))):
-        parameters[PAIR] = chosen
-    if size not in (None, next(iter(DIVISORS))):
-        parameters[SIZE] = size
+    for name, (key, allowed) in _choices().items():
+        value = st.session_state.get(key)
+        if value in allowed and value != allowed[0]:
+            parameters[name] = value
     for matcher in matchers:
         if matcher is not None:
             found = parameters_of(matcher, first_settings(type(matcher), pair))
-            parameters |= {PREFIXES[type(matcher)] + name: text for name, text in found.items()}
+            parameters |= {_prefix(type(matcher)) + name: text for name, text in found.items()}
     st.session_state[WRITTEN_KEY] = parameters
     if st.query_params.to_dict() != parameters:
         st.query_params.from_dict(parameters)
-
-
-def _prefix(name: str) -> str:
-    return next((prefix for prefix in PREFIXES.values() if prefix and name.startswith(prefix)), "")
-
-
-ADOPTED = "depth.adopt"
-"""In the session's state: the settings to take over, as :func:`stereolag.reading.matchers.read_matcher` reads them."""
 
 
 def adopt(matcher: StereoMatcher) -> None:
@@ -92,7 +78,43 @@ def adopt(matcher: StereoMatcher) -> None:
 
 
 def take_over(pair: StereoPair) -> None:
-    """Set the controls, none of which must be drawn yet, to the settings that were handed over, if there are any."""
+    """Show the settings that were handed over, if there are any; no control must be drawn yet in this run."""
     handed_over: str | None = st.session_state.pop(ADOPTED, None)
     if handed_over is not None:
-        set_controls(read_matcher(handed_over.encode()), pair)
+        show_settings(read_matcher(handed_over.encode()), pair)
+
+
+def show_settings(matcher: StereoMatcher, pair: StereoPair) -> None:
+    """Set the controls of a method to these settings, and show the method if it is neither of the two shown."""
+    set_controls(matcher, pair)
+    shown = [st.session_state.get(key, first) for key, first in methods_at_first().items()]
+    if matcher.short_name not in shown:
+        st.session_state[keys.FIRST_METHOD] = matcher.short_name
+
+
+def methods_at_first() -> dict[str, str]:
+    """Return the key of each of the two methods shown side by side, and the short name of the method at first."""
+    return {keys.FIRST_METHOD: METHODS[0].short_name, keys.SECOND_METHOD: METHODS[1].short_name}
+
+
+def _choices() -> dict[str, tuple[str, list[str]]]:
+    """Return what an address can choose: by its name there, the key it is kept under and what is allowed, first first.
+
+    Files of the visitor's own are no choice: an address does not hold them.
+    """
+    names = [method.short_name for method in METHODS]
+    return {
+        "pair": (keys.PAIR, [name for name in samples.stereo_pairs() if name != OWN]),
+        "size": (keys.SIZE, [*SIZES]),
+        "method": (keys.FIRST_METHOD, names),
+        "beside": (keys.SECOND_METHOD, [names[1], *(name for name in names if name != names[1])]),
+    }
+
+
+def _prefix(kind: type[StereoMatcher]) -> str:
+    """Return what stands before the settings of a method: nothing for the first."""
+    return "" if kind is METHODS[0] else f"{kind.short_name}."
+
+
+def _prefix_of(name: str) -> str:
+    return next((prefix for prefix in map(_prefix, METHODS) if prefix and name.startswith(prefix)), "")

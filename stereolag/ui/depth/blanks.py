@@ -10,7 +10,8 @@ from stereolag.figures.linked_pictures import Picture, Reading, hexadecimal, wor
 from stereolag.figures.reasons import REASON_COLOURS, reasons_picture, share_of_reasons
 from stereolag.stereo.opencv import BlockMatcher
 from stereolag.stereo.reasons import Reason
-from stereolag.ui.depth.view import DepthView, settings_of
+from stereolag.ui.depth.maps import settings_key
+from stereolag.ui.depth.view import DepthView
 from stereolag.ui.linked_pictures import linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed
@@ -52,9 +53,10 @@ def reasons_of(view: DepthView, name: str) -> ReasonMap:
     if not isinstance(result.settings, BlockMatcher):
         return result.reason
     return computed(
+        "reasons",
         lambda progress: blank_reasons(result, view.pair.left, view.pair.right, progress=progress),
         inputs=view.pair.digest,
-        settings=settings_of(result),
+        settings=settings_key(result),
         shared=view.pair.shared,
         label=f"Finding the reasons of {name} …",
     )

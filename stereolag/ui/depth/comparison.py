@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import streamlit as st
 
+from stereolag.arrays import FloatMap
 from stereolag.figures.differences import (
     ALL_AGREE,
     ALL_DIFFER,
@@ -16,10 +17,10 @@ from stereolag.figures.differences import (
 )
 from stereolag.figures.linked_pictures import Legend, Picture, Reading, hexadecimal, strip_legend, word_legend
 from stereolag.stereo.evaluation import consensus, evaluate
-from stereolag.ui.depth.view import TRUTH, DepthView, left_picture, map_legends, map_picture, truth_picture
+from stereolag.ui.depth.maps import TRUTH, left_picture, map_legends, map_picture, truth_picture
+from stereolag.ui.depth.view import DepthView
 from stereolag.ui.linked_pictures import linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.pairs import Disparity
 from stereolag.ui.sentences import percent
 
 KEY = "depth.comparison"
@@ -40,7 +41,7 @@ def show_comparison(view: DepthView) -> None:
     linked_pictures(pictures, key=KEY, legends=legends)
 
 
-def _difference(maps: dict[str, Disparity], legends: list[Legend]) -> Picture:
+def _difference(maps: dict[str, FloatMap], legends: list[Legend]) -> Picture:
     """Ask for two of the maps and return the one minus the other."""
     names = list(maps)
     with st.container(horizontal=True, vertical_alignment="center"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ from stereolag.doctor import (
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.matcher_controls import set_controls
-from stereolag.ui.pairs import StereoPair
+from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.results import computed, computed_in_turn
 from stereolag.ui.sentences import (
     DOCTOR_HEALTHY,
@@ -51,6 +50,7 @@ def show_doctor(view: DepthView) -> None:
     """Show what the doctor finds on the pair and in the ranges searched, and a button for each remedy."""
     pair = view.pair
     diagnosis = computed_in_turn(
+        "diagnosis",
         lambda progress: diagnose(pair.left, pair.right),
         estimate_diagnosis(pair.left.shape, pair.left.dtype),
         inputs=pair.digest,
@@ -70,8 +70,8 @@ def show_doctor(view: DepthView) -> None:
             st.warning(problems_in_words(len(ill)), icon=":material/stethoscope:")
         for one in ill:
             _show(one)
-        for number, done in enumerate(pair.notes[len(pair.notes) - len(pair.remedies) :]):
-            _show_remedy(pair, number, done)
+        for number, change in enumerate(pair.remedies):
+            _show_remedy(pair, number, change)
         _show_all(advice, "All checks" if ill else HEALTHY)
 
 
@@ -112,20 +112,27 @@ def _prescribe(pair: StereoPair, remedy: Remedy | None) -> None:
     """Note that the visitor wants this remedy; swapping swapped sides is no remedy but undoes the other."""
     if remedy is None:
         return
-    if remedy is Remedy.SWAP_SIDES and remedy in pair.remedies:
-        _undo(pair, pair.remedies.index(remedy))
+    applied = _applied(pair)
+    if remedy is Remedy.SWAP_SIDES and remedy in applied:
+        _undo(pair, applied.index(remedy))
     else:
-        st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*pair.remedies, remedy)
+        st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*applied, remedy)
 
 
 def _undo(pair: StereoPair, number: int) -> None:
-    remedies = (*pair.remedies[:number], *pair.remedies[number + 1 :])
-    st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = remedies
+    applied = _applied(pair)
+    st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*applied[:number], *applied[number + 1 :])
+
+
+def _applied(pair: StereoPair) -> tuple[Remedy, ...]:
+    """Return the remedies that were applied to the pair."""
+    return tuple(Remedy(change.name.removeprefix("+")) for change in pair.remedies)
 
 
 def _remedied(pair: StereoPair, remedy: Remedy) -> StereoPair:
     """Return the pair after one remedy, from memory where it was applied before."""
     return computed(
+        "remedy",
         lambda progress: _with_remedy(pair, remedy),
         inputs=pair.digest,
         settings=remedy,
@@ -140,18 +147,12 @@ def _with_remedy(pair: StereoPair, remedy: Remedy) -> StereoPair:
     done = REMEDIES_DONE[remedy]
     if remedy is Remedy.SWAP_SIDES and pair.truth is not None:
         done += f" {TRUTH_DROPPED}"
-    remedied = replace(
-        pair,
-        left=left,
-        right=right,
-        digest=f"{pair.digest} +{remedy}",
-        notes=(*pair.notes, done),
-        remedies=(*pair.remedies, remedy),
-        original=pair.source,
-    )
+    change = Change(f"+{remedy}", done, remedy=True)
     if remedy is Remedy.SWAP_SIDES:
-        return replace(remedied, truth=None, visible=None)
-    return replace(remedied, calibration=None) if remedy is Remedy.LEVEL else remedied
+        return pair.after(change, left=left, right=right, truth=None, visible=None)
+    if remedy is Remedy.LEVEL:
+        return pair.after(change, left=left, right=right, calibration=None)
+    return pair.after(change, left=left, right=right)
 
 
 def _show_all(advice: list[Advice], heading: str) -> None:
@@ -167,11 +168,11 @@ def _show(advice: Advice) -> None:
             _button(remedy_in_words(advice.finding), f"depth.doctor.{advice.finding.remedy}", advice.apply)
 
 
-def _show_remedy(pair: StereoPair, number: int, done: str) -> None:
+def _show_remedy(pair: StereoPair, number: int, change: Change) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        st.markdown(f":blue[:material/healing:] {done}", width="stretch")
-        earlier = pair.remedies[:number].count(pair.remedies[number])
-        key = f"depth.doctor.undo.{pair.remedies[number]}" + (f".{earlier}" if earlier else "")
+        st.markdown(f":blue[:material/healing:] {change.sentence}", width="stretch")
+        earlier = pair.remedies[:number].count(change)
+        key = f"depth.doctor.undo.{change.name.removeprefix('+')}" + (f".{earlier}" if earlier else "")
         _button("Undo", key, partial(_undo, pair, number))
 
 

@@ -16,9 +16,8 @@ from stereolag.ui.choices import choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
 from stereolag.ui.depth.doctor import treated
 from stereolag.ui.depth.own_pair import ask_own_pair
-from stereolag.ui.matcher_controls import set_controls
-from stereolag.ui.matchers import matchers_in_use
-from stereolag.ui.pairs import StereoPair, example_pair
+from stereolag.ui.matcher_controls import matchers_in_use, set_controls
+from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
 from stereolag.ui.results import computed
 
 KEY = "pairs"
@@ -30,7 +29,7 @@ def choose_pair() -> StereoPair:
     Settings that the address names, or that a part of the page handed over, are set in the controls, which must
     therefore be drawn after this.
     """
-    named = recall_choices(KEY)
+    named = recall_choices()
     examples = samples.stereo_pairs()
     choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
     with choices:
@@ -39,14 +38,11 @@ def choose_pair() -> StereoPair:
     with choices:
         pair = ask_size(pair, KEY)
     pair = treated(rectified(pair))
-    untold = pair.notes[: len(pair.notes) - len(pair.remedies)]
-    st.caption(" ".join((pair.description, *untold)))
+    told = [change.sentence for change in pair.changes if change.sentence and not change.remedy]
+    st.caption(" ".join((pair.description, *told)))
     recall_settings(named, pair)
     take_over(pair)
     return pair
-
-
-DIVISORS = {"Automatic": None, "Full": 1, "1/2": 2, "1/4": 4}
 
 
 def ask_size(pair: StereoPair, key: str) -> StereoPair:
@@ -54,7 +50,7 @@ def ask_size(pair: StereoPair, key: str) -> StereoPair:
     rows, cols = pair.left.shape[:2]
     chosen = st.segmented_control(
         "Size",
-        [*DIVISORS],
+        [*SIZES],
         default="Automatic",
         required=True,
         key=f"{key}.size",
@@ -62,7 +58,7 @@ def ask_size(pair: StereoPair, key: str) -> StereoPair:
         help="Half the size takes an eighth of the time. Search range, windows, focal length and truth change with the "
         "pictures. Automatic is full size up to a megapixel.",
     )
-    divisor = DIVISORS[chosen] or preview_divisor(cols, rows)
+    divisor = SIZES[chosen] or preview_divisor(cols, rows)
     small = pair if divisor == 1 else _resized(pair, divisor)
     _scale_controls(pair, small, divisor, key)
     return small
@@ -71,6 +67,7 @@ def ask_size(pair: StereoPair, key: str) -> StereoPair:
 def _resized(pair: StereoPair, divisor: int) -> StereoPair:
     try:
         return computed(
+            "resized pair",
             lambda progress: _at(pair, divisor),
             inputs=pair.digest,
             settings=str(divisor),
@@ -91,16 +88,15 @@ def _at(pair: StereoPair, divisor: int) -> StereoPair:
     if visible is not None:
         visible = cv2.resize(visible.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT) > 0
     full = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
-    return replace(
-        pair,
+    shown = f"Shown at 1/{divisor} of its size: {size[0]} × {size[1]} of {full} pixels."
+    return pair.after(
+        Change(f"1/{divisor}", shown),
         left=left,
         right=right,
         truth=None if pair.truth is None else scaled_disparity(pair.truth, factor),
         visible=visible,
         num_disparities=None if pair.num_disparities is None else -(-pair.num_disparities // divisor),
         calibration=None if pair.calibration is None else pair.calibration.scaled(factor),
-        digest=f"{pair.digest} 1/{divisor}",
-        notes=(*pair.notes, f"Shown at 1/{divisor} of its size: {size[0]} × {size[1]} of {full} pixels."),
     )
 
 
@@ -126,6 +122,7 @@ def rectified(pair: StereoPair) -> StereoPair:
         return pair
     try:
         return computed(
+            "rectified pair",
             lambda progress: _rectified(pair),
             inputs=pair.digest,
             settings="",
@@ -141,16 +138,14 @@ def _rectified(pair: StereoPair) -> StereoPair:
     assert pair.calibration is not None
     assert pair.calibration.rig is not None
     left, right, calibration = rectify(pair.left, pair.right, pair.calibration.rig)
-    notes = [*pair.notes, RECTIFIED]
+    said = RECTIFIED
     if pair.truth is not None:
-        notes.append("The true disparity is of the picture before that and is left out.")
-    return replace(
-        pair,
+        said += " Its ground truth belongs to the image before that and is left out."
+    return pair.after(
+        Change("rectified", said),
         left=left,
         right=right,
         truth=None,
         visible=None,
-        digest=f"{pair.digest} rectified",
         calibration=calibration,
-        notes=tuple(notes),
     )

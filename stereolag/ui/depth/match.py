@@ -22,8 +22,11 @@ from stereolag.figures.match import (
 )
 from stereolag.figures.pictures import as_rgb
 from stereolag.stereo.reasons import Reason
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.blanks import reasons_of
+from stereolag.ui.depth.maps import TRUTH
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import show_png, shown_progress
 from stereolag.ui.linked_pictures import Mark, linked_pictures
@@ -32,15 +35,21 @@ from stereolag.ui.sentences import (
     BEFORE_OPTIMISATION,
     EXAMPLE_LABELS,
     HIDDEN_FROM_RIGHT,
+    NO_CORRELATION,
     NO_EXAMPLE,
+    NO_FIT,
     REASON_WORDS,
     RIGHT_PX,
+    ROW_FIT,
+    SQUARE_FIT,
     match_against_truth,
     match_in_words,
 )
 
 KEY = "depth.inspection"
 ROWS_AROUND = 8
+SAME_PX = 1e-4
+"""A disparity no farther from the match's own is drawn once, px."""
 PLAIN_CHART = {"displayModeBar": False}
 
 EXAMPLE_ICONS = {
@@ -56,11 +65,9 @@ Pixel = tuple[int, int]
 @fragment
 def show_inspection(view: DepthView) -> None:
     """Show for one pixel the window, where it was looked for, every score, and the disparity of each method."""
-    matcher = next(
-        (one.settings for one in view.results.values() if isinstance(one.settings, CorrelationMatcher)), None
-    )
+    matcher = _correlation(view)
     if matcher is None:
-        st.info("Correlation has no result to explain yet.")
+        st.info(NO_CORRELATION)
         return
     _offer_examples(view, matcher)
     row, col = _pixel(view)
@@ -89,6 +96,18 @@ def show_inspection(view: DepthView) -> None:
     with hill:
         _show_scores(view, matcher, seen, (row, col))
     _show_row(view, seen, (row, col))
+
+
+def _correlation(view: DepthView) -> CorrelationMatcher | None:
+    """Return the correlation to explain: that of a map shown, or the one that semi-global optimisation starts from."""
+    shown = [result.settings for result in view.results.values()]
+    own = next((matcher for matcher in shown if isinstance(matcher, CorrelationMatcher)), None)
+    optimised = next((matcher for matcher in shown if isinstance(matcher, SemiGlobalMatcher)), None)
+    if own is not None or optimised is None:
+        return own
+    search = SearchArea.rectified(optimised.num_disparities, optimised.min_disparity)
+    size = optimised.window_size
+    return CorrelationMatcher(window_size=size, overlap=1 - 1 / size, search=search)
 
 
 def _pixel_key(view: DepthView) -> str:
@@ -159,7 +178,7 @@ def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExpla
         said += f" {HIDDEN_FROM_RIGHT}"
     sure = seen.kind is MatchKind.CLEAR and not error > RIGHT_PX
     (st.success if sure else st.warning)(said)
-    if isinstance(matcher, SemiGlobalMatcher):
+    if all(result.settings != matcher for result in view.results.values()):
         st.caption(BEFORE_OPTIMISATION)
 
 
@@ -219,10 +238,10 @@ def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     with fit:
         st.markdown("##### Between the pixels")
         if seen.peak is None or np.isnan(seen.fit(0.0)):
-            st.caption("A peak at the edge has no neighbour on one side, and so no place between the pixels.")
+            st.caption(NO_FIT)
         else:
             st.plotly_chart(sub_pixel_fit(seen), key=f"{KEY}.fit", config=PLAIN_CHART)
-            st.caption(FITS[len(seen.around) > 1])
+            st.caption(SQUARE_FIT if len(seen.around) > 1 else ROW_FIT)
     st.markdown("##### The disparity by each method")
     lines = [f"| **{name}** | {said} |" for name, (_, said) in disparities.items()]
     st.markdown("\n".join(["| | disparity |", "|---|---|", *lines]))

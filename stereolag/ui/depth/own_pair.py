@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import streamlit as st
 
+from stereolag.arrays import FloatMap
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scaling import calibration_for, cropped_alike, halves
 from stereolag.inputs import Image, as_stereo_pair
 from stereolag.reading import read_disparity, read_image
 from stereolag.ui.depth.calibrating import Calibrated, ask_calibration
-from stereolag.ui.pairs import Disparity, StereoPair
+from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_together, put_together, upload
 
 SAME_PICTURE = "Left and right are one and the same picture: every disparity is 0, and there is no depth to see."
@@ -26,7 +27,7 @@ class Pictures:
     left: Image
     right: Image
     digest: str
-    notes: tuple[str, ...] = ()
+    changes: tuple[Change, ...] = ()
 
 
 def ask_own_pair(key: str) -> StereoPair | None:
@@ -61,8 +62,8 @@ def _ask_two_pictures(key: str) -> Pictures | None:
         right = upload("Right image", read_image, key=f"{key}.right", types=PICTURE_TYPES)
     if left is None or right is None:
         return None
-    notes = (SAME_PICTURE,) if left.digest == right.digest else ()
-    return Pictures(left.content, right.content, f"{left.digest} {right.digest}", notes)
+    changes = (Change("", SAME_PICTURE),) if left.digest == right.digest else ()
+    return Pictures(left.content, right.content, f"{left.digest} {right.digest}", changes)
 
 
 def _ask_one_picture(key: str) -> Pictures | None:
@@ -82,10 +83,10 @@ def _split(data: bytes) -> Pictures:
     left, right = halves(both)
     width = both.shape[1]
     odd = f" Its width of {width} px is odd: the middle column is left out." if width % 2 else ""
-    return Pictures(left, right, "", (f"The picture was split down the middle.{odd}",))
+    return Pictures(left, right, "", (Change("", f"The image was split down the middle.{odd}"),))
 
 
-def _ask_truth(key: str) -> Upload[Disparity] | None:
+def _ask_truth(key: str) -> Upload[FloatMap] | None:
     """Ask for the true disparity of the left image."""
     divisor = st.session_state.get(f"{key}.divisor")
     truth = upload(
@@ -108,17 +109,17 @@ def _ask_truth(key: str) -> Upload[Disparity] | None:
     return truth
 
 
-def _together(pictures: Pictures, truth: Upload[Disparity] | None, calibration: Calibrated | None) -> StereoPair:
+def _together(pictures: Pictures, truth: Upload[FloatMap] | None, calibration: Calibrated | None) -> StereoPair:
     """Return the pair; ValueError where the files do not belong together."""
     left, right = as_stereo_pair(*cropped_alike(pictures.left, pictures.right))
     rows, cols = left.shape[:2]
-    notes = list(pictures.notes)
+    changes = list(pictures.changes)
     if pictures.left.shape[:2] != pictures.right.shape[:2]:
-        notes.append(f"The pictures differ by a few pixels and were cropped to {cols} × {rows}.")
+        changes.append(Change("", f"The images differ by a few pixels and were cropped to {cols} × {rows}."))
     disparity = None if truth is None else _fitting_truth(truth.content, pictures.left)[:rows, :cols]
     fitted = None if calibration is None else calibration_for(calibration.content, cols, rows)
     if calibration is not None and fitted is not calibration.content:
-        notes.append(f"The calibration was scaled to {cols} × {rows} pixels.")
+        changes.append(Change("", f"The calibration was scaled to {cols} × {rows} pixels."))
     return StereoPair(
         left,
         right,
@@ -128,11 +129,11 @@ def _together(pictures: Pictures, truth: Upload[Disparity] | None, calibration: 
         " ".join((pictures.digest, truth.digest if truth else "", _digest_of(calibration))),
         False,
         fitted,
-        notes=tuple(notes),
+        changes=tuple(changes),
     )
 
 
-def _fitting_truth(truth: Disparity, left: Image) -> Disparity:
+def _fitting_truth(truth: FloatMap, left: Image) -> FloatMap:
     if truth.shape != left.shape[:2]:
         (height, width), (rows, cols) = truth.shape, left.shape[:2]
         raise ValueError(

@@ -6,10 +6,11 @@ import math
 
 import streamlit as st
 
+from stereolag.arrays import FloatMap
 from stereolag.figures.pictures import PEAK
 from stereolag.geometry.distances import FIELD_OF_VIEW, SeenPoint, calibrated_by, distance_between
 from stereolag.stereo.reasons import Reason
-from stereolag.ui.depth.blanks import REASON_WORDS, reasons_of
+from stereolag.ui.depth.blanks import reasons_of
 from stereolag.ui.depth.calibrating import (
     KnownDistance,
     calibration_of,
@@ -17,10 +18,12 @@ from stereolag.ui.depth.calibrating import (
     keep_known_distance,
     known_distance,
 )
-from stereolag.ui.depth.view import TRUTH, DepthView, left_picture, map_legends, map_picture, truth_picture
+from stereolag.ui.depth.maps import TRUTH, left_picture, map_legends, map_picture, truth_picture
+from stereolag.ui.depth.view import DepthView
 from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.pairs import Disparity, StereoPair
+from stereolag.ui.pairs import StereoPair
+from stereolag.ui.sentences import REASON_WORDS
 
 KEY = "depth.readout"
 
@@ -84,7 +87,7 @@ def _table(view: DepthView, points: list[Pixel]) -> str:
     if len(points) == 2 and metric:
         heads.append("A to B")
     lines = [heads, ["---"] * len(heads)]
-    maps: dict[str, Disparity] = {name: result.disparity for name, result in view.results.items()}
+    maps: dict[str, FloatMap] = {name: result.disparity for name, result in view.results.items()}
     if view.pair.truth is not None:
         maps[TRUTH] = view.pair.truth
     for name, disparity in maps.items():
@@ -121,7 +124,7 @@ def _depth_in_words(view: DepthView, name: str, disparity: float) -> str:
     return _metres(depth, float(calibration.depth_uncertainty(disparity, _error(view, name))))
 
 
-def _distance_in_words(view: DepthView, name: str, disparity: Disparity, points: list[Pixel]) -> str:
+def _distance_in_words(view: DepthView, name: str, disparity: FloatMap, points: list[Pixel]) -> str:
     calibration = calibration_of(view.pair)
     if calibration is None:
         return "–"

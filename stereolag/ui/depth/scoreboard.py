@@ -7,18 +7,20 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
 
+from stereolag.arrays import FloatMap
 from stereolag.export import metrics_csv
 from stereolag.figures.differences import error_legend, error_over_coverage, error_png
 from stereolag.stereo.evaluation import CoverageCurve, Evaluation, error_against_coverage, evaluate
 from stereolag.stereo.matcher import DisparityMap
-from stereolag.ui.depth.view import DepthView, judged, settings_of
+from stereolag.ui.depth.maps import settings_key
+from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import show_png
 from stereolag.ui.navigation import fragment
+from stereolag.ui.pairs import StereoPair
 from stereolag.ui.private_files import download_button
 from stereolag.ui.results import computed
 
@@ -67,21 +69,42 @@ def show_scoreboard(view: DepthView) -> None:
     _show_curves({name: judgement.curve for name, judgement in judgements.items()})
 
 
-def _judged(view: DepthView, result: DisparityMap, truth: npt.NDArray[np.float32]) -> Judgement:
+def evaluations(view: DepthView) -> dict[str, Evaluation]:
+    """Return the figures of every method against the ground truth, by the rows of the table of metrics."""
+    truth = view.pair.truth
+    if truth is None:
+        return {}
+    return _by_row({name: _evaluations_of(view.pair, result, truth) for name, result in view.results.items()})
+
+
+def _by_row(judged: Mapping[str, Mapping[str, Evaluation]]) -> dict[str, Evaluation]:
+    return {
+        name if pixels == ALL else f"{name} (non-occluded)": evaluation
+        for name, evaluated in judged.items()
+        for pixels, evaluation in evaluated.items()
+    }
+
+
+def _evaluations_of(pair: StereoPair, result: DisparityMap, truth: FloatMap) -> dict[str, Evaluation]:
+    """Return the figures of one map over all pixels and, where it is known which these are, the visible ones."""
+    found = {ALL: evaluate(result.disparity, truth)}
+    if pair.visible is not None and (pair.visible & np.isfinite(truth)).any():
+        found[VISIBLE] = evaluate(result.disparity, truth, mask=pair.visible)
+    return found
+
+
+def _judged(view: DepthView, result: DisparityMap, truth: FloatMap) -> Judgement:
     """Return the figures of a map; from memory where they were worked out before."""
 
     def judge(_: object) -> Judgement:
-        evaluations = {ALL: judged(view.pair, result, truth)}
-        visible = view.pair.visible
-        if visible is not None and (visible & np.isfinite(truth)).any():
-            evaluations[VISIBLE] = evaluate(result.disparity, truth, mask=visible)
         curve = error_against_coverage(result.disparity, truth, result.score, threshold=THRESHOLD_PX)
-        return Judgement(evaluations, curve)
+        return Judgement(_evaluations_of(view.pair, result, truth), curve)
 
     return computed(
+        "judgement",
         judge,
         inputs=view.pair.digest,
-        settings=settings_of(result),
+        settings=settings_key(result),
         shared=view.pair.shared,
         label="Judging all pixels and the surest …",
     )
@@ -99,14 +122,9 @@ def _show_tables(judgements: Mapping[str, Judgement]) -> None:
             help="A method can look good by answering only where it is easy: counted as wrong, a pixel without an "
             "answer costs as much as a wrong one. Left out, the figures tell how far to trust the answers there are.",
         )
-        figures = {
-            name if pixels == ALL else f"{name} (non-occluded)": evaluation
-            for name, judgement in judgements.items()
-            for pixels, evaluation in judgement.evaluations.items()
-        }
         download_button(
             "Figures as CSV",
-            metrics_csv(figures),
+            metrics_csv(_by_row({name: judgement.evaluations for name, judgement in judgements.items()})),
             "metrics.csv",
             "text/csv",
             key="depth.scoreboard.csv",

@@ -14,7 +14,8 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.clouds import MOST_POINTS, BirdsEyeView, clean_point_cloud, seen_from_above, subsampled
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui.depth.calibrating import calibration_of
-from stereolag.ui.depth.view import DepthView, settings_of
+from stereolag.ui.depth.maps import settings_key
+from stereolag.ui.depth.view import DepthView
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed
 
@@ -128,9 +129,10 @@ def _space(view: DepthView, result: DisparityMap, calibration: Calibration, fart
         return Space(some, their_colours, len(points), flying, farthest, above)
 
     return computed(
+        "points",
         work_out,
         inputs=view.pair.digest,
-        settings=f"{settings_of(result)} {calibration} {farthest}",
+        settings=f"{settings_key(result)} {calibration} {farthest}",
         shared=view.pair.shared,
         label="Placing the points …",
     )

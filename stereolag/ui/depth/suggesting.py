@@ -10,10 +10,9 @@ import streamlit as st
 
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.tuning.objective import affordable_bench
+from stereolag.tuning.parameters import parameters
 from stereolag.tuning.suggestion import Suggestion, suggest
-from stereolag.ui.controls import sentence
 from stereolag.ui.depth.address import adopt
-from stereolag.ui.depth.parameters import parameters
 from stereolag.ui.depth.sweeping import ask_method, merit_in_words
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.jobs import Job, waiting_in_words
@@ -114,7 +113,7 @@ def _show_search(view: DepthView, search: Search, was_running: bool) -> None:
     except CancelledError:  # before its turn came
         return
     except ValueError as error:
-        st.error(sentence(error))
+        st.error(str(error))
         return
     _show_suggestion(view, search.start, found)
 

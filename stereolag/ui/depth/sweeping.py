@@ -5,19 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import cast
 
 import streamlit as st
 
 from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_merits
 from stereolag.progress import Progress
-from stereolag.settings import changed
+from stereolag.settings import Number, changed
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.tuning.objective import affordable_bench
+from stereolag.tuning.parameters import Parameter, parameters
 from stereolag.tuning.sweep import sweep
-from stereolag.ui.controls import Number, sentence
 from stereolag.ui.depth.address import adopt
-from stereolag.ui.depth.parameters import Parameter, parameters
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed_in_turn
@@ -85,7 +83,7 @@ def ask_method(view: DepthView, *, key: str) -> StereoMatcher:
     """Ask for a method; return its settings."""
     names = list(view.results)
     name = st.segmented_control("Method", names, default=names[0], required=True, key=key)
-    return cast("StereoMatcher", view.results[name].settings)
+    return view.results[name].settings
 
 
 def _ask_axes(matcher: StereoMatcher) -> tuple[Axis, Axis] | None:
@@ -98,7 +96,7 @@ def _ask_axes(matcher: StereoMatcher) -> tuple[Axis, Axis] | None:
             for number, label in enumerate(("Down", "Across"))
         )
     except ValueError as error:
-        st.error(sentence(error))
+        st.error(str(error))
         return None
     if down.parameter == across.parameter:
         st.error("Choose two different settings: one goes down, the other across.")
@@ -172,6 +170,7 @@ def _compute(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], k
 
     try:
         shown = computed_in_turn(
+            "sweep",
             work,
             replace(once, seconds=min(BUDGET_S, trials * once.seconds)),
             inputs=pair.digest,
@@ -180,7 +179,7 @@ def _compute(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], k
             label="Trying all combinations …",
         )
     except ValueError as error:
-        st.error(sentence(error))
+        st.error(str(error))
         shown = None
         del st.session_state[WANTED_KEY]
     if shown is not None:
@@ -225,7 +224,7 @@ def _take_over(matcher: StereoMatcher, axes: tuple[Axis, Axis], row: int, col: i
     try:
         chosen = changed(matcher, {down.parameter.name: down.values[row], across.parameter.name: across.values[col]})
     except ValueError as error:
-        st.error(sentence(error))
+        st.error(str(error))
         return
     adopt(chosen)
 

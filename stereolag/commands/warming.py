@@ -1,4 +1,4 @@
-"""``python -m stereolag.warming``: compile every loop once and keep the machine code on disk.
+"""``python -m stereolag.commands.warming``: compile every loop once and keep the machine code on disk.
 
 The first visitor of the app, or the first call of a script, then waits for nothing: each measurement is made once, on
 little, for every type of image and recording that a loop is compiled apart for.

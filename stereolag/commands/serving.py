@@ -1,7 +1,7 @@
 """Start the app if it can serve a page, and say why if it cannot.
 
-``python -P stereolag/ui/serving.py``: run as a file it imports nothing of the library, and can still tell that the
-library cannot be imported. The health address of Streamlit knows nothing of the pages.
+``stereolag app``, or ``python -P stereolag/commands/serving.py``: run as a file it imports nothing of the library, and
+can still tell that the library cannot be imported. The health address of Streamlit knows nothing of the pages.
 """
 
 from __future__ import annotations
@@ -16,7 +16,13 @@ from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
-APP = Path(__file__).resolve().parents[2] / "app.py"
+PACKAGE = Path(__file__).resolve().parents[1]
+INSTALLED = PACKAGE / "app" / "app.py"
+APP = INSTALLED if INSTALLED.is_file() else PACKAGE.parent / "app.py"
+"""The home page: within the installed package, or beside it in a checkout."""
+
+DESCRIPTION = """Start the app. Whatever else is given goes to "streamlit run", for example --server.address 127.0.0.1;
+a path in it is absolute, since the app runs in its own folder."""
 
 PATIENCE_S = 300
 """How long the first page may take: without machine code on disk all of its loops are compiled."""
@@ -47,7 +53,8 @@ def page_fault() -> str | None:
     It is opened in a process of its own, which may fail in any way, and leaves the server none of its memory.
     """
     command = [sys.executable, "-P", __file__, "--check"]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(APP.parent), os.environ.get("PYTHONPATH", "")])}
+    # What the server will import from: Streamlit puts the app's folder first.
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(APP.parent), *sys.path])}
     ran = subprocess.run(command, cwd=APP.parent, env=environment, capture_output=True, text=True, check=False)
     if ran.returncode == 0:
         return None
@@ -55,8 +62,8 @@ def page_fault() -> str | None:
     return said[-1] if said else f"Python ended with {ran.returncode}."
 
 
-def port_fault(port: int) -> str | None:
-    """Return in one line why a port cannot be listened on, or None where it can."""
+def port_fault(port: int, remedy: str) -> str | None:
+    """Return in one line why a port cannot be listened on, and how to name another; None where it can be."""
     both = socket.has_dualstack_ipv6()
     family = socket.AF_INET6 if both else socket.AF_INET
     try:
@@ -66,35 +73,44 @@ def port_fault(port: int) -> str | None:
         return f"{port} is no port: it goes up to 65535."
     except OSError as error:
         reason = os.strerror(error.errno or 0)
-        return f"Port {port} cannot be used ({reason}): name another, for example PORT=8600 make run."
+        return f"Port {port} cannot be used ({reason}): name another, for example {remedy}."
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Tell a parser which options there are besides those of Streamlit."""
+    parser.description = DESCRIPTION
+    parser.add_argument("--port", type=int, default=8501, help="where it listens; 8501 unless given")
+    parser.add_argument("--check", action="store_true", help="open the home page once instead, without a server")
+
+
+def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) -> int:
     """Start the app and return when it was stopped.
 
     Parameters
     ----------
-    arguments
-        Those of the command line unless given. What is unknown here goes to ``streamlit run``.
+    options
+        Those of `add_options`.
+    others
+        What else was given: options of ``streamlit run``.
+    remedy
+        A command that takes another port, for who must be told that this one is taken.
 
     Returns
     -------
     int
         The code to exit with: 1 where the app cannot be started, after one line that says why.
     """
-    parser = argparse.ArgumentParser(description="Start the app.", allow_abbrev=False)
-    parser.add_argument("--port", type=int, default=8501, help="where it listens; 8501 unless given")
-    parser.add_argument("--check", action="store_true", help="open the home page once instead")
-    options, others = parser.parse_known_args(arguments)
     try:
         Path.home()
     except RuntimeError:  # Streamlit asks for it only to look for settings there
         os.environ["HOME"] = str(APP.parent)
+    # Streamlit reads .streamlit/config.toml of the current folder too: no other app's settings are to apply here.
+    os.chdir(APP.parent)
     if options.check:
         check_page()
         return 0
     try:
-        fault = port_fault(options.port) or page_fault()
+        fault = port_fault(options.port, remedy) or page_fault()
         if fault:
             print(f"stereolag cannot start: {fault}", file=sys.stderr)
             return 1
@@ -104,6 +120,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:  # before the server minds it
         return 130
     return 0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Start the app from this file.
+
+    Parameters
+    ----------
+    arguments
+        Those of the command line unless given.
+
+    Returns
+    -------
+    int
+        The code to exit with.
+    """
+    parser = argparse.ArgumentParser(allow_abbrev=False)
+    add_options(parser)
+    options, others = parser.parse_known_args(arguments)
+    return start(options, others, remedy="PORT=8600 make run")
 
 
 if __name__ == "__main__":

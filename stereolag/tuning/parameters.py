@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
-from pydantic import ValidationError
-
-from stereolag.settings import Settings, changed
+from stereolag.settings import Bounds, Number, Settings, changed
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui.controls import Bounds, Number
-from stereolag.ui.matcher_controls import APPLIES
 
 HALF_OCTAVE = math.sqrt(2)
 OUTWARDS = [sign * number for number in range(1, 13) for sign in (1, -1)]
@@ -73,18 +68,7 @@ class Parameter:
 
 def parameters(matcher: StereoMatcher) -> dict[str, Parameter]:
     """Return the numbers among the settings of a matcher that have an effect, by name, as they are declared."""
-    values = dict(matcher)
-    return {
-        parameter.name: parameter
-        for parameter in _within(matcher, "")
-        if _matters(parameter.name, values) and _free(matcher, parameter)
-    }
-
-
-def _matters(name: str, values: Mapping[str, Any]) -> bool:
-    """Return whether a parameter has an effect as the other settings are."""
-    applies = APPLIES.get(name.partition(".")[0])
-    return applies is None or applies(values)
+    return {parameter.name: parameter for parameter in _within(matcher, "") if _free(matcher, parameter)}
 
 
 def _free(matcher: StereoMatcher, parameter: Parameter) -> bool:
@@ -93,7 +77,7 @@ def _free(matcher: StereoMatcher, parameter: Parameter) -> bool:
         try:
             if changed(matcher, {parameter.name: value}) != matcher:
                 return True
-        except ValidationError:
+        except ValueError:
             continue
     return False
 
@@ -101,6 +85,8 @@ def _free(matcher: StereoMatcher, parameter: Parameter) -> bool:
 def _within(settings: Settings, path: str) -> Iterator[Parameter]:
     for name, field in type(settings).model_fields.items():
         value = getattr(settings, name)
+        if type(settings).obstacle(name, settings) is not None:
+            continue
         if isinstance(value, Settings):
             yield from _within(value, f"{path}{name}.")
         elif isinstance(value, int | float) and not isinstance(value, bool):

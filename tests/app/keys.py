@@ -1,0 +1,39 @@
+"""The controls that the tests move, by the keys that the app gives them."""
+
+from __future__ import annotations
+
+from stereolag.ui.keys import COLOURS, FIRST_METHOD, PART, SECOND_METHOD, VIEW, more_key, opened_key, preset_key
+from stereolag.ui.keys import setting_key as setting
+
+__all__ = ["COLOURS", "FIRST_METHOD", "PART", "SECOND_METHOD", "VIEW", "preset_key", "setting"]
+
+CUBE = "pair cube"
+
+WINDOW = setting("correlation", "window_size")
+OVERLAP = setting("correlation", "overlap")
+SEARCH = setting("correlation", "search.kind")
+DISPARITIES = setting("correlation", "search.rectified.num_disparities", CUBE)
+SMALLEST = setting("correlation", "search.rectified.min_disparity")
+VERTICAL = setting("correlation", "search.rectified.vertical")
+SEARCH_SIZE = setting("correlation", "search.centred.search_size", CUBE)
+REACH = setting("correlation", "search.centred.vertical")
+LEFT_RIGHT = setting("correlation", "left_right")
+MEDIAN = setting("correlation", "median")
+
+BLOCK = setting("bm", "block_size")
+BLOCK_SMALLEST = setting("bm", "min_disparity")
+BLOCK_UNIQUENESS = setting("bm", "uniqueness_ratio")
+BLOCK_SPECKLES = setting("bm", "speckle_window_size")
+BLOCK_SPECKLE_RANGE = setting("bm", "speckle_range")
+
+MORE, BLOCK_MORE = more_key("correlation"), more_key("bm")
+FOLDS = (
+    MORE,
+    BLOCK_MORE,
+    opened_key("sgbm"),
+    more_key("sgbm"),
+    opened_key("sgm"),
+    more_key("sgm"),
+    f"{COLOURS}.opened",
+)
+"""What is folded away on the depth page at first, and not drawn."""

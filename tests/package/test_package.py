@@ -1,0 +1,195 @@
+"""The wheel: it holds what the library and the app need, and works where nothing of the checkout is."""
+
+from __future__ import annotations
+
+import re
+import socket
+import subprocess
+import sys
+import sysconfig
+import time
+import urllib.error
+import urllib.request
+import venv
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
+
+from stereolag.commands import main
+from stereolag.loops.compilation import FOLDER
+from stereolag.version import VERSION
+from tests.protocol import visit
+
+PROJECT = Path(__file__).resolve().parents[2]
+PATIENCE_S = 120
+
+pytestmark = pytest.mark.xdist_group("package")
+
+PROGRAM = """
+from stereolag import CorrelationMatcher, DisparityMap, SearchArea, SignalLag, StereoBM
+from stereolag import __version__, read_image, samples, signal_lag
+
+pair = samples.stereo_pairs()["cube"]
+matcher = CorrelationMatcher(window_size=9, search=SearchArea.rectified(64))
+depth_map: DisparityMap = matcher.compute(read_image(pair.left), read_image(pair.right))
+lag: SignalLag = signal_lag(depth_map.disparity[0], depth_map.disparity[1], sampling_rate=1.0)
+made_by: str = f"stereolag {__version__}"
+coverage: float = StereoBM(num_disparities=64).compute(read_image(pair.left), read_image(pair.right)).coverage
+StereoBM(no_such_setting=1)  # type: ignore[call-arg]
+"""
+"""Strict type checking complains of the last comment too, unless the types are known."""
+
+
+def run(command: Sequence[str | Path], folder: Path) -> str:
+    """Run a command in a folder, and return what it prints where it succeeds."""
+    environment = {"PATH": sysconfig.get_path("scripts"), "HOME": str(folder), "NUMBA_CACHE_DIR": code()}
+    ran = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    return ran.stdout
+
+
+def code() -> str:
+    """Return where the machine code of the checkout is kept: the same loops are not compiled again."""
+    assert FOLDER is not None
+    return str(FOLDER.parent)
+
+
+def built(source: Path, folder: Path) -> Path:
+    """Build the wheel of a folder or an sdist and return its path."""
+    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel", "--quiet", "--no-deps"]
+    run([*command, "--no-build-isolation", "--no-index", "--wheel-dir", folder, source], folder)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def names_in(wheel: Path) -> set[str]:
+    with zipfile.ZipFile(wheel) as archive:
+        return set(archive.namelist())
+
+
+@pytest.fixture(scope="session")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(PROJECT, tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="session")
+def scripts(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Install the wheel into an environment that has its dependencies from here; return the folder of its commands."""
+    folder = tmp_path_factory.mktemp("environment")
+    venv.create(folder, symlinks=True)
+    places = sysconfig.get_paths(vars={"base": str(folder), "platbase": str(folder)})
+    Path(places["purelib"], "dependencies.pth").write_text(sysconfig.get_path("purelib"), encoding="utf-8")
+    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", folder, "install", "--quiet"]
+    run([*command, "--no-deps", "--no-compile", "--no-index", wheel], folder)
+    return Path(places["scripts"])
+
+
+def test_it_holds_the_library_the_app_and_the_examples_and_nothing_else(wheel: Path) -> None:
+    tracked = subprocess.run(["git", "ls-files"], cwd=PROJECT, capture_output=True, text=True, check=False)
+    if tracked.returncode:
+        pytest.skip("this is no checkout")
+    files = tracked.stdout.splitlines()
+    expected = {name for name in files if name.startswith("stereolag/")}
+    expected |= {f"stereolag/{name}" for name in files if name.startswith("assets/")}
+    expected |= {f"stereolag/app/{name}" for name in files if name.startswith(("app.py", "pages/", ".streamlit/"))}
+    assert {Path(name).suffix for name in expected} >= {".py", ".js", ".css", ".html", ".svg", ".toml", ".flac", ".png"}
+    assert "stereolag/py.typed" in expected
+    assert {name for name in names_in(wheel) if ".dist-info/" not in name} == expected
+    assert f"stereolag-{VERSION}.dist-info/licenses/LICENSE" in names_in(wheel)
+
+
+def test_an_sdist_makes_the_same_wheel(wheel: Path, tmp_path: Path) -> None:
+    run([sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", tmp_path], PROJECT)
+    (sdist,) = tmp_path.glob("*.tar.gz")
+    assert names_in(built(sdist, tmp_path)) == names_in(wheel)
+
+
+def test_the_program_in_the_readme_runs_in_another_folder(scripts: Path, tmp_path: Path) -> None:
+    (program,) = re.findall(r"```python\n(.*?)```", (PROJECT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    program += "print(samples.__file__, sl.__version__)"
+    lines = run([scripts / "python", "-W", "error", "-c", program], tmp_path).splitlines()
+    assert lines[0].startswith("50082 1.1356")
+    file, version = lines[-1].split()
+    assert Path(file).is_relative_to(scripts.parent)
+    assert version == VERSION
+
+
+def test_a_type_checker_knows_the_types_of_the_installed_package(scripts: Path, tmp_path: Path) -> None:
+    (tmp_path / "program.py").write_text(PROGRAM)
+    cache = PROJECT / ".mypy_cache" / "package"  # most of the time goes into NumPy's types
+    command = [sys.executable, "-m", "mypy", "--strict", "--python-executable", scripts / "python"]
+    assert "no issues" in run([*command, "--cache-dir", cache, "program.py"], tmp_path)
+
+
+def test_the_command_tells_its_version(scripts: Path, tmp_path: Path) -> None:
+    assert run([scripts / "stereolag", "--version"], tmp_path) == f"{VERSION}\n"
+
+
+def test_the_command_tells_its_options_and_refuses_what_it_does_not_know(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, code, said in (
+        (["--help"], 0, "app"),
+        (["app", "--help"], 0, "--port"),
+        ([], 2, "command"),
+        (["ap"], 2, "invalid choice: 'ap'"),
+        (["app", "--port", "http"], 2, "invalid int value: 'http'"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(arguments)
+        assert ended.value.code == code
+        assert said in "".join(capsys.readouterr())
+
+
+@contextmanager
+def served(scripts: Path, folder: Path) -> Iterator[tuple[str, Path]]:
+    """Run ``stereolag app`` in a folder, and give its address and the file that it prints to once it is healthy."""
+    with socket.socket() as listener:
+        listener.bind(("localhost", 0))
+        port = listener.getsockname()[1]
+    address = f"http://localhost:{port}"
+    printed = folder / "printed"
+    command = [scripts / "stereolag", "app", "--port", str(port), "--server.fileWatcherType", "none"]
+    environment = {"HOME": str(scripts), "NUMBA_CACHE_DIR": code(), "PYTHONUNBUFFERED": "1"}
+    with (
+        printed.open("w") as output,
+        subprocess.Popen(command, cwd=folder, env=environment, stdout=output, stderr=subprocess.STDOUT) as server,
+    ):
+        try:
+            end = time.monotonic() + PATIENCE_S
+            while not healthy(address):
+                assert server.poll() is None, printed.read_text()
+                assert time.monotonic() < end, printed.read_text()
+                time.sleep(0.05)
+            yield address, printed
+        finally:
+            server.terminate()
+
+
+def healthy(address: str) -> bool:
+    try:
+        with urllib.request.urlopen(f"{address}/_stcore/health", timeout=5) as answer:
+            return bool(answer.read() == b"ok")
+    except (urllib.error.URLError, ConnectionError):
+        return False
+
+
+def test_the_command_serves_every_page_from_any_folder(scripts: Path, tmp_path: Path) -> None:
+    (tmp_path / ".streamlit").mkdir()
+    (tmp_path / ".streamlit/config.toml").write_text('[server]\nbaseUrlPath = "another/app"\n')
+    with served(scripts, tmp_path) as (address, printed):
+        for page, said in {
+            "": "50,082 samples",
+            "Sensor_lag": "378.17 m",
+            "Rocketman_search": "row",
+            "Depth_maps": "px",
+        }.items():
+            messages = visit(address, page)
+            assert messages[-1].script_finished == ForwardMsg.FINISHED_SUCCESSFULLY
+            shown = [message.delta.new_element for message in messages if message.WhichOneof("type") == "delta"]
+            assert any(said in str(element) for element in shown), page
+            assert not [element for element in shown if element.WhichOneof("type") in ("exception", "alert")], page
+        assert "#5a4a9c" in str(messages[0].new_session)  # the theme of the app's own settings
+        assert printed.read_text().count("://") == 1
