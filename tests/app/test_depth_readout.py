@@ -49,11 +49,11 @@ def test_two_points_have_disparities_depths_and_a_distance() -> None:
     assert not app.exception
     assert "15.3 px·m" in app.markdown[0].value
     said = table(app)
-    assert list(said) == ["Convolution", "StereoBM", "StereoSGBM", "Truth"]
+    assert list(said) == ["Convolution", "StereoBM", "StereoSGBM", "Ground truth"]
     view = small_view()
     assert view.pair.truth is not None
     disparity = float(view.pair.truth[A])
-    assert said["Truth"][:2] == [f"{disparity:.2f} px", f"{15.3 / disparity:.4g} m"]
+    assert said["Ground truth"][:2] == [f"{disparity:.2f} px", f"{15.3 / disparity:.4g} m"]
     assert "score" in said["Convolution"][0]
     assert all("±" in said["StereoSGBM"][cell] for cell in (1, 3, 4))
     assert "median error" in app.caption[0].value

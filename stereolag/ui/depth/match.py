@@ -15,7 +15,7 @@ from stereolag.figures.match import (
     SEARCH_COLOUR,
     WINDOW_COLOUR,
     patch_png,
-    score_hill,
+    score_landscape,
     score_map,
     score_row,
     sub_pixel_fit,
@@ -203,16 +203,21 @@ def _show_patches(view: DepthView, seen: MatchExplanation) -> None:
 
 def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the scores of all lags, and of some rows above and below that were not searched."""
-    st.markdown("##### How well every place fits")
+    st.markdown("##### The score of every place")
     around = explain_match(with_rows_around(matcher, ROWS_AROUND), view.pair.left, view.pair.right, *pixel)
     shape = st.segmented_control(
-        "Shape", ["Hill", "From above"], default="Hill", required=True, key=f"{KEY}.shape", label_visibility="collapsed"
+        "Shape",
+        ["Surface", "From above"],
+        default="Surface",
+        required=True,
+        key=f"{KEY}.shape",
+        label_visibility="collapsed",
     )
     if seen.peak is None:
         st.caption("There is no score to show.")
         return
-    if shape == "Hill":
-        st.plotly_chart(score_hill(around, seen), key=f"{KEY}.hill", config=PLAIN_CHART)
+    if shape == "Surface":
+        st.plotly_chart(score_landscape(around, seen), key=f"{KEY}.hill", config=PLAIN_CHART)
     else:
         st.plotly_chart(score_map(around, seen), key=f"{KEY}.above", config=PLAIN_CHART)
     if around.dy.size > seen.dy.size:
