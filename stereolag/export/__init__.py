@@ -1,6 +1,7 @@
-"""Take it away: results, settings and the program that reproduces them, as the bytes of files that others read.
+"""Results, settings and the program that reproduces them, as files that other programs read.
 
-Nothing is written to disk here. What :mod:`stereolag.reading` reads comes back as it went out.
+All but :mod:`stereolag.export.writing` returns bytes or text and touches no disk. :mod:`stereolag.reading` reads
+disparity maps and settings back.
 """
 
 from stereolag.export.archives import bundle, file_name
@@ -18,6 +19,7 @@ from stereolag.export.maps import (
 from stereolag.export.programs import script
 from stereolag.export.settings import opencv_yaml, settings_json
 from stereolag.export.tables import metrics_csv, wav
+from stereolag.export.writing import write_disparity, write_matcher
 
 __all__ = [
     "bundle",
@@ -36,4 +38,6 @@ __all__ = [
     "settings_json",
     "valid_mask_png",
     "wav",
+    "write_disparity",
+    "write_matcher",
 ]

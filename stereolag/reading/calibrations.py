@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereolag.geometry.calibration import Calibration, StereoRig
+from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectified_calibration
+from stereolag.geometry.rig import StereoRig
 from stereolag.reading.entries import (
     Entries,
     Matrix,

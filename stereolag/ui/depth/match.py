@@ -253,7 +253,7 @@ def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
 
 
 def _disparities(view: DepthView, pixel: Pixel) -> dict[str, tuple[float, str]]:
-    """Return {name: (disparity or NaN, the same in words)} of the methods, and of the ground truth where it is known."""
+    """Return {name: (disparity or NaN, the same in words)} of the methods, and of the ground truth if known."""
     disparities: dict[str, tuple[float, str]] = {}
     for name, result in view.results.items():
         disparity = float(result.disparity[pixel])
