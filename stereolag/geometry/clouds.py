@@ -1,4 +1,4 @@
-"""Point clouds fit to be looked at: without flying pixels, and no more points than a browser can turn."""
+"""Point clouds to look at: without flying pixels, with no more points than a browser can rotate, and from above."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def flying_pixels(disparity: npt.ArrayLike, *, tolerance: float = 1.0) -> npt.ND
     known = np.isfinite(values)
     values = np.where(known, values, np.float32(np.nan))
     rows, cols = values.shape
-    around = np.pad(values, REACH, mode="reflect")  # the frame of the picture is no edge of a surface
+    around = np.pad(values, REACH, mode="reflect")  # the frame of the image is no edge of a surface
     neighbours = np.zeros(values.shape, dtype=np.uint8)
     for row in range(2 * REACH + 1):
         for col in range(2 * REACH + 1):

@@ -1,4 +1,4 @@
-"""Distances between things in a picture, in metres, and how sure they are."""
+"""Distances between things in an image, in metres, and how sure they are."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FIELD_OF_VIEW = 60.0
 
 @dataclass(frozen=True)
 class SeenPoint:
-    """A pixel of the left picture with its disparity, both px."""
+    """A pixel of the left image with its disparity, both px."""
 
     row: float
     col: float
@@ -58,11 +58,11 @@ def distance_between(
     Parameters
     ----------
     calibration
-        Of the left picture.
+        Of the left image.
     first, second
         The points.
     width, height
-        Size of the picture, px: its centre stands in for an unknown principal point.
+        Size of the image, px: its centre stands in for an unknown principal point.
     disparity_error
         How far off either disparity typically is, px; both are taken as independent.
 
@@ -84,7 +84,7 @@ def distance_between(
 
 
 def calibrated_by(known: Calibration | None, disparity: float, distance_m: float, *, width: int) -> Calibration:
-    """Return the calibration of a picture `width` px wide that puts a point of `disparity` px at `distance_m` metres.
+    """Return the calibration of an image `width` px wide that puts a point of `disparity` px at `distance_m` metres.
 
     Only the product of focal length and baseline follows from one known distance, and depth needs no more. The focal
     length, on which widths and heights depend, stays that of the `known` calibration; without one the camera is

@@ -51,7 +51,7 @@ def _size(shape: tuple[int, ...], factor: float) -> tuple[int, int]:
 
 
 LARGEST_DIFFERENCE = 0.03
-"""Of the larger size; what differs by more is not the same picture cropped by a few pixels."""
+"""Of the larger size; what differs by more is not the same image cropped by a few pixels."""
 
 LARGEST_ASPECT_DIFFERENCE = 0.01
 
@@ -59,16 +59,16 @@ MOST_PREVIEW_PIXELS = 1_000_000
 
 
 def halves(image: Image) -> tuple[Image, Image]:
-    """Return the left and the right half of a side-by-side picture; of an odd width the middle column is left out.
+    """Return the left and the right half of a side-by-side image; of an odd width the middle column is left out.
 
     Raises
     ------
     ValueError
-        A picture of one column.
+        An image of one column.
     """
     half = image.shape[1] // 2
     if half == 0:
-        raise ValueError("The side-by-side picture is 1 pixel wide; at least 2 are needed.")
+        raise ValueError("The side-by-side image is 1 pixel wide; at least 2 are needed.")
     return image[:, :half], image[:, -half:]
 
 

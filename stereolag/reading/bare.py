@@ -1,7 +1,7 @@
-"""What is left of a picture file when all that is not needed for its pixels is left out.
+"""What is left of an image file when all that is not needed for its pixels is left out.
 
 A decoder that never sees comments, profiles, previews or further frames cannot be slowed down or filled up by them,
-and a broken one of them does not make an intact picture unreadable.
+and a broken one of them does not make an intact image unreadable.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class BarePicture:
-    """A picture file without its metadata.
+    """An image file without its metadata.
 
     Attributes
     ----------
@@ -34,9 +34,9 @@ class BarePicture:
 
 def damaged(kind: str) -> ValueError:
     """Return the refusal of a file whose parts do not fit together."""
-    return ValueError(f"The picture ({kind}) is damaged or cut short and cannot be decoded; send it whole.")
+    return ValueError(f"The image ({kind}) is damaged or cut short and cannot be decoded; send it whole.")
 
 
 def too_many(kind: str, parts: str, most: int) -> ValueError:
     """Return the refusal of a file in more parts than any program writes."""
-    return ValueError(f"The picture ({kind}) is in too many {parts}: at most {most:,} are accepted; save it anew.")
+    return ValueError(f"The image ({kind}) is in too many {parts}: at most {most:,} are accepted; save it again.")

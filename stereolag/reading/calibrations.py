@@ -43,7 +43,7 @@ _RIG_NAMES = {
 def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibration:
     """Read the calibration of a stereo camera.
 
-    Known are: Middlebury ``calib.txt``; KITTI ``calib*.txt`` (the colour cameras 2 and 3, which took the pictures of
+    Known are: Middlebury ``calib.txt``; KITTI ``calib*.txt`` (the colour cameras 2 and 3, which took the images of
     its stereo benchmarks, before the grey 0 and 1) and bare projection rows of two cameras; OpenCV YAML or JSON with
     both cameras (M1, D1, M2, D2, R, T and the usual other names) or of the rectified pair (Q, or P1 and P2); ROS
     ``camera_info`` YAML of the right camera, or of both; JSON with ``focal_px`` and ``baseline_m`` and, if known,

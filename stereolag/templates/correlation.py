@@ -110,10 +110,10 @@ def running_box_energy(planes: Array64, height: int, width: int) -> Array64:
 Indices = npt.NDArray[np.intp]
 
 
-def placement_score(
+def score_at(
     image: npt.NDArray[Any], deviations: npt.NDArray[np.float64], opaque: npt.NDArray[np.bool_], row: int, col: int
 ) -> float:
-    """Return the score of one placement, -1..1, NaN where the window is flat.
+    """Return the score of one position, -1..1, NaN where the window is flat.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def placement_score(
     opaque
         (height, width), the pixels that are compared.
     row, col
-        Of the top-left pixel of the placement.
+        Of the top-left pixel of the position.
     """
     height, width = opaque.shape
     pixels = image[row : row + height, col : col + width][opaque].astype(np.float64)
@@ -137,14 +137,14 @@ def placement_score(
 
 
 @njit(nogil=True, cache=KEPT)
-def placement_scores(
+def scores_at(
     image: npt.NDArray[Any],
     deviations: npt.NDArray[np.float64],
     opaque: npt.NDArray[np.bool_],
     rows: Indices,
     cols: Indices,
 ) -> npt.NDArray[np.float64]:
-    """Return :func:`placement_score` at each of `rows`, `cols`."""
+    """Return :func:`score_at` at each of `rows`, `cols`."""
     height, width = opaque.shape
     channels = deviations.shape[0]
     template_energy = (deviations**2).sum()

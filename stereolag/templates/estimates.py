@@ -24,13 +24,13 @@ FFT_SECONDS = 1.2e-9
 """Seconds a point of a tile and doubling of their number, one thread: one transform and the sums beside it."""
 
 PRODUCT_SECONDS = 2.8e-10
-"""Seconds a product of a pixel of the picture and one of the template."""
+"""Seconds a product of a pixel of the image and one of the template."""
 
 PIXEL_SECONDS = 4e-9
 """Seconds a pixel that is compared with a rare value."""
 
 FEWEST_MEGAPIXELS = 0.01
-"""Smaller pictures are not worth naming."""
+"""Smaller images are not worth naming."""
 
 
 def estimate_search(
@@ -48,9 +48,9 @@ def estimate_search(
 
     * "fft" holds the map of scores, the spectrum of every channel of the template, and for every thread that works
       on a tile the tile's channels, the spectra of one of them and of the sum, and what its windows vary;
-    * "direct" holds the picture in float64, its squares, and for every placement the products and sums of each
-      channel; it takes as long as there are placements times pixels of the template;
-    * "sampled" holds three marks for each placement. Where no value of the template is rare in the picture it needs
+    * "direct" holds the image in float64, its squares, and for every position the products and sums of each
+      channel; it takes as long as there are positions times pixels of the template;
+    * "sampled" holds three marks for each position. Where no value of the template is rare in the image it needs
       more: that is seen, and refused, when the places that hold the value are counted.
 
     Parameters
@@ -94,7 +94,7 @@ def estimate_search(
 
 
 class _Tiles:
-    """How the picture is cut up for the FFT, and what that takes.
+    """How the image is cut up for the FFT, and what that takes.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class _Tiles:
 
 
 def has_alpha(shape: Shape) -> bool:
-    """Return whether pictures of that shape have an alpha channel."""
+    """Return whether images of that shape have an alpha channel."""
     return len(shape) == 3 and shape[2] == 4
 
 
@@ -149,9 +149,9 @@ def fitting_image(
     method: TemplateMethod,
     masked: bool,
 ) -> str:
-    """Return a sentence that names the size of a picture, or else of a template, that would fit into the bytes allowed.
+    """Return a sentence that names the size of an image, or else of a template, that would fit into the bytes allowed.
 
-    Both keep their shape: the picture shrinks down to the template, then the template with it.
+    Both keep their shape: the image shrinks down to the template, then the template with it.
     """
 
     def resized(shape: Shape, width: int) -> Shape:
@@ -169,12 +169,12 @@ def fitting_image(
     width = largest_fitting(of_image, image_shape[1], allowed)
     rows, cols = resized(image_shape, max(width, 1))[:2]
     if width and rows >= template_shape[0] and cols >= template_shape[1]:
-        return f"With this template, a picture of {cols:,} × {rows:,} pixels ({_megapixels(rows * cols)}) would fit."
+        return f"With this template, an image of {cols:,} × {rows:,} pixels ({_megapixels(rows * cols)}) would fit."
     width = largest_fitting(of_template, template_shape[1], allowed)
     if width:
         rows, cols = resized(template_shape, width)[:2]
-        return f"In this picture, a template of {cols:,} × {rows:,} pixels ({_megapixels(rows * cols)}) would fit."
-    return "A smaller picture would fit."
+        return f"In this image, a template of {cols:,} × {rows:,} pixels ({_megapixels(rows * cols)}) would fit."
+    return "A smaller image would fit."
 
 
 def _megapixels(pixels: int) -> str:

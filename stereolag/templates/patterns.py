@@ -74,7 +74,7 @@ def opaque_pixels(template: Image, mask: Image | None) -> Mask:
     """Return which pixels of a checked template count: those its mask marks, else those its alpha leaves opaque.
 
     A mask marks with any value above 0. Of an alpha channel only the highest value it holds counts as opaque,
-    because a half-transparent rim pixel shows the picture behind it.
+    because a half-transparent rim pixel shows the image behind it.
 
     Raises
     ------

@@ -97,10 +97,16 @@ def settings(method: str = "StereoBM", **changes: object) -> bytes:
 
 def matchers() -> list[HostileFile]:
     files = {
-        "window a word": (lambda: settings(block_size="wide"), "allowed is a whole number"),
-        "window of 2.5": (lambda: settings(block_size=2.5), "allowed is a whole number"),
-        "window of 10^18": (lambda: settings(block_size=10**18 + 1), "allowed is a number up to"),
-        "window of -1": (lambda: settings(block_size=-1), "allowed is a number from"),
+        "window a word": (
+            lambda: settings(block_size="wide"),
+            "block_size is 'wide'; allowed are whole numbers from 5 to 255",
+        ),
+        "window of 2.5": (lambda: settings(block_size=2.5), "block_size is 2.5; allowed are whole numbers"),
+        "window of 10^18": (
+            lambda: settings(block_size=10**18 + 1),
+            "block_size is 10*1; allowed are whole numbers from 5 to 255",
+        ),
+        "window of -1": (lambda: settings(block_size=-1), "block_size is -1; allowed are whole numbers from 5"),
         "window of 4,000 digits": (
             lambda: settings().replace(b"{}", b'{"block_size": %s}' % (b"9" * 4000)),
             "block_size is",
@@ -111,17 +117,20 @@ def matchers() -> list[HostileFile]:
         ),
         "window NaN": (lambda: settings(block_size=float("nan")), "block_size is"),
         "window infinite": (lambda: settings(block_size=float("inf")), "block_size is"),
-        "window null": (lambda: settings(block_size=None), "allowed is a whole number"),
-        "window a list": (lambda: settings(block_size=[1]), "allowed is a whole number"),
-        "overlap of 1e308": (lambda: settings("CorrelationMatcher", overlap=1e308), "allowed is a number"),
-        "overlap NaN": (lambda: settings("CorrelationMatcher", overlap=float("nan")), "overlap is"),
-        "score a picture of Markdown": (
-            lambda: settings("CorrelationMatcher", score="![x](http://e.org)"),
-            "score is .*allowed is",
+        "window null": (lambda: settings(block_size=None), "block_size is None; allowed are whole numbers"),
+        "window a list": (lambda: settings(block_size=[1]), "block_size is a list of 1; allowed are whole numbers"),
+        "overlap of 1e308": (
+            lambda: settings("CorrelationMatcher", overlap=1e308),
+            "overlap is 1e.308; allowed are numbers from 0 below 1",
         ),
-        "unknown setting of Markdown": (lambda: settings(**{"![x](http://e.org)": 1}), "is no setting of this method"),
-        "settings a number": (lambda: b'{"method": "StereoBM", "settings": 3}', "allowed is a group of settings"),
-        "settings a list": (lambda: b'{"method": "StereoBM", "settings": []}', "allowed is a group of settings"),
+        "overlap NaN": (lambda: settings("CorrelationMatcher", overlap=float("nan")), "overlap is"),
+        "score an image of Markdown": (
+            lambda: settings("CorrelationMatcher", score="![x](http://e.org)"),
+            "score is .x..http:..e.org..; allowed are 'zncc', 'ncc'",
+        ),
+        "unknown setting of Markdown": (lambda: settings(**{"![x](http://e.org)": 1}), "StereoBM has no setting"),
+        "settings a number": (lambda: b'{"method": "StereoBM", "settings": 3}', '"settings", an object'),
+        "settings a list": (lambda: b'{"method": "StereoBM", "settings": []}', '"settings", an object'),
         "method a list": (lambda: b'{"method": ["StereoBM"], "settings": {}}', "names the method"),
         "method of a megabyte": (lambda: settings("a" * 60_000), "names the method"),
         "no method": (lambda: b'{"settings": {}}', "must be a JSON object"),
@@ -129,7 +138,13 @@ def matchers() -> list[HostileFile]:
         "100,000 lists": (lambda: b"[" * 65_000, "not JSON"),
         "60 MB": (lambda: b" " * (60 * MB), "at most 65,536 are accepted"),
         "not UTF-8": (lambda: b"\xff\xfe", "not JSON"),
-        "a texture test of lists": (lambda: settings("CorrelationMatcher", texture=[[]]), "allowed is"),
-        "filling a word": (lambda: settings("CorrelationMatcher", filling="perhaps"), "true or false"),
+        "a texture test of lists": (
+            lambda: settings("CorrelationMatcher", texture=[[]]),
+            "texture is a list of 1; allowed are settings of TextureTest",
+        ),
+        "filling a word": (
+            lambda: settings("CorrelationMatcher", filling="perhaps"),
+            "filling is 'perhaps'; allowed are True and False",
+        ),
     }
     return [HostileFile(f"settings: {name}", "matcher", make, answer) for name, (make, answer) in files.items()]
