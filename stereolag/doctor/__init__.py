@@ -1,4 +1,4 @@
-"""The input doctor: what is wrong with a stereo pair before it is matched, in numbers, and what fixes it."""
+"""The input doctor: problems of a stereo pair, in numbers, found before it is matched, and their remedies."""
 
 from stereolag.doctor.diagnosis import Diagnosis, diagnose, estimate_diagnosis, judge_range
 from stereolag.doctor.findings import Finding, FindingCode, Remedy

@@ -1,4 +1,4 @@
-"""The input doctor: what is wrong with a pair before any matcher sees it, in numbers, and what fixes it."""
+"""The input doctor: problems of a stereo pair, in numbers, found before any matcher sees it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ COARSE_WIDTH = 320
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the doctor found on a pair.
+    """The findings of the doctor on a pair.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Diagnosis:
         return all(finding.healthy for finding in self.findings)
 
     def finding(self, code: FindingCode) -> Finding | None:
-        """Return what was found on one question; None where it could not be judged."""
+        """Return the finding on one question; None where it could not be judged."""
         return next((finding for finding in self.findings if finding.code == code), None)
 
 
@@ -130,7 +130,7 @@ def diagnose(
 
 
 def estimate_diagnosis(shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
-    """Return what :func:`diagnose` will take for two images of a shape, with channels or without, and a dtype.
+    """Return the memory and time that :func:`diagnose` needs for two images of a shape, channels included, and dtype.
 
     The right image is fitted to the left one's exposure in float64, every channel; the share without texture takes
     maps in float64. The features and the coarse search take the same for all sizes.
@@ -148,7 +148,7 @@ def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) 
     Parameters
     ----------
     diagnosis
-        What :func:`diagnose` found on the pair.
+        The result of :func:`diagnose` for the pair.
     min_disparity, num_disparities
         The search range, px.
 
@@ -180,7 +180,7 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
 def _disparities_seen(left: Image, right: Image) -> tuple[float, float]:
     """Return the range of disparities in the pair, px, from a coarse search far wider than any pair should need.
 
-    Sparse matches would miss the near things, which fill few but important pixels.
+    Sparse matches would miss near objects, which fill few but important pixels.
     """
     scale = min(1.0, COARSE_WIDTH / left.shape[1])
     height, width = (max(1, round(side * scale)) for side in left.shape[:2])
@@ -204,7 +204,7 @@ def _disparities_seen(left: Image, right: Image) -> tuple[float, float]:
 
 
 def _suggested_range(low: float, high: float) -> tuple[int, int]:
-    """Return the range to search for what was seen, with a margin; a rectified pair may as well begin at infinity."""
+    """Return the range to search for the disparities seen, with a margin; from 0 (infinity) if they begin near it."""
     margin = RANGE_MARGIN * max(high - low, 8.0)
     first = 0 if -INFINITY_SLACK_PX <= low - margin <= 16 or -INFINITY_SLACK_PX <= low <= 16 else int(low - margin)
     count = int(np.ceil(high + margin)) - first + 1

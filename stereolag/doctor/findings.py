@@ -1,4 +1,4 @@
-"""What the input doctor looks for in a stereo pair, and where the limits lie: codes and numbers, no sentences."""
+"""The questions of the input doctor, and the limits of a healthy pair: codes and numbers, no sentences."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ INFINITY_SLACK_PX = 4.0
 
 
 class FindingCode(StrEnum):
-    """What the doctor looks at."""
+    """The questions that the doctor asks of a pair."""
 
     MATCHES = "matches"
     SWAPPED = "swapped"
@@ -37,7 +37,7 @@ class FindingCode(StrEnum):
 
 
 class Remedy(StrEnum):
-    """What fixes a finding: another pair of images (:func:`stereolag.doctor.apply_remedy`), or another search range."""
+    """The fix of a finding: another pair of images (:func:`stereolag.doctor.apply_remedy`), or another search range."""
 
     SWAP_SIDES = "swap_sides"
     ALIGN_ROWS = "align_rows"
@@ -50,16 +50,16 @@ class Remedy(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing the doctor looked at.
+    """The answer to one question about a pair.
 
     Attributes
     ----------
     code
-        What was looked at.
+        The question.
     healthy
-        Whether it is within the limits.
+        Whether the pair is within the limits.
     numbers
-        What was measured, by name, read-only:
+        The measurements, by name, read-only:
 
         ========  ==========================================================================================
         MATCHES   ``count`` of features matched between the images, ``needed`` to judge the geometry
@@ -73,7 +73,7 @@ class Finding:
                   ``suggested_min_disparity``, ``suggested_num_disparities``
         ========  ==========================================================================================
     remedy
-        What would fix it; None where it is healthy or nothing does.
+        The fix; None where there is nothing to fix, or no fix.
     """
 
     code: FindingCode

@@ -22,7 +22,7 @@ def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> t
     left, right
         (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
     remedy
-        What a :class:`~stereolag.doctor.findings.Finding` proposes.
+        That of a :class:`~stereolag.doctor.findings.Finding`.
 
     Returns
     -------

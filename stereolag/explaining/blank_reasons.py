@@ -13,7 +13,7 @@ from stereolag.stereo.reasons import Reason
 
 FILTERS: tuple[tuple[Reason, str, int], ...] = (
     (Reason.SPECKLE, "speckle_window_size", 0),
-    # StereoSGBM takes a tolerance of -1 or 0 for 1; one that no two disparities exceed is what switches the check off.
+    # StereoSGBM takes a tolerance of -1 or 0 for 1; only one that no two disparities exceed switches the check off.
     (Reason.LEFT_RIGHT, "disp12_max_diff", 1 << 20),
     (Reason.AMBIGUOUS, "uniqueness_ratio", 0),
     (Reason.LOW_TEXTURE, "texture_threshold", 0),

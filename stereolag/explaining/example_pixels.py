@@ -1,4 +1,4 @@
-"""Example pixels of a pair: one for each kind of match, found by what their windows hold."""
+"""Example pixels of a pair: one for each kind of match, found by the scores of its window."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Pixel = tuple[int, int]
 
 
 class ExampleKind(StrEnum):
-    """What a pixel is an example of."""
+    """The kinds of example."""
 
     CLEAR = "clear"
     """One peak, well above every other score."""

@@ -18,7 +18,7 @@ from stereolag.stereo.windows.search import LagRange
 
 
 class MatchKind(StrEnum):
-    """What kind of match a window has."""
+    """The kinds of match that a window can have."""
 
     CLEAR = "clear"
     """One peak, well above every other score."""
@@ -48,7 +48,7 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class MatchExplanation:
-    """What the correlation saw of one window, before any check or filter of the finished map.
+    """The scores and the match of one window, before any check or filter of the finished map.
 
     Attributes
     ----------

@@ -177,7 +177,7 @@ class Calibration:
         """Return the calibration that puts a point of `disparity` px at `distance_m` metres.
 
         One known distance gives the product ``focal_px * baseline_m``; the focal length is kept and the baseline
-        solved for. Depths then hold whatever the focal length; widths and heights are as good as it is.
+        solved for. Depths are then right whatever the focal length; widths and heights are only as good as it is.
 
         Raises
         ------

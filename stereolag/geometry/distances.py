@@ -1,4 +1,4 @@
-"""Distances between things in an image, in metres, and how sure they are."""
+"""Distances between points of a scene, in metres, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from stereolag.geometry.calibration import Calibration
 
 DISPARITY_ERROR = 0.25
-"""How far off a disparity typically is where no truth tells, px: a good sub-pixel match of well-textured windows."""
+"""Typical error of a disparity without ground truth, px: of a good sub-pixel match of well-textured windows."""
 
 FIELD_OF_VIEW = 60.0
 """Horizontal field of view, degrees, assumed of an unknown camera; phones and webcams have 55 to 75."""
@@ -28,18 +28,18 @@ class SeenPoint:
 
 @dataclass(frozen=True)
 class Distance:
-    """A distance and how far off it typically is, metres; NaN where a point has no depth."""
+    """A distance and its typical error, metres; NaN where a point has no depth."""
 
     metres: float
     error: float
 
 
-def typical_error(disparity: npt.ArrayLike, truth: npt.ArrayLike) -> float:
-    """Return the median error of the disparities that have a truth, px; NaN where none has.
+def typical_error(disparity: npt.ArrayLike, ground_truth: npt.ArrayLike) -> float:
+    """Return the median error of the disparities with ground truth, px; NaN where there are none.
 
-    The median, as a few gross mismatches say nothing of how exact a good match is.
+    The median, because a few gross mismatches say nothing about the accuracy of a good match.
     """
-    error = np.abs(np.asarray(disparity, dtype=np.float64) - np.asarray(truth, dtype=np.float64))
+    error = np.abs(np.asarray(disparity, dtype=np.float64) - np.asarray(ground_truth, dtype=np.float64))
     known = error[np.isfinite(error)]
     return float(np.median(known)) if known.size else math.nan
 
@@ -53,7 +53,7 @@ def distance_between(
     height: int,
     disparity_error: float = DISPARITY_ERROR,
 ) -> Distance:
-    """Return how far two points of the scene are apart.
+    """Return the distance between two points of the scene.
 
     Parameters
     ----------
@@ -64,12 +64,12 @@ def distance_between(
     width, height
         Size of the image, px: its centre stands in for an unknown principal point.
     disparity_error
-        How far off either disparity typically is, px; both are taken as independent.
+        Typical error of either disparity, px; the two are taken as independent.
 
     Returns
     -------
     Distance
-        Its error is what the uncertain depths contribute along the line between the points.
+        Its error is the part of the depth errors that lies along the line between the points.
     """
     rays = np.array([_ray(calibration, point, width, height) for point in (first, second)])
     disparities = np.array([first.disparity, second.disparity])

@@ -1,4 +1,4 @@
-"""What is left of an image file when all that is not needed for its pixels is left out.
+"""An image file without everything that its pixels do not need.
 
 A decoder that never sees comments, profiles, previews or further frames cannot be slowed down or filled up by them,
 and a broken one of them does not make an intact image unreadable.
@@ -18,7 +18,7 @@ class BarePicture:
     data
         The file: the header and the pixels of the first frame alone.
     width, height
-        What its header says, px.
+        As its header states, px.
     orientation
         How the camera was held, 1 to 8 as in EXIF; 1 is upright.
     canvas

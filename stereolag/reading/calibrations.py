@@ -152,7 +152,7 @@ def _from_opencv(entries: Entries, length_unit_m: float) -> Calibration:
         return _from_reprojection(matrix(entries, "Q", (4, 4)), entries, length_unit_m)
     if "P1" in entries and "P2" in entries:
         return _from_projections(_projection(entries, "P1"), _projection(entries, "P2"), entries, length_unit_m)
-    raise ValueError(f"The calibration holds none that is known; accepted are {ACCEPTED}.")
+    raise ValueError(f"The calibration is in no known format; accepted are {ACCEPTED}.")
 
 
 def _from_reprojection(q: Matrix, entries: Entries, length_unit_m: float) -> Calibration:
@@ -192,7 +192,7 @@ def _rig(entries: Entries, length_unit_m: float) -> StereoRig | None:
 
 
 def _forecast(rig: StereoRig) -> Calibration:
-    """Return the rig with what rectification will probably give; without a size, the centre of the image is guessed."""
+    """Return the calibration to expect after rectification, with the rig; without a size, the centre is guessed."""
     width = rig.width or max(1, round(2 * rig.left_matrix[0, 2] + 1))
     height = rig.height or max(1, round(2 * rig.left_matrix[1, 2] + 1))
     try:

@@ -29,14 +29,14 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     source
         A path, the bytes of the file, or a binary file object.
     divisor
-        What a stored value is divided by to give px. Integers of 16 bits have 256 unless told otherwise (as in KITTI
+        Divides the stored values to give px. Integers of 16 bits have 256 unless given otherwise (as in KITTI
         and in this project's examples), floats 1. Integers of 8 bits need it: the data sets that use them differ
         (Middlebury 2003: 4 for quarter size; Tsukuba: 16).
 
     Returns
     -------
     disparity
-        (rows, cols) float32, px, positive in front of infinity; NaN where the file says that nothing is known:
+        (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown:
         0 in an image of integers, infinite or NaN among floats.
 
     Raises
@@ -64,7 +64,7 @@ def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool)
     step = max(1, _BAND_PIXELS // max(1, stored.shape[1]))
     for first in range(0, len(stored), step):
         band = stored[first : first + step]
-        with np.errstate(all="ignore"):  # what overflows is infinite, and that is unknown
+        with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
             part = (band.astype(np.float64) / divisor).astype(np.float32)
         part[~np.isfinite(part)] = np.nan
         if zero_is_unknown:
@@ -75,7 +75,7 @@ def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool)
 
 def _usual_divisor(dtype: np.dtype[Any]) -> float:
     if dtype == np.uint8:
-        raise ValueError(f"The {WHAT} has 8 bits a pixel: its divisor must be given, often 1, 2, 4 or 16.")
+        raise ValueError(f"The {WHAT} has 8 bits per pixel: its divisor must be given, often 1, 2, 4 or 16.")
     return DIVISOR_OF_16_BITS
 
 

@@ -23,7 +23,7 @@ MAX_RUN_LENGTH_PIXELS = 8_000_000
 _NETPBM = (b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"Pf")
 _BAND_PIXELS = 2**20
 _PROGRESSIVE_PIXELS = 20_000_000
-"""From here on the coefficients of a progressive JPEG and Pillow's four bytes a pixel are too much together."""
+"""From here on the coefficients of a progressive JPEG and Pillow's four bytes per pixel are too much together."""
 
 
 def read_image(source: Source) -> Image:
@@ -31,7 +31,7 @@ def read_image(source: Source) -> Image:
 
     The orientation a camera noted in the file (EXIF) is applied; all other metadata is passed over, and broken
     metadata is no fault. A palette is resolved, and so are CMYK, YCbCr and the like, to RGB; any kind of transparency
-    gives RGBA. Grey and colour of 16 bits a channel keep them; a TIFF of floats stays float.
+    gives RGBA. Grey and colour of 16 bits per channel keep them; a TIFF of floats stays float.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ class SignalLag:
 
 @dataclass(frozen=True)
 class _Found:
-    """What a method finds, in samples."""
+    """The result of a method, in samples."""
 
     lag: int
     peak_ratio: float

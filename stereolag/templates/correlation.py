@@ -71,8 +71,8 @@ def box_energy(planes: Array64, height: int, width: int) -> Array64:
 def running_box_energy(planes: Array64, height: int, width: int) -> Array64:
     """Return :func:`box_energy` at a cost independent of the window: sums run down the columns, then along the row.
 
-    The sums of integers below 2**26 are exact. Of other numbers bring the mean near 0 first: what a running sum
-    adds and takes away again leaves a rounding error relative to the largest value.
+    The sums of integers below 2**26 are exact. Bring the mean of other numbers near 0 first: a running sum adds
+    and subtracts every value, with a rounding error relative to the largest.
     """
     channels, rows, cols = planes.shape
     energy: Array64 = np.zeros((rows - height + 1, cols - width + 1))

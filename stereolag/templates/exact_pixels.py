@@ -1,4 +1,4 @@
-"""Template search from a rare pixel: only places that hold the same exact values are scored."""
+"""Template search from a rare pixel: only positions with exactly the same values are scored."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ GRID_REACH = 1
 """The grid of positions scored around a hit reaches this far to every side, px."""
 
 HIT_BYTES = 64
-"""Indices and pixels of one place that holds the anchor's value."""
+"""Bytes of the indices and pixels of one position with the anchor's value."""
 
 BATCH = 10_000_000
 """Pixel values compared between two calls of the progress."""
@@ -71,7 +71,7 @@ def exact_positions(
     min_score
         The score that ends the search for an anchor.
     seed
-        Of the sample of the image that tells what is rare, and of the order of equally rare colours.
+        Of the sample of the image by which rarity is judged, and of the order of equally rare colours.
     progress
         Called with the fraction done, as if all anchors were needed; 1 at the end.
     """
@@ -144,7 +144,7 @@ def _grid(rows: Indices, cols: Indices, places: tuple[int, int]) -> tuple[Indice
 
 
 def _nonzero(marks: npt.NDArray[Any]) -> tuple[Indices, Indices]:
-    """Return what :func:`numpy.nonzero` returns for a plane of uint8, several times faster."""
+    """Return the same as :func:`numpy.nonzero` for a plane of uint8, several times faster."""
     found = cv2.findNonZero(marks)
     cols, rows = np.empty((2, 0), dtype=np.intp) if found is None else found.reshape(-1, 2).T.astype(np.intp)
     return rows, cols

@@ -36,7 +36,7 @@ FLAT_INTEGERS = 0.25
 """Of integers, the squared deviations of a window that varies at all sum to 0.5 or more."""
 
 FLAT_FLOATS = 1e-11
-"""Of floats, a window is flat whose variance is below this share of the largest square: what rounding leaves of 0."""
+"""A window of floats is flat if its variance is below this share of the largest square: the rounding error of 0."""
 
 
 def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
@@ -77,7 +77,7 @@ def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> Scor
 def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
     """Return the score of every position by FFT, tile by tile (overlap-save), as :func:`direct_score_map` does.
 
-    All in float64: the sums of 8-bit pixels come out exact, and what a flat window leaves is far from what varies.
+    All in float64: sums of 8-bit pixels are exact, and the residue of a flat window is far below any real variation.
     The tiles run on as many threads as OpenCV uses; `progress` is called in the caller's own.
     """
     height, width = pattern.shape
@@ -101,7 +101,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
         for fraction in _finished(jobs):
             progress(fraction)
     finally:
-        # A progress callback may raise to cancel the search: what has not begun then never does.
+        # A progress callback may raise to cancel the search: tiles that have not begun then never do.
         pool.shutdown(cancel_futures=True)
     return scores
 
@@ -134,7 +134,7 @@ def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, spectra: _Spec
         squares = _spectrum(np.square(planes).sum(axis=0), spectra.shape)
         energy = exact(_positions(_times(squares, spectra.mask, out=squares), rows))
     total: Plane | None = None
-    # One channel after the other: the spectra are what takes the memory.
+    # One channel after the other: the spectra take most of the memory.
     for plane, template in zip(planes, spectra.deviations, strict=True):
         channel = _spectrum(plane, spectra.shape)
         if spectra.mask is not None:
@@ -162,7 +162,7 @@ def _times(image: Plane, template: Plane, out: Plane | None = None) -> Plane:
 
 
 def _positions(spectrum: Plane, rows: int) -> Plane:
-    """Return what a packed spectrum stands for, in its memory; only the first `rows`."""
+    """Return the inverse transform of a packed spectrum, in its memory; only the first `rows`."""
     inverse = cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
     return np.asarray(cv2.dft(spectrum, dst=spectrum, flags=inverse, nonzeroRows=rows), dtype=np.float64)[:rows]
 

@@ -46,7 +46,7 @@ class TemplateMatch:
 
 @dataclass(frozen=True)
 class TemplateSearch:
-    """What :func:`match_template` found.
+    """The result of :func:`match_template`.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class TemplateSearch:
         (rows - height + 1, cols - width + 1) float32: the score with the template's top-left pixel at each
         (row, col), NaN where the window is flat. None for "sampled".
     candidates
-        Positions that were scored.
+        Number of positions scored.
     elapsed_s
         Seconds the search took.
     """
@@ -106,7 +106,7 @@ def match_template(
     mask
         (height, width) of the template: its pixels above 0 are compared, whatever the template's alpha.
     max_matches
-        At most so many matches, each a local maximum of the score.
+        The largest number of matches, each a local maximum of the score.
     min_score
         Least score of a match, -1..1.
     seed
@@ -200,7 +200,7 @@ Scores = npt.NDArray[np.floating[Any]]
 
 
 ROWS_AT_ONCE = 256
-"""Rows of a score map whose peaks are looked for together: where every score counts, indices take ten times a map."""
+"""Rows of a score map searched for peaks at a time: indices of every pixel take ten times the memory of a map."""
 
 
 def peaks(score_map: Scores, min_score: float) -> tuple[Indices, Indices]:
