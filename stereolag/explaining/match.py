@@ -224,7 +224,7 @@ def explain_match(
         dx=dx,
         peak=peak,
         runner_up=second,
-        peak_score=_score_at(surface, asked, peak),
+        peak_score=float(around[len(around) // 2, 1]) if inside else _score_at(surface, asked, peak),
         runner_up_score=_score_at(surface, asked, second),
         at_edge=at_edge,
         around=around,
