@@ -12,13 +12,16 @@ from stereolag.arrays import FloatMap
 from stereolag.stereo.windows.engines import find_matches
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.matches import WindowQuery
-from stereolag.stereo.windows.window_fft import TIE, score_surface
+from stereolag.stereo.windows.window_fft import score_surface
 
 Surface: TypeAlias = npt.NDArray[np.float64]
 """(n_dy, n_dx) scores; NaN = no candidate."""
 
 Lag: TypeAlias = tuple[int, int]
 """(dy, dx), right minus left, px."""
+
+TIE = 1e-9
+"""Scores closer than this share are equal: the rounding of an FFT must not choose between them."""
 
 SAME_TOP = 0.02
 """Twice the px by which two tops may differ and still be one: the compiled fit approximates its logarithms."""
