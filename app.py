@@ -55,7 +55,7 @@ def show_search() -> None:
     show_png(match_close_up(pictures.picture, best))
     rows, cols = pictures.picture.shape[:2]
     st.markdown(
-        f"A picture of {cols:,} × {rows:,} pixels full of people in his colours. Rocketman is at row **{best.row}**, "
+        f"An image of {cols:,} × {rows:,} pixels full of people in his colours. Rocketman is at row **{best.row}**, "
         f"column **{best.col}**."
     )
 
@@ -75,8 +75,8 @@ def show_depth() -> None:
     low, high = disparity_range([result.disparity if pair.truth is None else pair.truth])
     show_png(image_into_map(pair.left, result.disparity, low, high))
     st.markdown(
-        f"Two eyes look at a puzzle cube. **{result.valid.sum():,} windows** were each found again: those that shifted "
-        "most, in purple, are the nearest."
+        f"Two cameras look at a puzzle cube. **{result.valid.sum():,} windows** were each found again: those that "
+        "shifted most, in purple, are the nearest."
     )
 
 

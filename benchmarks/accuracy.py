@@ -4,31 +4,42 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from benchmarks.pairs import FAMILIES, TruePair, true_pairs
-from stereolag import CorrelationMatcher, StereoBM, StereoSGBM, evaluate
+from stereolag import StereoBM, StereoSGBM, evaluate, preset
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS, PRESETS
 
 Disparity = npt.NDArray[np.float32]
+
+FAST, ACCURATE = PRESETS["fast"].title, PRESETS["accurate"].title
+SGBM, BLOCK_15 = StereoSGBM.title, "StereoBM(15)"
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Bad % of one map at the pair's own threshold: missing pixels counted wrong, of the measured alone, and density."""
+
+    bad: float
+    bad_measured: float
+    density: float
 
 
 @dataclass(frozen=True)
 class PairFigures:
-    """Bad % of every method on one pair, at the pair's own threshold."""
+    """Every method on one pair, by its title, and what the figures of merit need besides."""
 
     pair: TruePair
-    dense: float
-    block: float
-    accurate: float
-    semi_global: float
-    accurate_measured: float
-    semi_global_measured: float
-    accurate_density: float
-    semi_global_density: float
+    maps: dict[str, Judged]
+    """As each method delivers it."""
+    measured: dict[str, Judged]
+    """Without what was filled in."""
+    filled: dict[str, Judged]
+    """With holes filled along the row."""
 
 
 def rows_filled(disparity: Disparity) -> Disparity:
@@ -47,32 +58,30 @@ def rows_filled(disparity: Disparity) -> Disparity:
     return np.where(np.isfinite(farther), farther, np.float32(np.nan))
 
 
+def contestants(num_disparities: int) -> dict[str, StereoMatcher]:
+    """Return every preset and every method as it comes, over one range."""
+    presets = {PRESETS[name].title: preset(name, num_disparities) for name in PRESETS if name != "report"}
+    return presets | {method.title: method().with_search_range(0, num_disparities) for method in METHODS}
+
+
 def figures_of(pair: TruePair) -> PairFigures:
-    """Run every method on one pair; OpenCV on grey."""
-    grey = [image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (pair.left, pair.right)]
+    """Run every method on one pair; OpenCV's on grey, as it takes nothing else."""
     limit = pair.threshold
 
-    def judged(disparity: Disparity) -> tuple[float, float, float]:
+    def judged(disparity: Disparity) -> Judged:
         figures = evaluate(disparity, pair.truth, thresholds=(limit,))
-        return figures.bad[limit], figures.bad_measured[limit], figures.density
+        return Judged(figures.bad[limit], figures.bad_measured[limit], figures.density)
 
-    block = StereoBM(num_disparities=pair.num_disparities, block_size=15).compute(*grey)
-    semi_global = StereoSGBM(num_disparities=pair.num_disparities).compute(*grey)
-    dense = CorrelationMatcher.preset("dense", num_disparities=pair.num_disparities).compute(pair.left, pair.right)
-    accurate = CorrelationMatcher.preset("accurate", num_disparities=pair.num_disparities).compute(
-        pair.left, pair.right
-    )
-    measured = np.where(accurate.filled, np.float32(np.nan), accurate.disparity)
+    # OpenCV's own default block; 15 px is what its tuners come to on these pairs.
+    methods = contestants(pair.num_disparities) | {
+        BLOCK_15: StereoBM(num_disparities=pair.num_disparities, block_size=15)
+    }
+    maps = {title: matcher.compute(pair.left, pair.right) for title, matcher in methods.items()}
     return PairFigures(
-        pair=pair,
-        dense=judged(dense.disparity)[0],
-        block=judged(block.disparity)[0],
-        accurate=judged(accurate.disparity)[0],
-        semi_global=judged(rows_filled(semi_global.disparity))[0],
-        accurate_measured=judged(measured)[1],
-        semi_global_measured=judged(semi_global.disparity)[1],
-        accurate_density=judged(measured)[2],
-        semi_global_density=judged(semi_global.disparity)[2],
+        pair,
+        {title: judged(one.disparity) for title, one in maps.items()},
+        {title: judged(np.where(one.filled, np.float32(np.nan), one.disparity)) for title, one in maps.items()},
+        {title: judged(rows_filled(one.disparity)) for title, one in maps.items()},
     )
 
 
@@ -89,38 +98,44 @@ def accuracy_tables() -> tuple[str, dict[str, object]]:
     """Return the tables as Markdown, and their figures."""
     figures = [figures_of(pair) for pair in true_pairs()]
     merits = {
-        "dense / StereoBM(15), missing counted bad": (merit(figures, lambda f: f.dense / f.block), 0.65, 0.5),
-        "accurate, filled / StereoSGBM, row-filled": (merit(figures, lambda f: f.accurate / f.semi_global), 0.58, 0.4),
+        "fast / StereoBM(15), missing counted bad": (
+            merit(figures, lambda f: f.maps[FAST].bad / f.maps[BLOCK_15].bad),
+            0.65,
+            0.5,
+        ),
+        "accurate, filled / StereoSGBM, row-filled": (
+            merit(figures, lambda f: f.maps[ACCURATE].bad / f.filled[SGBM].bad),
+            0.58,
+            0.4,
+        ),
         "accurate, measured / StereoSGBM, measured": (
-            merit(figures, lambda f: f.accurate_measured / f.semi_global_measured),
+            merit(figures, lambda f: f.measured[ACCURATE].bad_measured / f.measured[SGBM].bad_measured),
             0.55,
             0.4,
         ),
     }
-    density = {
-        "accurate": float(np.mean([each.accurate_density for each in figures])),
-        "StereoSGBM": float(np.mean([each.semi_global_density for each in figures])),
-    }
     lines = ["| figure of merit | measured | must | aim |", "|---|---|---|---|"]
     lines += [f"| {name} | {value:.3f} | ≤ {must} | ≤ {aim} |" for name, (value, must, aim) in merits.items()]
-    lines += [
-        "",
-        f"Mean density on truth, measured pixels alone: accurate {density['accurate']:.1%}, "
-        f"StereoSGBM {density['StereoSGBM']:.1%}.",
-        "",
-        "| pair | px | dense | StereoBM | accurate, filled | SGBM, filled | accurate, measured | SGBM, measured |"
-        " density | SGBM's |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {f.pair.name} | {f.pair.threshold:g} | {f.dense:.1f} | {f.block:.1f} | {f.accurate:.1f} |"
-        f" {f.semi_global:.1f} | {f.accurate_measured:.1f} | {f.semi_global_measured:.1f} |"
-        f" {f.accurate_density:.1%} | {f.semi_global_density:.1%} |"
-        for f in figures
-    ]
+    titles = list(figures[0].maps)
+    for heading, kind in (
+        ("Bad %, missing pixels counted wrong", lambda f, title: f"{f.maps[title].bad:.1f}"),
+        ("Bad % of the measured pixels alone", lambda f, title: f"{f.measured[title].bad_measured:.1f}"),
+        ("Density of the measured pixels", lambda f, title: f"{f.measured[title].density:.1%}"),
+        ("Bad %, holes filled along the row", lambda f, title: f"{f.filled[title].bad:.1f}"),
+    ):
+        lines += ["", f"{heading}:", "", f"| pair | px | {' | '.join(titles)} |", "|---" * (2 + len(titles)) + "|"]
+        lines += [
+            f"| {f.pair.name} | {f.pair.threshold:g} | {' | '.join(kind(f, title) for title in titles)} |"
+            for f in figures
+        ]
     values: dict[str, object] = {
         "merit": {name: value for name, (value, _, _) in merits.items()},
-        "density": density,
-        "pairs": {f.pair.name: {key: value for key, value in vars(f).items() if key != "pair"} for f in figures},
+        "pairs": {
+            f.pair.name: {
+                kind: {title: asdict(one) for title, one in getattr(f, kind).items()}
+                for kind in ("maps", "measured", "filled")
+            }
+            for f in figures
+        },
     }
     return "\n".join(lines), values

@@ -17,15 +17,17 @@ import numpy as np
 
 from benchmarks.visitors import Move, Visitor
 from stereolag import samples
+from stereolag.ui.keys import preset_key, setting_key
 from tests.browser.serving import free_port, served_process
 
 PROJECT = Path(__file__).resolve().parents[1]
 START_TIMEOUT_S = 60
 LEFT, RIGHT = "pairs.left", "pairs.right"
 PAIRS, OWN = "pairs", "Your own files"
-WINDOW = "depth.window"
+WINDOW = setting_key("correlation", "window_size")
 FIRST_WINDOW = 20
-ACCURATE = "depth.preset.accurate"
+ACCURATE = preset_key("accurate")
+DISPARITIES = setting_key("correlation", "search.rectified.num_disparities", "")
 ALONE_MOVES = 20
 WIDTH, HEIGHT = 700, 500
 LARGE_WIDTH, LARGE_HEIGHT, LARGE_DISPARITIES = 3000, 2000, 256
@@ -174,7 +176,7 @@ async def bystander(server: Server, users: int) -> Figures:
             await visitor.arrive()
             await with_own_pair(visitor, own_pair(number, LARGE_WIDTH, LARGE_HEIGHT, LARGE_DISPARITIES - 8))
             await visitor.choose("pairs.size", "Full")
-            for slider in visitor.keys("depth.disparities."):
+            for slider in visitor.keys(DISPARITIES):
                 await visitor.slide(slider, LARGE_DISPARITIES)
         await onlooker.arrive()
         await onlooker.choose(PAIRS, samples.stereo_pairs()["road"].title)

@@ -11,10 +11,20 @@ import scipy.signal
 from openpiv import pyprocess
 
 from benchmarks.timing import Row, interleaved, peak_extra_memory
-from stereolag import CorrelationMatcher, SearchArea, StereoBM, StereoSGBM, match_template, read_image, signal_lag
+from stereolag import (
+    CorrelationMatcher,
+    SearchArea,
+    StereoBM,
+    StereoSGBM,
+    match_template,
+    preset,
+    read_image,
+    signal_lag,
+)
 from stereolag.inputs import as_grey
 from stereolag.reading import read_signal
 from stereolag.samples import mazes, recordings, stereo_pairs
+from stereolag.stereo.matcher import StereoMatcher
 
 Grey = npt.NDArray[np.uint8]
 
@@ -50,8 +60,8 @@ def stereo_rows() -> Iterator[Row]:
     """Yield the tasks of the depth engine."""
     left, right = road()
     ours = dense()
-    report = CorrelationMatcher.preset("report", num_disparities=64)
-    accurate = CorrelationMatcher.preset("accurate", num_disparities=64)
+    report = preset("report", num_disparities=64)
+    accurate = preset("accurate", num_disparities=64)
     peer_block, peer_semi_global = StereoBM(num_disparities=64, block_size=21), StereoSGBM(num_disparities=64)
     seconds = interleaved(
         {
@@ -85,7 +95,7 @@ def stereo_rows() -> Iterator[Row]:
     yield memory_row(left, right)
 
 
-def report_row(left: Grey, right: Grey, matcher: CorrelationMatcher) -> Row:
+def report_row(left: Grey, right: Grey, matcher: StereoMatcher) -> Row:
     """Time the report's depth map against OpenPIV's equivalent, extrapolated from a strip: whole it needs 26 GB."""
     strip = 60
 

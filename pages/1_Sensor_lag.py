@@ -15,7 +15,7 @@ from stereolag.ui.sentences import duration, lag_in_words
 
 def listen(pair: RecordingPair, search: LagSearch) -> None:
     """Show both recordings and let them be heard."""
-    st.subheader("What the sensors heard", anchor=False)
+    st.subheader("The recordings", anchor=False)
     st.plotly_chart(figures.waveforms(pair.signal_1, pair.signal_2, search.sampling_rate), key="waveforms")
     for column, signal, name in zip(st.columns(2, gap="medium"), (pair.signal_1, pair.signal_2), "12", strict=True):
         with column:
@@ -63,7 +63,7 @@ def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
         st.markdown("##### Where the recordings agree")
         st.plotly_chart(figures.correlation_curve(result, CURVES[search.method]), key="correlation")
     with right:
-        st.markdown("##### Both on one clock, the lag undone")
+        st.markdown("##### Shifted to line up")
         st.plotly_chart(figures.aligned(pair.signal_1, pair.signal_2, result.lag, search.sampling_rate), key="aligned")
     st.markdown("##### Up close: 200 samples of both")
     first, last = figures.shared_samples(pair.signal_1, pair.signal_2, result.lag)
@@ -110,7 +110,7 @@ with page(
     recordings = choose_recordings()
     st.caption(recordings.description)
     measure(recordings)
-    with st.expander("What the source report says"):
+    with st.expander("The source report"):
         st.markdown(
             "Its two recordings hold 176,401 samples each, at 44.1 kHz, and lie 50,082 samples apart. "
             "At 333 m/s that is 50,082 ÷ 44,100 × 333 = **378.17 m**; the report’s 378.19 m is a slip. "

@@ -88,7 +88,7 @@ def find(inputs: PictureAndTemplate) -> None:
             inputs=inputs.digest,
             settings=query.model_dump_json(),
             shared=inputs.shared,
-            label="Sliding the template over the picture …",
+            label="Sliding the template over the image …",
         )
     except ValueError as error:
         st.error(str(error))
@@ -101,13 +101,13 @@ def find(inputs: PictureAndTemplate) -> None:
 
 with page(
     "Rocketman search",
-    "Somewhere in the picture is a smaller one. Slide it over every place, multiply, add up: where the score peaks, "
+    "Somewhere in the image is a smaller one. Slide it over every place, multiply, add up: where the score peaks, "
     "there it is. It is the same measurement as the lag of two recordings, in two dimensions.",
 ):
     pictures = choose_pictures()
     st.caption(pictures.description)
     find(pictures)
-    with st.expander("What the source report says"):
+    with st.expander("The source report"):
         st.markdown(
             "In its maze of 2446 × 1526 pixels Rocketman’s top-left corner lies at row **528**, column **982**; "
             "the report’s (651, 982) is his bottom row. It took 0.49 s with its sampled NCC and 2.8 s with its FFT."

@@ -94,13 +94,13 @@ def workspace(pair: StereoPair) -> None:
 
 with page(
     "Depth maps",
-    "Near things shift more between two eyes than far ones. Cut the left image into small windows and slide each along "
-    "the right image: the lag of the best match is its disparity, large for near things and small for far ones.",
+    "Near things shift more between the two cameras than far ones. Cut the left image into small windows and slide each"
+    " along the right image: the lag of the best match is its disparity, large for near things and small for far ones.",
 ):
     chosen_pair = choose_pair()
     show_presets(chosen_pair)
     workspace(chosen_pair)
-    with st.expander("What the source report says"):
+    with st.expander("The source report"):
         st.markdown(
             "Near things have the **large** lag, and the report’s cameras run at 10 Hz, not 10 kHz. With a window of "
             "20 px and an overlap of 0.95 its depth map took 111 s, and StereoBM 0.28 s: that is 400 times, not 1000. "

@@ -89,7 +89,7 @@ def error_over_coverage(curves: Mapping[str, CoverageCurve], threshold: float) -
         dragmode=False,
     )
     figure.update_xaxes(
-        title="pixels kept, the surest first, % of the truth", range=[0, 101], dtick=20, fixedrange=True
+        title="pixels kept, the surest first, % of the ground truth", range=[0, 101], dtick=20, fixedrange=True
     )
     figure.update_yaxes(title=f"off by more than {threshold:g} px, %", rangemode="tozero", fixedrange=True)
     return figure

@@ -71,7 +71,7 @@ def image_into_map(image: Image, disparity: npt.NDArray[np.float32], low: float,
 def disparity_legend(low: float, high: float, colours: Rgb = FAR_TO_NEAR) -> str:
     """Return a strip of the colours with the disparities they stand for, as HTML."""
     return strip(
-        low, high, colours, "far ← disparity, px → near", "One range of colours for all maps. Grey: no answer."
+        low, high, colours, "far ← disparity, px → near", "One range of colours for all maps. Grey: no disparity."
     )
 
 
@@ -172,8 +172,8 @@ def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str)
 
     line = rows + unit * (GAP + TEXT)
     draw.text((left, line), title, INK, font, anchor="ls")
-    draw.text((right, line), "no answer", INK, font, anchor="rs")
-    swatch = right - draw.textlength("no answer", font) - unit * GAP
+    draw.text((right, line), "no disparity", INK, font, anchor="rs")
+    swatch = right - draw.textlength("no disparity", font) - unit * GAP
     draw.rectangle((swatch - unit * TEXT, line - unit * TEXT + unit, swatch, line), fill=NO_ANSWER)
 
     top = line + unit * GAP

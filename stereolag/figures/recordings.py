@@ -77,7 +77,7 @@ def close_up(signal_1: Vector, signal_2: Vector, lag: int, start: int) -> go.Fig
     figure = go.Figure()
     # A broad line under a narrow one: both are seen where they coincide.
     for signal, name, colour, width in zip(
-        shown, ("sensor 1", "sensor 2, lag undone"), (SENSOR_1, SENSOR_2), (7, 2), strict=True
+        shown, ("sensor 1", "sensor 2, shifted to line up"), (SENSOR_1, SENSOR_2), (7, 2), strict=True
     ):
         line = {"color": colour, "width": width}
         figure.add_trace(go.Scatter(x=samples, y=signal.astype(np.float32), name=name, mode="lines", line=line))

@@ -1,4 +1,4 @@
-"""A sweep as two pictures of one grid: small disparity maps, and the merit of each cell."""
+"""A sweep as two pictures of one grid: small disparity maps, and the objective of each cell."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class ContactSheet:
         Of one small map, px.
     rows, cols
         The values of the two parameters.
-    merits
+    objectives
         (n_rows, n_cols), NaN where the settings do not fit.
     """
 
@@ -48,7 +48,7 @@ class ContactSheet:
     width: int
     rows: tuple[Any, ...]
     cols: tuple[Any, ...]
-    merits: npt.NDArray[np.float64]
+    objectives: npt.NDArray[np.float64]
 
     @classmethod
     def of(cls, grid: Sweep, shape: Sequence[int]) -> ContactSheet:
@@ -63,7 +63,7 @@ class ContactSheet:
             ]
             for line in grid.maps
         ]
-        return cls(np.block(small), height, width, grid.rows[1], grid.cols[1], grid.merits)
+        return cls(np.block(small), height, width, grid.rows[1], grid.cols[1], grid.objectives)
 
 
 def sweep_maps(
@@ -98,11 +98,11 @@ def sweep_maps(
     return figure
 
 
-def sweep_merits(sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
-    """Return the heat map of the merit, in percent, over the same grid; a click gives the number of the cell."""
+def sweep_objectives(sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
+    """Return the heat map of the objective, in percent, over the same grid; a click gives the number of the cell."""
     figure = go.Figure(
         go.Heatmap(
-            z=(100 * sheet.merits).astype(np.float32),
+            z=(100 * sheet.objectives).astype(np.float32),
             colorscale=[[share / 255, "rgb({},{},{})".format(*VIRIDIS[share])] for share in range(0, 256, 15)],
             showscale=False,
             xgap=GAP,
@@ -119,7 +119,7 @@ def _sheet_png(sheet: ContactSheet, low: float, high: float) -> str:
     picture = coloured(sheet.maps, low, high, FAR_TO_NEAR)
     rows, cols = np.ogrid[: picture.shape[0], : picture.shape[1]]
     opaque = (rows % sheet.height < sheet.height - GAP) & (cols % sheet.width < sheet.width - GAP)
-    opaque &= np.isfinite(sheet.merits)[rows // sheet.height, cols // sheet.width]
+    opaque &= np.isfinite(sheet.objectives)[rows // sheet.height, cols // sheet.width]
     shown = np.dstack([picture[:, :, ::-1], np.where(opaque, 255, 0).astype(np.uint8)])
     _, data = cv2.imencode(".png", shown)
     return f"data:image/png;base64,{base64.b64encode(data.tobytes()).decode()}"
@@ -129,8 +129,8 @@ def _as_grid(
     figure: go.Figure, sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None
 ) -> go.Figure:
     """Name the cells, frame the best and the current one, and make every cell a place to click."""
-    n_rows, n_cols = sheet.merits.shape
-    rows, cols = np.indices(sheet.merits.shape)
+    n_rows, n_cols = sheet.objectives.shape
+    rows, cols = np.indices(sheet.objectives.shape)
     figure.add_trace(
         go.Scatter(
             x=cols.ravel(),
@@ -138,16 +138,17 @@ def _as_grid(
             mode="markers",
             marker={"size": MARKER, "color": "rgba(0,0,0,0)", "symbol": "square"},
             text=[
-                f"{names[0]} {row}, {names[1]} {col}<br>" + (_percent(merit) if np.isfinite(merit) else "does not fit")
-                for row, line in zip(sheet.rows, sheet.merits, strict=True)
-                for col, merit in zip(sheet.cols, line, strict=True)
+                f"{names[0]} {row}, {names[1]} {col}<br>"
+                + (_percent(objective) if np.isfinite(objective) else "does not fit")
+                for row, line in zip(sheet.rows, sheet.objectives, strict=True)
+                for col, objective in zip(sheet.cols, line, strict=True)
             ],
             hovertemplate="%{text}<extra></extra>",
             showlegend=False,
         )
     )
-    if np.isfinite(sheet.merits).any():
-        row, col = divmod(int(np.nanargmax(sheet.merits)), n_cols)
+    if np.isfinite(sheet.objectives).any():
+        row, col = divmod(int(np.nanargmax(sheet.objectives)), n_cols)
         figure.add_shape(_frame((row, col), "solid"))
     if current is not None:
         figure.add_shape(_frame(current, "dot"))
@@ -182,5 +183,5 @@ def _frame(cell: tuple[int, int], dash: str) -> dict[str, Any]:
     }
 
 
-def _percent(merit: float) -> str:
-    return f"{100 * merit:.1f} %"
+def _percent(objective: float) -> str:
+    return f"{100 * objective:.1f} %"

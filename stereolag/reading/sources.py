@@ -86,4 +86,4 @@ def quoted(text: str) -> str:
 
 def harmless(text: str) -> str:
     """Return a sentence that quotes untrusted text, without what Markdown or HTML would take for a command."""
-    return re.sub(r"[^\w .,:;'+=?()-]", "?", text[:300])
+    return re.sub(r"[^\w .,:;'+=>?()-]", "?", text[:300])

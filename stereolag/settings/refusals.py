@@ -10,6 +10,7 @@ from typing import NamedTuple, get_args
 from annotated_types import Ge, Gt, Le, Lt, MultipleOf
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
 
 from stereolag.settings.fields import base_type, choices, nested
 
@@ -43,12 +44,23 @@ def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Probl
             yield Problem(name, str(cause))
         elif found["type"] == "extra_forbidden":
             yield Problem(name, unknown_setting(kind, name))
+        elif found["type"].startswith("union_tag"):
+            yield Problem(name, _kind_refused(name, found))
         elif found["type"] == "missing":
             yield Problem(name, f"{name} is missing.")
         elif field is not None:
             yield Problem(name, f"{name} is {_shown(found['input'])}; allowed {_allowed(field)}.")
         else:
             yield Problem(name, f"{name or kind.__name__} is {_shown(found['input'])}: {found['msg']}.")
+
+
+def _kind_refused(name: str, found: ErrorDetails) -> str:
+    """Return a sentence about settings of a kind that does not exist, or of none."""
+    context = found["ctx"]
+    kind = context["discriminator"].strip("'")
+    if "tag" not in context:
+        return f"{name}.{kind} is missing."
+    return f"{name}.{kind} is {_shown(context['tag'])}; allowed are {context['expected_tags']}."
 
 
 def _followed(kind: type[BaseModel], place: tuple[int | str, ...]) -> tuple[list[str], FieldInfo | None]:

@@ -1,4 +1,4 @@
-"""How good a setting is on a pair: one figure, with truth or without."""
+"""How good settings are on a pair: one figure, with ground truth or without."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ AGREEMENT_SECONDS = 2e-7
 """Seconds a pixel to compare two maps, or one with the truth."""
 
 SCALES = (1.0, 0.75, 0.5, 0.35, 0.25)
-"""Sizes of a bench, full size first."""
+"""Sizes in which a pair is tuned on, full size first."""
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class TuningPair:
     """A pair on which settings are tried, made smaller where trying takes too long in full.
 
     Attributes
@@ -57,8 +57,8 @@ class Bench:
     @classmethod
     def of(
         cls, left: npt.ArrayLike, right: npt.ArrayLike, truth: npt.ArrayLike | None = None, *, scale: float = 1.0
-    ) -> Bench:
-        """Return the bench of a pair, `scale` times its size.
+    ) -> TuningPair:
+        """Return a pair to tune on, `scale` times the size of the images.
 
         Raises
         ------
@@ -78,7 +78,7 @@ class Bench:
         return cls(scaled_image(images[0], scale), scaled_image(images[1], scale), known, scale)
 
     def estimate(self, matcher: StereoMatcher) -> Estimate:
-        """Return what :meth:`merit` will take.
+        """Return what :meth:`objective` will take.
 
         Without truth the pair is matched twice, and the first map waits for the second.
         """
@@ -94,11 +94,11 @@ class Bench:
         memory = max(once.memory + ANSWER * pixels, AGREEMENT * pixels) + mirrored
         return Estimate(memory, 2 * once.seconds + judged)
 
-    def merit(self, matcher: StereoMatcher) -> tuple[float, FloatMap]:
+    def objective(self, matcher: StereoMatcher) -> tuple[float, FloatMap]:
         """Return how good settings are, 0..1 and higher is better, and their disparity map.
 
         With truth: the share of its pixels measured within 2 px, missing ones counted as wrong. Without: the
-        left-right-consistent photometric agreement.
+        left-right-consistent photometric consistency.
 
         Parameters
         ----------
@@ -107,10 +107,10 @@ class Bench:
 
         Returns
         -------
-        merit
+        objective
             Never NaN.
         disparity
-            At the size of the bench, in px of full size.
+            At the size of this pair, in px of full size.
 
         Raises
         ------
@@ -130,10 +130,10 @@ class Bench:
             judged = evaluate(disparity, self.truth, thresholds=(RIGHT_WITHIN_PX,))
             return 1 - judged.bad[RIGHT_WITHIN_PX] / 100, disparity
         mirrored = seen_from_the_right(fitting, self.left, self.right)
-        return agreement(result, mirrored, self.left, self.right), disparity
+        return photometric_consistency(result, mirrored, self.left, self.right), disparity
 
 
-def affordable_bench(
+def affordable_pair(
     matcher: StereoMatcher,
     left: npt.ArrayLike,
     right: npt.ArrayLike,
@@ -141,8 +141,8 @@ def affordable_bench(
     *,
     trials: int,
     budget_s: float,
-) -> Bench:
-    """Return the largest bench on which so many trials should fit into a budget, judged by one trial in full size.
+) -> TuningPair:
+    """Return the largest pair on which so many trials should fit into a budget, judged by one trial in full size.
 
     Pixels times disparities make the cost, so it falls with the third power of the scale.
 
@@ -151,12 +151,12 @@ def affordable_bench(
     ValueError
         Images that do not fit together, or settings that do not fit the images.
     """
-    bench = Bench.of(left, right, truth)
+    tuning_pair = TuningPair.of(left, right, truth)
     start = time.perf_counter()
-    bench.merit(matcher)
+    tuning_pair.objective(matcher)
     expected_s = trials * (time.perf_counter() - start)
     scale = next((scale for scale in SCALES if expected_s * scale**3 <= budget_s), SCALES[-1])
-    return bench if scale == 1 else Bench.of(left, right, truth, scale=scale)
+    return tuning_pair if scale == 1 else TuningPair.of(left, right, truth, scale=scale)
 
 
 TOLERANCE_PX = 1.0
@@ -218,8 +218,10 @@ def likeness(result: DisparityMap, left: Image, right: Image) -> FloatMap:
     return np.where(result.valid, np.clip(score, 0, 1), np.float32(0)).astype(np.float32)
 
 
-def agreement(result: DisparityMap, mirrored: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) -> float:
-    """Return the left-right-consistent photometric agreement of a map, 0..1.
+def photometric_consistency(
+    result: DisparityMap, mirrored: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike
+) -> float:
+    """Return how well the two images agree through a map, 0..1: a figure that needs no ground truth.
 
     The mean over all pixels of :func:`likeness` where the map is :func:`consistent`, and 0 elsewhere: a map that is
     wrong, blank, or sure of two different things scores low. Filled pixels count as blank: nothing was measured there.

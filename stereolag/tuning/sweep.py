@@ -14,7 +14,7 @@ from stereolag.estimates import Estimate
 from stereolag.progress import Progress, silent
 from stereolag.settings import changed, setting
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.tuning.objective import Bench
+from stereolag.tuning.objective import TuningPair
 
 Cell = tuple[StereoMatcher, float, FloatMap]
 
@@ -27,7 +27,7 @@ class Sweep:
     ----------
     rows, cols
         (name, values) of the two parameters.
-    merits
+    objectives
         (n_rows, n_cols) float, higher is better; NaN where the settings do not fit together or do not fit the images.
     maps
         The disparity maps, row by row, in px of full size; None where there is none.
@@ -37,22 +37,22 @@ class Sweep:
 
     rows: tuple[str, tuple[Any, ...]]
     cols: tuple[str, tuple[Any, ...]]
-    merits: npt.NDArray[np.float64]
+    objectives: npt.NDArray[np.float64]
     maps: tuple[tuple[FloatMap | None, ...], ...]
     matchers: tuple[tuple[StereoMatcher | None, ...], ...]
 
     @property
     def best(self) -> tuple[int, int] | None:
         """Return (row, col) of the best cell; None where no cell could be computed."""
-        if np.isnan(self.merits).all():
+        if np.isnan(self.objectives).all():
             return None
-        row, col = divmod(int(np.nanargmax(self.merits)), self.merits.shape[1])
+        row, col = divmod(int(np.nanargmax(self.objectives)), self.objectives.shape[1])
         return row, col
 
 
 def sweep(
     matcher: StereoMatcher,
-    bench: Bench,
+    pair: TuningPair,
     *,
     rows: tuple[str, Sequence[Any]],
     cols: tuple[str, Sequence[Any]],
@@ -64,10 +64,10 @@ def sweep(
     ----------
     matcher
         Gives all other settings.
-    bench
+    pair
         The pair.
     rows, cols
-        (name, values), named as in :func:`stereolag.tuning.objective.changed`.
+        (name, values), named as in :func:`stereolag.settings.changed`.
     progress
         Called with the fraction done after every cell.
 
@@ -87,19 +87,19 @@ def sweep(
     for row_value in rows[1]:
         cells.append([])
         for col_value in cols[1]:
-            cells[-1].append(_cell(matcher, {rows[0]: row_value, cols[0]: col_value}, bench))
+            cells[-1].append(_cell(matcher, {rows[0]: row_value, cols[0]: col_value}, pair))
             report(sum(map(len, cells)) / (len(rows[1]) * len(cols[1])))
     return Sweep(
         rows=(rows[0], tuple(rows[1])),
         cols=(cols[0], tuple(cols[1])),
-        merits=np.array([[np.nan if cell is None else cell[1] for cell in line] for line in cells]),
+        objectives=np.array([[np.nan if cell is None else cell[1] for cell in line] for line in cells]),
         maps=tuple(tuple(None if cell is None else cell[2] for cell in line) for line in cells),
         matchers=tuple(tuple(None if cell is None else cell[0] for cell in line) for line in cells),
     )
 
 
 def estimate_sweep(
-    matcher: StereoMatcher, bench: Bench, *, rows: tuple[str, Sequence[Any]], cols: tuple[str, Sequence[Any]]
+    matcher: StereoMatcher, pair: TuningPair, *, rows: tuple[str, Sequence[Any]], cols: tuple[str, Sequence[Any]]
 ) -> Estimate:
     """Return what :func:`sweep` will take: its largest cell, and the maps of all.
 
@@ -109,20 +109,20 @@ def estimate_sweep(
     for row_value in rows[1]:
         for col_value in cols[1]:
             try:
-                cells.append(bench.estimate(changed(matcher, {rows[0]: row_value, cols[0]: col_value})))
+                cells.append(pair.estimate(changed(matcher, {rows[0]: row_value, cols[0]: col_value})))
             except ValueError:  # a hole
                 continue
-    maps = len(cells) * bench.left.shape[0] * bench.left.shape[1] * np.dtype(np.float32).itemsize
+    maps = len(cells) * pair.left.shape[0] * pair.left.shape[1] * np.dtype(np.float32).itemsize
     return Estimate(maps + max((cell.memory for cell in cells), default=0), sum(cell.seconds for cell in cells))
 
 
-def _cell(matcher: StereoMatcher, changes: dict[str, Any], bench: Bench) -> Cell | None:
-    """Return the settings of a cell, their merit and their map.
+def _cell(matcher: StereoMatcher, changes: dict[str, Any], pair: TuningPair) -> Cell | None:
+    """Return the settings of a cell, their objective and their map.
 
     None is a hole in the grid, not an end of it: a window larger than its search area, or than the image.
     """
     try:
         settings = changed(matcher, changes)
-        return (settings, *bench.merit(settings))
+        return (settings, *pair.objective(settings))
     except ValueError:
         return None

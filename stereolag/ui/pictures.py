@@ -31,7 +31,7 @@ def choose_pictures() -> PictureAndTemplate:
     """Ask where to look for what."""
     examples = samples.mazes()
     chosen = choose(examples, key=KEY)
-    return own_or_example(chosen, _own_pictures, example_pictures, examples, key=KEY, awaited="both pictures are")
+    return own_or_example(chosen, _own_pictures, example_pictures, examples, key=KEY, awaited="both images are")
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -47,14 +47,14 @@ def _own_pictures() -> PictureAndTemplate | None:
     """Ask for two files and perhaps a mask; return the last that could be used together."""
     columns = st.columns(3, gap="medium")
     with columns[0]:
-        picture = upload("Picture", read_image, key=f"{KEY}.picture", types=PICTURE_TYPES)
+        picture = upload("Image", read_image, key=f"{KEY}.picture", types=PICTURE_TYPES)
     with columns[1]:
         template = upload(
             "Template",
             read_image,
             key=f"{KEY}.template",
             types=PICTURE_TYPES,
-            note="What to look for: cut from the picture, or of the same size there. Transparent parts do not count.",
+            note="The thing to find, cut from the image or of the same size. Transparent parts do not count.",
         )
     with columns[2]:
         mask = upload(
@@ -62,7 +62,7 @@ def _own_pictures() -> PictureAndTemplate | None:
             read_image,
             key=f"{KEY}.mask",
             types=PICTURE_TYPES,
-            note="A picture of the template’s size, black where the template does not count, as around a cursor or a "
+            note="An image of the template’s size, black where the template does not count, as around a cursor or a "
             "logo. It replaces the template’s own transparency.",
         )
     if picture is None or template is None:
@@ -73,17 +73,17 @@ def _own_pictures() -> PictureAndTemplate | None:
 
 def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:
     """Return all of them; ValueError where the template cannot be looked for in the picture, or not under this mask."""
-    image, small = as_image(picture.content, "picture"), as_image(template.content, "template")
+    image, small = as_image(picture.content, "image"), as_image(template.content, "template")
     if small.shape[0] > image.shape[0] or small.shape[1] > image.shape[1]:
         raise ValueError(
-            f"The template is {small.shape[1]} × {small.shape[0]} pixels and the picture {image.shape[1]} × "
-            f"{image.shape[0]}; the template must fit into the picture."
+            f"The template is {small.shape[1]} × {small.shape[0]} pixels and the image {image.shape[1]} × "
+            f"{image.shape[0]}; the template must fit into the image."
         )
     digest = f"{picture.digest} {template.digest}"
     if mask is None:
-        return PictureAndTemplate(image, small, "Your own pictures.", digest, False)
+        return PictureAndTemplate(image, small, "Your own images.", digest, False)
     marked = _fitting_mask(mask.content, small)
-    return PictureAndTemplate(image, small, "Your own pictures.", f"{digest} {mask.digest}", False, marked)
+    return PictureAndTemplate(image, small, "Your own images.", f"{digest} {mask.digest}", False, marked)
 
 
 def _fitting_mask(mask: Image, template: Image) -> Image:

@@ -33,8 +33,8 @@ class TemplateQuery(Settings):
     method: TemplateMethod = Field(default="fft", title="Method")
     min_score: float = Field(
         default=0.5,
-        title="Least score",
-        description="What scores less is not a match: 1 is an exact copy, 0 has nothing in common.",
+        title="Minimum score",
+        description="Places that score lower are no match: 1 is an exact copy, 0 has nothing in common.",
         ge=0,
         le=1,
         json_schema_extra={"step": 0.05},
@@ -68,8 +68,8 @@ TEMPLATE_METHODS = {"fft": "FFT", "sampled": "Sampled", "direct": "Direct"}
 
 TEMPLATE_METHODS_EXPLAINED = {
     "fft": "Scores every place at once through a fast Fourier transform. Finds him dulled and half hidden too.",
-    "sampled": "The report’s Appendix B: look for one rare pixel of the template and score only where the picture has "
+    "sampled": "The report’s Appendix B: look for one rare pixel of the template and score only where the image has "
     "it. Very fast, and blind where not a single pixel is left as it was.",
-    "direct": "Slides the template over the picture pixel by pixel. The same scores as FFT, in minutes: "
+    "direct": "Slides the template over the image pixel by pixel. The same scores as FFT, in minutes: "
     "to compare, not to wait for.",
 }

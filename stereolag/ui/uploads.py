@@ -197,7 +197,7 @@ def _taken_back(key: str) -> _Kept[T] | None:
 
 def _say_still_in_use(key: str) -> None:
     with st.container(horizontal=True, vertical_alignment="center"):
-        st.caption("What you uploaded here before is still in use.", width="content")
+        st.caption("The file you uploaded here before is still in use.", width="content")
         st.button("Remove", key=f"{key}.remove", type="tertiary", on_click=_forget, args=(key,))
 
 

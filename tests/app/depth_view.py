@@ -31,7 +31,7 @@ def small_view(*, calibrated: bool = True, truth: bool = True) -> DepthView:
         right=np.ascontiguousarray(whole.right[ROWS, COLS]),
         truth=whole.truth[ROWS, COLS] if truth else None,
         visible=None,
-        digest=f"small cube, calibrated: {calibrated}, truth: {truth}",
+        files=f"small cube, calibrated: {calibrated}, truth: {truth}",
         calibration=Calibration(known.focal_px, known.baseline_m, cx=known.cx - COLS.start, cy=known.cy - ROWS.start)
         if calibrated
         else None,

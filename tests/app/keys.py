@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from stereolag.ui.keys import COLOURS, FIRST_METHOD, PART, SECOND_METHOD, VIEW, more_key, opened_key, preset_key
+from stereolag.ui.keys import more_key as more
 from stereolag.ui.keys import setting_key as setting
 
-__all__ = ["COLOURS", "FIRST_METHOD", "PART", "SECOND_METHOD", "VIEW", "preset_key", "setting"]
+__all__ = ["COLOURS", "FIRST_METHOD", "PART", "SECOND_METHOD", "VIEW", "more", "preset_key", "setting"]
 
 CUBE = "pair cube"
 

@@ -92,7 +92,9 @@ def test_what_does_not_apply_is_disabled_and_counts_for_nothing(open_unfolded: O
     assert app.slider(key=keys.BLOCK_SPECKLE_RANGE).disabled
     app.slider(key=keys.BLOCK_SPECKLES).set_value(50).run()
     assert not app.slider(key=keys.BLOCK_SPECKLE_RANGE).disabled
-    assert app.slider(key="depth.cost.census").disabled
+    assert not app.slider(key=keys.setting("sgm", "cost.gradient_limit")).disabled
+    app.slider(key=keys.setting("sgm", "cost.gradient")).set_value(0).run()
+    assert app.slider(key=keys.setting("sgm", "cost.gradient_limit")).disabled
     app.toggle(key=keys.MEDIAN).set_value(True).run()
     app.slider(key=keys.OVERLAP).set_value(0.5)
     app.button_group(key=keys.SEARCH).set_value("centred").run()
@@ -100,3 +102,38 @@ def test_what_does_not_apply_is_disabled_and_counts_for_nothing(open_unfolded: O
     assert not app.error
     app.button_group(key=keys.SEARCH).set_value("rectified").run()
     assert app.toggle(key=keys.MEDIAN).value
+
+
+def test_the_methods_side_by_side_stand_in_the_address() -> None:
+    app = linked(method="sgm", beside="sgbm", sgm__window_size="15")
+    assert app.selectbox(key=keys.FIRST_METHOD).value == "sgm"
+    assert app.selectbox(key=keys.SECOND_METHOD).value == "sgbm"
+    assert app.slider(key=keys.setting("sgm", "window_size")).value == 15
+    assert address(app) == {"method": "sgm", "beside": "sgbm", "sgm.window_size": "15"}
+
+
+def test_no_method_is_shown_beside_itself() -> None:
+    app = linked(method="bm")
+    assert app.selectbox(key=keys.FIRST_METHOD).value == "bm"
+    assert app.selectbox(key=keys.SECOND_METHOD).value == "correlation"
+
+
+def test_the_accurate_preset_shows_its_method_and_reset_brings_the_first_back(open_page: OpenPage) -> None:
+    app = open_page(DEPTH)
+    app.button(key=keys.preset_key("accurate")).click().run()
+    assert not app.exception
+    assert app.selectbox(key=keys.FIRST_METHOD).value == "sgm"
+    assert address(app)["method"] == "sgm"
+    app.button(key=keys.preset_key("reset")).click().run()
+    assert app.selectbox(key=keys.FIRST_METHOD).value == "correlation"
+    assert address(app) == {}
+
+
+def test_settings_within_settings_that_do_not_fit_together_are_refused_with_a_sentence() -> None:
+    app = linked(method="sgm")
+    app.slider(key=keys.setting("sgm", "optimisation.penalty_small")).set_value(200).run()
+    assert not app.exception
+    assert [error.value for error in app.error] == [
+        "penalty_small is 200, penalty_at_edges 80 and penalty_large 400; each must be at least as large as the one "
+        "before."
+    ]

@@ -37,8 +37,8 @@ def test_every_method_stands_beside_the_truth_in_one_range() -> None:
         "Convolution",
         "StereoBM",
         "StereoSGBM",
-        "Truth",
-        "Convolution − Truth",
+        "Ground truth",
+        "Convolution − Ground truth",
         "Agreement",
     ]
     assert [legend["title"] for legend in header(app)["legends"]] == [
@@ -54,9 +54,9 @@ def test_every_method_stands_beside_the_truth_in_one_range() -> None:
 def test_any_two_maps_can_be_subtracted() -> None:
     app = AppTest.from_function(comparison, default_timeout=60).run()
     before = header(app)["digest"]
-    app.selectbox(key="depth.comparison.first").set_value("Truth").run()
+    app.selectbox(key="depth.comparison.first").set_value("Ground truth").run()
     app.selectbox(key="depth.comparison.second").set_value("StereoBM").run()
-    assert "Truth − StereoBM" in titles(app)
+    assert "Ground truth − StereoBM" in titles(app)
     assert header(app)["digest"] != before
 
 

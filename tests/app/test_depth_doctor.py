@@ -70,7 +70,7 @@ def test_each_problem_is_fixed_by_a_click_and_comes_back_with_undo(code: Finding
     app.button(key=f"depth.doctor.{remedy}").click().run()
     assert not app.exception
     mended = app.session_state["shown"]
-    assert [change.name for change in mended.remedies] == [f"+{remedy}"]
+    assert [change.name for change in mended.remedies] == [remedy]
     assert mended.digest != pair.digest
     assert mended.source == pair.source
     assert remedy not in [button.key.rpartition(".")[2] for button in app.button if "undo" not in button.key]

@@ -42,16 +42,16 @@ def view_of(pair: StereoPair, *matchers: StereoMatcher) -> DepthView:
 
 def section() -> None:
     import streamlit as st
-    from stereolag.ui.matchers import ask_block_matcher
 
     from stereolag import StereoBM
     from stereolag.ui.depth.address import take_over
     from stereolag.ui.depth.downloads import show_downloads
     from stereolag.ui.depth.view import DepthView
+    from stereolag.ui.matcher_controls import ask_matcher
 
     pair = st.session_state["pair"]
     take_over(pair)
-    matcher = ask_block_matcher(pair) or StereoBM()
+    matcher = ask_matcher(StereoBM, pair) or StereoBM()
     show_downloads(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, 0, 16))
     st.session_state["matcher"] = matcher
 
@@ -92,9 +92,9 @@ def test_metrics_are_of_every_method_and_apart_without_occlusion() -> None:
     assert [line.split(",")[0].strip('"') for line in lines] == [
         "method",
         "CorrelationMatcher",
+        "CorrelationMatcher (non-occluded)",
         "StereoBM",
-        "CorrelationMatcher",
-        "StereoBM",
+        "StereoBM (non-occluded)",
     ]
 
 

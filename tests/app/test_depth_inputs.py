@@ -38,12 +38,14 @@ ndisp=64
 
 def inputs() -> None:
     import streamlit as st
-    from stereolag.ui.matchers import ask_block_matcher, ask_correlation
 
+    from stereolag.stereo.opencv import StereoBM
+    from stereolag.stereo.windows.matcher import CorrelationMatcher
     from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.matcher_controls import ask_matcher
 
     pair = choose_pair()
-    st.session_state["shown"] = pair, ask_block_matcher(pair), ask_correlation(pair)
+    st.session_state["shown"] = pair, ask_matcher(StereoBM, pair), ask_matcher(CorrelationMatcher, pair)
 
 
 def opened(arrangement: str = "files") -> AppTest:
@@ -100,7 +102,9 @@ def test_a_calibration_of_another_size_is_scaled_and_tells_the_range() -> None:
     assert calibration is not None
     assert (calibration.focal_px, calibration.doffs_px) == (200, 5)
     assert shown(app).num_disparities == 32
-    assert app.slider(key=f"depth.disparities.{shown(app).source}").value == 32
+    assert (
+        app.slider(key=keys.setting("correlation", "search.rectified.num_disparities", shown(app).source)).value == 32
+    )
     assert "The calibration was scaled to 200 × 120 pixels." in said(app)
 
 
@@ -115,7 +119,7 @@ def test_both_cameras_rectify_the_pair_and_drop_the_truth() -> None:
     assert pair.calibration.rig is None
     assert pair.calibration.baseline_m == pytest.approx(0.1)
     assert "undistorted and rectified" in said(app)
-    assert "The true disparity is of the picture before that" in said(app)
+    assert "Its ground truth belongs to the image before that" in said(app)
 
 
 def test_two_typed_numbers_are_a_calibration() -> None:

@@ -32,7 +32,7 @@ def scoreboard_with_mask() -> None:
 
     view = small_view()
     visible = np.arange(view.pair.left.shape[1])[None].repeat(view.pair.left.shape[0], axis=0) > 100
-    show_scoreboard(replace(view, pair=replace(view.pair, visible=visible, digest="masked")))
+    show_scoreboard(replace(view, pair=replace(view.pair, visible=visible, files="masked")))
 
 
 def scoreboard_without_truth() -> None:

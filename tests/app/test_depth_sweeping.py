@@ -7,19 +7,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stereolag.ui.depth.parameters import parameters
 from streamlit.testing.v1 import AppTest
 
-from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_merits
-from stereolag.reading import read_matcher
+from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_objectives
 from stereolag.settings import changed
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.methods import METHODS
+from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM
+from stereolag.stereo.semi_global.costs import MatchingCost
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.tuning.objective import Bench
+from stereolag.tuning.objective import TuningPair
+from stereolag.tuning.parameters import parameters
 from stereolag.tuning.sweep import sweep
+from stereolag.ui.depth.sweeping import Axis, settings_of_cell
 from tests.app.depth_view import small_view
 
 
@@ -44,7 +46,7 @@ def begun(values: tuple[str, str], script: Any = sweeping) -> AppTest:
     return app.run()
 
 
-@pytest.mark.parametrize("matcher", [*(method() for method in METHODS.values()), CorrelationMatcher.preset("accurate")])
+@pytest.mark.parametrize("matcher", [*(method() for method in METHODS), preset("fast"), preset("accurate")])
 def test_every_value_offered_can_be_set(matcher: StereoMatcher) -> None:
     known = parameters(matcher)
     assert known
@@ -73,10 +75,10 @@ def test_windows_are_tried_in_half_octaves_and_fractions_throughout() -> None:
 
 
 def test_what_has_no_effect_is_not_offered() -> None:
-    plain, weighed = CorrelationMatcher(), CorrelationMatcher.preset("accurate")
-    assert "cost.census" not in parameters(plain)
-    assert "cost.census" in parameters(weighed)
-    assert "search.vertical" not in parameters(weighed)
+    assert "search.vertical" in parameters(CorrelationMatcher())
+    assert "search.vertical" not in parameters(preset("fast"))
+    assert "cost.gradient_limit" in parameters(SemiGlobalMatcher())
+    assert "cost.gradient_limit" not in parameters(SemiGlobalMatcher(cost=MatchingCost(gradient=0)))
     assert "speckle_range" not in parameters(StereoBM())
     assert "speckle_range" in parameters(StereoBM(speckle_window_size=50))
 
@@ -88,12 +90,12 @@ def test_a_sweep_shows_a_map_and_a_figure_for_every_combination(script: Any) -> 
     assert app.button[0].label == "Sweep 6 combinations"
     app.button[0].click().run()
     assert not app.exception
-    maps, merits = (json.loads(chart.proto.spec) for chart in app.get("plotly_chart"))
+    maps, objectives = (json.loads(chart.proto.spec) for chart in app.get("plotly_chart"))
     assert maps["data"][0]["type"] == "image"
-    assert merits["layout"]["xaxis"]["ticktext"] == ["9", "15", "21"]
-    assert merits["layout"]["yaxis"]["ticktext"] == ["32", "64"]
+    assert objectives["layout"]["xaxis"]["ticktext"] == ["9", "15", "21"]
+    assert objectives["layout"]["yaxis"]["ticktext"] == ["32", "64"]
     assert len(maps["data"][1]["text"]) == 6
-    assert app.session_state["depth.sweep"].sheet.merits.shape == (2, 3)
+    assert app.session_state["depth.sweep"].sheet.objectives.shape == (2, 3)
 
 
 def test_other_values_ask_for_another_sweep() -> None:
@@ -124,34 +126,28 @@ def test_one_setting_against_itself_is_refused() -> None:
     assert "two different settings" in app.error[0].value
 
 
-def test_a_cell_that_is_taken_over_is_handed_to_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    from stereolag.ui.depth import adoption, sweeping
-
-    state: dict[str, str] = {}
-    monkeypatch.setattr(adoption.st, "session_state", state)
-    monkeypatch.setattr(adoption.st, "rerun", lambda scope: None)
+def test_a_cell_gives_its_settings_to_the_page() -> None:
     matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(64))
     known = parameters(matcher)
     axes = (
-        sweeping.Axis(known["search.num_disparities"], (32, 64)),
-        sweeping.Axis(known["window_size"], (9, 15, 21)),
+        Axis(known["search.num_disparities"], (32, 64)),
+        Axis(known["window_size"], (9, 15, 21)),
     )
-    sweeping._take_over(matcher, axes, 0, 2)
-    adopted = read_matcher(state[adoption.ADOPTED].encode())
-    assert adopted == CorrelationMatcher(window_size=21, search=SearchArea.rectified(32))
+    wanted = CorrelationMatcher(window_size=21, search=SearchArea.rectified(32))
+    assert settings_of_cell(matcher, axes, 0, 2) == wanted
 
 
 def test_the_figures_show_holes_and_frames() -> None:
     view = small_view()
-    bench = Bench.of(view.pair.left, view.pair.right, view.pair.truth)
+    tuning_pair = TuningPair.of(view.pair.left, view.pair.right, view.pair.truth)
     centred = CorrelationMatcher(window_size=9, search=SearchArea.centred(33))
-    grid = sweep(centred, bench, rows=("window_size", [9, 41]), cols=("search.search_size", [33, 64]))
+    grid = sweep(centred, tuning_pair, rows=("window_size", [9, 41]), cols=("search.search_size", [33, 64]))
     sheet = ContactSheet.of(grid, view.pair.left.shape)
     assert sheet.maps.shape == (2 * sheet.height, 2 * sheet.width)
     assert np.isnan(sheet.maps[sheet.height :, : sheet.width]).all()
     for figure in (
         sweep_maps(sheet, ("Window", "Search area"), 0, 64, (0, 0)),
-        sweep_merits(sheet, ("Window", "Search area"), (0, 0)),
+        sweep_objectives(sheet, ("Window", "Search area"), (0, 0)),
     ):
         assert [shape.line.dash for shape in figure.layout.shapes] == ["solid", "dot"]
         assert "does not fit" in figure.data[1].text[2]

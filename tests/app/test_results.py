@@ -72,7 +72,7 @@ def test_what_was_computed_is_not_computed_again() -> None:
         return of_bytes(1)
 
     for settings in ("one", "two", "one"):
-        computed(compute, inputs="inputs", settings=settings, shared=True, label="Computing …")
+        computed("counting", compute, inputs="inputs", settings=settings, shared=True, label="Computing …")
     assert len(calls) == 2
 
 
@@ -82,7 +82,7 @@ def test_a_refusal_is_not_kept() -> None:
 
     for _ in range(2):
         with pytest.raises(ValueError, match="no"):
-            computed(refuse, inputs="inputs", settings="", shared=True, label="Computing …")
+            computed("refusing", refuse, inputs="inputs", settings="", shared=True, label="Computing …")
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,7 @@ def page() -> None:
         return f"result {number}".encode()
 
     result = computed_in_turn(
+        "counting",
         compute,
         Estimate(st.session_state["memory"], 0.0),
         inputs=st.session_state["inputs"],
@@ -71,7 +72,7 @@ def finished(app: AppTest) -> AppTest:
 def test_a_heavy_job_does_not_hold_the_page(gate: threading.Event) -> None:
     app = opened(gate, "first")
     assert app.markdown[0].value == "nothing yet"
-    assert app.button(key="results.cancel.Counting …")
+    assert app.button(key="results.cancel.counting")
     gate.set()
     assert finished(app).markdown[0].value == "result 1"
     assert not app.button
@@ -108,12 +109,12 @@ def test_a_light_job_does_not_wait(gate: threading.Event, somebody_else: Job[boo
 
 def test_a_job_is_cancelled_and_computed_again(gate: threading.Event) -> None:
     app = opened(gate, "first")
-    app.button(key="results.cancel.Counting …").click().run()
+    app.button(key="results.cancel.counting").click().run()
     assert app.caption[0].value == "Cancelled."
     gate.set()
     app.run()
     assert app.caption[0].value == "Cancelled."
-    app.button(key="results.again.Counting …").click().run()
+    app.button(key="results.again.counting").click().run()
     assert finished(app).markdown[0].value == "result 1"
 
 

@@ -70,7 +70,7 @@ class DepthPage:
         visit.unfold("Calibration (optional)")
         visit.give("Left image", pair.left)
         visit.give("Right image", pair.right)
-        visit.give("True disparity", pair.truth)
+        visit.give("Ground truth (optional)", pair.truth)
         visit.give("Calibration files", pair.calibration)
         expect(visit.page.get_by_text("Your own pair.")).to_be_visible()
         return visit

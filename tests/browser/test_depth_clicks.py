@@ -49,11 +49,11 @@ def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(ope
     left = page.locator(".viewport").first
     hover(left, 0.503, 0.503)
     expect(page.locator(".where")).to_have_text("row 80, column 140")
-    expect(reading(page, "Truth")).to_have_text(re.compile(r"^\d+\.\d\d px · 0\.\d+ m$"))
+    expect(reading(page, "Ground truth")).to_have_text(re.compile(r"^\d+\.\d\d px · 0\.\d+ m$"))
     expect(reading(page, "StereoSGBM")).to_have_text(re.compile(r"^\d+\.\d\d px · 0\.\d+ ± 0\.\d+ m$"))
     assert page.locator("svg .cross").count() == page.locator(".viewport").count()
     hover(left, 0.01, 0.5)
-    expect(reading(page, "StereoBM")).to_have_text("no answer: out of frame")
+    expect(reading(page, "StereoBM")).to_have_text("no disparity: out of frame")
 
     left.click(position=point(left, 0.5, 0.6))  # type: ignore[arg-type]
     expect(page.get_by_text("A: depth")).to_be_visible()
@@ -94,8 +94,8 @@ def test_before_and_after_needs_no_rerun(open_part: OpenPage) -> None:
     )
     page.get_by_role("button", name="Before / after").click()
     page.get_by_label("Picture on the left", exact=True).select_option("StereoBM")
-    page.get_by_label("Picture on the right").select_option("Truth")
-    expect(page.locator("figcaption")).to_have_text("StereoBMTruth")
+    page.get_by_label("Picture on the right").select_option("Ground truth")
+    expect(page.locator("figcaption")).to_have_text("StereoBMGround truth")
     split = page.get_by_role("slider", name="How much of the picture on the left")
     split.fill("25")
     expect(page.locator(".layer").nth(1)).to_have_css("clip-path", "inset(0px 0px 0px 25%)")

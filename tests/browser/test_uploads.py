@@ -69,7 +69,7 @@ def test_a_refused_file_leaves_no_answer_of_an_example(open_page: OpenPage) -> N
     page = on_own_files(open_page("Sensor_lag"))
     give(page, 0, BROKEN)
     expect(page.get_by_text(REFUSAL)).to_be_visible()
-    assert EXAMPLE not in page.inner_text("body").split("What the source report says")[0]
+    assert EXAMPLE not in page.inner_text("body").split("The source report")[0]
     expect(page.locator("[data-testid=stMetric]")).to_have_count(0)
 
 

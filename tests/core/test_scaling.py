@@ -14,7 +14,7 @@ from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.tuning.objective import Bench
+from stereolag.tuning.objective import TuningPair
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
@@ -65,8 +65,8 @@ def test_every_method_stays_valid_at_every_size(name: str, factor: float) -> Non
 def test_a_small_bench_judges_in_pixels_of_the_full_size(with_truth: bool) -> None:
     pair = shifted_pair(120, 240, 0, -24, dtype=np.float32)
     truth = np.full(pair[0].shape, 24.0) if with_truth else None
-    bench = Bench.of(*pair, truth, scale=0.5)
-    found, disparity = bench.merit(CorrelationMatcher(window_size=20, search=SearchArea.rectified(48)))
+    tuning_pair = TuningPair.of(*pair, truth, scale=0.5)
+    found, disparity = tuning_pair.objective(CorrelationMatcher(window_size=20, search=SearchArea.rectified(48)))
     assert disparity.shape == (60, 120)
     assert np.nanmedian(disparity) == pytest.approx(24, abs=0.2)
     assert found > 0.6
@@ -74,4 +74,4 @@ def test_a_small_bench_judges_in_pixels_of_the_full_size(with_truth: bool) -> No
 
 def test_a_truth_of_another_size_is_refused() -> None:
     with pytest.raises(ValueError, match="truth has shape"):
-        Bench.of(*shifted_pair(20, 30, 0, -2), np.zeros((20, 31)))
+        TuningPair.of(*shifted_pair(20, 30, 0, -2), np.zeros((20, 31)))

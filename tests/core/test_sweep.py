@@ -14,25 +14,25 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.tuning.objective import (
     SCALES,
-    Bench,
-    affordable_bench,
-    agreement,
+    TuningPair,
+    affordable_pair,
     consistent,
     likeness,
+    photometric_consistency,
     seen_from_the_right,
 )
-from stereolag.tuning.suggestion import Suggestion, suggest
+from stereolag.tuning.suggestion import Suggestion, search_settings
 from stereolag.tuning.sweep import sweep
 
 PAIR = shifted_pair(80, 140, 0, -9)
-BENCH = Bench.of(*PAIR)
+BENCH = TuningPair.of(*PAIR)
 MATCHER = CorrelationMatcher(window_size=11, search=SearchArea.rectified(16))
 
 
 def test_a_right_map_agrees_and_a_wrong_one_does_not() -> None:
-    right_one = agreement(MATCHER.compute(*PAIR), seen_from_the_right(MATCHER, *PAIR), *PAIR)
+    right_one = photometric_consistency(MATCHER.compute(*PAIR), seen_from_the_right(MATCHER, *PAIR), *PAIR)
     narrow = CorrelationMatcher(window_size=11, search=SearchArea.rectified(6))
-    wrong = agreement(narrow.compute(*PAIR), seen_from_the_right(narrow, *PAIR), *PAIR)
+    wrong = photometric_consistency(narrow.compute(*PAIR), seen_from_the_right(narrow, *PAIR), *PAIR)
     assert right_one > 0.7
     assert wrong < 0.2
     assert 0 <= wrong <= right_one <= 1
@@ -75,7 +75,7 @@ def test_a_grid_finds_the_range_that_holds_the_shift() -> None:
         cols=("window_size", [5, 11]),
         progress=steps.append,
     )
-    assert grid.merits.shape == (3, 2)
+    assert grid.objectives.shape == (3, 2)
     assert grid.best is not None
     assert grid.best[0] == 2
     assert grid.matchers[2][1] == MATCHER
@@ -86,35 +86,37 @@ def test_a_grid_finds_the_range_that_holds_the_shift() -> None:
 def test_settings_that_do_not_fit_are_holes_in_the_grid() -> None:
     centred = CorrelationMatcher(window_size=9, search=SearchArea.centred(15))
     grid = sweep(centred, BENCH, rows=("window_size", [9, 21]), cols=("search.search_size", [15, 33]))
-    assert np.isnan(grid.merits[1, 0])
+    assert np.isnan(grid.objectives[1, 0])
     assert grid.matchers[1][0] is grid.maps[1][0] is None
-    assert np.isfinite(grid.merits[[0, 0, 1], [0, 1, 1]]).all()
+    assert np.isfinite(grid.objectives[[0, 0, 1], [0, 1, 1]]).all()
 
 
 def test_truth_decides_where_it_is_given() -> None:
     truth = np.full(PAIR[0].shape, 9.0)
     grid = sweep(
         StereoBM(num_disparities=16, block_size=11),
-        Bench.of(*PAIR, truth),
+        TuningPair.of(*PAIR, truth),
         rows=("block_size", [5, 11]),
         cols=("min_disparity", [-32, 0]),
     )
-    assert np.all(grid.merits[:, 1] > 0.7)
-    assert np.all(grid.merits[:, 0] < 0.1)
+    assert np.all(grid.objectives[:, 1] > 0.7)
+    assert np.all(grid.objectives[:, 0] < 0.1)
 
 
 def test_suggest_mends_a_bad_start_and_says_why() -> None:
     bad = CorrelationMatcher(window_size=3, search=SearchArea.rectified(4))
     choices = {"search.num_disparities": (4, 8, 16), "window_size": (3, 7, 11)}
-    found = suggest(bad, BENCH, choices=choices, budget_s=60)
+    found = search_settings(bad, BENCH, choices=choices, budget_s=60)
     assert found.finished
     assert found.matcher.search.num_disparities == 16  # type: ignore[attr-defined]
-    assert found.merit > found.merit_before + 0.3
+    assert found.objective > found.objective_before + 0.3
     old, new, gain = found.changes["search.num_disparities"]
     assert (old, new) == (4, 16)
-    assert sum(change[2] for change in found.changes.values()) == pytest.approx(found.merit - found.merit_before)
+    assert sum(change[2] for change in found.changes.values()) == pytest.approx(
+        found.objective - found.objective_before
+    )
     assert gain > 0.3
-    again = suggest(found.matcher, BENCH, choices=choices, budget_s=60)
+    again = search_settings(found.matcher, BENCH, choices=choices, budget_s=60)
     assert again.matcher == found.matcher
     assert not again.changes
 
@@ -123,19 +125,19 @@ def test_suggest_stops_when_told_and_keeps_the_best() -> None:
     asked = count()
     bad = CorrelationMatcher(window_size=3, search=SearchArea.rectified(4))
     choices = {"search.num_disparities": (16, 8), "window_size": (7, 11, 15)}
-    found = suggest(bad, BENCH, choices=choices, budget_s=60, cancelled=lambda: next(asked) >= 1)
+    found = search_settings(bad, BENCH, choices=choices, budget_s=60, cancelled=lambda: next(asked) >= 1)
     assert not found.finished
     assert found.tried == 2
-    assert found.merit > found.merit_before
+    assert found.objective > found.objective_before
 
 
 def test_every_trial_reports_the_best_so_far() -> None:
     told: list[Suggestion] = []
     bad = CorrelationMatcher(window_size=3, search=SearchArea.rectified(4))
     choices = {"search.num_disparities": (8, 16), "window_size": (7, 500)}
-    end = suggest(bad, BENCH, choices=choices, budget_s=60, found=told.append)
+    end = search_settings(bad, BENCH, choices=choices, budget_s=60, found=told.append)
     assert told[0].matcher == bad
-    assert [one.merit for one in told] == sorted(one.merit for one in told)
+    assert [one.objective for one in told] == sorted(one.objective for one in told)
     assert told[-1] == end
     assert end.finished
     assert end.tried == len(told) - 1
@@ -143,7 +145,7 @@ def test_every_trial_reports_the_best_so_far() -> None:
 
 def test_a_setting_that_does_not_exist_is_named() -> None:
     with pytest.raises(ValueError, match="no setting 'block'"):
-        suggest(MATCHER, BENCH, choices={"block": (1,)})
+        search_settings(MATCHER, BENCH, choices={"block": (1,)})
     with pytest.raises(ValueError, match="no setting 'block'"):
         sweep(MATCHER, BENCH, rows=("block", (1,)), cols=("window_size", (5,)))
     with pytest.raises(ValueError, match="two different ones"):
@@ -156,11 +158,11 @@ def test_settings_too_large_for_the_images_are_holes_too() -> None:
     grid = sweep(
         StereoBM(num_disparities=16), BENCH, rows=("num_disparities", [16, 512]), cols=("block_size", [5, 101])
     )
-    assert np.isfinite(grid.merits).tolist() == [[True, False], [False, False]]
+    assert np.isfinite(grid.objectives).tolist() == [[True, False], [False, False]]
 
 
 def test_a_bench_is_as_large_as_the_budget_allows() -> None:
-    assert affordable_bench(MATCHER, *PAIR, trials=1, budget_s=1e6).scale == SCALES[0]
-    small = affordable_bench(MATCHER, *PAIR, trials=10**9, budget_s=1.0)
+    assert affordable_pair(MATCHER, *PAIR, trials=1, budget_s=1e6).scale == SCALES[0]
+    small = affordable_pair(MATCHER, *PAIR, trials=10**9, budget_s=1.0)
     assert small.scale == SCALES[-1]
     assert small.left.shape == (20, 35)

@@ -77,5 +77,5 @@ def _agreement(view: DepthView, legends: list[Legend]) -> Picture:
     entries = [(ALL_AGREE, "all agree to 1 px"), *some, (ALL_DIFFER, "none agree")]
     colours, meanings = zip(*entries, strict=True)
     legends.append(word_legend("agreement", [hexadecimal(colour) for colour in colours], meanings))
-    words = ("no answer", "one answer alone, or all differ", *(f"{n} of {count} agree" for n in range(2, count + 1)))
+    words = ("no disparity", "one method alone, or all differ", *(f"{n} of {count} agree" for n in range(2, count + 1)))
     return Picture("Agreement", agreement_picture(agreeing, count, view.pair.left), (Reading(agreeing, words=words),))

@@ -126,7 +126,7 @@ def _undo(pair: StereoPair, number: int) -> None:
 
 def _applied(pair: StereoPair) -> tuple[Remedy, ...]:
     """Return the remedies that were applied to the pair."""
-    return tuple(Remedy(change.name.removeprefix("+")) for change in pair.remedies)
+    return tuple(Remedy(change.name) for change in pair.remedies)
 
 
 def _remedied(pair: StereoPair, remedy: Remedy) -> StereoPair:
@@ -147,7 +147,7 @@ def _with_remedy(pair: StereoPair, remedy: Remedy) -> StereoPair:
     done = REMEDIES_DONE[remedy]
     if remedy is Remedy.SWAP_SIDES and pair.truth is not None:
         done += f" {TRUTH_DROPPED}"
-    change = Change(f"+{remedy}", done, remedy=True)
+    change = Change(remedy, done, remedy=True)
     if remedy is Remedy.SWAP_SIDES:
         return pair.after(change, left=left, right=right, truth=None, visible=None)
     if remedy is Remedy.LEVEL:
@@ -172,7 +172,7 @@ def _show_remedy(pair: StereoPair, number: int, change: Change) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         st.markdown(f":blue[:material/healing:] {change.sentence}", width="stretch")
         earlier = pair.remedies[:number].count(change)
-        key = f"depth.doctor.undo.{change.name.removeprefix('+')}" + (f".{earlier}" if earlier else "")
+        key = f"depth.doctor.undo.{change.name}" + (f".{earlier}" if earlier else "")
         _button("Undo", key, partial(_undo, pair, number))
 
 

@@ -55,8 +55,8 @@ def ask_size(pair: StereoPair, key: str) -> StereoPair:
         required=True,
         key=f"{key}.size",
         persist_state="session",
-        help="Half the size takes an eighth of the time. Search range, windows, focal length and truth change with the "
-        "pictures. Automatic is full size up to a megapixel.",
+        help="Half the size takes an eighth of the time. Search range, windows, focal length and ground truth change "
+        "with the images. Automatic is full size up to a megapixel.",
     )
     divisor = SIZES[chosen] or preview_divisor(cols, rows)
     small = pair if divisor == 1 else _resized(pair, divisor)
@@ -110,7 +110,7 @@ def _scale_controls(pair: StereoPair, small: StereoPair, divisor: int, key: str)
         try:
             set_controls(scaled_settings(matcher, before[1] / divisor), small)
         except ValueError as error:
-            st.error(f"The settings could not be scaled with the pictures. {error}")
+            st.error(f"The settings could not be scaled with the images. {error}")
 
 
 RECTIFIED = "The pair was undistorted and rectified with its calibration."

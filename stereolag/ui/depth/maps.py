@@ -82,13 +82,13 @@ def show_map(view: DepthView, name: str) -> None:
     show_png(_coloured(view, result.disparity, settings_key(result)))
     numbers = [
         Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
-        Number("Coverage", percent(result.coverage), "Share of the pixels that have an answer."),
+        Number("Coverage", percent(result.coverage), "Share of the pixels that have a disparity."),
     ]
     if view.pair.truth is not None:
         figures = judged(view.pair, result, view.pair.truth)
         numbers += [
-            Number("Bad-2", f"{figures.bad[2.0]:.1f} %", "Pixels that are off by more than 2 px, or missing."),
-            Number("EPE", f"{figures.epe:.2f} px", "Mean error of the pixels that have an answer."),
+            Number("Bad-2", f"{figures.bad[2.0]:.1f} %", "Pixels that are off by more than 2 px, or have none."),
+            Number("EPE", f"{figures.epe:.2f} px", "Mean error of the pixels that have a disparity."),
         ]
     show_numbers(numbers)
 
@@ -96,9 +96,9 @@ def show_map(view: DepthView, name: str) -> None:
 def show_images(view: DepthView) -> None:
     """Show one of the pictures that went in, or the truth in the colours of the maps, above the legend."""
     pair = view.pair
-    views = ["Left", "Right"] + ["Truth"] * (pair.truth is not None)
+    views = ["Left", "Right"] + ["Ground truth"] * (pair.truth is not None)
     chosen = st.session_state.get(keys.VIEW, "Left")
-    if chosen == "Truth" and pair.truth is not None:
+    if chosen == "Ground truth" and pair.truth is not None:
         show_png(_coloured(view, pair.truth, chosen))
     else:
         show_jpeg(
@@ -175,7 +175,7 @@ def map_legends(view: DepthView) -> tuple[Legend, ...]:
     """Return what the colours of the maps mean."""
     return (
         strip_legend("disparity, px, far to near", view.low, view.high, view.palette),
-        word_legend("", [hexadecimal(NO_ANSWER)], ["no answer"]),
+        word_legend("", [hexadecimal(NO_ANSWER)], ["no disparity"]),
     )
 
 
@@ -183,4 +183,4 @@ def _said(reason: Reason) -> str:
     """Return a reason as it stands under a map; nothing for what was simply measured."""
     if reason is Reason.MEASURED:
         return ""
-    return REASON_WORDS[reason] if reason is Reason.FILLED else f"no answer: {REASON_WORDS[reason]}"
+    return REASON_WORDS[reason] if reason is Reason.FILLED else f"no disparity: {REASON_WORDS[reason]}"

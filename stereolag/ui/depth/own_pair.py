@@ -15,9 +15,9 @@ from stereolag.ui.depth.calibrating import Calibrated, ask_calibration
 from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_together, put_together, upload
 
-SAME_PICTURE = "Left and right are one and the same picture: every disparity is 0, and there is no depth to see."
+SAME_PICTURE = "Left and right are one and the same image: every disparity is 0, and there is no depth to see."
 
-ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side picture"}
+ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side image"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Pictures:
 def ask_own_pair(key: str) -> StereoPair | None:
     """Ask for pictures, truth and calibration; return the last that fitted together, or None while there are none."""
     arrangement = st.segmented_control(
-        "Pictures",
+        "Images",
         [*ARRANGEMENTS],
         default="files",
         format_func=lambda name: ARRANGEMENTS[name],
@@ -90,7 +90,7 @@ def _ask_truth(key: str) -> Upload[FloatMap] | None:
     """Ask for the true disparity of the left image."""
     divisor = st.session_state.get(f"{key}.divisor")
     truth = upload(
-        "True disparity (optional)",
+        "Ground truth (optional)",
         lambda data: read_disparity(data, divisor=divisor),
         key=f"{key}.truth",
         types=DISPARITY_TYPES,
@@ -98,7 +98,7 @@ def _ask_truth(key: str) -> Upload[FloatMap] | None:
         variant=str(divisor),
     )
     st.number_input(
-        "Divisor of the true disparity",
+        "Divisor of the ground truth",
         min_value=0.001,
         value=None,
         key=f"{key}.divisor",
@@ -137,7 +137,7 @@ def _fitting_truth(truth: FloatMap, left: Image) -> FloatMap:
     if truth.shape != left.shape[:2]:
         (height, width), (rows, cols) = truth.shape, left.shape[:2]
         raise ValueError(
-            f"The true disparity is {width} × {height} and the left image is {cols} × {rows} pixels; "
+            f"The ground truth is {width} × {height} and the left image is {cols} × {rows} pixels; "
             "they must have the same size."
         )
     return truth

@@ -31,8 +31,8 @@ ALL, VISIBLE = "All pixels", "Seen by both cameras"
 COUNTED, LEFT_OUT = "count as wrong", "are left out"
 
 MEANINGS = {
-    "Density": "Share of the pixels with a truth that have an answer.",
-    "EPE": "End-point error: mean distance from the truth of the pixels that have an answer.",
+    "Density": "Share of the pixels with ground truth that have a disparity.",
+    "EPE": "End-point error: mean absolute error of the pixels that have a disparity.",
     "D1-all": "Off by more than 3 px and more than 5 %, or missing: KITTI’s figure.",
 }
 
@@ -51,8 +51,8 @@ def show_scoreboard(view: DepthView) -> None:
     truth = view.pair.truth
     if truth is None or not np.isfinite(truth).any():
         st.info(
-            "The scoreboard needs to know what is right: add a true disparity map (PFM, PNG or NPY) beside the two "
-            "images, or pick one of the examples, which all come with theirs.",
+            "The scoreboard needs ground truth: add a disparity map (PFM, PNG or NPY) beside the two images, or pick "
+            "one of the examples, which all come with theirs.",
             icon=":material/scoreboard:",
         )
         return
@@ -64,7 +64,7 @@ def show_scoreboard(view: DepthView) -> None:
             st.markdown(f"**{name}**")
             show_png(error_png(result.disparity, truth))
     st.plotly_chart(error_legend(), key="depth.scoreboard.legend", config={"displayModeBar": False})
-    st.caption("Grey: no answer." if np.isfinite(truth).all() else "Grey: no answer. Black: no truth to compare with.")
+    st.caption("Grey: no disparity." if np.isfinite(truth).all() else "Grey: no disparity. Black: no ground truth.")
     st.markdown("##### Do they know where they are wrong?")
     _show_curves({name: judgement.curve for name, judgement in judgements.items()})
 
@@ -114,13 +114,13 @@ def _show_tables(judgements: Mapping[str, Judgement]) -> None:
     """Show the figures of every method, and offer them as a file."""
     with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="bottom"):
         missing = st.segmented_control(
-            "Pixels without an answer",
+            "Pixels without a disparity",
             [COUNTED, LEFT_OUT],
             default=COUNTED,
             required=True,
             key="depth.scoreboard.missing",
-            help="A method can look good by answering only where it is easy: counted as wrong, a pixel without an "
-            "answer costs as much as a wrong one. Left out, the figures tell how far to trust the answers there are.",
+            help="A method can look good by matching only where it is easy. Counted as wrong, a pixel without a "
+            "disparity costs as much as a wrong one; left out, the figures tell how far to trust the rest.",
         )
         download_button(
             "Figures as CSV",
@@ -138,7 +138,7 @@ def _show_tables(judgements: Mapping[str, Judgement]) -> None:
         }
         if rows:
             some = next(iter(judgements.values())).evaluations[pixels]
-            st.markdown(f"**{pixels}** · {some.truth_pixels:,} with a truth")
+            st.markdown(f"**{pixels}** · {some.truth_pixels:,} with ground truth")
             st.dataframe(
                 _marked(pd.DataFrame.from_dict(rows, orient="index")),
                 column_config=_columns(some),
@@ -183,5 +183,5 @@ def _show_curves(curves: Mapping[str, CoverageCurve]) -> None:
     )
     st.caption(
         "Keep only the surest matches, then more and more. A line that climbs to the right knows where it is wrong: "
-        "asking for a higher score would leave the good answers. A method that gives no score is a single point."
+        "asking for a higher score would keep the good matches. A method that gives no score is a single point."
     )

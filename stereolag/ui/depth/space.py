@@ -76,7 +76,7 @@ def show_space(view: DepthView) -> None:
         )
     space = _space(view, view.results[name], calibration, float(np.nanpercentile(depth, nearest)))
     if space.above is None:
-        st.info("Nothing but flying pixels: no surface has an answer over more than a few pixels.")
+        st.info("Nothing but flying pixels: no surface is larger than a few pixels.")
         return
     cloud, above = st.columns([3, 2], gap="medium")
     with cloud:

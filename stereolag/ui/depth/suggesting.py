@@ -9,11 +9,10 @@ import pandas as pd
 import streamlit as st
 
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.tuning.objective import affordable_bench
 from stereolag.tuning.parameters import parameters
-from stereolag.tuning.suggestion import Suggestion, suggest
+from stereolag.tuning.suggestion import VALUES, Suggestion, suggest
 from stereolag.ui.depth.address import adopt
-from stereolag.ui.depth.sweeping import ask_method, merit_in_words
+from stereolag.ui.depth.sweeping import ask_method, objective_in_words
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.jobs import Job, waiting_in_words
 from stereolag.ui.navigation import fragment
@@ -23,7 +22,6 @@ from stereolag.ui.visits import this_visit
 
 KEY = "depth.suggest"
 BUDGETS_S = (10, 20, 60)
-VALUES = 5
 BETWEEN_LOOKS_S = 0.3
 
 
@@ -40,8 +38,8 @@ class Search:
 def show_suggest(view: DepthView) -> None:
     """Ask for a method and a time, search its settings, and offer what was found."""
     st.markdown(
-        "Let the computer tune: it changes one setting at a time, keeps what raises the score, and goes round again "
-        "until nothing helps any more. " + merit_in_words(view),
+        "The search changes one setting at a time, keeps every change that raises the score, and starts over until "
+        "nothing helps. " + objective_in_words(view),
         width=760,
     )
     matcher = ask_method(view, key=f"{KEY}.method")
@@ -80,15 +78,14 @@ def _search_of(pair: StereoPair) -> Search | None:
 
 def _begin(pair: StereoPair, matcher: StereoMatcher, budget_s: float) -> None:
     """Start a search in a thread of its own."""
-    choices = {name: parameter.values(VALUES) for name, parameter in parameters(matcher).items()}
-    trials = sum(map(len, choices.values()))
+    trials = sum(len(parameter.values(VALUES)) for parameter in parameters(matcher).values())
 
     def work(job: Job[Suggestion]) -> Suggestion:
-        bench = affordable_bench(matcher, pair.left, pair.right, pair.truth, trials=trials, budget_s=budget_s)
         return suggest(
             matcher,
-            bench,
-            choices=choices,
+            pair.left,
+            pair.right,
+            ground_truth=pair.truth,
             budget_s=budget_s,
             progress=job.report,
             found=job.found,
@@ -136,7 +133,9 @@ def _show_progress(job: Job[Suggestion]) -> None:
 
 
 def _so_far(best: Suggestion) -> str:
-    rise = f"{_percent(best.merit_before)} → {_percent(best.merit)}" if best.changes else _percent(best.merit)
+    rise = (
+        f"{_percent(best.objective_before)} → {_percent(best.objective)}" if best.changes else _percent(best.objective)
+    )
     return f"{best.tried} settings tried. Score so far: {rise}"
 
 
@@ -147,13 +146,13 @@ def _show_suggestion(view: DepthView, start: StereoMatcher, found: Suggestion) -
         notes += f" Tried on the pair at {percent(found.scale)} of its size, to get through in time."
     if not found.changes:
         st.success(
-            f"Your settings are as good as any of the {found.tried} tried: {_percent(found.merit)}.{notes}",
+            f"Your settings are as good as any of the {found.tried} tried: {_percent(found.objective)}.{notes}",
             icon=":material/check_circle:",
         )
         return
     st.success(
-        f"Of {found.tried} settings tried these are the best. Score: **{_percent(found.merit_before)} → "
-        f"{_percent(found.merit)}**.{notes}",
+        f"Of {found.tried} settings tried these are the best. Score: **{_percent(found.objective_before)} → "
+        f"{_percent(found.objective)}**.{notes}",
         icon=":material/auto_fix_high:",
     )
     titles = {name: parameter.title for name, parameter in parameters(start).items()}
@@ -168,7 +167,7 @@ def _show_suggestion(view: DepthView, start: StereoMatcher, found: Suggestion) -
             "Suggested": st.column_config.TextColumn(alignment="right"),
             "Gain": st.column_config.NumberColumn(
                 format="+%.1f points",
-                help="What the change added to the score when it was found, in percentage points.",
+                help="How much the change raised the score when it was made, in percentage points.",
             ),
         },
         hide_index=True,
@@ -182,5 +181,5 @@ def _show_suggestion(view: DepthView, start: StereoMatcher, found: Suggestion) -
         adopt(found.matcher)
 
 
-def _percent(merit: float) -> str:
-    return f"{100 * merit:.1f} %"
+def _percent(objective: float) -> str:
+    return f"{100 * objective:.1f} %"

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import streamlit as st
 
-from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_merits
+from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_objectives
 from stereolag.progress import Progress
 from stereolag.settings import Number, changed
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.tuning.objective import affordable_bench
+from stereolag.tuning.objective import affordable_pair
 from stereolag.tuning.parameters import Parameter, parameters
 from stereolag.tuning.sweep import sweep
 from stereolag.ui.depth.address import adopt
@@ -51,7 +51,8 @@ class Axis:
 def show_sweep(view: DepthView) -> None:
     """Ask for two parameters, try all their combinations, and show them; a click takes a cell's settings over."""
     st.markdown(
-        "Two settings in all their combinations. A click on a cell takes its settings over. " + merit_in_words(view),
+        "Two settings in all their combinations. A click on a cell takes its settings over. "
+        + objective_in_words(view),
         width=760,
     )
     matcher = ask_method(view, key=f"{KEY}.method")
@@ -69,13 +70,16 @@ def show_sweep(view: DepthView) -> None:
         _show(view, matcher, axes, shown)
 
 
-def merit_in_words(view: DepthView) -> str:
+def objective_in_words(view: DepthView) -> str:
     """Return what settings are judged by on this pair."""
     if view.pair.truth is not None:
-        return "The score is the share of the true pixels that are **right within 2 px**; missing ones count as wrong."
+        return (
+            "The score is the share of the pixels with ground truth that are **right within 2 px**; missing ones "
+            "count as wrong."
+        )
     return (
-        "Without a truth the score is how well the two images **agree** through the map: how much alike the places are "
-        "that it matches, counting only pixels from which the way back from the right image leads home."
+        "Without ground truth the score is how well the two images **agree** through the map: the correlation of the "
+        "places matched, counted only where matching back from the right image returns to the same pixel."
     )
 
 
@@ -164,9 +168,9 @@ def _compute(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], k
     once = matcher.estimate(pair.left.shape, pair.left.dtype)
 
     def work(progress: Progress) -> SweepShown:
-        bench = affordable_bench(matcher, pair.left, pair.right, pair.truth, trials=trials, budget_s=BUDGET_S)
-        grid = sweep(matcher, bench, rows=rows, cols=cols, progress=progress)
-        return SweepShown(key, bench.scale, ContactSheet.of(grid, pair.left.shape))
+        tuning_pair = affordable_pair(matcher, pair.left, pair.right, pair.truth, trials=trials, budget_s=BUDGET_S)
+        grid = sweep(matcher, tuning_pair, rows=rows, cols=cols, progress=progress)
+        return SweepShown(key, tuning_pair.scale, ContactSheet.of(grid, pair.left.shape))
 
     try:
         shown = computed_in_turn(
@@ -193,7 +197,7 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], show
     cell = _cell_of(axes)
     figures = (
         ("maps", sweep_maps(shown.sheet, titles, view.low, view.high, cell)),
-        ("merits", sweep_merits(shown.sheet, titles, cell)),
+        ("objectives", sweep_objectives(shown.sheet, titles, cell)),
     )
     clicked = None
     # A chart keeps its selection; under a new name it begins without one, and the same cell can be clicked again.
@@ -214,19 +218,18 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], show
     )
     if clicked is not None:
         st.session_state[f"{KEY}.clicks"] = clicks + 1
-        row, col = divmod(clicked, len(axes[1].values))
-        _take_over(matcher, axes, row, col)
+        try:
+            chosen = settings_of_cell(matcher, axes, *divmod(clicked, len(axes[1].values)))
+        except ValueError as error:
+            st.error(str(error))
+        else:
+            adopt(chosen)
 
 
-def _take_over(matcher: StereoMatcher, axes: tuple[Axis, Axis], row: int, col: int) -> None:
-    """Hand the settings of a cell over to the controls; say so where they do not fit together."""
+def settings_of_cell(matcher: StereoMatcher, axes: tuple[Axis, Axis], row: int, col: int) -> StereoMatcher:
+    """Return the settings of one cell of a sweep; ValueError where they do not fit together."""
     down, across = axes
-    try:
-        chosen = changed(matcher, {down.parameter.name: down.values[row], across.parameter.name: across.values[col]})
-    except ValueError as error:
-        st.error(str(error))
-        return
-    adopt(chosen)
+    return changed(matcher, {down.parameter.name: down.values[row], across.parameter.name: across.values[col]})
 
 
 def _cell_of(axes: tuple[Axis, Axis]) -> tuple[int, int] | None:

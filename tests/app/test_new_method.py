@@ -1,0 +1,164 @@
+"""A new stereo method is one class, listed once; a new export is one entry: all else follows."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import cv2
+import numpy as np
+import pytest
+from pydantic import Field
+from streamlit.testing.v1 import AppTest
+
+from benchmarks import accuracy
+from benchmarks.pairs import TruePair
+from stereolag.export import script, settings_json
+from stereolag.inputs import Image, as_grey
+from stereolag.progress import Progress
+from stereolag.reading import read_matcher
+from stereolag.settings import Applies, FitsImage, OfThePair, Pixels
+from stereolag.stereo.matcher import PixelMatches, StereoMatcher
+from stereolag.stereo.methods import METHODS
+from stereolag.stereo.reasons import Reason
+from stereolag.ui.depth.exports import EXPORTS, Export, Subject
+from tests.app import keys
+from tests.app.conftest import PROJECT
+
+DEPTH = "pages/3_Depth_maps.py"
+
+
+class AbsoluteDifferences(StereoMatcher):
+    """The lag of the least sum of absolute differences over a block: everything that a method is, in one class."""
+
+    title = "Absolute differences"
+    short_name = "sad"
+    first_shown = ("side", "num_disparities")
+
+    side: Annotated[int, Pixels(), FitsImage()] = Field(default=9, title="Block side", ge=3, le=51)
+    num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair()] = Field(
+        default=32, title="Disparities searched", ge=1, le=512
+    )
+    min_disparity: int = Field(default=0, title="Smallest disparity", ge=-64, le=64)
+    strict: bool = Field(default=False, title="Give no disparity at the last lag")
+    slack: Annotated[int, Applies(lambda settings: settings.strict, "needs strict")] = Field(
+        default=1, title="Lags that count as last", ge=1, le=8
+    )
+
+    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
+        """Match the images as grey."""
+        one, other = (as_grey(image).astype(np.float32) for image in (left, right))
+        costs = np.empty((self.num_disparities, *one.shape), np.float32)
+        for lag in range(self.num_disparities):
+            shifted = np.roll(other, self.min_disparity + lag, axis=1)
+            costs[lag] = cv2.blur(np.abs(one - shifted), (self.side, self.side))
+            progress((lag + 1) / self.num_disparities)
+        lag = costs.argmin(axis=0)
+        last = (lag >= self.num_disparities - self.slack) & self.strict
+        reason = np.where(last, Reason.AT_SEARCH_EDGE, Reason.MEASURED).astype(np.uint8)
+        disparity = np.where(last, np.nan, lag + self.min_disparity).astype(np.float32)
+        return PixelMatches(disparity, reason)
+
+
+@pytest.fixture
+def listed() -> Iterator[type[StereoMatcher]]:
+    METHODS.append(AbsoluteDifferences)
+    yield AbsoluteDifferences
+    METHODS.remove(AbsoluteDifferences)
+
+
+def opened(**parameters: str) -> AppTest:
+    app = AppTest.from_file(PROJECT / "app.py", default_timeout=120).switch_page(DEPTH)
+    for name, value in parameters.items():
+        app.query_params[name.replace("__", ".")] = value
+    app.run()
+    assert not app.exception
+    assert not app.error
+    return app
+
+
+def sides(app: AppTest) -> object:
+    return app.slider(key=keys.setting("sad", "side"))
+
+
+@pytest.mark.usefixtures("listed")
+def test_a_new_method_has_its_controls_and_its_address() -> None:
+    app = opened(method="sad", sad__side="15")
+    assert app.selectbox(key=keys.FIRST_METHOD).value == "sad"
+    assert "Absolute differences" in app.selectbox(key=keys.FIRST_METHOD).options
+    assert sides(app).value == 15  # type: ignore[attr-defined]
+    assert app.slider(key=keys.setting("sad", "num_disparities", keys.CUBE)).value == 64
+    assert not app.warning
+    before = [image.proto.imgs[0].url for image in app.get("image")]
+    sides(app).set_value(5).run()  # type: ignore[attr-defined]
+    assert [image.proto.imgs[0].url for image in app.get("image")] != before
+    address = {name: value if isinstance(value, str) else value[0] for name, value in app.query_params.items()}
+    assert address == {"method": "sad", "sad.side": "5"}
+    app.session_state[keys.more("sad")] = True
+    app.run()
+    assert app.slider(key=keys.setting("sad", "slack")).disabled
+    app.toggle(key=keys.setting("sad", "strict")).set_value(True).run()
+    assert not app.slider(key=keys.setting("sad", "slack")).disabled
+    app.button(key=keys.preset_key("reset")).click().run()
+    assert not app.exception
+
+
+@pytest.mark.usefixtures("listed")
+def test_a_new_method_joins_the_parts_below_the_maps() -> None:
+    app = opened()
+    app.button_group(key=keys.PART).set_value("Scoreboard").run()
+    assert not app.exception
+    assert "Absolute differences" in app.dataframe[0].value.index
+    app.button_group(key=keys.PART).set_value("Sweep").run()
+    app.button_group(key="depth.sweep.method").set_value("Absolute differences").run()
+    assert not app.exception
+    assert "Block side" in app.selectbox(key="depth.sweep.AbsoluteDifferences.Down").options
+    assert any("Absolute differences" in option for option in app.button_group(key="depth.sweep.method").options)
+
+
+@pytest.mark.usefixtures("listed")
+def test_a_new_method_goes_out_as_settings_and_as_a_program(tmp_path: Path) -> None:
+    matcher = AbsoluteDifferences(side=7, num_disparities=24)
+    assert read_matcher(settings_json(matcher).encode()) == matcher
+    cv2.imwrite(str(tmp_path / "left.png"), np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8))
+    cv2.imwrite(str(tmp_path / "right.png"), np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8))
+    program = tmp_path / "reproduce.py"
+    program.write_text(script(matcher, "left.png", "right.png"), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(program)], env=os.environ | {"PYTHONPATH": str(PROJECT)}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    left = cv2.imread(str(tmp_path / "left.png"), cv2.IMREAD_GRAYSCALE)
+    np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), matcher.compute(left, left).disparity)
+
+
+@pytest.mark.usefixtures("listed")
+def test_a_new_method_is_a_column_of_the_benchmark(monkeypatch: pytest.MonkeyPatch) -> None:
+    image = np.random.default_rng(2).integers(0, 255, (60, 160), dtype=np.uint8)
+    pair = TruePair("shifted", "Middlebury", image[:, :-5], image[:, 5:], np.full((60, 155), 5, np.float32), 16)
+    monkeypatch.setattr(accuracy, "true_pairs", lambda: iter([pair]))
+    monkeypatch.setattr(accuracy, "FAMILIES", {"Middlebury": ("shifted",)})
+    monkeypatch.setattr(accuracy, "merit", lambda figures, ratio: 0.0)
+    table, values = accuracy.accuracy_tables()
+    assert "| Absolute differences |" in table
+    assert values["pairs"]["shifted"]["maps"]["Absolute differences"]["bad"] < 20  # type: ignore[index]
+
+
+def test_a_new_export_is_a_button_and_in_the_archive() -> None:
+    def mean(subject: Subject) -> str:
+        return f"{np.nanmean(subject.result.disparity):.3f}\n"
+
+    export = Export("Mean", "mean.txt", mean, "The mean disparity.")
+    EXPORTS.append(export)
+    try:
+        app = opened()
+        app.session_state["depth.take.opened"] = True
+        app.run()
+        assert not app.exception
+        assert "depth.take.mean.txt" in [button.key for button in app.get("download_button")]
+    finally:
+        EXPORTS.remove(export)
