@@ -13,7 +13,6 @@ from stereolag.export.maps import (
     npy,
     pfm,
     ply,
-    reason_png,
     valid_mask_png,
 )
 from stereolag.export.programs import script
@@ -33,7 +32,6 @@ __all__ = [
     "opencv_yaml",
     "pfm",
     "ply",
-    "reason_png",
     "script",
     "settings_json",
     "valid_mask_png",

@@ -153,11 +153,6 @@ def valid_mask_png(result: DisparityMap) -> bytes:
     return image_png(result.valid)
 
 
-def reason_png(result: DisparityMap) -> bytes:
-    """Return an 8-bit grey PNG of the number of every pixel's :class:`~stereolag.stereo.reasons.Reason`, 0 to 7."""
-    return image_png(result.reason)
-
-
 VERTEX = np.dtype([("position", "<f4", 3), ("colour", "u1", 3)])
 
 _HEADER = """\
