@@ -6,9 +6,9 @@ import os
 from functools import cache
 from pathlib import Path
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from stereolag.settings import Settings
+from stereolag.settings import Settings, SettingsError
 
 PREFIX = "STEREOLAG_"
 
@@ -72,19 +72,11 @@ def limits() -> Limits:
     }
     try:
         return Limits.model_validate(given)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        name = str(first["loc"][0])
-        bounds = [
-            str(getattr(one, end))
-            for one in Limits.model_fields[name].metadata
-            for end in ("ge", "le")
-            if hasattr(one, end)
-        ]
-        raise ValueError(
-            f"The environment variable {PREFIX}{name.upper()} is {first['input']!r}; allowed are whole numbers from "
-            f"{' to '.join(bounds)}."
-        ) from error
+    except SettingsError as error:
+        name, sentence = error.problems[0]
+        # A variable cannot hold None: it is left unset.
+        said = sentence.removeprefix(name).replace(" or None", "")
+        raise ValueError(f"The environment variable {PREFIX}{name.upper()}{said}") from error
 
 
 @cache

@@ -1,1 +1,16 @@
-"""The input doctor: what is wrong with a stereo pair, and what mends it."""
+"""The input doctor: problems of a stereo pair, in numbers, found before it is matched, and their remedies."""
+
+from stereolag.doctor.diagnosis import Diagnosis, diagnose, estimate_diagnosis, judge_range
+from stereolag.doctor.findings import Finding, FindingCode, Remedy
+from stereolag.doctor.remedies import apply_remedy
+
+__all__ = [
+    "Diagnosis",
+    "Finding",
+    "FindingCode",
+    "Remedy",
+    "apply_remedy",
+    "diagnose",
+    "estimate_diagnosis",
+    "judge_range",
+]

@@ -1,4 +1,4 @@
-"""A sparse set of sure matches between two views, found without any assumption about rows, range or exposure."""
+"""A sparse set of reliable matches between two views, found without any assumption about rows, range or exposure."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ AGREEMENT = 2.5
 """A match whose dy is farther from the fitted plane of dy than this many robust standard deviations is dropped."""
 
 LARGEST_SPREAD = 0.03
-"""Matches that scatter more about their plane, as a share of the picture's height, agree on nothing."""
+"""Matches that scatter more about their plane, as a share of the image's height, agree on nothing."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     Returns
     -------
     Correspondences
-        The mutual best matches that agree on how dy varies over the picture; possibly none.
+        The mutual best matches that agree on how dy varies over the image; possibly none.
     """
     shape = left.shape[0], left.shape[1]
     scale = min(1.0, LARGEST_SIDE / max(shape))
@@ -73,7 +73,7 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     start = np.array([left_keys[pair.queryIdx].pt for pair in pairs], dtype=np.float32).reshape(-1, 2)
     guess = np.array([right_keys[pair.trainIdx].pt for pair in pairs], dtype=np.float32).reshape(-1, 2)
     start, end = _refined(views[0], views[1], start, guess)
-    # A pixel of the small picture is the centre of a block of the large one.
+    # A pixel of the small image is the centre of a block of the large one.
     start, end = (start + 0.5) / scale - 0.5, (end + 0.5) / scale - 0.5
     found = Correspondences(start, end, shape)
     keep = _consistent(found)
@@ -93,7 +93,7 @@ def vertical_plane(points: Correspondences) -> tuple[float, float, float]:
 
 
 def _stretched(image: Image, scale: float) -> npt.NDArray[np.uint8]:
-    """Return scaled 8-bit grey over the picture's own range, so that exposure does not matter to what is found."""
+    """Return scaled 8-bit grey over the image's own range, so that exposure does not affect the features."""
     grey = np.asarray(cv2.resize(as_grey(image), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.float32)
     low, high = np.percentile(grey[::4, ::4], (1, 99))
     return np.asarray(np.clip((grey - low) * (255 / max(high - low, 1e-6)), 0, 255), dtype=np.uint8)

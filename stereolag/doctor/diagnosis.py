@@ -1,4 +1,4 @@
-"""The input doctor: what is wrong with a pair before any matcher sees it, in numbers, and what would mend it."""
+"""The input doctor: problems of a stereo pair, in numbers, found before any matcher sees it."""
 
 from __future__ import annotations
 
@@ -9,84 +9,74 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.doctor.correspondences import find_correspondences, vertical_plane
+from stereolag.doctor.correspondences import Correspondences, find_correspondences, vertical_plane
 from stereolag.doctor.findings import (
     FEWEST_MATCHES,
     INFINITY_SLACK_PX,
-    Ailment,
     Finding,
-    about_exposure,
-    about_matches,
-    about_range,
-    about_rotation,
-    about_rows,
-    about_sides,
-    about_texture,
+    FindingCode,
+    judge_exposure,
+    judge_matches,
+    judge_rotation,
+    judge_rows,
+    judge_searched,
+    judge_sides,
+    judge_texture,
 )
 from stereolag.doctor.remedies import exposed_alike, exposure
 from stereolag.estimates import OVERHEAD, Estimate, check_memory, kept_blocks
-from stereolag.inputs import Image, as_grey, as_stereo_pair
+from stereolag.inputs import Image, as_grey, as_stereo_pair, local_deviation
 from stereolag.stereo.estimates import fitting_pair
 from stereolag.stereo.opencv import StereoSGBM
 
+TEXTURE_WINDOW = 11
+"""Side of the windows whose texture is judged, px."""
+
 FLAT_DEVIATION = 0.01
-"""Of 11 × 11 px, as a share of the picture's range of greys: less is hardly any texture."""
+"""Standard deviation of such a window, as a share of the image's range of grey levels: less is hardly any texture."""
 
 RANGE_MARGIN = 0.1
-"""How far beyond the disparities seen the suggested search reaches, as a share of them."""
+"""How far beyond the disparities seen the suggested range reaches, as a share of their span."""
 
-EXPOSED, TEXTURE = 9, 20
-"""Bytes of one number of the picture fitted in exposure, and of a pixel while its texture is judged."""
+EXPOSED, TEXTURE = 9, 42
+"""Bytes per value of the image while its exposure is fitted, and per pixel while its texture is judged."""
 
-COARSE_SECONDS, NUMBER_SECONDS = 0.2, 4e-8
-"""Seconds of the features and the coarse search, and of each number of the picture."""
+COARSE_SECONDS, VALUE_SECONDS = 0.2, 4e-8
+"""Seconds of the features and the coarse search, and per value of the image."""
 
 COARSE_WIDTH = 320
-"""Width to which a pair is reduced for the look at its range, px."""
+"""Width to which a pair is reduced to look for its range of disparities, px."""
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the doctor found on a pair.
+    """The findings of the doctor on a pair.
 
     Attributes
     ----------
     findings
-        One a question, in the order in which they should be mended.
-    row_offset_px, row_spread_px
-        Median and robust standard deviation of dy (right minus left); NaN with too few matches.
-    rotation_deg, scale
-        Of the right view against the left one; NaN with too few matches.
-    gain, offset
-        ``right ≈ gain * left + offset``, in grey levels.
-    flat_share
-        Share of the picture without texture, 0..1.
+        One per question, in the order in which they should be fixed. The geometry (SWAPPED, ROWS, ROTATION) is left
+        out with too few matched features, the range on a pair whose sides are swapped or whose views do not match.
     disparities
-        0.5th and 99.5th percentile of what a coarse semi-global search over 40 % of the width finds, px.
-    suggested_min, suggested_num
-        The search range that covers them, `suggested_num` a multiple of 16.
+        0.5th and 99.5th percentile of the disparities that a coarse semi-global search over 40 % of the width
+        measures, px.
+    suggested_min_disparity, suggested_num_disparities
+        The search range that covers them, px; the number is a multiple of 16.
     """
 
     findings: tuple[Finding, ...]
-    row_offset_px: float
-    row_spread_px: float
-    rotation_deg: float
-    scale: float
-    gain: float
-    offset: float
-    flat_share: float
     disparities: tuple[float, float]
-    suggested_min: int
-    suggested_num: int
+    suggested_min_disparity: int
+    suggested_num_disparities: int
 
     @property
     def healthy(self) -> bool:
-        """Return whether nothing was found."""
+        """Return whether every finding is healthy."""
         return all(finding.healthy for finding in self.findings)
 
-    def finding(self, ailment: Ailment) -> Finding:
-        """Return what was found about one ailment."""
-        return next(finding for finding in self.findings if finding.ailment == ailment)
+    def finding(self, code: FindingCode) -> Finding | None:
+        """Return the finding on one question; None where it could not be judged."""
+        return next((finding for finding in self.findings if finding.code == code), None)
 
 
 def diagnose(
@@ -114,8 +104,8 @@ def diagnose(
     Notes
     -----
     The geometry rests on sparse feature matches: on a rectified pair ``dy`` is 0 and every disparity positive. A
-    rotation of the right view shows as a ``dy`` that grows across the picture, a difference of scale as one that
-    grows down it.
+    rotation of the right view shows as a ``dy`` that grows across the image, a difference in scale as one that grows
+    down it.
     """
     images = as_stereo_pair(left, right)
     shape, dtype = images[0].shape, images[0].dtype
@@ -125,60 +115,40 @@ def diagnose(
     )
     points = find_correspondences(*images)
     judged = len(points) >= FEWEST_MATCHES
-    nothing = float("nan")
-    row_offset = float(np.median(points.dy)) if judged else nothing
-    row_spread = 1.4826 * float(np.median(np.abs(points.dy - row_offset))) if judged else nothing
-    _, sine, growth = vertical_plane(points) if judged else (nothing, nothing, nothing)
-    sparse_low, sparse_high = np.percentile(-points.dx, (1, 99)) if judged else (nothing, nothing)
-    low, high = _disparities_seen(images[0], exposed_alike(*images))
-    suggested_min, suggested_num = _suggested_range(low, high)
-    gain, offset = exposure(*images, points if judged else None)
-    flat = _flat_share(images[0])
-    findings = [about_matches(len(points))]
-    if judged:
-        findings += [
-            about_sides(sparse_low, sparse_high),
-            about_rows(row_offset, row_spread),
-            about_rotation(float(np.degrees(sine)), growth),
-        ]
-    findings += [about_exposure(gain, offset, _range_of_greys(images[0])), about_texture(flat)]
-    examined = Diagnosis(
-        findings=tuple(findings),
-        row_offset_px=row_offset,
-        row_spread_px=row_spread,
-        rotation_deg=float(np.degrees(sine)),
-        scale=1 + growth,
-        gain=gain,
-        offset=offset,
-        flat_share=flat,
-        disparities=(low, high),
-        suggested_min=suggested_min,
-        suggested_num=suggested_num,
+    seen = _disparities_seen(images[0], exposed_alike(*images))
+    suggested = _suggested_range(*seen)
+    range_of_greys = _range_of_greys(images[0])
+    findings = (
+        judge_matches(len(points)),
+        *(_judge_geometry(points) if judged else ()),
+        judge_exposure(*exposure(*images, points if judged else None), range_of_greys),
+        judge_texture(_flat_share(images[0], range_of_greys)),
     )
-    about_range = judge_range(examined, min_disparity, num_disparities)
-    return examined if about_range is None else replace(examined, findings=(*examined.findings, about_range))
+    examined = Diagnosis(findings, seen, *suggested)
+    searched = judge_range(examined, min_disparity, num_disparities)
+    return examined if searched is None else replace(examined, findings=(*findings, searched))
 
 
 def estimate_diagnosis(shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
-    """Return what :func:`diagnose` will take for two images of a shape, with channels or without, and a dtype.
+    """Return the memory and time that :func:`diagnose` needs for two images of a shape, channels included, and dtype.
 
     The right image is fitted to the left one's exposure in float64, every channel; the share without texture takes
-    five maps in float32. The features and the coarse search take the same for all sizes.
+    maps in float64. The features and the coarse search take the same for all sizes.
     """
-    pixels, numbers, pixel = shape[0] * shape[1], int(np.prod(shape)), np.dtype(dtype).itemsize
-    memory = max(EXPOSED * numbers, TEXTURE * pixels) + pixel * numbers
+    pixels, values, pixel = shape[0] * shape[1], int(np.prod(shape)), np.dtype(dtype).itemsize
+    memory = max(EXPOSED * values, TEXTURE * pixels) + pixel * values
     return Estimate(
-        memory + kept_blocks(4 * pixels, 2) + 2 * OVERHEAD, COARSE_SECONDS + NUMBER_SECONDS * (numbers + pixels)
+        memory + kept_blocks(4 * pixels, 2) + 2 * OVERHEAD, COARSE_SECONDS + VALUE_SECONDS * (values + pixels)
     )
 
 
 def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) -> Finding | None:
-    """Judge one more search range of a pair that was examined.
+    """Judge another search range of a pair that was examined.
 
     Parameters
     ----------
     diagnosis
-        What :func:`diagnose` found on the pair.
+        The result of :func:`diagnose` for the pair.
     min_disparity, num_disparities
         The search range, px.
 
@@ -187,17 +157,30 @@ def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) 
     finding
         None for a pair that is swapped or whose views do not match: its range would be that of the wrong pair.
     """
-    if not all(one.healthy for one in diagnosis.findings if one.ailment in (Ailment.MATCHES, Ailment.SWAPPED)):
+    doubtful = (FindingCode.MATCHES, FindingCode.SWAPPED)
+    if not all(finding.healthy for finding in diagnosis.findings if finding.code in doubtful):
         return None
-    low, high = diagnosis.disparities
-    suggested = diagnosis.suggested_min, diagnosis.suggested_num
-    return about_range(low, high, min_disparity, num_disparities, *suggested)
+    suggested = diagnosis.suggested_min_disparity, diagnosis.suggested_num_disparities
+    return judge_searched(diagnosis.disparities, (min_disparity, num_disparities), suggested)
+
+
+def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
+    """Judge how the views lie to each other."""
+    lowest, highest = np.percentile(-points.dx, (1, 99))
+    offset = float(np.median(points.dy))
+    spread = 1.4826 * float(np.median(np.abs(points.dy - offset)))
+    _, sine, growth = vertical_plane(points)
+    return (
+        judge_sides(float(lowest), float(highest)),
+        judge_rows(offset, spread),
+        judge_rotation(float(np.degrees(sine)), 1 + growth),
+    )
 
 
 def _disparities_seen(left: Image, right: Image) -> tuple[float, float]:
     """Return the range of disparities in the pair, px, from a coarse search far wider than any pair should need.
 
-    Sparse matches would miss the near things, which fill few but important pixels.
+    Sparse matches would miss near objects, which fill few but important pixels.
     """
     scale = min(1.0, COARSE_WIDTH / left.shape[1])
     height, width = (max(1, round(side * scale)) for side in left.shape[:2])
@@ -221,19 +204,16 @@ def _disparities_seen(left: Image, right: Image) -> tuple[float, float]:
 
 
 def _suggested_range(low: float, high: float) -> tuple[int, int]:
-    """Return the range to search for what was seen, with a margin; a rectified pair may as well begin at infinity."""
+    """Return the range to search for the disparities seen, with a margin; from 0 (infinity) if they begin near it."""
     margin = RANGE_MARGIN * max(high - low, 8.0)
     first = 0 if -INFINITY_SLACK_PX <= low - margin <= 16 or -INFINITY_SLACK_PX <= low <= 16 else int(low - margin)
     count = int(np.ceil(high + margin)) - first + 1
     return first, max(16, 16 * -(-count // 16))
 
 
-def _flat_share(image: Image) -> float:
-    """Return the share of 11 × 11 windows with hardly any texture, against the picture's range of greys."""
-    grey = as_grey(image).astype(np.float32)
-    mean = cv2.blur(grey, (11, 11))
-    variance = cv2.blur((grey - float(grey.mean())) ** 2, (11, 11)) - (mean - float(grey.mean())) ** 2
-    return float(np.mean(variance < (FLAT_DEVIATION * _range_of_greys(image)) ** 2))
+def _flat_share(image: Image, range_of_greys: float) -> float:
+    """Return the share of the windows with hardly any texture, against the image's range of grey levels."""
+    return float(np.mean(local_deviation(as_grey(image), TEXTURE_WINDOW) < FLAT_DEVIATION * range_of_greys))
 
 
 def _range_of_greys(image: Image) -> float:

@@ -1,27 +1,31 @@
-"""What the input doctor looks for in a stereo pair, where the limits lie, and how it says so."""
+"""The questions of the input doctor, and the limits of a healthy pair: codes and numbers, no sentences."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
+from types import MappingProxyType
+from typing import Any
 
 FEWEST_MATCHES = 25
-"""Below this the geometry of a pair is not judged."""
+"""With fewer matched features the geometry of a pair is not judged."""
 
 ROW_OFFSET_PX = 0.75
 ROTATION_DEG = 0.15
 SCALE_DIFFERENCE = 0.004
 GAIN_DIFFERENCE = 0.10
 OFFSET_SHARE = 0.04
+"""Of the image's range of grey levels."""
 FLAT_SHARE = 0.25
-"""Limits beyond which a finding turns amber; OFFSET_SHARE is of the range of greys, FLAT_SHARE of the picture."""
+"""Of the pixels."""
 
 INFINITY_SLACK_PX = 4.0
-"""Disparities as little below 0 as this are still infinity on a rectified pair."""
+"""Disparities no farther below 0 than this still count as infinity on a rectified pair."""
 
 
-class Ailment(StrEnum):
-    """What the doctor looks for."""
+class FindingCode(StrEnum):
+    """The questions that the doctor asks of a pair."""
 
     MATCHES = "matches"
     SWAPPED = "swapped"
@@ -32,105 +36,118 @@ class Ailment(StrEnum):
     RANGE = "range"
 
 
+class Remedy(StrEnum):
+    """The fix of a finding: another pair of images (:func:`stereolag.doctor.apply_remedy`), or another search range."""
+
+    SWAP_SIDES = "swap_sides"
+    ALIGN_ROWS = "align_rows"
+    LEVEL = "level"
+    """Rotate and scale the right image until its rows match; depth becomes relative."""
+    MATCH_EXPOSURE = "match_exposure"
+    SET_RANGE = "set_range"
+    """Search the range that the finding suggests: settings change, not the images."""
+
+
 @dataclass(frozen=True)
 class Finding:
-    """One thing the doctor looked at.
+    """The answer to one question about a pair.
 
     Attributes
     ----------
-    ailment
-        What it is about.
+    code
+        The question.
     healthy
-        Whether there is nothing to mend.
-    sentence
-        What was found, with its number.
+        Whether the pair is within the limits.
+    numbers
+        The measurements, by name, read-only:
+
+        ========  ==========================================================================================
+        MATCHES   ``count`` of features matched between the images, ``needed`` to judge the geometry
+        SWAPPED   ``lowest_px``, ``highest_px``: 1st and 99th percentile of the disparities of matched features
+        ROWS      ``offset_px``, ``spread_px``: median and robust standard deviation of dy, right minus left
+        ROTATION  ``rotation_deg``, ``scale`` of the right image against the left one
+        EXPOSURE  ``gain``, ``offset`` in grey levels: ``right ≈ gain * left + offset``
+        TEXTURE   ``flat_share`` of the pixels whose surroundings have hardly any texture, 0..1
+        RANGE     ``lowest_px``, ``highest_px``: disparities seen; ``min_disparity``, ``num_disparities``: searched;
+                  ``missing_px``: how far those seen reach beyond those searched, 0 where they do not;
+                  ``suggested_min_disparity``, ``suggested_num_disparities``
+        ========  ==========================================================================================
     remedy
-        What a click would do, or "" where nothing can be done.
+        The fix; None where there is nothing to fix, or no fix.
     """
 
-    ailment: Ailment
+    code: FindingCode
     healthy: bool
-    sentence: str
-    remedy: str = ""
+    numbers: Mapping[str, float] = field(hash=False)
+    remedy: Remedy | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "numbers", MappingProxyType(dict(self.numbers)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled; pairs may be diagnosed in other processes.
+        return type(self), (self.code, self.healthy, dict(self.numbers), self.remedy)
 
 
-def about_matches(count: int) -> Finding:
-    """Judge how many features were found in both pictures."""
-    if count >= FEWEST_MATCHES:
-        return Finding(Ailment.MATCHES, True, f"{count} features are found in both pictures.")
-    return Finding(
-        Ailment.MATCHES,
-        False,
-        f"Only {count} features are found in both pictures, too few to judge how they lie: "
-        "are they two views of one scene?",
+def judge_matches(count: int) -> Finding:
+    """Judge how many features were matched between the images."""
+    return Finding(FindingCode.MATCHES, count >= FEWEST_MATCHES, {"count": count, "needed": FEWEST_MATCHES})
+
+
+def judge_sides(lowest: float, highest: float) -> Finding:
+    """Judge whether left is left, by the ends of the disparities, px."""
+    swapped = highest <= 0 or (lowest < 0 and -lowest > 4 * max(highest, 1.0))
+    return _found(FindingCode.SWAPPED, swapped, Remedy.SWAP_SIDES, lowest_px=lowest, highest_px=highest)
+
+
+def judge_rows(offset: float, spread: float) -> Finding:
+    """Judge the median and the spread of dy, px."""
+    misaligned = abs(offset) > ROW_OFFSET_PX
+    return _found(FindingCode.ROWS, misaligned, Remedy.ALIGN_ROWS, offset_px=offset, spread_px=spread)
+
+
+def judge_rotation(degrees: float, scale: float) -> Finding:
+    """Judge the rotation, degrees, and the scale of the right image against the left one."""
+    unrectified = abs(degrees) > ROTATION_DEG or abs(scale - 1) > SCALE_DIFFERENCE
+    return _found(FindingCode.ROTATION, unrectified, Remedy.LEVEL, rotation_deg=degrees, scale=scale)
+
+
+def judge_exposure(gain: float, offset: float, range_of_greys: float) -> Finding:
+    """Judge ``right ≈ gain * left + offset`` against the image's range of grey levels."""
+    unlike = abs(gain - 1) > GAIN_DIFFERENCE or abs(offset) > OFFSET_SHARE * range_of_greys
+    return _found(FindingCode.EXPOSURE, unlike, Remedy.MATCH_EXPOSURE, gain=gain, offset=offset)
+
+
+def judge_texture(flat_share: float) -> Finding:
+    """Judge the share of the pixels without texture."""
+    return _found(FindingCode.TEXTURE, flat_share > FLAT_SHARE, None, flat_share=flat_share)
+
+
+def judge_searched(seen: tuple[float, float], searched: tuple[int, int], suggested: tuple[int, int]) -> Finding:
+    """Judge a search range.
+
+    Parameters
+    ----------
+    seen
+        Lowest and highest disparity in the pair, px.
+    searched, suggested
+        First disparity, px, and how many.
+    """
+    (lowest, highest), (first, count) = seen, searched
+    missing = max(0.0, first - INFINITY_SLACK_PX - lowest, highest - (first + count))
+    return _found(
+        FindingCode.RANGE,
+        missing > 0 or count >= 2 * suggested[1],
+        Remedy.SET_RANGE,
+        lowest_px=lowest,
+        highest_px=highest,
+        min_disparity=first,
+        num_disparities=count,
+        missing_px=missing,
+        suggested_min_disparity=suggested[0],
+        suggested_num_disparities=suggested[1],
     )
 
 
-def about_sides(low: float, high: float) -> Finding:
-    """Judge whether left is left, by the ends of the disparities, px."""
-    if high <= 0 or (low < 0 and -low > 4 * max(high, 1.0)):
-        return Finding(
-            Ailment.SWAPPED,
-            False,
-            f"Left and right look swapped: disparities run from {low:.0f} to {high:.0f} px and should be positive.",
-            "Swap left and right",
-        )
-    return Finding(Ailment.SWAPPED, True, f"Left is left: disparities run from {low:.0f} to {high:.0f} px.")
-
-
-def about_rows(offset: float, spread: float) -> Finding:
-    """Judge the median and the spread of dy, px."""
-    side = "lower" if offset > 0 else "higher"
-    if abs(offset) > ROW_OFFSET_PX:
-        said = f"Rows of the right picture lie {abs(offset):.1f} px {side} (spread {spread:.1f} px)"
-        return Finding(Ailment.ROWS, False, f"{said}: rows of a rectified pair match.", "Align the rows")
-    return Finding(Ailment.ROWS, True, f"Rows match: {abs(offset):.1f} px off (spread {spread:.1f} px).")
-
-
-def about_rotation(degrees: float, growth: float) -> Finding:
-    """Judge how the right view is turned, degrees, and by which share it has grown."""
-    said = f"The right view is turned by {degrees:+.2f}° and scaled by {100 * growth:+.1f} %"
-    if abs(degrees) > ROTATION_DEG or abs(growth) > SCALE_DIFFERENCE:
-        return Finding(
-            Ailment.ROTATION,
-            False,
-            f"{said}: the pair is not rectified.",
-            "Rectify from the pictures themselves (depth becomes relative)",
-        )
-    return Finding(Ailment.ROTATION, True, f"{said}: straight enough.")
-
-
-def about_range(
-    low: float, high: float, min_disparity: int, num_disparities: int, suggested_min: int, suggested_num: int
-) -> Finding:
-    """Judge the range searched against the disparities seen, px, and suggest another."""
-    last = min_disparity + num_disparities - 1
-    needs = f"{low:.0f} px" if round(low) == round(high) else f"{low:.0f} to {high:.0f} px"
-    said = f"The pair needs about {needs} and {min_disparity} to {last} px are searched"
-    remedy = f"Search {suggested_num} disparities from {suggested_min}"
-    if low < min_disparity - INFINITY_SLACK_PX or high > last + 1:
-        return Finding(Ailment.RANGE, False, f"{said}: too small a range.", remedy)
-    if num_disparities >= 2 * suggested_num:
-        return Finding(Ailment.RANGE, False, f"{said}: far more than needed.", remedy)
-    return Finding(Ailment.RANGE, True, f"{said}: a good range.")
-
-
-def about_exposure(gain: float, offset: float, range_of_greys: float) -> Finding:
-    """Judge ``right = gain * left + offset`` against the picture's range of greys."""
-    said = f"The right picture is {gain:.2f} × as contrasty and {offset:+.0f} levels brighter"
-    if abs(gain - 1) > GAIN_DIFFERENCE or abs(offset) > OFFSET_SHARE * range_of_greys:
-        return Finding(
-            Ailment.EXPOSURE,
-            False,
-            f"{said}: ZNCC does not mind, StereoBM and plain correlation do.",
-            "Match the brightness",
-        )
-    return Finding(Ailment.EXPOSURE, True, f"{said}: exposed alike.")
-
-
-def about_texture(flat: float) -> Finding:
-    """Judge the share of the picture without texture."""
-    said = f"{100 * flat:.0f} % of the picture has hardly any texture"
-    if flat > FLAT_SHARE:
-        return Finding(Ailment.TEXTURE, False, f"{said}: no window can be matched there; larger windows help a little.")
-    return Finding(Ailment.TEXTURE, True, f"{said}.")
+def _found(code: FindingCode, ill: bool, remedy: Remedy | None, **numbers: float) -> Finding:
+    return Finding(code, not ill, numbers, remedy if ill else None)

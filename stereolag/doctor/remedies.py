@@ -1,4 +1,4 @@
-"""What mends a pair of which the input doctor found that something is wrong."""
+"""Remedies: another pair of images for one on which the input doctor found something wrong."""
 
 from __future__ import annotations
 
@@ -7,40 +7,45 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.doctor.correspondences import Correspondences, find_correspondences
-from stereolag.doctor.findings import FEWEST_MATCHES, Ailment
-from stereolag.inputs import Image, as_grey
-
-REMEDIES = (Ailment.SWAPPED, Ailment.ROWS, Ailment.ROTATION, Ailment.EXPOSURE)
-"""The ailments that another pair of pictures cures, in the order in which they should be mended."""
+from stereolag.doctor.findings import FEWEST_MATCHES, Remedy
+from stereolag.inputs import Image, as_grey, as_stereo_pair
 
 
-def apply_remedy(left: Image, right: Image, ailment: Ailment) -> tuple[Image, Image]:
-    """Return the pair mended of one ailment.
+def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> tuple[Image, Image]:
+    """Return the pair after one remedy.
 
-    The left image stays as it is, except that swapped sides change places: what is known of its pixels still holds.
-    Only the remedy against rotation makes depth relative, for it bends the right view with no regard to the cameras.
+    The left image stays as it is, except that swapped sides change places: everything known about its pixels still
+    holds. Only ``Remedy.LEVEL`` makes depth relative, for it warps the right image without regard to the cameras.
 
     Parameters
     ----------
     left, right
         (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
-    ailment
-        One of ``REMEDIES``.
+    remedy
+        That of a :class:`~stereolag.doctor.findings.Finding`.
+
+    Returns
+    -------
+    left, right
+        Of the same size and type.
 
     Raises
     ------
     ValueError
-        An ailment that no other picture cures, or too few sure matches to tell how the views lie.
+        ``Remedy.SET_RANGE``, which changes the settings of a matcher and no image; or too few matched features to tell
+        how the views lie.
     """
-    if ailment == Ailment.SWAPPED:
-        return right, left
-    if ailment == Ailment.ROWS:
-        return left, rows_aligned(left, right)
-    if ailment == Ailment.ROTATION:
-        return left, levelled(left, right)
-    if ailment == Ailment.EXPOSURE:
-        return left, exposed_alike(left, right)
-    raise ValueError(f"ailment is {ailment}; what can be mended is {', '.join(REMEDIES)}.")
+    images = as_stereo_pair(left, right)
+    match Remedy(remedy):
+        case Remedy.SWAP_SIDES:
+            return images[1], images[0]
+        case Remedy.ALIGN_ROWS:
+            return images[0], rows_aligned(*images)
+        case Remedy.LEVEL:
+            return images[0], levelled(*images)
+        case Remedy.MATCH_EXPOSURE:
+            return images[0], exposed_alike(*images)
+    raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher and no image.")
 
 
 def rows_aligned(left: Image, right: Image) -> Image:
@@ -49,26 +54,26 @@ def rows_aligned(left: Image, right: Image) -> Image:
     Raises
     ------
     ValueError
-        Too few sure matches to tell how the views lie.
+        Too few matched features to tell how the views lie.
     """
-    offset = float(np.median(_sure_matches(left, right).dy))
+    offset = float(np.median(_enough_matches(left, right).dy))
     return _warped(right, np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -offset]]))
 
 
 def levelled(left: Image, right: Image) -> Image:
-    """Return the right image turned, scaled and moved so that its rows match those of the left one.
+    """Return the right image rotated, scaled and moved so that its rows match those of the left one.
 
-    The similarity that takes dy away is found from sparse matches and applied about the picture's centre; dx there
-    stays as it was. Depth from such a pair is relative: how the cameras stood is not known.
+    The similarity that removes dy is fitted to sparse matches and applied about the image's centre; dx there stays as
+    it was. Depth from such a pair is relative: how the cameras stood is not known.
 
     Raises
     ------
     ValueError
-        Too few sure matches to tell how the views lie.
+        Too few matched features to tell how the views lie.
     """
-    points = _sure_matches(left, right)
+    points = _enough_matches(left, right)
     centre = (np.array(points.shape[::-1]) - 1) / 2
-    # Rows of the left picture as a plane over the right one: y_left = p * x + q * y + t about the centre.
+    # Rows of the left image as a plane over the right one: y_left = p * x + q * y + t about the centre.
     plane = np.column_stack([points.right - centre, np.ones(len(points))])
     (p, q, t), *_ = np.linalg.lstsq(plane, points.left[:, 1] - centre[1], rcond=None)
     turn = np.array([[q, -p, 0.0], [p, q, t]])
@@ -76,11 +81,12 @@ def levelled(left: Image, right: Image) -> Image:
     return _warped(right, turn)
 
 
-def _sure_matches(left: Image, right: Image) -> Correspondences:
+def _enough_matches(left: Image, right: Image) -> Correspondences:
     points = find_correspondences(left, right)
     if len(points) < FEWEST_MATCHES:
         raise ValueError(
-            f"{len(points)} sure matches were found; at least {FEWEST_MATCHES} are needed to align the rows."
+            f"{len(points)} features were matched between the images; at least {FEWEST_MATCHES} are needed to align "
+            "their rows."
         )
     return points
 
@@ -98,7 +104,7 @@ def exposure(left: Image, right: Image, points: Correspondences | None = None) -
     left, right
         (H, W), (H, W, 3) or (H, W, 4) images of one type.
     points
-        Where both show the same; without any, the two pictures are compared as a whole.
+        Where both show the same; without any, the two images are compared as a whole.
     """
     greys: list[Image] = [as_grey(image).astype(np.float32) for image in (left, right)]
     if points is None:
@@ -116,11 +122,11 @@ def exposure(left: Image, right: Image, points: Correspondences | None = None) -
 def exposed_alike(left: Image, right: Image) -> Image:
     """Return the right image with its brightness and contrast fitted to the left one's, in its own dtype."""
     gain, offset = exposure(left, right)
-    mended = (right.astype(np.float64) - offset) / gain
+    fitted = (right.astype(np.float64) - offset) / gain
     if right.ndim == 3 and right.shape[2] == 4:
-        mended[:, :, 3] = right[:, :, 3]
+        fitted[:, :, 3] = right[:, :, 3]
     if right.dtype.kind == "f":
-        return mended.astype(right.dtype)
+        return fitted.astype(right.dtype)
     limits = np.iinfo(right.dtype)
-    np.clip(np.rint(mended, out=mended), limits.min, limits.max, out=mended)
-    return mended.astype(right.dtype)
+    np.clip(np.rint(fitted, out=fitted), limits.min, limits.max, out=fitted)
+    return fitted.astype(right.dtype)

@@ -1,4 +1,4 @@
-"""Why OpenCV's matchers gave no answer, which they do not say themselves."""
+"""Why OpenCV's matchers left a pixel blank: they do not give reasons themselves."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stereolag.stereo.reasons import Reason
 
 FILTERS: tuple[tuple[Reason, str, int], ...] = (
     (Reason.SPECKLE, "speckle_window_size", 0),
-    # StereoSGBM takes a tolerance of -1 or 0 for 1; one that no two disparities exceed is what switches the check off.
+    # StereoSGBM takes a tolerance of -1 or 0 for 1; only one that no two disparities exceed switches the check off.
     (Reason.LEFT_RIGHT, "disp12_max_diff", 1 << 20),
     (Reason.AMBIGUOUS, "uniqueness_ratio", 0),
     (Reason.LOW_TEXTURE, "texture_threshold", 0),
@@ -24,16 +24,16 @@ FILTERS: tuple[tuple[Reason, str, int], ...] = (
 def blank_reasons(
     result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike, *, progress: Progress = silent
 ) -> ReasonMap:
-    """Return the reason of every pixel of a map, those without an answer explained.
+    """Return the reason of every pixel of a map, with those of blank pixels found for OpenCV's matchers.
 
-    Our own matchers know their reasons. Of OpenCV's the pair is matched again, with one filter after another switched
-    off from the last to the first: the filter whose absence brings a pixel back is the one that blanked it. What no
-    filter blanked lies too near to the border for the search.
+    This library's own matchers record their reasons. For OpenCV's the pair is matched again with one filter after
+    another switched off, from the last to the first: the filter whose absence brings a pixel back had blanked it. A
+    pixel that no filter blanked lies too close to the border for the search.
 
     Parameters
     ----------
     result
-        What its ``settings`` made of the pair.
+        The map that its ``settings`` gave for the pair.
     left, right
         The pair.
     progress

@@ -1,16 +1,16 @@
-"""Pixels of a pair that show why matching works or fails, found by what their windows hold."""
+"""Example pixels of a pair: one for each kind of match, found by the scores of its window."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from enum import Enum, auto
+from enum import StrEnum
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.explaining.match import Finding, inspect
+from stereolag.explaining.match import MatchKind, explain_match
 from stereolag.inputs import Image, as_grey, as_stereo_pair
 from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.engines import cheaper_engine, find_matches
@@ -21,62 +21,64 @@ from stereolag.tuning.objective import seen_from_the_right
 Pixel = tuple[int, int]
 
 
-class Lesson(Enum):
-    """What a pixel can teach."""
+class ExampleKind(StrEnum):
+    """The kinds of example."""
 
-    CLEAR = auto()
-    REPEATS = auto()
-    BARE = auto()
-    HIDDEN = auto()
+    CLEAR = "clear"
+    """One peak, well above every other score."""
+    REPEATS = "repeats"
+    """Two peaks of the same height."""
+    BARE = "bare"
+    """A window without texture."""
+    HIDDEN = "hidden"
+    """A place that something nearer hides from the right camera."""
 
 
 LOOKED_AT = 150
-"""So many promising windows are looked at closely, the most promising first."""
+"""How many promising windows are examined, the most promising first."""
 
 CONFUSABLE = 0.05
 """Windows whose two best scores are closer may be repeating patterns."""
 
 NARROWEST_HIDDEN = 3
-"""Px; what is hidden is a strip beside a near thing, and narrower holes are rounding."""
+"""Px; a hidden area is a strip beside a near object, and narrower holes are rounding."""
 
 
-def instructive_pixel(
-    lesson: Lesson,
+def example_pixel(
+    kind: ExampleKind,
     matcher: CorrelationMatcher,
     left: npt.ArrayLike,
     right: npt.ArrayLike,
     *,
     progress: Progress = silent,
 ) -> Pixel | None:
-    """Return the (row, col) of the left picture that shows a lesson best, or None where the pair has none.
+    """Return the (row, col) of the left image that is the best example of a kind; None where the pair has none.
 
     Parameters
     ----------
-    lesson
-        CLEAR: one peak far above all others. REPEATS: two hills of the same height. BARE: a window without texture.
-        HIDDEN: a place that something nearer hides from the right camera.
+    kind
+        What to look for.
     matcher
-        Its window, search area and score are those of the lesson.
+        Its window, search area and score decide.
     left, right
-        The pair.
+        The pair: (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
     progress
         Called with the fraction done.
     """
     images = as_stereo_pair(left, right)
-    if lesson is Lesson.HIDDEN:
+    if kind is ExampleKind.HIDDEN:
         return _hidden(matcher, *images, progress)
     step = max(2, matcher.window_size // 4)
     matches = _matches(matcher, *images, step, progress)
-    promising = {Lesson.CLEAR: _surest, Lesson.REPEATS: _most_confusable, Lesson.BARE: _barest}[lesson](matches)
-    wanted = {
-        Lesson.CLEAR: {Finding.CLEAR},
-        Lesson.REPEATS: {Finding.REPEATS},
-        Lesson.BARE: {Finding.BARE, Finding.SMOOTH, Finding.NOTHING},
-    }[lesson]
+    promising, wanted = {
+        ExampleKind.CLEAR: (_surest, {MatchKind.CLEAR}),
+        ExampleKind.REPEATS: (_most_confusable, {MatchKind.REPEATS}),
+        ExampleKind.BARE: (_barest, {MatchKind.BARE, MatchKind.SMOOTH, MatchKind.NOTHING}),
+    }[kind]
     middle = (matcher.window_size - 1) // 2
-    for window in promising:
+    for window in promising(matches):
         row, col = (int(at) * step + middle for at in np.unravel_index(window, matches.score.shape))
-        if inspect(matcher, *images, row, col).finding in wanted:
+        if explain_match(matcher, *images, row, col).kind in wanted:
             return row, col
     return None
 
@@ -116,7 +118,7 @@ def _highest_first(merit: npt.NDArray[np.floating]) -> Iterator[int]:
 
 
 def _hidden(matcher: CorrelationMatcher, left: Image, right: Image, progress: Progress) -> Pixel | None:
-    """Return the middle of the widest strip that a nearer thing hides from the right camera."""
+    """Return the middle of the widest strip that a nearer object hides from the right camera."""
     mirrored = seen_from_the_right(matcher, left, right, progress=progress)
     depth = cv2.distanceTransform(_hidden_strips(mirrored.disparity[:, ::-1]).astype(np.uint8), cv2.DIST_L2, 5)
     if 2 * float(depth.max()) < NARROWEST_HIDDEN:
@@ -126,17 +128,17 @@ def _hidden(matcher: CorrelationMatcher, left: Image, right: Image, progress: Pr
 
 
 def _hidden_strips(right_disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
-    """Return the (H, W) pixels of the left picture that the right camera cannot see, from the right picture's map.
+    """Return the (H, W) pixels of the left image that the right camera cannot see, from the right image's map.
 
-    No pixel of the right picture is matched to them, and the gap is as wide as the disparity grows across it: that is
-    how much of what lies behind a nearer thing hides. Other gaps are mismatches.
+    No pixel of the right image is matched to them, and the gap is as wide as the disparity grows across it: a nearer
+    object hides exactly that much of the background. Other gaps are mismatches.
     """
     left_disparity = np.full_like(right_disparity, -np.inf)
     rows, cols = np.nonzero(np.isfinite(right_disparity))
     there = np.rint(cols + right_disparity[rows, cols]).astype(np.intp)
     inside = (there >= 0) & (there < right_disparity.shape[1])
     rows, cols, there = rows[inside], cols[inside], there[inside]
-    np.maximum.at(left_disparity, (rows, there), right_disparity[rows, cols])  # the nearer thing is the one seen
+    np.maximum.at(left_disparity, (rows, there), right_disparity[rows, cols])  # the nearer one is the one seen
 
     gap = np.isneginf(left_disparity)
     left_disparity[gap] = np.nan

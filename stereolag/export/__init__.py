@@ -1,6 +1,7 @@
-"""Take it away: results, settings and the program that reproduces them, as the bytes of files that others read.
+"""Results, settings and the program that reproduces them, as files that other programs read.
 
-Nothing is written to disk here. What :mod:`stereolag.reading` reads comes back as it went out.
+All but :mod:`stereolag.export.writing` returns bytes or text and touches no disk. :mod:`stereolag.reading` reads
+disparity maps and settings back.
 """
 
 from stereolag.export.archives import bundle, file_name
@@ -12,12 +13,12 @@ from stereolag.export.maps import (
     npy,
     pfm,
     ply,
-    reason_png,
     valid_mask_png,
 )
 from stereolag.export.programs import script
 from stereolag.export.settings import opencv_yaml, settings_json
 from stereolag.export.tables import metrics_csv, wav
+from stereolag.export.writing import write_disparity, write_matcher
 
 __all__ = [
     "bundle",
@@ -31,9 +32,10 @@ __all__ = [
     "opencv_yaml",
     "pfm",
     "ply",
-    "reason_png",
     "script",
     "settings_json",
     "valid_mask_png",
     "wav",
+    "write_disparity",
+    "write_matcher",
 ]

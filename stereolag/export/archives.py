@@ -1,4 +1,4 @@
-"""Many files in one: a ZIP that is the same, byte for byte, whenever its files are."""
+"""Many files in one ZIP: equal files give an equal archive, byte for byte."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 
 LONGEST_STEM, LONGEST_SUFFIX = 50, 10
 EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""The earliest date that a ZIP can hold: the time of the export would make every archive another one."""
+"""The earliest date that a ZIP can hold: the time of the export would make every archive differ."""
 
 READABLE = 0o644 << 16
 UNIX = 3
@@ -19,12 +19,12 @@ _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 
 
 def bundle(files: Mapping[str, bytes | str]) -> bytes:
-    """Return one ZIP of all the files, in their order.
+    """Return a ZIP of all the files, in their order.
 
     Parameters
     ----------
     files
-        The bytes, or the text, of each by its name, of which :func:`file_name` makes a harmless one.
+        {name: bytes or text}; :func:`file_name` makes each name harmless.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def bundle(files: Mapping[str, bytes | str]) -> bytes:
 
 
 def file_name(name: str) -> str:
-    """Return a name that is safe as a file on any system and as text on a page: no folders, no Markdown.
+    """Return a name that is safe as a file name on any system and as text on a page: no folders, no Markdown.
 
     Letters and digits of any script, and dots, underscores and hyphens within, stay; all else becomes a hyphen.
     """

@@ -25,7 +25,7 @@ def pfm(disparity: npt.ArrayLike) -> bytes:
     Parameters
     ----------
     disparity
-        (rows, cols), px; NaN or infinite where there is none, written as +infinity, as Middlebury's files have it.
+        (rows, cols), px; NaN or infinite where there is none, written as +infinity, as in Middlebury's files.
 
     Raises
     ------
@@ -49,8 +49,9 @@ def kitti_png(disparity: npt.ArrayLike) -> bytes:
     Parameters
     ----------
     disparity
-        (rows, cols), px, from -0.5 to 255.99; NaN or infinite where there is none. It is rounded to 1/256 px. What
-        would become 0, and what the sub-pixel fit put less than half a pixel behind infinity, becomes 1/256 px.
+        (rows, cols), px, from -0.5 to 255.99; NaN or infinite where there is none. It is rounded to 1/256 px. Values
+        that would become 0, and those that the sub-pixel fit put less than half a pixel behind infinity, become
+        1/256 px.
 
     Raises
     ------
@@ -104,7 +105,7 @@ def _as_map(disparity: npt.ArrayLike) -> npt.NDArray[np.floating[Any]]:
 
 
 def image_png(image: npt.ArrayLike) -> bytes:
-    """Return a picture as a PNG without loss.
+    """Return an image as a lossless PNG.
 
     Parameters
     ----------
@@ -127,7 +128,7 @@ def image_png(image: npt.ArrayLike) -> bytes:
 
 
 def image_tiff(image: npt.ArrayLike) -> bytes:
-    """Return a grey picture of floats as a TIFF of 32 bits a pixel, for what a PNG cannot hold.
+    """Return a grey image of floats as a TIFF of 32 bits per pixel: a PNG holds integers only.
 
     Parameters
     ----------
@@ -150,11 +151,6 @@ def image_tiff(image: npt.ArrayLike) -> bytes:
 def valid_mask_png(result: DisparityMap) -> bytes:
     """Return an 8-bit grey PNG of a result: 255 where there is a disparity, measured or filled, and 0 elsewhere."""
     return image_png(result.valid)
-
-
-def reason_png(result: DisparityMap) -> bytes:
-    """Return an 8-bit grey PNG of the number of every pixel's :class:`~stereolag.stereo.reasons.Reason`, 0 to 7."""
-    return image_png(result.reason)
 
 
 VERTEX = np.dtype([("position", "<f4", 3), ("colour", "u1", 3)])

@@ -56,7 +56,7 @@ def script(
     crop
         (rows, cols) that were kept of both images, from the top left; None: all.
     scale
-        What the images were resized by after that, by ``cv2.resize`` with ``INTER_AREA``.
+        The factor by which the images were resized after that, by ``cv2.resize`` with ``INTER_AREA``.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def constructor(settings: Settings, *, before: str = "") -> str:
     settings
         Fields that hold settings, numbers, texts, booleans, None, and lists and tuples of these.
     before
-        What stands before the call on its line, for example ``"matcher = "``; it is part of the answer.
+        Text before the call on its line, for example ``"matcher = "``; it is part of the result.
     """
     return _written(settings, before, 0)
 

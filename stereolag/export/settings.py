@@ -14,7 +14,7 @@ from stereolag.version import VERSION
 def settings_json(matcher: StereoMatcher) -> str:
     """Return a matcher as JSON: its method, all its settings, and the version of this library.
 
-    :func:`stereolag.reading.read_matcher` makes the same matcher of it again.
+    :func:`stereolag.read_matcher` reads the same matcher from it.
     """
     document = {
         "method": type(matcher).__name__,
@@ -27,11 +27,11 @@ def settings_json(matcher: StereoMatcher) -> str:
 def opencv_yaml(matcher: BlockMatcher) -> str:
     """Return the settings of StereoBM or StereoSGBM as OpenCV's own ``Algorithm::save`` lays them out.
 
-    OpenCV then matches 8-bit grey images as this library does: its answer is the disparity × 16, as int16.
+    OpenCV then matches 8-bit grey images as this library does: it returns the disparity × 16, as int16.
 
     In C++ ``Algorithm::load<cv::StereoBM>(path)`` reads the file. In Python, which has no ``load``::
 
-        storage = cv2.FileStorage(path, cv2.FILE_STORAGE_READ)  # named, for its nodes die with it
+        storage = cv2.FileStorage(path, cv2.FILE_STORAGE_READ)  # keep it: its nodes die with it
         matcher = cv2.StereoBM.create()
         matcher.read(storage.getFirstTopLevelNode())
     """

@@ -1,4 +1,4 @@
-"""The scoreboard as a table."""
+"""Tables of figures, and recordings, as files."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from stereolag.stereo.evaluation import Evaluation
 
 
 def metrics_csv(evaluations: Mapping[str, Evaluation]) -> str:
-    """Return the figures of each method against the truth, one line a method, under one line of names with units.
+    """Return the figures of each method against ground truth as CSV: one line per method below a line of names.
 
     Parameters
     ----------
     evaluations
-        By the name of the method. A figure that a method has not, or that is NaN, is left empty.
+        By the name of the method. A figure that a method lacks, or that is NaN, is left empty.
     """
     thresholds = sorted({threshold for evaluation in evaluations.values() for threshold in evaluation.bad})
     text = io.StringIO()
@@ -49,14 +49,14 @@ def metrics_csv(evaluations: Mapping[str, Evaluation]) -> str:
 
 
 def wav(signal: npt.ArrayLike, sampling_rate: float) -> bytes:
-    """Return a recording as a WAV file of 16 bits, as loud as it can be without clipping.
+    """Return a recording as a 16-bit WAV file, as loud as it can be without clipping.
 
     Parameters
     ----------
     signal
         (samples,) finite numbers.
     sampling_rate
-        Samples per second; rounded to a whole number, which is all that a WAV file holds.
+        Samples per second; rounded, for a WAV file holds a whole number.
     """
     samples = np.asarray(signal, dtype=np.float64)
     loudest = float(np.abs(samples).max(initial=0.0)) or 1.0

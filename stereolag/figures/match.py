@@ -1,4 +1,4 @@
-"""What one window saw, as figures: the patches that were compared, the hill of scores, and the row through its top."""
+"""One match as figures: the windows compared, the surface of scores, and the row through its peak."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereolag.explaining.match import Box, Inspection
+from stereolag.explaining.match import Box, MatchExplanation
 from stereolag.figures.linked_pictures import hexadecimal
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, png
 from stereolag.inputs import Image, as_grey
@@ -21,17 +21,17 @@ RUNNER_UP_COLOUR = SENSOR_2
 
 PATCH_SIDE = 240
 FIT_REACH = 4
-"""Px to either side of the peak that the picture of the sub-pixel fit shows."""
+"""Px to either side of the peak that the figure of the sub-pixel fit shows."""
 
 STRIP_WIDTH = 720
-"""Px that a strip fills on a usual screen; its height follows, so that its pixels are about square."""
+"""Width of the strip on a usual screen, px; its height follows, so that its pixels are about square."""
 
 ROW_HEIGHT = 300
 LABEL_SHARE = 0.25
-"""Labels of tops that are closer than this share of the row point away from each other."""
+"""Labels of peaks that are closer than this share of the row point away from each other."""
 
 DISPARITY_AXIS = "← nearer    disparity, px    farther →"
-"""As in the right image: what is nearer is found farther to the left."""
+"""As in the right image: nearer points lie farther to the left."""
 
 OTHERS = ("#3f9d6d", "#8a8a94", "#b5863b", "#4b86c9")
 DASHES = ("solid", "dash", "dot", "dashdot")
@@ -40,7 +40,7 @@ MARGIN = {"l": 8, "r": 8, "t": 8, "b": 8}
 
 
 def patch_png(image: Image, box: Box) -> bytes:
-    """Return a part of an image enlarged and as the correlation sees it: grey, from its darkest to its brightest."""
+    """Return a part of an image enlarged, in grey, stretched from its darkest to its brightest pixel."""
     part = as_grey(image)[box.row : box.row + box.height, box.col : box.col + box.width].astype(np.float32)
     low, span = float(part.min()), float(np.ptp(part)) or 1.0
     stretched = np.rint((part - low) * (255 / span)).astype(np.uint8)
@@ -48,8 +48,8 @@ def patch_png(image: Image, box: Box) -> bytes:
     return png(as_rgb(stretched.repeat(scale, axis=0).repeat(scale, axis=1)))
 
 
-def score_hill(seen: Inspection, searched: Inspection) -> go.Figure:
-    """Return the scores of every lag as a landscape, with the top and the runner-up of what was `searched` of it."""
+def score_landscape(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:
+    """Return the scores of every lag as a landscape, with the peak and the runner-up of the part `searched`."""
     figure = go.Figure(
         go.Surface(
             z=seen.surface.astype(np.float32),
@@ -62,8 +62,8 @@ def score_hill(seen: Inspection, searched: Inspection) -> go.Figure:
         )
     )
     low, high = _score_range(seen)
-    for at, score, colour, name, side in _tops(searched):
-        # A pin: the foot on the hill, the head above it, so that the slopes before it do not hide it.
+    for at, score, colour, name, side in _peaks(searched):
+        # A pin: its foot on the surface and its head above it, so that the slopes in front do not hide it.
         figure.add_trace(
             go.Scatter3d(
                 x=[-at[1]] * 2,
@@ -95,8 +95,8 @@ def score_hill(seen: Inspection, searched: Inspection) -> go.Figure:
     return figure
 
 
-def score_map(seen: Inspection, searched: Inspection) -> go.Figure:
-    """Return the scores of every lag from above; the rows that `searched` left out lie outside of a frame."""
+def score_map(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:
+    """Return the scores of every lag from above; rows outside `searched` lie outside a frame."""
     figure = go.Figure(
         go.Heatmap(
             z=seen.surface.astype(np.float32),
@@ -118,7 +118,7 @@ def score_map(seen: Inspection, searched: Inspection) -> go.Figure:
             y1=searched.dy[-1] + 0.5,
             line={"color": "#fff", "width": 2},
         )
-    for at, _, colour, name, _ in _tops(searched):
+    for at, _, colour, name, _ in _peaks(searched):
         figure.add_trace(
             go.Scatter(
                 x=[-at[1]],
@@ -135,22 +135,22 @@ def score_map(seen: Inspection, searched: Inspection) -> go.Figure:
     return figure
 
 
-def score_row(seen: Inspection, right: Image, others: Mapping[str, float]) -> go.Figure:
+def score_row(seen: MatchExplanation, right: Image, others: Mapping[str, float]) -> go.Figure:
     """Return the strip of the right image that the window slid along, and below it the score at every place.
 
     Parameters
     ----------
     seen
-        The scores of the row of the peak are shown.
+        Its row of the peak is shown.
     right
         The right image.
     others
-        {name: disparity, px} of what else is known of the pixel, drawn as lines.
+        {name: disparity, px} of other results at the pixel, drawn as lines.
     """
     top = (seen.found or seen.search).row
     size = seen.window.height
     strip = as_grey(right)[top : top + size, seen.search.col : seen.search.col + seen.search.width]
-    # Where the middle of the window stands: its disparity, for every column of the strip.
+    # The disparity that puts the middle of the window at each column of the strip.
     middle = seen.window.col + (size - 1) / 2 - (seen.search.col + np.arange(strip.shape[1]))
     strip_height = int(np.clip(STRIP_WIDTH * size / max(strip.shape[1], 1), 40, 160))
     height = strip_height + ROW_HEIGHT
@@ -169,7 +169,7 @@ def score_row(seen: Inspection, right: Image, others: Mapping[str, float]) -> go
             row=2,
             col=1,
         )
-    for at, score, colour, name, side in _tops(seen):
+    for at, score, colour, name, side in _peaks(seen):
         if seen.peak and at[0] == seen.peak[0]:
             figure.add_trace(_dot(-at[1], score, colour, f"{name} {score:.3f}", side), row=2, col=1)
             edges = {"x0": -at[1] - size / 2, "x1": -at[1] + size / 2, "y0": -0.5, "y1": size - 0.5}
@@ -185,10 +185,10 @@ def score_row(seen: Inspection, right: Image, others: Mapping[str, float]) -> go
     return figure
 
 
-def sub_pixel_fit(seen: Inspection) -> go.Figure:
-    """Return the scores next to the peak and the curve through three of them, whose top is the answer."""
+def sub_pixel_fit(seen: MatchExplanation) -> go.Figure:
+    """Return the scores next to the peak and the curve fitted to them, whose top is the disparity."""
     figure = go.Figure()
-    if seen.peak is None:
+    if seen.peak is None or seen.at_edge:
         return figure
     near = np.abs(seen.dx - seen.peak[1]) <= FIT_REACH
     fine = np.linspace(-1.5, 1.5, 121)
@@ -214,8 +214,8 @@ def sub_pixel_fit(seen: Inspection) -> go.Figure:
     return figure
 
 
-def _tops(seen: Inspection) -> list[tuple[tuple[int, int], float, str, str, str]]:
-    """Return place, score, colour, name and side of the label of the runner-up and the peak, where there are such."""
+def _peaks(seen: MatchExplanation) -> list[tuple[tuple[int, int], float, str, str, str]]:
+    """Return place, score, colour, name and side of the label of the runner-up and of the peak, where they exist."""
     found = [
         (seen.runner_up, seen.runner_up_score, RUNNER_UP_COLOUR, "runner-up"),
         (seen.peak, seen.peak_score, WINDOW_COLOUR, "peak"),
@@ -231,8 +231,8 @@ def _tops(seen: Inspection) -> list[tuple[tuple[int, int], float, str, str, str]
     ]
 
 
-def _score_range(seen: Inspection) -> tuple[float, float]:
-    """Return the ends of the axis: -0.2 to 1 for scores that are correlations, so that hills can be compared."""
+def _score_range(seen: MatchExplanation) -> tuple[float, float]:
+    """Return the ends of the axis: -0.2 to 1 for scores that are correlations, so that figures can be compared."""
     known = seen.surface[np.isfinite(seen.surface)]
     if known.size == 0:
         return 0.0, 1.0

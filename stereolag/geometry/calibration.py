@@ -8,93 +8,24 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.geometry.rig import (
+    BASELINE_M,
+    FOCAL_PX,
+    MAX_CENTRE_PX,
+    StereoRig,
+    check_positive,
+    check_range,
+    scaled_centre,
+    scaled_size,
+)
 from stereolag.inputs import Image, as_image
 
 Float32Array = npt.NDArray[np.float32]
 
-FOCAL_PX = (1e-3, 1e7)
-BASELINE_M = (1e-9, 1e9)
-MAX_CENTRE_PX = 1e7
-MAX_DISTORTION = 1e9
-"""Cameras from those of a microscope to those of two satellites; beyond, a product would overflow or mean nothing."""
-
-
-@dataclass(frozen=True, eq=False)
-class StereoRig:
-    """Two cameras as they were calibrated, before rectification (the model of OpenCV's ``stereoCalibrate``).
-
-    Attributes
-    ----------
-    left_matrix, right_matrix
-        (3, 3) camera matrices, px.
-    left_distortion, right_distortion
-        (4 | 5 | 8 | 12 | 14,) coefficients k1, k2, p1, p2, …; none at all means no distortion.
-    rotation, translation
-        (3, 3) and (3,), metres: a point at ``x`` seen from the left camera is at ``rotation @ x + translation`` seen
-        from the right one, so ``translation[0]`` is negative.
-    width, height
-        The size of the images the matrices are for, px; None where unknown.
-    """
-
-    left_matrix: npt.NDArray[np.float64]
-    left_distortion: npt.NDArray[np.float64]
-    right_matrix: npt.NDArray[np.float64]
-    right_distortion: npt.NDArray[np.float64]
-    rotation: npt.NDArray[np.float64]
-    translation: npt.NDArray[np.float64]
-    width: int | None = None
-    height: int | None = None
-
-    def __post_init__(self) -> None:
-        self._set("left_matrix", (3, 3))
-        self._set("right_matrix", (3, 3))
-        self._set("rotation", (3, 3), 10.0)
-        self._set("translation", (3,), BASELINE_M[1])
-        for name in ("left_distortion", "right_distortion"):
-            size = np.size(getattr(self, name))
-            if size not in (0, 4, 5, 8, 12, 14):
-                raise ValueError(f"{name} holds {size} coefficients; allowed are 0, 4, 5, 8, 12 and 14.")
-            self._set(name, (size,), MAX_DISTORTION)
-            if size == 0:
-                object.__setattr__(self, name, np.zeros(5))
-        for name in ("left_matrix", "right_matrix"):
-            matrix = getattr(self, name)
-            if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.array_equal(matrix[2], (0, 0, 1))):
-                raise ValueError(f"{name} is not [[f, 0, cx], [0, f, cy], [0, 0, 1]] with focal lengths above 0.")
-            for focal in (matrix[0, 0], matrix[1, 1]):
-                _check_range(float(focal), f"The focal length in {name}", FOCAL_PX)
-        if not np.allclose(self.rotation @ self.rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(self.rotation) < 0:
-            raise ValueError("rotation is not a rotation: its rows must be orthogonal and of length 1.")
-        if not -self.translation[0] > abs(self.translation[1]):
-            raise ValueError(
-                f"translation is {self.translation.tolist()} m; its first number must be negative and outweigh "
-                "the second: the second camera stands to the right of the first."
-            )
-
-    def _set(self, name: str, shape: tuple[int, ...], most: float = MAX_CENTRE_PX) -> None:
-        array = np.array(getattr(self, name), dtype=np.float64)
-        if array.size != math.prod(shape) or not np.isfinite(array).all():
-            raise ValueError(f"{name} has shape {array.shape}; allowed are {math.prod(shape)} finite numbers, {shape}.")
-        largest = max(array.flat, key=abs, default=0.0)
-        if abs(largest) > most:
-            raise ValueError(f"{name} holds {largest:g}; allowed are numbers from -{most:g} to {most:g}.")
-        object.__setattr__(self, name, array.reshape(shape))
-
-    def scaled(self, factor: float) -> StereoRig:
-        """Return the rig for images resized by `factor`."""
-        _check_positive(factor, "factor")
-        return replace(
-            self,
-            left_matrix=_scaled_matrix(self.left_matrix, factor),
-            right_matrix=_scaled_matrix(self.right_matrix, factor),
-            width=_scaled_size(self.width, factor),
-            height=_scaled_size(self.height, factor),
-        )
-
 
 @dataclass(frozen=True)
 class Calibration:
-    """What turns the disparity of a rectified pair into metres: ``Z = focal_px * baseline_m / (disparity + doffs_px)``.
+    """Turns the disparity of a rectified pair into metres: ``Z = focal_px * baseline_m / (disparity + doffs_px)``.
 
     Attributes
     ----------
@@ -109,11 +40,10 @@ class Calibration:
     width, height
         Size of the images it was made for, px; None where unknown.
     num_disparities
-        How many disparities the maker says are enough, px; None where unknown.
+        How many disparities its maker states as sufficient, px; None where unknown.
     rig
-        The cameras before rectification, where the file told: then the pair is not rectified yet, the numbers above
-        are a forecast, and :func:`stereolag.geometry.rectification.rectify` gives the pair and the numbers that hold
-        for it.
+        The cameras before rectification, where known: then the pair is not rectified yet, the numbers above are a
+        forecast, and :func:`stereolag.rectify` gives the rectified pair with its final calibration.
 
     Raises
     ------
@@ -133,8 +63,8 @@ class Calibration:
     rig: StereoRig | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        _check_range(self.focal_px, "focal_px", FOCAL_PX)
-        _check_range(self.baseline_m, "baseline_m", BASELINE_M)
+        check_range(self.focal_px, "focal_px", FOCAL_PX)
+        check_range(self.baseline_m, "baseline_m", BASELINE_M)
         for name in ("doffs_px", "cx", "cy"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
@@ -163,7 +93,7 @@ class Calibration:
         return _metres(self.focal_px * self.baseline_m, self._shift(disparity))
 
     def depth_uncertainty(self, disparity: npt.ArrayLike, disparity_error: npt.ArrayLike) -> Float32Array:
-        """Return how far off the depth is when the disparity is off by `disparity_error`: ``Z² δd / (f B)``.
+        """Return the error of the depth that an error of the disparity causes: ``Z² δd / (f B)``.
 
         Parameters
         ----------
@@ -211,9 +141,9 @@ class Calibration:
         depth = self.depth(disparity)
         if depth.ndim != 2:
             raise ValueError(f"disparity has shape {depth.shape}; a point cloud needs (rows, cols).")
-        picture = _as_rgb8(as_image(colour, "colour"))
-        if picture.shape[:2] != depth.shape:
-            raise ValueError(f"colour has {picture.shape[:2]} rows and columns and disparity {depth.shape}.")
+        image = _as_rgb8(as_image(colour, "colour"))
+        if image.shape[:2] != depth.shape:
+            raise ValueError(f"colour has {image.shape[:2]} rows and columns and disparity {depth.shape}.")
         cx = (depth.shape[1] - 1) / 2 if self.cx is None else self.cx
         cy = (depth.shape[0] - 1) / 2 if self.cy is None else self.cy
         rows, cols = np.nonzero(np.isfinite(depth))
@@ -222,23 +152,23 @@ class Calibration:
             points = np.column_stack(((cols - cx) * z / self.focal_px, (rows - cy) * z / self.focal_px, z))
             points = points.astype(np.float32)
         near = np.isfinite(points).all(axis=1)
-        return points[near], picture[rows, cols][near]
+        return points[near], image[rows, cols][near]
 
     def scaled(self, factor: float) -> Calibration:
         """Return the calibration for images (and disparities) resized by `factor`.
 
-        Pixel centres are at whole numbers, so a picture reaches from -1/2 to width - 1/2 and the principal point
+        Pixel centres are at whole numbers, so an image reaches from -1/2 to width - 1/2 and the principal point
         goes to ``(cx + 1/2) * factor - 1/2``.
         """
-        _check_positive(factor, "factor")
+        check_positive(factor, "factor")
         return replace(
             self,
             focal_px=self.focal_px * factor,
             doffs_px=self.doffs_px * factor,
-            cx=None if self.cx is None else _scaled_centre(self.cx, factor),
-            cy=None if self.cy is None else _scaled_centre(self.cy, factor),
-            width=_scaled_size(self.width, factor),
-            height=_scaled_size(self.height, factor),
+            cx=None if self.cx is None else scaled_centre(self.cx, factor),
+            cy=None if self.cy is None else scaled_centre(self.cy, factor),
+            width=scaled_size(self.width, factor),
+            height=scaled_size(self.height, factor),
             num_disparities=None if self.num_disparities is None else math.ceil(self.num_disparities * factor),
             rig=None if self.rig is None else self.rig.scaled(factor),
         )
@@ -247,15 +177,15 @@ class Calibration:
         """Return the calibration that puts a point of `disparity` px at `distance_m` metres.
 
         One known distance gives the product ``focal_px * baseline_m``; the focal length is kept and the baseline
-        solved for. Depths then hold whatever the focal length; widths and heights are as good as it is.
+        solved for. Depths are then right whatever the focal length; widths and heights are only as good as it is.
 
         Raises
         ------
         ValueError
             A disparity that is not in front of infinity, or a distance that is not above 0.
         """
-        _check_positive(distance_m, "distance_m")
-        _check_positive(disparity + self.doffs_px, "disparity + doffs_px")
+        check_positive(distance_m, "distance_m")
+        check_positive(disparity + self.doffs_px, "disparity + doffs_px")
         return replace(self, baseline_m=distance_m * (disparity + self.doffs_px) / self.focal_px, rig=None)
 
     def _shift(self, disparity: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -265,7 +195,7 @@ class Calibration:
 
 
 def _metres(numerator: float | npt.NDArray[np.float64], denominator: npt.NDArray[np.float64]) -> Float32Array:
-    """Return the quotient, NaN where it is too large for float32: that far away is no distance."""
+    """Return the quotient, NaN where it overflows float32."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         metres = np.asarray(numerator / denominator, dtype=np.float32)
     return np.where(np.isfinite(metres), metres, np.float32(np.nan))
@@ -281,29 +211,3 @@ def _as_rgb8(image: Image) -> npt.NDArray[np.uint8]:
         image = np.rint(image * 255)
     image = image.astype(np.uint8)
     return np.stack([image] * 3, axis=-1) if image.ndim == 2 else image[:, :, :3]
-
-
-def _check_positive(value: float, name: str) -> None:
-    if not (value > 0 and math.isfinite(value)):
-        raise ValueError(f"{name} is {value}; allowed are finite numbers above 0.")
-
-
-def _check_range(value: float, name: str, bounds: tuple[float, float]) -> None:
-    _check_positive(value, name)
-    if not bounds[0] <= value <= bounds[1]:
-        raise ValueError(f"{name} is {value:g}; allowed are {bounds[0]:g} to {bounds[1]:g}.")
-
-
-def _scaled_centre(centre: float, factor: float) -> float:
-    return (centre + 0.5) * factor - 0.5
-
-
-def _scaled_size(size: int | None, factor: float) -> int | None:
-    return None if size is None else max(1, round(size * factor))
-
-
-def _scaled_matrix(matrix: npt.NDArray[np.float64], factor: float) -> npt.NDArray[np.float64]:
-    scaled = matrix * factor
-    scaled[:2, 2] = (matrix[:2, 2] + 0.5) * factor - 0.5
-    scaled[2] = matrix[2]
-    return scaled

@@ -1,4 +1,4 @@
-"""Point clouds fit to be looked at: without flying pixels, and no more points than a browser can turn."""
+"""Point clouds to look at: without flying pixels, with no more points than a browser can rotate, and from above."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def clean_point_cloud(
     Parameters
     ----------
     calibration
-        What turns the disparity into metres.
+        Turns the disparity into metres.
     disparity, colour
         (rows, cols) px and the left image, as
         :meth:`~stereolag.geometry.calibration.Calibration.point_cloud` takes them.
@@ -49,11 +49,11 @@ def clean_point_cloud(
 
 
 def flying_pixels(disparity: npt.ArrayLike, *, tolerance: float = 1.0) -> npt.NDArray[np.bool_]:
-    """Return where a disparity hangs in the air: on no surface, but alone or between a near and a far one.
+    """Return where a disparity lies on no surface: alone, or between a near and a far one.
 
-    Matchers smear the edges of things over a few pixels, whose disparities lie between those of both sides; as points
-    they form curtains behind every edge. A pixel is kept if at least 9 of the 25 pixels within ±2 px, itself among
-    them, have its disparity give or take the tolerance.
+    Matchers smear the edges of objects over a few pixels, whose disparities lie between those of the two sides; as
+    points they form curtains behind every edge. A pixel is kept if at least 9 of the 25 pixels within ±2 px, itself
+    among them, have its disparity to within the tolerance.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def flying_pixels(disparity: npt.ArrayLike, *, tolerance: float = 1.0) -> npt.ND
     known = np.isfinite(values)
     values = np.where(known, values, np.float32(np.nan))
     rows, cols = values.shape
-    around = np.pad(values, REACH, mode="reflect")  # the frame of the picture is no edge of a surface
+    around = np.pad(values, REACH, mode="reflect")  # the frame of the image is no edge of a surface
     neighbours = np.zeros(values.shape, dtype=np.uint8)
     for row in range(2 * REACH + 1):
         for col in range(2 * REACH + 1):

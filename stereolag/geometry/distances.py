@@ -1,4 +1,4 @@
-"""Distances between things in a picture, in metres, and how sure they are."""
+"""Distances between points of a scene, in metres, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from stereolag.geometry.calibration import Calibration
 
 DISPARITY_ERROR = 0.25
-"""How far off a disparity typically is where no truth tells, px: a good sub-pixel match of well-textured windows."""
+"""Typical error of a disparity without ground truth, px: of a good sub-pixel match of well-textured windows."""
 
 FIELD_OF_VIEW = 60.0
 """Horizontal field of view, degrees, assumed of an unknown camera; phones and webcams have 55 to 75."""
@@ -19,7 +19,7 @@ FIELD_OF_VIEW = 60.0
 
 @dataclass(frozen=True)
 class SeenPoint:
-    """A pixel of the left picture with its disparity, both px."""
+    """A pixel of the left image with its disparity, both px."""
 
     row: float
     col: float
@@ -28,18 +28,18 @@ class SeenPoint:
 
 @dataclass(frozen=True)
 class Distance:
-    """A distance and how far off it typically is, metres; NaN where a point has no depth."""
+    """A distance and its typical error, metres; NaN where a point has no depth."""
 
     metres: float
     error: float
 
 
-def typical_error(disparity: npt.ArrayLike, truth: npt.ArrayLike) -> float:
-    """Return the median error of the disparities that have a truth, px; NaN where none has.
+def typical_error(disparity: npt.ArrayLike, ground_truth: npt.ArrayLike) -> float:
+    """Return the median error of the disparities with ground truth, px; NaN where there are none.
 
-    The median, as a few gross mismatches say nothing of how exact a good match is.
+    The median, because a few gross mismatches say nothing about the accuracy of a good match.
     """
-    error = np.abs(np.asarray(disparity, dtype=np.float64) - np.asarray(truth, dtype=np.float64))
+    error = np.abs(np.asarray(disparity, dtype=np.float64) - np.asarray(ground_truth, dtype=np.float64))
     known = error[np.isfinite(error)]
     return float(np.median(known)) if known.size else math.nan
 
@@ -53,23 +53,23 @@ def distance_between(
     height: int,
     disparity_error: float = DISPARITY_ERROR,
 ) -> Distance:
-    """Return how far two points of the scene are apart.
+    """Return the distance between two points of the scene.
 
     Parameters
     ----------
     calibration
-        Of the left picture.
+        Of the left image.
     first, second
         The points.
     width, height
-        Size of the picture, px: its centre stands in for an unknown principal point.
+        Size of the image, px: its centre stands in for an unknown principal point.
     disparity_error
-        How far off either disparity typically is, px; both are taken as independent.
+        Typical error of either disparity, px; the two are taken as independent.
 
     Returns
     -------
     Distance
-        Its error is what the uncertain depths contribute along the line between the points.
+        Its error is the part of the depth errors that lies along the line between the points.
     """
     rays = np.array([_ray(calibration, point, width, height) for point in (first, second)])
     disparities = np.array([first.disparity, second.disparity])
@@ -84,7 +84,7 @@ def distance_between(
 
 
 def calibrated_by(known: Calibration | None, disparity: float, distance_m: float, *, width: int) -> Calibration:
-    """Return the calibration of a picture `width` px wide that puts a point of `disparity` px at `distance_m` metres.
+    """Return the calibration of an image `width` px wide that puts a point of `disparity` px at `distance_m` metres.
 
     Only the product of focal length and baseline follows from one known distance, and depth needs no more. The focal
     length, on which widths and heights depend, stays that of the `known` calibration; without one the camera is

@@ -1,56 +1,69 @@
-"""From a pair as the cameras took it to one whose rows match (Bouguet's method, as in OpenCV's ``stereoRectify``)."""
+"""Rectification: from a pair as the cameras took it to one whose rows match (Bouguet's method, by OpenCV)."""
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.geometry.calibration import Calibration, StereoRig
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.rig import StereoRig
 from stereolag.inputs import Image, as_image
 
 MAX_ASPECT_ERROR_PX = 1.0
+"""How much the height may differ from that of the calibrated images, resized to the same width."""
 
 
-def rectify(left: npt.ArrayLike, right: npt.ArrayLike, rig: StereoRig) -> tuple[Image, Image, Calibration]:
-    """Undistort a pair and turn it so that matching points lie in the same row.
+class Rectified(NamedTuple):
+    """A rectified pair: its images, of the same size and type as taken, and its calibration."""
+
+    left: Image
+    right: Image
+    calibration: Calibration
+
+
+def rectify(left: npt.ArrayLike, right: npt.ArrayLike, calibration: Calibration) -> Rectified:
+    """Undistort a pair and rotate both images so that matching points lie in the same row.
 
     Parameters
     ----------
     left, right
         (rows, cols) grey or (rows, cols, 3 | 4) RGB(A), as taken; uint8, uint16 or float; of one size. A size other
-        than the rig's, but of the same shape, scales the rig.
-    rig
-        The two cameras.
+        than the calibration's, but of the same aspect ratio, scales the cameras.
+    calibration
+        With its ``rig``, the two cameras before rectification.
 
     Returns
     -------
-    left, right
-        Same size and dtype; only pixels that both cameras can have seen are in the frame (``alpha=0``).
-    calibration
-        Of the rectified pair: no distortion left, ``doffs_px == 0``.
+    Rectified
+        ``left``, ``right`` and ``calibration``, in this order. Only pixels that both cameras can have seen are in the
+        frame (``alpha=0``); the calibration has neither distortion nor rig left, and ``doffs_px == 0``.
 
     Raises
     ------
     ValueError
-        Images of different size, or of another shape than the rig was calibrated for.
+        A calibration without a rig, images of different size, or of another aspect ratio than they were calibrated at.
     """
+    if calibration.rig is None:
+        raise ValueError(
+            "calibration has no rig, the cameras before rectification: it is that of a pair that is rectified already."
+        )
     images = as_image(left, "left"), as_image(right, "right")
     size = _common_size(*images)
-    rig = _fitted(rig, size)
+    rig = _fitted(calibration.rig, size)
     rotations, projections = _rectification(rig, size)
     cameras = (rig.left_matrix, rig.left_distortion), (rig.right_matrix, rig.right_distortion)
     rectified = []
     for image, (matrix, distortion), rotation, projection in zip(images, cameras, rotations, projections, strict=True):
         maps = cv2.initUndistortRectifyMap(matrix, distortion, rotation, projection, size, cv2.CV_32FC1)
         rectified.append(np.asarray(cv2.remap(image, *maps, cv2.INTER_LINEAR)))
-    return rectified[0], rectified[1], _calibration(projections, size)
+    return Rectified(rectified[0], rectified[1], _calibration(projections, size))
 
 
 def rectified_calibration(rig: StereoRig, size: tuple[int, int]) -> Calibration:
-    """Return the calibration that :func:`rectify` will answer with for images of `size` (width, height)."""
+    """Return the calibration of the pair that :func:`rectify` makes of images of `size` (width, height)."""
     return _calibration(_rectification(_fitted(rig, size), size)[1], size)
 
 

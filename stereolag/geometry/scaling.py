@@ -14,7 +14,7 @@ from stereolag.inputs import Image
 
 
 def scaled_image(image: Image, factor: float) -> Image:
-    """Return an image at `factor` times its size, 0 < factor ≤ 1, each pixel the mean of what it stands for.
+    """Return an image at `factor` times its size, 0 < factor ≤ 1, each pixel the mean of those that it replaces.
 
     Raises
     ------
@@ -27,7 +27,7 @@ def scaled_image(image: Image, factor: float) -> Image:
 def scaled_disparity(disparity: npt.ArrayLike, factor: float) -> FloatMap:
     """Return a (H, W) disparity map for images at `factor` times their size, 0 < factor ≤ 1, in px of that size.
 
-    The nearest pixel is taken, for the mean of a near and a far disparity is the disparity of nothing.
+    The nearest pixel is taken: the mean of a near and a far disparity belongs to neither surface.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def _size(shape: tuple[int, ...], factor: float) -> tuple[int, int]:
 
 
 LARGEST_DIFFERENCE = 0.03
-"""Of the larger size; what differs by more is not the same picture cropped by a few pixels."""
+"""Of the larger size; images that differ by more are not the same size cropped by a few pixels."""
 
 LARGEST_ASPECT_DIFFERENCE = 0.01
 
@@ -59,16 +59,16 @@ MOST_PREVIEW_PIXELS = 1_000_000
 
 
 def halves(image: Image) -> tuple[Image, Image]:
-    """Return the left and the right half of a side-by-side picture; of an odd width the middle column is left out.
+    """Return the left and the right half of a side-by-side image; of an odd width the middle column is left out.
 
     Raises
     ------
     ValueError
-        A picture of one column.
+        An image of one column.
     """
     half = image.shape[1] // 2
     if half == 0:
-        raise ValueError("The side-by-side picture is 1 pixel wide; at least 2 are needed.")
+        raise ValueError("The side-by-side image is 1 pixel wide; at least 2 are needed.")
     return image[:, :half], image[:, -half:]
 
 

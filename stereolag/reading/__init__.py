@@ -1,4 +1,4 @@
-"""Where every untrusted byte enters: a user's own pictures, recordings, disparity maps, calibrations and settings.
+"""Where every untrusted byte enters: a user's own images, recordings, disparity maps, calibrations and settings.
 
 A reader takes a path, bytes or a binary file object, bounds what it will decode before it decodes it, and answers
 with checked arrays or with a ``ValueError`` of one clear sentence. It writes nothing, runs nothing and lets no warning

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereolag.geometry.calibration import Calibration, StereoRig
+from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectified_calibration
+from stereolag.geometry.rig import StereoRig
 from stereolag.reading.entries import (
     Entries,
     Matrix,
@@ -42,7 +43,7 @@ _RIG_NAMES = {
 def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibration:
     """Read the calibration of a stereo camera.
 
-    Known are: Middlebury ``calib.txt``; KITTI ``calib*.txt`` (the colour cameras 2 and 3, which took the pictures of
+    Known are: Middlebury ``calib.txt``; KITTI ``calib*.txt`` (the colour cameras 2 and 3, which took the images of
     its stereo benchmarks, before the grey 0 and 1) and bare projection rows of two cameras; OpenCV YAML or JSON with
     both cameras (M1, D1, M2, D2, R, T and the usual other names) or of the rectified pair (Q, or P1 and P2); ROS
     ``camera_info`` YAML of the right camera, or of both; JSON with ``focal_px`` and ``baseline_m`` and, if known,
@@ -151,7 +152,7 @@ def _from_opencv(entries: Entries, length_unit_m: float) -> Calibration:
         return _from_reprojection(matrix(entries, "Q", (4, 4)), entries, length_unit_m)
     if "P1" in entries and "P2" in entries:
         return _from_projections(_projection(entries, "P1"), _projection(entries, "P2"), entries, length_unit_m)
-    raise ValueError(f"The calibration holds none that is known; accepted are {ACCEPTED}.")
+    raise ValueError(f"The calibration is in no known format; accepted are {ACCEPTED}.")
 
 
 def _from_reprojection(q: Matrix, entries: Entries, length_unit_m: float) -> Calibration:
@@ -191,7 +192,7 @@ def _rig(entries: Entries, length_unit_m: float) -> StereoRig | None:
 
 
 def _forecast(rig: StereoRig) -> Calibration:
-    """Return the rig with what rectification will probably give; without a size, the centre of the image is guessed."""
+    """Return the calibration to expect after rectification, with the rig; without a size, the centre is guessed."""
     width = rig.width or max(1, round(2 * rig.left_matrix[0, 2] + 1))
     height = rig.height or max(1, round(2 * rig.left_matrix[1, 2] + 1))
     try:

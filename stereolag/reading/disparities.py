@@ -29,30 +29,30 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     source
         A path, the bytes of the file, or a binary file object.
     divisor
-        What a stored value is divided by to give px. Integers of 16 bits have 256 unless told otherwise (as in KITTI
+        Divides the stored values to give px. Integers of 16 bits have 256 unless given otherwise (as in KITTI
         and in this project's examples), floats 1. Integers of 8 bits need it: the data sets that use them differ
         (Middlebury 2003: 4 for quarter size; Tsukuba: 16).
 
     Returns
     -------
     disparity
-        (rows, cols) float32, px, positive in front of infinity; NaN where the file says that nothing is known:
-        0 in a picture of integers, infinite or NaN among floats.
+        (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown:
+        0 in an image of integers, infinite or NaN among floats.
 
     Raises
     ------
     ValueError
-        An empty, damaged or unknown file, a colour picture, more megapixels than the limit in force, no pixel with a
+        An empty, damaged or unknown file, a colour image, more megapixels than the limit in force, no pixel with a
         disparity, 8-bit integers without a divisor, or a divisor that is not above 0.
     """
     if divisor is not None and not (divisor > 0 and math.isfinite(divisor)):
         raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0.")
-    stored, is_picture = _stored_values(read_bytes(source, WHAT))
+    stored, is_image = _stored_values(read_bytes(source, WHAT))
     if stored.ndim != 2:
         raise ValueError(f"The {WHAT} has shape {stored.shape}; allowed is one channel, (rows, cols).")
     if divisor is None:
-        divisor = _usual_divisor(stored.dtype) if is_picture else 1.0
-    disparity = _divided(stored, divisor, zero_is_unknown=is_picture)
+        divisor = _usual_divisor(stored.dtype) if is_image else 1.0
+    disparity = _divided(stored, divisor, zero_is_unknown=is_image)
     if np.isnan(disparity).all():
         raise ValueError(f"The {WHAT} holds no disparity at all: every pixel is marked as unknown.")
     return disparity
@@ -64,7 +64,7 @@ def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool)
     step = max(1, _BAND_PIXELS // max(1, stored.shape[1]))
     for first in range(0, len(stored), step):
         band = stored[first : first + step]
-        with np.errstate(all="ignore"):  # what overflows is infinite, and that is unknown
+        with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
             part = (band.astype(np.float64) / divisor).astype(np.float32)
         part[~np.isfinite(part)] = np.nan
         if zero_is_unknown:
@@ -75,12 +75,12 @@ def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool)
 
 def _usual_divisor(dtype: np.dtype[Any]) -> float:
     if dtype == np.uint8:
-        raise ValueError(f"The {WHAT} has 8 bits a pixel: its divisor must be given, often 1, 2, 4 or 16.")
+        raise ValueError(f"The {WHAT} has 8 bits per pixel: its divisor must be given, often 1, 2, 4 or 16.")
     return DIVISOR_OF_16_BITS
 
 
 def _stored_values(data: bytes) -> tuple[npt.NDArray[Any], bool]:
-    """Return the numbers as the file holds them, and whether they are integers of a picture: there 0 is unknown."""
+    """Return the numbers as the file holds them, and whether they are integers of an image: there 0 is unknown."""
     if data.startswith((b"Pf", b"PF")):
         return parse_pfm(data, WHAT), False
     if data.startswith((b"P2", b"P5")):
@@ -91,7 +91,7 @@ def _stored_values(data: bytes) -> tuple[npt.NDArray[Any], bool]:
             check_pixels(stored.shape[1], stored.shape[0], WHAT)
         return stored, False
     try:
-        picture = read_image(data)
+        image = read_image(data)
     except ValueError as error:
         raise ValueError(f"The {WHAT} cannot be read; accepted are {ACCEPTED}. {error}") from error
-    return picture, picture.dtype.kind == "u"
+    return image, image.dtype.kind == "u"

@@ -1,4 +1,4 @@
-"""What a calibration file says, by name, and checked access to it."""
+"""The entries of a calibration file, by name, and checked access to them."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def bare_gif(data: bytes) -> BarePicture:
             left, top, frame_width, frame_height, flags = struct.unpack_from("<HHHHB", data, position + 1)
             end, _ = _after_blocks(data, position + 11 + _palette_size(flags), blocks)
             pieces += [transparency, data[position:end], b";"]
-            # A frame may reach beyond the screen: decoders then enlarge the picture.
+            # A frame may reach beyond the screen: decoders then enlarge the image.
             return BarePicture(b"".join(pieces), max(width, left + frame_width), max(height, top + frame_height))
         else:
             raise damaged("GIF")

@@ -1,4 +1,4 @@
-"""Pictures from untrusted bytes."""
+"""Images from untrusted bytes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stereolag.reading.bare import BarePicture
 from stereolag.reading.sources import Source, check_pixels, read_bytes
 
 ACCEPTED = "PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM and GIF"
-WHAT = "picture"
+WHAT = "image"
 MAX_RUN_LENGTH_BYTES = 4 * 2**20
 MAX_RUN_LENGTH_PIXELS = 8_000_000
 """Pillow reads run-length coded BMP in a Python loop, and fills up what the runs leave out pixel by pixel."""
@@ -23,15 +23,15 @@ MAX_RUN_LENGTH_PIXELS = 8_000_000
 _NETPBM = (b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"Pf")
 _BAND_PIXELS = 2**20
 _PROGRESSIVE_PIXELS = 20_000_000
-"""From here on the coefficients of a progressive JPEG and Pillow's four bytes a pixel are too much together."""
+"""From here on the coefficients of a progressive JPEG and Pillow's four bytes per pixel are too much together."""
 
 
 def read_image(source: Source) -> Image:
-    """Read a picture: PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM or GIF (the first frame of several).
+    """Read an image: PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM or GIF (the first frame of several).
 
     The orientation a camera noted in the file (EXIF) is applied; all other metadata is passed over, and broken
     metadata is no fault. A palette is resolved, and so are CMYK, YCbCr and the like, to RGB; any kind of transparency
-    gives RGBA. Grey and colour of 16 bits a channel keep them; a TIFF of floats stays float.
+    gives RGBA. Grey and colour of 16 bits per channel keep them; a TIFF of floats stays float.
 
     Parameters
     ----------
@@ -46,18 +46,18 @@ def read_image(source: Source) -> Image:
     Raises
     ------
     ValueError
-        An empty file, one that is not such a picture or is cut short, or a picture of more megapixels than the limit
+        An empty file, one that is not such an image or is cut short, or an image of more megapixels than the limit
         in force (50 unless set otherwise). The limit is checked on the header, before any pixel is decoded.
     """
     pixels, orientation = _decoded(read_bytes(source, WHAT))
-    return _upright(as_image(pixels, "The picture"), orientation)
+    return _upright(as_image(pixels, "The image"), orientation)
 
 
 def _decoded(data: bytes) -> tuple[Image, int]:
     if data.startswith(_NETPBM):
         return netpbm.parse_netpbm(data, WHAT), 1
-    kind, bare_picture = _kind(data)
-    bare = bare_picture(data)
+    kind, bare_image = _kind(data)
+    bare = bare_image(data)
     del data  # where nobody else holds it, its memory is free before pixels are decoded
     check_pixels(bare.width, bare.height, WHAT)
     if bare.canvas:
@@ -69,8 +69,7 @@ def _decoded(data: bytes) -> tuple[Image, int]:
         pixels = loaded if isinstance(loaded, np.ndarray) else _as_array(loaded)
     except Exception as error:  # decoders raise whatever comes up on broken files
         raise ValueError(
-            f"The picture ({kind}) is damaged or cut short and cannot be decoded; accepted are whole files of "
-            f"{ACCEPTED}."
+            f"The image ({kind}) is damaged or cut short and cannot be decoded; accepted are whole files of {ACCEPTED}."
         ) from error
     return (_on_canvas(pixels, *canvas) if canvas else pixels), orientation
 
@@ -89,7 +88,7 @@ def _kind(data: bytes) -> tuple[str, Callable[[bytes], BarePicture]]:
         return "TIFF", tiff.bare_tiff
     if data.startswith(b"BM") and len(data) > 34:
         return "BMP", _bare_bmp
-    raise ValueError(f"This is not a picture that can be read, or its beginning is damaged; accepted are {ACCEPTED}.")
+    raise ValueError(f"This is not an image that can be read, or its beginning is damaged; accepted are {ACCEPTED}.")
 
 
 def _bare_bmp(data: bytes) -> BarePicture:
@@ -100,26 +99,26 @@ def _bare_bmp(data: bytes) -> BarePicture:
     too_long = len(data) > MAX_RUN_LENGTH_BYTES or width * abs(height) > MAX_RUN_LENGTH_PIXELS
     if data[30] in (1, 2) and too_long:
         raise ValueError(
-            f"The picture (BMP) is run-length coded, {width} × {abs(height)} pixels in {len(data) / 1e6:.1f} MB; "
+            f"The image (BMP) is run-length coded, {width} × {abs(height)} pixels in {len(data) / 1e6:.1f} MB; "
             f"at most {MAX_RUN_LENGTH_PIXELS // 10**6} megapixels in 4 MB are accepted: save it as PNG."
         )
     return BarePicture(data, width, abs(height))
 
 
 def _loaded(kind: str, bare: BarePicture) -> PillowImage.Image | Image:
-    """Return the decoded picture, still Pillow's where Pillow is the better decoder."""
+    """Return the decoded image, still Pillow's where Pillow is the better decoder."""
     if kind == "WEBP":
         return _by_opencv(bare.data)  # Pillow keeps five copies of the pixels
     if kind == "JPEG" and bare.width * bare.height > _PROGRESSIVE_PIXELS and jpeg.is_progressive_colour(bare.data):
         return _by_opencv(bare.data)
     with io.BytesIO(bare.data) as stream:
-        picture = PillowImage.open(stream, formats=(kind,))
-        if picture.size != (bare.width, bare.height):
-            raise ValueError(f"{picture.size} pixels after {bare.width} × {bare.height}")
-        colour, layout = picture.mode in ("RGB", "RGBA"), str(getattr(picture, "tile", ""))
+        image = PillowImage.open(stream, formats=(kind,))
+        if image.size != (bare.width, bare.height):
+            raise ValueError(f"{image.size} pixels after {bare.width} × {bare.height}")
+        colour, layout = image.mode in ("RGB", "RGBA"), str(getattr(image, "tile", ""))
         if not (colour and ";16" in layout):
-            picture.load()
-            return picture
+            image.load()
+            return image
     return _by_opencv(bare.data)  # Pillow would keep the upper 8 bits only
 
 
@@ -134,19 +133,19 @@ def _by_opencv(data: bytes) -> Image:
     return np.asarray(pixels)
 
 
-def _as_array(picture: PillowImage.Image) -> Image:
+def _as_array(image: PillowImage.Image) -> Image:
     """Return the pixels, converted and copied in bands of rows: a whole copy more is a lot of memory."""
     mode: str | None = "RGB"
-    if picture.has_transparency_data and not picture.mode.startswith("I"):
+    if image.has_transparency_data and not image.mode.startswith("I"):
         mode = "RGBA"
-    elif picture.mode in ("1", "L", "RGB", "I", "F") or picture.mode.startswith("I;16"):
+    elif image.mode in ("1", "L", "RGB", "I", "F") or image.mode.startswith("I;16"):
         mode = None
     pixels: Image | None = None
-    for rows in _bands(*picture.size):
-        band = picture.crop((0, rows.start, picture.width, rows.stop))
+    for rows in _bands(*image.size):
+        band = image.crop((0, rows.start, image.width, rows.stop))
         part = np.asarray(band if mode is None or band.mode == mode else band.convert(mode))
         if pixels is None:
-            pixels = np.empty((picture.height, *part.shape[1:]), part.dtype.newbyteorder("="))
+            pixels = np.empty((image.height, *part.shape[1:]), part.dtype.newbyteorder("="))
         pixels[rows] = part
     if pixels is None:
         raise ValueError("no rows")

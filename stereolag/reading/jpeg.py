@@ -13,7 +13,7 @@ MAX_SEGMENTS = 100_000
 MAX_TABLES = 2_000
 MAX_SCANS = 100
 MAX_SCANNED_MEGAPIXELS = 1_500
-"""Scans times megapixels; a progressive picture of 50 megapixels usually has 10 scans."""
+"""Scans times megapixels; a progressive image of 50 megapixels usually has 10 scans."""
 
 _NEXT_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
 _START_OF_FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
@@ -50,7 +50,7 @@ def bare_jpeg(data: bytes) -> BarePicture:
         position = end
         if marker in _START_OF_FRAME and not width:
             if marker in _ARITHMETIC:
-                raise ValueError("The picture is a JPEG with arithmetic coding, which is not accepted; save it anew.")
+                raise ValueError("The image is a JPEG with arithmetic coding, which is not accepted; save it again.")
             if end - start < 8:
                 raise damaged("JPEG")
             height, width = struct.unpack_from(">HH", data, start + 3)

@@ -25,7 +25,7 @@ def read_matcher(source: Source) -> StereoMatcher:
     Returns
     -------
     matcher
-        The method that the file names, with its settings.
+        Of the method that the file names, with its settings.
 
     Raises
     ------
@@ -52,6 +52,6 @@ def _parsed(data: bytes) -> dict[str, Any]:
         document = json.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise ValueError(f"The {WHAT} is not JSON, or it is damaged or cut short.") from error
-    if not isinstance(document, dict) or not {"method", "settings"} <= document.keys():
-        raise ValueError(f'The {WHAT} must be a JSON object with "method" and "settings".')
+    if not (isinstance(document, dict) and "method" in document and isinstance(document.get("settings"), dict)):
+        raise ValueError(f'The {WHAT} must be a JSON object with "method", a name, and "settings", an object.')
     return document

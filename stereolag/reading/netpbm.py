@@ -27,7 +27,7 @@ _PLAIN = {b"P1": b"P4", b"P2": b"P5", b"P3": b"P6"}
 
 
 def parse_netpbm(data: bytes, what: str) -> npt.NDArray[Any]:
-    """Return a picture of kind P1 to P6 or Pf, stretched to the full range of its type.
+    """Return an image of kind P1 to P6 or Pf, stretched to the full range of its type.
 
     Returns
     -------

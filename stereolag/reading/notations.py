@@ -24,7 +24,7 @@ _MATRIX_KEYS = ("rows", "cols", "data")
 
 
 def parse_entries(data: bytes) -> Entries:
-    """Return what the file says, by name.
+    """Return the entries of the file, by name.
 
     A matrix of OpenCV or ROS (rows, cols, data) and nested lists keep their shape; a number alone is an array of
     shape (1,). Bare rows are named ``row0``, ``row1``, …

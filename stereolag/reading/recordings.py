@@ -40,7 +40,7 @@ class Recording:
     channels
         (channels, samples) float64, all finite; audio is scaled to -1..1.
     sampling_rate
-        Samples a second; None where the file does not tell (text and NPY).
+        Samples per second; None where the file does not state it (text and NPY).
     """
 
     channels: npt.NDArray[np.float64]
@@ -62,7 +62,7 @@ class Recording:
 def read_signal(source: Source) -> Recording:
     """Read a recording: WAV, FLAC, OGG, MP3, AIFF, NPY or text.
 
-    Text holds one number a line, or several in columns (comma, semicolon, tab or space between them), which become
+    Text holds one number per line, or several in columns (comma, semicolon, tab or space between them), which become
     channels. Lines before the first number are a header; lines that begin with ``#``, ``%`` or ``//`` and blank
     lines are skipped. A comma may be the decimal sign where it is not what separates the columns.
     An NPY array has one dimension, or two, of which the longer is time.

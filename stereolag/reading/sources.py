@@ -1,4 +1,4 @@
-"""What every reader shares: the bytes behind a source, their size limit, and how to speak of them in an error."""
+"""Shared by every reader: the bytes behind a source, their size limit, and how errors name them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def read_bytes(source: Source, what: str) -> bytes:
     source
         A path, bytes, or a binary file object.
     what
-        What errors call it, for example ``"picture"``.
+        Its name in errors, for example ``"image"``.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def read_bytes(source: Source, what: str) -> bytes:
 
 
 def check_pixels(width: int, height: int, what: str) -> None:
-    """Refuse a picture of no or too many pixels; called on the header, before a pixel is decoded.
+    """Refuse an image of no or too many pixels; called on the header, before a pixel is decoded.
 
     Raises
     ------

@@ -50,7 +50,7 @@ def bare_tiff(data: bytes) -> BarePicture:
     Raises
     ------
     ValueError
-        No directory, values beyond the file, a compression that is not accepted, or tiles far larger than the picture.
+        No directory, values beyond the file, a compression that is not accepted, or tiles far larger than the image.
     """
     order, big = _byte_order(data), data[2:4] in (b"+\0", b"\0+")
     kept: dict[int, _Entry] = {}
@@ -151,14 +151,14 @@ def _check_layout(data: bytes, values: dict[int, int], kept: dict[int, _Entry], 
     compression = values.get(_COMPRESSION, 1)
     if compression not in _COMPRESSIONS:
         names = ", ".join(dict.fromkeys(_COMPRESSIONS.values()))
-        raise ValueError(f"The picture (TIFF) has compression number {compression}; accepted are {names}.")
+        raise ValueError(f"The image (TIFF) has compression number {compression}; accepted are {names}.")
     if values.get(_SAMPLES, 1) > MAX_SAMPLES_A_PIXEL:
         raise ValueError(
-            f"The picture (TIFF) has {values[_SAMPLES]} channels; at most {MAX_SAMPLES_A_PIXEL} are accepted."
+            f"The image (TIFF) has {values[_SAMPLES]} channels; at most {MAX_SAMPLES_A_PIXEL} are accepted."
         )
-    # A decoder allocates a whole tile, and tiles are padded: a small picture must not come in a huge one.
+    # A decoder allocates a whole tile, and tiles are padded: a small image must not come in a huge one.
     if values.get(_TILE_WIDTH, 0) * values.get(_TILE_HEIGHT, 0) > pixels * 5 // 4 + 2**20:
-        raise ValueError("The picture (TIFF) is in tiles far larger than itself; save it anew.")
+        raise ValueError("The image (TIFF) is in tiles far larger than itself; save it again.")
     parts = kept.get(_STRIPS, kept.get(_TILES))
     if parts is None:
         raise damaged("TIFF")

@@ -19,12 +19,12 @@ def is_webp(data: bytes) -> bool:
 
 
 def bare_webp(data: bytes) -> BarePicture:
-    """Return a WEBP with its picture, or the first frame of an animation, alone.
+    """Return a WEBP with its image, or the first frame of an animation, alone.
 
     Raises
     ------
     ValueError
-        No picture, chunks that reach beyond the file, or more of them than any program writes.
+        No image, chunks that reach beyond the file, or more of them than any program writes.
     """
     body = alpha = exif = b""
     canvas: tuple[int, int] | None = None

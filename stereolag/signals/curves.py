@@ -32,7 +32,7 @@ _TRANSFORMS_KEPT = 16
 """Lengths for which SciPy keeps the factors of its transforms."""
 
 _PRODUCTS_PER_CALL = 200_000_000
-"""Some 0.03 s of the sliding sum: how long it runs before it tells its progress."""
+"""About 0.03 s of the sliding sum: how long it runs before it reports progress."""
 
 
 def fft_curve(signal_1: Vector, signal_2: Vector, first: int, last: int) -> Vector:
@@ -48,9 +48,9 @@ def fft_curve(signal_1: Vector, signal_2: Vector, first: int, last: int) -> Vect
 def phat_curve(signal_1: Vector, signal_2: Vector, first: int, last: int) -> Vector:
     """Return the phase correlation of every lag: every magnitude of the FFT's cross-spectrum made 1.
 
-    Whitening lifts what a recording hardly holds. Two such things lie at the same place in every recording, and would
-    claim a lag of 0: its two ends, which are cut off sharply and so are faded, 3 % at each; and frequencies that hold
-    only rounding, for which magnitudes below a thousandth of the mean are not made 1 but less.
+    Whitening amplifies the weakest parts of a recording. Two of them are the same in every recording and would claim a
+    lag of 0: the two ends, which are cut off sharply and are therefore faded, 3 % at each; and frequencies with nothing
+    but rounding, so magnitudes below a thousandth of the mean are made less than 1.
 
     C. Knapp and G. Carter, "The generalized correlation method for estimation of time delay", IEEE Trans. ASSP 24
     (1976), the PHAT processor.
@@ -85,15 +85,15 @@ def _lag_products(signal_1: Vector, signal_2: Vector, first: int, last: int, *, 
 
     Both signals are turned in the complex plane, by a right angle over the length of the transform. A product that
     wraps around the end is then a right angle off the others: it falls into the imaginary part, and is that of a
-    negative lag. So a complex transform of length N does what takes a real one, zero-padded, of length 2 N, in about
-    half the time (the "right-angle convolution" of negacyclic transforms).
+    negative lag. So a complex transform of length N replaces a zero-padded real one of length 2 N, in about half the
+    time (the "right-angle convolution" of negacyclic transforms).
     """
     size = transform_length(max(signal_1.size, signal_2.size))
     turned = np.empty((2, size), dtype=np.complex128)
     turn = _right_angle(size)
     for signal, row in zip((signal_1, signal_2), turned, strict=True):
         turn_forth(_faded(signal) if whiten else signal, turn, row)
-    # The transforms need the most memory: what is quickly made anew does not outlast them.
+    # The transforms need the most memory: arrays that are quickly recomputed do not outlast them.
     del turn
     spectrum = cross_spectrum(*fft.fft(turned, axis=1, workers=2, overwrite_x=True))
     if whiten:
@@ -111,7 +111,7 @@ def _whiten(spectrum: Spectrum) -> None:
 
 
 def _forget_transforms() -> None:
-    """Let SciPy keep what it prepared for short transforms in place of long ones: 16 bytes a point of the last 16."""
+    """Let SciPy keep what it prepared for short transforms in place of long ones: 16 bytes per point of the last 16."""
     for length in range(2, 2 + _TRANSFORMS_KEPT):
         fft.fft(np.zeros(length, dtype=np.complex128))
 

@@ -1,4 +1,4 @@
-"""What the lag between two recordings will take, from what each method allocates."""
+"""The memory and time that the lag between two recordings needs, from the arrays that each method allocates."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ REAL, COMPLEX, INDEX = 8, 16, 8
 """Bytes of one number of a recording, of its spectrum, and of a lag."""
 
 FFT_SECONDS = 1.4e-8
-"""Seconds a point of the transform and doubling of its length: three transforms and all around them."""
+"""Seconds per point of the transform and doubling of its length: three transforms and the rest of the work."""
 
 SORT_SECONDS = 1.8e-8
-"""Seconds a sample and doubling of their number: the samples of the longer recording, sorted by value."""
+"""Seconds per sample of the longer recording and doubling of its length: they are sorted by value."""
 
 PRODUCT_SECONDS = 2.5e-10
-"""Seconds a product of two samples, with the sums beside it."""
+"""Seconds per product of two samples, with the sums beside it."""
 
 SAMPLE_SECONDS = 1.5e-8
-"""Seconds a sample of either recording: it is made free of its mean and scaled."""
+"""Seconds per sample of either recording: its mean is removed and it is scaled."""
 
 
 def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_lag: int | None = None) -> Estimate:
-    """Return what :func:`stereolag.signals.signal_lag` will take.
+    """Return the memory and time that :func:`stereolag.signals.signal_lag` needs.
 
-    Both recordings are held free of their mean, as float64. Beside them, at the most,
+    Both recordings are held mean-free, as float64. Beside them, at most,
 
     * "fft" and "phat" hold two complex spectra, the twiddle factors of the transform and a scratch vector of each of
-      two threads; later the curve, its lags and what the search for the peak picks from them: at worst all lags
+      two threads; later the curve, its lags and those that the search for the peak picks: at worst all lags
       whose overlap is at least half the longest, in seven vectors;
     * "direct" holds the curve and the same for its peak, and the two overlaps at the peak; it takes as long as it has
       products to sum: with every lag, ``size_1 * size_2`` of them;
@@ -51,7 +51,7 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
     reach = longest - 1 if max_lag is None else max_lag
     lags = min(reach, size_1 - 1) + min(reach, size_2 - 1) + 1
     recordings = REAL * total
-    # While they are made: what was converted to float64, and one vector on its way.
+    # While they are made: the recordings converted to float64, and one vector in conversion.
     memory = recordings + recordings + REAL * longest
     seconds = SAMPLE_SECONDS * total
     if method == "sampled":

@@ -70,8 +70,8 @@ class SignalLag:
 
 
 @dataclass(frozen=True)
-class _Answer:
-    """What a method finds, in samples."""
+class _Found:
+    """The result of a method, in samples."""
 
     lag: int
     peak_ratio: float
@@ -150,28 +150,28 @@ def signal_lag(
     started = time.perf_counter()
     first, second = _normalised(first), _normalised(second)
     if method == "sampled":
-        answer = _vote(first, second, reach, seed, report)
+        found = _vote(first, second, reach, seed, report)
     else:
-        answer = _search(first, second, reach, method, report)
-    score = overlap_pearson(first, second, answer.lag)
+        found = _search(first, second, reach, method, report)
+    score = overlap_pearson(first, second, found.lag)
     report(1.0)
     elapsed_s = time.perf_counter() - started
     if np.isnan(score):
         raise ValueError(
             f"nothing varies where the recordings overlap within ±{reach} samples; allow a larger max_lag."
         )
-    time_s = answer.lag / sampling_rate
+    time_s = found.lag / sampling_rate
     return SignalLag(
-        lag=answer.lag,
-        lag_subsample=answer.lag + answer.fraction,
+        lag=found.lag,
+        lag_subsample=found.lag + found.fraction,
         time_s=time_s,
         distance_m=abs(time_s) * speed,
         score=score,
-        peak_ratio=answer.peak_ratio,
-        ties=answer.ties,
-        lags=answer.lags,
-        correlation=answer.correlation,
-        votes=answer.votes,
+        peak_ratio=found.peak_ratio,
+        ties=found.ties,
+        lags=found.lags,
+        correlation=found.correlation,
+        votes=found.votes,
         elapsed_s=elapsed_s,
     )
 
@@ -201,7 +201,7 @@ def _normalised(signal: Vector) -> Vector:
     return np.asarray(centred / max(centred.max(), -centred.min()))
 
 
-def _search(signal_1: Vector, signal_2: Vector, reach: int, method: SignalMethod, progress: Progress) -> _Answer:
+def _search(signal_1: Vector, signal_2: Vector, reach: int, method: SignalMethod, progress: Progress) -> _Found:
     first, last = -min(reach, signal_1.size - 1), min(reach, signal_2.size - 1)
     overlap: Callable[[Lags], Lags] = partial(overlap_length, signal_1.size, signal_2.size)
     if method == "direct":
@@ -218,10 +218,10 @@ def _search(signal_1: Vector, signal_2: Vector, reach: int, method: SignalMethod
     fraction = refine_peak(curve[near] / np.sqrt(overlap(lags[near])))
     lags.flags.writeable = False
     curve.flags.writeable = False
-    return _Answer(int(lags[peak]), peak_ratio(curve, peak), ties, fraction, lags, curve)
+    return _Found(int(lags[peak]), peak_ratio(curve, peak), ties, fraction, lags, curve)
 
 
-def _vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None, progress: Progress) -> _Answer:
+def _vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None, progress: Progress) -> _Found:
     votes = sampled_votes(signal_1, signal_2, reach, np.random.default_rng(seed), progress)
     if not votes:
         raise ValueError(
@@ -236,4 +236,4 @@ def _vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None, prog
     near = np.arange(lag - around, lag + around + 1)
     curve = direct_curve(signal_1, signal_2, lag - around, lag + around, silent)
     fraction = refine_peak(curve / np.sqrt(overlap_length(signal_1.size, signal_2.size, near)))
-    return _Answer(lag, ratio, ties, fraction, votes=votes)
+    return _Found(lag, ratio, ties, fraction, votes=votes)

@@ -140,7 +140,7 @@ def weighted_pearson(
 
 @compiled(fastmath={"reassoc", "contract"})
 def sliding_pearson(signal_1: Vector, signal_2: Vector, first_lag: int, curve: Vector) -> None:
-    """Fill `curve` with what :func:`weighted_pearson` makes, every overlap summed anew.
+    """Fill `curve` as :func:`weighted_pearson` does, every overlap summed separately.
 
     `first_lag` may be negative; `curve` holds it and the lags that follow.
     """

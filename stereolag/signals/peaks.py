@@ -81,7 +81,7 @@ def refine_peak(window: Vector) -> float:
 
     A parabola through three samples is off by up to 0.1 sample where the curve is as sharp as sampling allows (white
     or whitened recordings), so the curve is interpolated as it was sampled: by a sinc under a Kaiser window.
-    A peak on the border of what was searched has no neighbours (reach 0): its answer is 0.
+    A peak on the border of the lags searched has no neighbours (reach 0): the offset is 0.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where a template lies in a picture: every placement scored by correlation, or a few found by exact pixels."""
+"""Where a template lies in an image: every position scored by correlation, or a few found by exact pixels."""
 
 from stereolag.templates.estimates import estimate_search
 from stereolag.templates.search import TemplateMatch, TemplateMethod, TemplateSearch, match_template

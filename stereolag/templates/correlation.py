@@ -70,8 +70,8 @@ def box_energy(planes: Array64, height: int, width: int) -> Array64:
 def running_box_energy(planes: Array64, height: int, width: int) -> Array64:
     """Return :func:`box_energy` at a cost independent of the window: sums run down the columns, then along the row.
 
-    The sums of integers below 2**26 are exact. Of other numbers bring the mean near 0 first: what a running sum
-    adds and takes away again leaves a rounding error relative to the largest value.
+    The sums of integers below 2**26 are exact. Bring the mean of other numbers near 0 first: a running sum adds
+    and subtracts every value, with a rounding error relative to the largest.
     """
     channels, rows, cols = planes.shape
     energy: Array64 = np.zeros((rows - height + 1, cols - width + 1))
@@ -109,10 +109,10 @@ def running_box_energy(planes: Array64, height: int, width: int) -> Array64:
 Indices = npt.NDArray[np.intp]
 
 
-def placement_score(
+def score_at(
     image: npt.NDArray[Any], deviations: npt.NDArray[np.float64], opaque: npt.NDArray[np.bool_], row: int, col: int
 ) -> float:
-    """Return the score of one placement, -1..1, NaN where the window is flat.
+    """Return the score of one position, -1..1, NaN where the window is flat.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def placement_score(
     opaque
         (height, width), the pixels that are compared.
     row, col
-        Of the top-left pixel of the placement.
+        Of the top-left pixel of the position.
     """
     height, width = opaque.shape
     pixels = image[row : row + height, col : col + width][opaque].astype(np.float64)
@@ -136,14 +136,14 @@ def placement_score(
 
 
 @compiled
-def placement_scores(
+def scores_at(
     image: npt.NDArray[Any],
     deviations: npt.NDArray[np.float64],
     opaque: npt.NDArray[np.bool_],
     rows: Indices,
     cols: Indices,
 ) -> npt.NDArray[np.float64]:
-    """Return :func:`placement_score` at each of `rows`, `cols`."""
+    """Return :func:`score_at` at each of `rows`, `cols`."""
     height, width = opaque.shape
     channels = deviations.shape[0]
     template_energy = (deviations**2).sum()

@@ -1,4 +1,4 @@
-"""What a template search will take, from what each method allocates."""
+"""The memory and time that a template search needs, from the arrays that each method allocates."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ DOUBLE, SCORE = 8, 4
 """Bytes of a number the search reckons with, and of a score."""
 
 FFT_SECONDS = 1.2e-9
-"""Seconds a point of a tile and doubling of their number, one thread: one transform and the sums beside it."""
+"""Seconds per point of a tile and doubling of their number, one thread: one transform and the sums beside it."""
 
 PRODUCT_SECONDS = 2.8e-10
-"""Seconds a product of a pixel of the picture and one of the template."""
+"""Seconds per product of a pixel of the image and one of the template."""
 
 PIXEL_SECONDS = 4e-9
-"""Seconds a pixel that is compared with a rare value."""
+"""Seconds per pixel compared with a rare value."""
 
 FEWEST_MEGAPIXELS = 0.01
-"""Smaller pictures are not worth naming."""
+"""Smaller images are not worth suggesting."""
 
 
 def estimate_search(
@@ -41,17 +41,17 @@ def estimate_search(
     method: TemplateMethod = "fft",
     masked: bool | None = None,
 ) -> Estimate:
-    """Return what :func:`stereolag.templates.match_template` will take.
+    """Return the memory and time that :func:`stereolag.templates.match_template` needs.
 
     All methods hold the template's deviations from its mean, in float64, and twice as much while they are made.
     Beside them, at the most,
 
     * "fft" holds the map of scores, the spectrum of every channel of the template, and for every thread that works
-      on a tile the tile's channels, the spectra of one of them and of the sum, and what its windows vary;
-    * "direct" holds the picture in float64, its squares, and for every placement the products and sums of each
-      channel; it takes as long as there are placements times pixels of the template;
-    * "sampled" holds three marks for each placement. Where no value of the template is rare in the picture it needs
-      more: that is seen, and refused, when the places that hold the value are counted.
+      on a tile the tile's channels, the spectra of one of them and of the sum, and the energy of its windows;
+    * "direct" holds the image in float64, its squares, and for every position the products and sums of each
+      channel; it takes as long as there are positions times pixels of the template;
+    * "sampled" holds three marks for each position. Where no value of the template is rare in the image it needs
+      more: such a search is refused once the positions with the value are counted.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def estimate_search(
 
 
 class _Tiles:
-    """How the picture is cut up for the FFT, and what that takes.
+    """How the image is cut into tiles for the FFT, and the memory that they need.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class _Tiles:
         planes = DOUBLE * channels * (down + height - 1) * (across + width - 1)
         of_place = DOUBLE * down * across
         deviations = DOUBLE * channels * height * width
-        # One channel's spectrum beside the sum; then the sum, the energy, and what tells the norm and what is flat.
+        # One channel's spectrum beside the sum; then the sum, the energy, and the norm and flatness of each window.
         squares = planes if dtype.kind == "f" else 0
         memory = planes + max(min(channels, 2) * spectrum, spectrum + of_place + max(deviations, squares))
         if masked:
@@ -136,7 +136,7 @@ class _Tiles:
 
 
 def has_alpha(shape: Shape) -> bool:
-    """Return whether pictures of that shape have an alpha channel."""
+    """Return whether images of that shape have an alpha channel."""
     return len(shape) == 3 and shape[2] == 4
 
 
@@ -149,9 +149,9 @@ def fitting_image(
     method: TemplateMethod,
     masked: bool,
 ) -> str:
-    """Return a sentence that names the size of a picture, or else of a template, that would fit into the bytes allowed.
+    """Return a sentence that names the size of an image, or else of a template, that would fit into the bytes allowed.
 
-    Both keep their shape: the picture shrinks down to the template, then the template with it.
+    Both keep their shape: the image shrinks down to the template, then the template with it.
     """
 
     def resized(shape: Shape, width: int) -> Shape:
@@ -169,12 +169,12 @@ def fitting_image(
     width = largest_fitting(of_image, image_shape[1], allowed)
     rows, cols = resized(image_shape, max(width, 1))[:2]
     if width and rows >= template_shape[0] and cols >= template_shape[1]:
-        return f"With this template, a picture of {cols:,} × {rows:,} pixels ({_megapixels(rows * cols)}) would fit."
+        return f"With this template, an image of {cols:,} × {rows:,} pixels ({_megapixels(rows * cols)}) would fit."
     width = largest_fitting(of_template, template_shape[1], allowed)
     if width:
         rows, cols = resized(template_shape, width)[:2]
-        return f"In this picture, a template of {cols:,} × {rows:,} pixels ({_megapixels(rows * cols)}) would fit."
-    return "A smaller picture would fit."
+        return f"In this image, a template of {cols:,} × {rows:,} pixels ({_megapixels(rows * cols)}) would fit."
+    return "A smaller image would fit."
 
 
 def _megapixels(pixels: int) -> str:

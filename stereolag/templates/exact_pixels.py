@@ -1,4 +1,4 @@
-"""Template search from a rare pixel: only places that hold the same exact values are scored."""
+"""Template search from a rare pixel: only positions with exactly the same values are scored."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ import numpy.typing as npt
 from stereolag.estimates import Estimate, check_memory
 from stereolag.inputs import Image
 from stereolag.progress import Progress
-from stereolag.templates.correlation import placement_scores
+from stereolag.templates.correlation import scores_at
 from stereolag.templates.patterns import Pattern
 
 Indices = npt.NDArray[np.intp]
 
 ATTEMPTS = 8
-"""Anchors tried, each of another colour, before the template is given up: some may be covered in the picture."""
+"""Anchors tried, each of another colour, before the template is given up: some may be covered in the image."""
 
 SAMPLE = 20_000
-"""Pixels of the picture from which the rarity of a colour is judged."""
+"""Pixels of the image from which the rarity of a colour is judged."""
 
 GRID_REACH = 1
-"""The grid of placements scored around a hit reaches this far to every side, px."""
+"""The grid of positions scored around a hit reaches this far to every side, px."""
 
 HIT_BYTES = 64
-"""Indices and pixels of one place that holds the anchor's value."""
+"""Bytes of the indices and pixels of one position with the anchor's value."""
 
 BATCH = 10_000_000
 """Pixel values compared between two calls of the progress."""
@@ -35,7 +35,7 @@ BATCH = 10_000_000
 
 @dataclass(frozen=True)
 class ExactPlacements:
-    """Placements that share exact pixels with the template.
+    """Positions that share exact pixels with the template.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class ExactPlacements:
     scores
         -1..1, NaN where flat.
     candidates
-        How many placements were scored on the way, those of failed anchors included.
+        How many positions were scored on the way, those of failed anchors included.
     """
 
     rows: Indices
@@ -53,13 +53,13 @@ class ExactPlacements:
     candidates: int
 
 
-def exact_placements(
+def exact_positions(
     image: Image, pattern: Pattern, min_score: float, seed: int | None, progress: Progress
 ) -> ExactPlacements:
-    """Score the placements at which three exact pixels of the template lie in the picture (Appendix B of the report).
+    """Score the positions at which three exact pixels of the template lie in the image (Appendix B of the report).
 
-    The anchor is an opaque pixel of a colour that is rare in the picture. Where the picture holds its value, and
-    the two end pixels of the anchor's opaque run along the row agree too, a small grid of placements is scored.
+    The anchor is an opaque pixel of a colour that is rare in the image. Where the image holds its value, and
+    the two end pixels of the anchor's opaque run along the row agree too, a small grid of positions is scored.
     If none reaches `min_score`, the next rarest colour becomes the anchor.
 
     Parameters
@@ -71,7 +71,7 @@ def exact_placements(
     min_score
         The score that ends the search for an anchor.
     seed
-        Of the sample of the picture that tells what is rare, and of the order of equally rare colours.
+        Of the sample of the image by which rarity is judged, and of the order of equally rare colours.
     progress
         Called with the fraction done, as if all anchors were needed; 1 at the end.
     """
@@ -86,7 +86,7 @@ def exact_placements(
         scores = np.empty(len(rows))
         for start in range(0, len(rows), batch):
             part = slice(start, start + batch)
-            scores[part] = placement_scores(image, pattern.deviations, pattern.opaque, rows[part], cols[part])
+            scores[part] = scores_at(image, pattern.deviations, pattern.opaque, rows[part], cols[part])
             progress((attempt + start / len(rows)) / len(anchors))
         if (scores >= min_score).any():
             break
@@ -96,7 +96,7 @@ def exact_placements(
 
 
 def _rare_pixels(image: Image, pattern: Pattern, random: np.random.Generator) -> list[tuple[int, int]]:
-    """Return (row, col) of opaque template pixels of different colour, the rarest in a sample of the picture first."""
+    """Return (row, col) of opaque template pixels of different colour, the rarest in a sample of the image first."""
     rows, cols = np.nonzero(pattern.opaque)
     sample_rows, sample_cols = (random.integers(0, length, SAMPLE) for length in image.shape[:2])
     colours, appearances = np.unique(_codes(image[sample_rows, sample_cols]), return_counts=True)
@@ -116,17 +116,17 @@ def _codes(pixels: Image) -> npt.NDArray[np.float64]:
 
 
 def _hits(image: Image, pattern: Pattern, row: int, col: int) -> tuple[Indices, Indices]:
-    """Return the placements where the template's pixel (row, col) and both ends of its opaque run agree."""
+    """Return the positions where the template's pixel (row, col) and both ends of its opaque run agree."""
     gaps = np.flatnonzero(~pattern.opaque[row])
     run_start = gaps[gaps < col].max(initial=-1) + 1
     run_end = gaps[gaps > col].min(initial=pattern.opaque.shape[1]) - 1
     value = tuple(pattern.colours[row, col].tolist())
     places = image.shape[0] - pattern.shape[0] + 1, image.shape[1] - pattern.shape[1] + 1
-    # A placement inside the picture has its pixel (row, col) inside this part of it.
+    # A position inside the image has its pixel (row, col) inside this part of it.
     marks = cv2.inRange(image[row : row + places[0], col : col + places[1]], value, value)
     check_memory(
         Estimate(HIT_BYTES * cv2.countNonZero(marks), 0.0),
-        "No value of the template is rare in this picture; the method 'fft' does not depend on that.",
+        "No value of the template is rare in this image; the method 'fft' does not depend on that.",
     )
     rows, cols = _nonzero(marks)
     for end in (run_start, run_end):
@@ -136,7 +136,7 @@ def _hits(image: Image, pattern: Pattern, row: int, col: int) -> tuple[Indices, 
 
 
 def _grid(rows: Indices, cols: Indices, places: tuple[int, int]) -> tuple[Indices, Indices]:
-    """Return the placements, of `places` down and across, within the grid's reach of any of these, each once."""
+    """Return the positions, of `places` down and across, within the grid's reach of any of these, each once."""
     near = np.zeros(places, dtype=np.uint8)
     near[rows, cols] = 1
     side = 2 * GRID_REACH + 1
@@ -144,7 +144,7 @@ def _grid(rows: Indices, cols: Indices, places: tuple[int, int]) -> tuple[Indice
 
 
 def _nonzero(marks: npt.NDArray[Any]) -> tuple[Indices, Indices]:
-    """Return what :func:`numpy.nonzero` returns for a plane of uint8, several times faster."""
+    """Return the same as :func:`numpy.nonzero` for a plane of uint8, several times faster."""
     found = cv2.findNonZero(marks)
     cols, rows = np.empty((2, 0), dtype=np.intp) if found is None else found.reshape(-1, 2).T.astype(np.intp)
     return rows, cols

@@ -1,4 +1,4 @@
-"""What a template is while it is searched for: its opaque pixels, free of their mean."""
+"""A template prepared for the search: its opaque pixels, mean-free."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def opaque_pixels(template: Image, mask: Image | None) -> Mask:
     """Return which pixels of a checked template count: those its mask marks, else those its alpha leaves opaque.
 
     A mask marks with any value above 0. Of an alpha channel only the highest value it holds counts as opaque,
-    because a half-transparent rim pixel shows the picture behind it.
+    because a half-transparent rim pixel shows the background through it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The correlation coefficient (ZNCC) of a template at every place of a picture, fast by FFT and plainly by sliding.
+"""The correlation coefficient (ZNCC) of a template at every place of an image, fast by FFT and plainly by sliding.
 
 Both compute, over the opaque pixels of the template T and the window I under them, channels c with their own means:
 ``sum_c (I_c - mean I_c)(T_c - mean T_c) / sqrt(sum_c (I_c - mean I_c)**2 * sum_c (T_c - mean T_c)**2)``.
@@ -36,11 +36,11 @@ FLAT_INTEGERS = 0.25
 """Of integers, the squared deviations of a window that varies at all sum to 0.5 or more."""
 
 FLAT_FLOATS = 1e-11
-"""Of floats, a window is flat whose variance is below this share of the largest square: what rounding leaves of 0."""
+"""A window of floats is flat if its variance is below this share of the largest square: the rounding error of 0."""
 
 
 def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
-    """Return the score of every placement by sliding the template along the rows: the slow, plain reference.
+    """Return the score of every position by sliding the template along the rows: the slow, plain reference.
 
     Parameters
     ----------
@@ -75,9 +75,9 @@ def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> Scor
 
 
 def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
-    """Return the score of every placement by FFT, tile by tile (overlap-save), as :func:`direct_score_map` does.
+    """Return the score of every position by FFT, tile by tile (overlap-save), as :func:`direct_score_map` does.
 
-    All in float64: the sums of 8-bit pixels come out exact, and what a flat window leaves is far from what varies.
+    All in float64: sums of 8-bit pixels are exact, and the residue of a flat window is far below any real variation.
     The tiles run on as many threads as OpenCV uses; `progress` is called in the caller's own.
     """
     height, width = pattern.shape
@@ -101,7 +101,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
         for fraction in _finished(jobs):
             progress(fraction)
     finally:
-        # A progress callback may raise to cancel the search: what has not begun then never does.
+        # A progress callback may raise to cancel the search: tiles that have not begun then never do.
         pool.shutdown(cancel_futures=True)
     return scores
 
@@ -124,7 +124,7 @@ class _Spectra:
 
 
 def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, spectra: _Spectra) -> None:
-    """Write the scores of one tile; `block` is the part of the image that its placements cover."""
+    """Write the scores of one tile; `block` is the part of the image that its positions cover."""
     planes = _centred(block)
     rows = len(scores)
     # Masked sums of integers are integers: rounded to the nearest, they are exact.
@@ -132,18 +132,18 @@ def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, spectra: _Spec
     energy: Plane = np.empty((0, 0))
     if spectra.mask is not None:
         squares = _spectrum(np.square(planes).sum(axis=0), spectra.shape)
-        energy = exact(_placements(_times(squares, spectra.mask, out=squares), rows))
+        energy = exact(_positions(_times(squares, spectra.mask, out=squares), rows))
     total: Plane | None = None
-    # One channel after the other: the spectra are what takes the memory.
+    # One channel after the other: the spectra take most of the memory.
     for plane, template in zip(planes, spectra.deviations, strict=True):
         channel = _spectrum(plane, spectra.shape)
         if spectra.mask is not None:
-            energy -= np.square(exact(_placements(_times(channel, spectra.mask), rows))) / pattern.count
+            energy -= np.square(exact(_positions(_times(channel, spectra.mask), rows))) / pattern.count
         _times(channel, template, out=channel)
         total = channel if total is None else np.add(total, channel, out=total)
         del channel  # or it would outlive the making of the next
     assert total is not None
-    products = _placements(total, rows)
+    products = _positions(total, rows)
     if spectra.mask is None:
         energy = running_box_energy(planes, *pattern.shape)
     fill_pearson(scores, products, energy, pattern.norm, _flatness(block, planes, pattern))
@@ -161,8 +161,8 @@ def _times(image: Plane, template: Plane, out: Plane | None = None) -> Plane:
     return np.asarray(cv2.mulSpectrums(image, template, 0, c=out, conjB=True))
 
 
-def _placements(spectrum: Plane, rows: int) -> Plane:
-    """Return what a packed spectrum stands for, in its memory; only the first `rows`."""
+def _positions(spectrum: Plane, rows: int) -> Plane:
+    """Return the inverse transform of a packed spectrum, in its memory; only the first `rows`."""
     inverse = cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT
     return np.asarray(cv2.dft(spectrum, dst=spectrum, flags=inverse, nonzeroRows=rows), dtype=np.float64)[:rows]
 
@@ -183,7 +183,7 @@ def _flatness(image: Image, planes: Planes, pattern: Pattern) -> float:
 
 
 def tiling(places: int, size: int) -> tuple[int, int]:
-    """Return, along one axis, how many placements a tile takes and the length of its FFT, for the least FFTs in all."""
+    """Return, along one axis, how many positions a tile takes and the length of its FFT, for the least FFTs in all."""
     longest = max(LONGEST_FFT, 2 * _fft_length(size))
     fewest = -(-places // (longest - size + 1))
     choices = [(-(-places // tiles), tiles) for tiles in range(fewest, 2 * fewest + 1)]

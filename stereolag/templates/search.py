@@ -1,4 +1,4 @@
-"""Template search: where in a picture a smaller picture lies."""
+"""Template search: the positions of a small image in a larger one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stereolag.estimates import check_memory
 from stereolag.inputs import Image, as_image
 from stereolag.progress import Progress, silent
 from stereolag.templates.estimates import estimate_search, fitting_image, has_alpha
-from stereolag.templates.exact_pixels import exact_placements
+from stereolag.templates.exact_pixels import exact_positions
 from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of
 from stereolag.templates.score_maps import direct_score_map, fft_score_map
 
@@ -25,7 +25,7 @@ Indices = npt.NDArray[np.intp]
 
 @dataclass(frozen=True)
 class TemplateMatch:
-    """One place of the template in the picture.
+    """One position of the template in the image.
 
     Parameters
     ----------
@@ -46,17 +46,17 @@ class TemplateMatch:
 
 @dataclass(frozen=True)
 class TemplateSearch:
-    """What :func:`match_template` found.
+    """The result of :func:`match_template`.
 
     Parameters
     ----------
     matches
-        Best first, never overlapping by more than half of their area; empty where nothing scores enough.
+        Best first, never overlapping by more than half of their area; empty where no score is high enough.
     score_map
         (rows - height + 1, cols - width + 1) float32: the score with the template's top-left pixel at each
         (row, col), NaN where the window is flat. None for "sampled".
     candidates
-        Placements that were scored.
+        Number of positions scored.
     elapsed_s
         Seconds the search took.
     """
@@ -68,7 +68,7 @@ class TemplateSearch:
 
     @property
     def found(self) -> bool:
-        """Whether the template is in the picture at all."""
+        """Whether the template is in the image at all."""
         return bool(self.matches)
 
 
@@ -83,11 +83,11 @@ def match_template(
     seed: int | None = None,
     progress: Progress | None = None,
 ) -> TemplateSearch:
-    """Find a template in a picture by the zero-mean normalised cross-correlation (ZNCC).
+    """Find a template in an image by the zero-mean normalised cross-correlation (ZNCC).
 
     Each channel loses its own mean over the compared pixels; products and squares are then summed over all channels
     (Pearson's coefficient, as OpenCV's TM_CCOEFF_NORMED). Its sign counts: a negative of the template is no match.
-    Every placement fully inside the picture is searched.
+    Every position fully inside the image is searched.
 
     Parameters
     ----------
@@ -97,16 +97,16 @@ def match_template(
         Likewise, no larger than the image. Only its most opaque pixels are compared. Where one of the two is grey,
         the luminance of the other is compared.
     method
-        "fft" scores every placement, in a time that hardly depends on the size of the template.
+        "fft" scores every position, in a time that hardly depends on the size of the template.
         "direct" gives the same by sliding the template along every row: minutes for a photograph.
-        "sampled" (Appendix B of the source report) scores only where the picture holds the exact values of a rare
-        pixel of the template and of the two ends of its opaque run: the fastest, but blind where a picture was
-        recompressed, rescaled or dulled, where "fft" still finds the template, and slow in a picture of so few
+        "sampled" (Appendix B of the source report) scores only where the image holds the exact values of a rare
+        pixel of the template and of the two ends of its opaque run: the fastest, but blind where an image was
+        recompressed, rescaled or dimmed, where "fft" still finds the template, and slow in an image of so few
         values that none is rare.
     mask
         (height, width) of the template: its pixels above 0 are compared, whatever the template's alpha.
     max_matches
-        At most so many matches, each a local maximum of the score.
+        The largest number of matches, each a local maximum of the score.
     min_score
         Least score of a match, -1..1.
     seed
@@ -117,7 +117,7 @@ def match_template(
     Returns
     -------
     TemplateSearch
-        `found` is False, and `matches` empty, where no placement reaches `min_score`.
+        `found` is False, and `matches` empty, where no position reaches `min_score`.
 
     Raises
     ------
@@ -128,19 +128,19 @@ def match_template(
         (:func:`~stereolag.templates.estimate_search`).
     """
     _check_options(method, max_matches, min_score)
-    picture, pattern = _checked(image, template, mask, method)
+    searched, pattern = _checked(image, template, mask, method)
     report = silent if progress is None else progress
     started = time.perf_counter()
     score_map: npt.NDArray[np.float32] | None = None
     scores: npt.NDArray[np.floating[Any]]
     if method == "sampled":
-        _check_same_type(picture, pattern)
-        placements = exact_placements(picture, pattern, min_score, seed, report)
-        candidates = placements.candidates
-        enough = placements.scores >= min_score
-        rows, cols, scores = placements.rows[enough], placements.cols[enough], placements.scores[enough]
+        _check_same_type(searched, pattern)
+        positions = exact_positions(searched, pattern, min_score, seed, report)
+        candidates = positions.candidates
+        enough = positions.scores >= min_score
+        rows, cols, scores = positions.rows[enough], positions.cols[enough], positions.scores[enough]
     else:
-        score_map = (fft_score_map if method == "fft" else direct_score_map)(picture, pattern, report)
+        score_map = (fft_score_map if method == "fft" else direct_score_map)(searched, pattern, report)
         candidates = score_map.size
         rows, cols = peaks(score_map, min_score)
         scores = score_map[rows, cols]
@@ -161,37 +161,37 @@ def _check_options(method: str, max_matches: int, min_score: float) -> None:
 def _checked(
     image: npt.ArrayLike, template: npt.ArrayLike, mask: npt.ArrayLike | None, method: TemplateMethod
 ) -> tuple[Image, Pattern]:
-    """Return the picture (rows, cols, channels) and the pattern to look for in it, if the search has room for it."""
-    picture, small = as_image(image, "image"), as_image(template, "template")
-    if small.shape[0] > picture.shape[0] or small.shape[1] > picture.shape[1]:
+    """Return the image (rows, cols, channels) and the pattern to look for in it, if the search has room for it."""
+    large, small = as_image(image, "image"), as_image(template, "template")
+    if small.shape[0] > large.shape[0] or small.shape[1] > large.shape[1]:
         raise ValueError(
-            f"template is {small.shape[1]} × {small.shape[0]} pixels and image {picture.shape[1]} × "
-            f"{picture.shape[0]}; the template must fit into the image."
+            f"template is {small.shape[1]} × {small.shape[0]} pixels and image {large.shape[1]} × "
+            f"{large.shape[0]}; the template must fit into the image."
         )
-    _check_room(picture, small, method, masked=mask is not None or has_alpha(small.shape))
+    _check_room(large, small, method, masked=mask is not None or has_alpha(small.shape))
     opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
-    picture, colours = alike(picture, small)
-    return picture, pattern_of(colours, opaque)
+    large, colours = alike(large, small)
+    return large, pattern_of(colours, opaque)
 
 
-def _check_room(picture: Image, small: Image, method: TemplateMethod, *, masked: bool) -> None:
+def _check_room(large: Image, small: Image, method: TemplateMethod, *, masked: bool) -> None:
     check_memory(
-        estimate_search(picture.shape, small.shape, dtype=picture.dtype, method=method, masked=masked),
+        estimate_search(large.shape, small.shape, dtype=large.dtype, method=method, masked=masked),
         partial(
             fitting_image,
-            image_shape=picture.shape,
+            image_shape=large.shape,
             template_shape=small.shape,
-            dtype=picture.dtype,
+            dtype=large.dtype,
             method=method,
             masked=masked,
         ),
     )
 
 
-def _check_same_type(picture: Image, pattern: Pattern) -> None:
-    if picture.dtype != pattern.colours.dtype:
+def _check_same_type(large: Image, pattern: Pattern) -> None:
+    if large.dtype != pattern.colours.dtype:
         raise ValueError(
-            f"image holds {picture.dtype} and template {pattern.colours.dtype} pixels; "
+            f"image holds {large.dtype} and template {pattern.colours.dtype} pixels; "
             "the method 'sampled' compares exact values and needs one type (or use 'fft')."
         )
 
@@ -200,7 +200,7 @@ Scores = npt.NDArray[np.floating[Any]]
 
 
 ROWS_AT_ONCE = 256
-"""Rows of a score map whose peaks are looked for together: where every score counts, indices take ten times a map."""
+"""Rows of a score map searched for peaks at a time: indices of every pixel take ten times the memory of a map."""
 
 
 def peaks(score_map: Scores, min_score: float) -> tuple[Indices, Indices]:
@@ -231,9 +231,9 @@ def _peaks_of_rows(score_map: Scores, first: int, end: int, min_score: float) ->
 
 
 def suppress(rows: Indices, cols: Indices, scores: Scores, shape: tuple[int, int], max_matches: int) -> list[int]:
-    """Return the indices of the placements kept, best first: each removes all that it overlaps by more than half.
+    """Return the indices of the positions kept, best first: each removes all that it overlaps by more than half.
 
-    Placements are rectangles of `shape` (height, width) with their top-left pixel at (row, col); of equal scores
+    Positions are rectangles of `shape` (height, width) with their top-left pixel at (row, col); of equal scores
     the first listed wins.
     """
     height, width = shape

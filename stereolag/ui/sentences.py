@@ -1,36 +1,17 @@
-"""Results in plain words."""
+"""Every sentence about results: the core gives codes and numbers, and this module puts them into words."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from stereolag.doctor import Finding, FindingCode, Remedy
+from stereolag.explaining.example_pixels import ExampleKind
+from stereolag.explaining.match import MatchExplanation, MatchKind
 from stereolag.signals import SignalLag
 from stereolag.stereo.reasons import Reason
 from stereolag.templates import TemplateSearch
-
-
-def lag_in_words(result: SignalLag) -> str:
-    """Return who hears it when, and how far apart that puts the sensors."""
-    if result.lag == 0:
-        return "Both sensors hear it **at the same time**: neither is nearer to it."
-    later, earlier = (2, 1) if result.lag > 0 else (1, 2)
-    time, distance = f"{abs(result.time_s):.4g} s", f"{result.distance_m:,.2f} m"
-    return f"Sensor {later} hears it **{time}** after sensor {earlier}: **{distance}**."
-
-
-def why_not_found(result: TemplateSearch, min_score: float) -> str:
-    """Return how near the best place came, and what to try."""
-    if result.score_map is None:
-        return (
-            "No place in the picture has these very pixels and scores enough. “FFT” also finds a template that was "
-            "dulled, recoloured or recompressed."
-        )
-    scores = result.score_map[np.isfinite(result.score_map)]
-    best = f"The best place scores {scores.max():.2f}" if scores.size else "No place has anything to correlate"
-    return (
-        f"{best}, and the least score asked for is {min_score:.2f}. The template is not in the picture, or it is "
-        "turned, resized or hidden there. Lower the least score to see the place that comes nearest."
-    )
 
 
 def duration(seconds: float) -> str:
@@ -42,6 +23,209 @@ def percent(share: float) -> str:
     """Return a share, 0..1, as a percentage."""
     return f"{share * 100:.0f} %"
 
+
+# Recordings
+
+
+def lag_in_words(result: SignalLag) -> str:
+    """Return who hears it when, and how far apart that puts the sensors."""
+    if result.lag == 0:
+        return "Both sensors hear it **at the same time**: neither is nearer to it."
+    later, earlier = (2, 1) if result.lag > 0 else (1, 2)
+    time, distance = f"{abs(result.time_s):.4g} s", f"{result.distance_m:,.2f} m"
+    return f"Sensor {later} hears it **{time}** after sensor {earlier}: **{distance}**."
+
+
+# Templates
+
+
+def why_not_found(result: TemplateSearch, min_score: float) -> str:
+    """Return how close the best place came, and what to try."""
+    if result.score_map is None:
+        return (
+            "No place in the image has exactly these pixels and a high enough score. “FFT” also finds a template that "
+            "was dimmed, recoloured or recompressed."
+        )
+    scores = result.score_map[np.isfinite(result.score_map)]
+    best = f"The best place scores {scores.max():.2f}" if scores.size else "No place has anything to correlate"
+    return (
+        f"{best}; the minimum score is {min_score:.2f}. The template is not in the image, or it is rotated, resized or "
+        "hidden there. Lower the minimum score to see the place that comes closest."
+    )
+
+
+# The input doctor
+
+DOCTOR_HEALTHY = "**Input doctor:** no problems found."
+
+REMEDIES_DONE = {
+    Remedy.SWAP_SIDES: "Left and right were swapped.",
+    Remedy.ALIGN_ROWS: "The right image was moved up or down until its rows match the left one’s.",
+    Remedy.LEVEL: "The right image was rotated and scaled until its rows match: depth is relative.",
+    Remedy.MATCH_EXPOSURE: "The right image was given the brightness and contrast of the left one.",
+}
+TRUTH_DROPPED = "The ground truth belongs to the other image and is left out."
+
+
+def problems_in_words(count: int) -> str:
+    """Return how many problems the doctor found."""
+    return f"**Input doctor:** {'one problem' if count == 1 else f'{count} problems'} found on this pair."
+
+
+def finding_in_words(finding: Finding) -> str:
+    """Return a finding of the doctor, with its numbers."""
+    return _FINDINGS[finding.code](finding)
+
+
+def remedy_in_words(finding: Finding) -> str:
+    """Return the label of the button that applies the remedy of a finding."""
+    match finding.remedy:
+        case Remedy.SWAP_SIDES:
+            return "Swap left and right"
+        case Remedy.ALIGN_ROWS:
+            return "Align the rows"
+        case Remedy.LEVEL:
+            return "Rectify from the images alone (depth becomes relative)"
+        case Remedy.MATCH_EXPOSURE:
+            return "Match the brightness"
+        case Remedy.SET_RANGE:
+            first, count = (finding.numbers[f"suggested_{name}"] for name in ("min_disparity", "num_disparities"))
+            return f"Search {count:.0f} disparities from {first:.0f}"
+    return ""
+
+
+def _matches(finding: Finding) -> str:
+    count = finding.numbers["count"]
+    if finding.healthy:
+        return f"{count:.0f} features match between the images."
+    only = f"Only {count:.0f} features match" if count else "No features match"
+    return f"{only} between the images, too few to judge the geometry: do they show the same scene?"
+
+
+def _sides(finding: Finding) -> str:
+    disparities = f"disparities run from {finding.numbers['lowest_px']:.0f} to {finding.numbers['highest_px']:.0f} px"
+    if finding.healthy:
+        return f"Left is left: {disparities}."
+    return f"Left and right look swapped: {disparities}, and they should be positive."
+
+
+def _rows(finding: Finding) -> str:
+    offset, spread = finding.numbers["offset_px"], f"spread {finding.numbers['spread_px']:.1f} px"
+    if finding.healthy:
+        return f"Rows match to {abs(offset):.1f} px ({spread})."
+    side = "lower" if offset > 0 else "higher"
+    return (
+        f"The right image sits {abs(offset):.1f} px {side} than the left ({spread}): in a rectified pair, rows match."
+    )
+
+
+def _rotation(finding: Finding) -> str:
+    degrees, growth = finding.numbers["rotation_deg"], finding.numbers["scale"] - 1
+    said = f"The right image is rotated by {degrees:+.2f}° and scaled by {100 * growth:+.1f} %"
+    return f"{said}: close enough." if finding.healthy else f"{said}: the pair is not rectified."
+
+
+def _exposure(finding: Finding) -> str:
+    gain, offset = finding.numbers["gain"], finding.numbers["offset"]
+    said = f"The right image has {gain:.2f} times the left one’s contrast, offset by {offset:+.0f} grey levels"
+    if finding.healthy:
+        return f"{said}: close enough."
+    return f"{said}: ZNCC is unaffected, StereoBM and plain correlation suffer."
+
+
+def _texture(finding: Finding) -> str:
+    said = f"{100 * finding.numbers['flat_share']:.0f} % of the image has hardly any texture"
+    return f"{said}." if finding.healthy else f"{said}: windows cannot be matched there. Larger windows help a little."
+
+
+def _range(finding: Finding) -> str:
+    numbers = finding.numbers
+    low, high = numbers["lowest_px"], numbers["highest_px"]
+    needed = f"{low:.0f} px" if round(low) == round(high) else f"{low:.0f} to {high:.0f} px"
+    first, count = numbers["min_disparity"], numbers["num_disparities"]
+    said = f"The pair needs about {needed}, and {first:.0f} to {first + count - 1:.0f} px are searched"
+    if finding.healthy:
+        return f"{said}: a good range."
+    return f"{said}: too small a range." if numbers["missing_px"] > 0 else f"{said}: far more than needed."
+
+
+_FINDINGS = {
+    FindingCode.MATCHES: _matches,
+    FindingCode.SWAPPED: _sides,
+    FindingCode.ROWS: _rows,
+    FindingCode.ROTATION: _rotation,
+    FindingCode.EXPOSURE: _exposure,
+    FindingCode.TEXTURE: _texture,
+    FindingCode.RANGE: _range,
+}
+
+
+# Why this match?
+
+EXAMPLE_LABELS = {
+    ExampleKind.CLEAR: "A clear match",
+    ExampleKind.REPEATS: "A repeating pattern",
+    ExampleKind.BARE: "A bare wall",
+    ExampleKind.HIDDEN: "Hidden from the right camera",
+}
+NO_CORRELATION = "Correlation has no result to explain yet."
+NO_EXAMPLE = "This pair has none with these window and search settings."
+
+BEFORE_OPTIMISATION = (
+    "These are the raw scores of the windowed correlation. Semi-global optimisation weighs them, together with its "
+    "other costs, against those of the neighbours along eight paths, and may choose another peak."
+)
+ROW_FIT = "A bell curve through the best score and its two neighbours: its peak is the disparity."
+SQUARE_FIT = "A section through the bell fitted to the best score and its eight neighbours: its peak is the disparity."
+NO_FIT = "A match at the edge has no sub-pixel position: its neighbour on one side is missing."
+HIDDEN_FROM_RIGHT = "The right camera cannot see this point: something nearer hides it."
+RIGHT_PX = 1.0
+"""A match is called right up to this error, px."""
+
+
+def match_in_words(seen: MatchExplanation) -> str:
+    """Return in a sentence what the scores show of the match."""
+    scores = f"{seen.peak_score:.3f} and {seen.runner_up_score:.3f}"
+    match seen.kind:
+        case MatchKind.NOTHING:
+            return "Nothing to correlate: the window is flat, or every place it could match lies outside the image."
+        case MatchKind.AT_EDGE:
+            return (
+                "The best score lies on the edge of the search area or of the image: the true match may be beyond it."
+            )
+        case MatchKind.BARE:
+            return (
+                f"A bare wall: the window has {seen.contrast:.0%} of the image’s contrast, and its best score is "
+                f"{seen.peak_score:.2f}. It compares mostly noise."
+            )
+        case MatchKind.UNLIKE:
+            return (
+                f"Nothing looks like this: the best score is {seen.peak_score:.2f}. Perhaps the other camera cannot "
+                "see it, or sees it in another light."
+            )
+        case MatchKind.REPEATS:
+            return (
+                f"Two places fit almost equally well ({scores}), with worse ones between them: the pattern repeats, "
+                "like a fence, and chance decides."
+            )
+        case MatchKind.SMOOTH:
+            return (
+                f"Two places fit almost equally well ({scores}), and so do those between them: the window is too "
+                "smooth to tell neighbours apart, and noise decides."
+            )
+    if math.isnan(seen.runner_up_score):
+        return f"One clear peak: {seen.peak_score:.3f}."
+    return f"One clear peak: {seen.peak_score:.3f}; the next best place scores {seen.runner_up_score:.3f}."
+
+
+def match_against_truth(disparity: float, truth: float) -> str:
+    """Return how far the disparity of a match is from the ground truth, both px and known."""
+    error = abs(disparity - truth)
+    verdict = "**right**" if error <= RIGHT_PX else f"**wrong** by {error:.1f} px"
+    return f"The match gives {disparity:.2f} px and the ground truth is {truth:.2f} px: it is {verdict}."
+
+
+# Why is it blank?
 
 REASON_WORDS = {
     Reason.MEASURED: "measured",
@@ -57,9 +241,14 @@ REASON_WORDS = {
 REASONS_EXPLAINED = {
     Reason.FILLED: "Not measured: the surface behind was continued.",
     Reason.OUT_OF_FRAME: "The window, or the place where it should be found, lies outside the right image.",
-    Reason.LOW_TEXTURE: "The window is as good as blank, like a bare wall: nothing to compare.",
-    Reason.AMBIGUOUS: "Another place fits nearly as well: a fence, a repeated pattern, or something too smooth.",
-    Reason.LEFT_RIGHT: "Matched from the right image the answer is another: mostly hidden behind something nearer.",
-    Reason.SPECKLE: "A small island of disparities unlike all around it: mostly a chance match.",
-    Reason.AT_SEARCH_EDGE: "The best match lies on the edge of the search area: the true one may lie beyond.",
+    Reason.LOW_TEXTURE: "The window is nearly blank, like a bare wall: there is nothing to compare.",
+    Reason.AMBIGUOUS: "Another place fits nearly as well: a fence, a repeating pattern, or a smooth surface.",
+    Reason.LEFT_RIGHT: "Matched from the right image, the disparity differs: usually something nearer hides the point.",
+    Reason.SPECKLE: "A small island of disparities unlike its surroundings: usually a chance match.",
+    Reason.AT_SEARCH_EDGE: "The best match lies on the edge of the search area: the true one may be beyond it.",
 }
+
+OPENCV_REASONS = (
+    "StereoBM and StereoSGBM do not give reasons. Theirs were found by matching again with one filter after another "
+    "switched off: the filter whose absence brings a pixel back had blanked it."
+)

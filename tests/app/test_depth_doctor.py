@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ailing_pairs import ILLS
+from ailing_pairs import ILLS, REMEDIES
 from streamlit.testing.v1 import AppTest
 
-from stereolag.doctor.findings import Ailment
+from stereolag.doctor import FindingCode, Remedy
 from stereolag.ui.depth.doctor import HEALTHY
 from stereolag.ui.pairs import StereoPair, example_pair
 from tests.app import keys
@@ -44,10 +44,10 @@ def opened(pair: StereoPair) -> AppTest:
     return app.run()
 
 
-def ill_cube(ailment: str) -> StereoPair:
+def ill_cube(code: FindingCode) -> StereoPair:
     cube = example_pair("cube")
-    left, right = ILLS[Ailment(ailment)](cube.left, cube.right)
-    return changed(ailment, left=left, right=right)
+    left, right = ILLS[code](cube.left, cube.right)
+    return changed(code, left=left, right=right)
 
 
 def healthy(app: AppTest) -> bool:
@@ -62,27 +62,27 @@ def test_a_good_pair_is_one_green_line() -> None:
     assert not app.warning
 
 
-@pytest.mark.parametrize("ailment", ["swapped", "rows", "rotation", "exposure"])
-def test_each_ailment_is_mended_by_a_click_and_comes_back_with_undo(ailment: str) -> None:
-    pair = ill_cube(ailment)
+@pytest.mark.parametrize(("code", "remedy"), REMEDIES.items())
+def test_each_problem_is_fixed_by_a_click_and_comes_back_with_undo(code: FindingCode, remedy: Remedy) -> None:
+    pair = ill_cube(code)
     app = opened(pair)
     assert app.warning[0].value.startswith("**Input doctor:**")
-    app.button(key=f"depth.doctor.{ailment}").click().run()
+    app.button(key=f"depth.doctor.{remedy}").click().run()
     assert not app.exception
     mended = app.session_state["shown"]
-    assert [change.name for change in mended.remedies] == [ailment]
+    assert [change.name for change in mended.remedies] == [remedy]
     assert mended.digest != pair.digest
     assert mended.source == pair.source
-    assert ailment not in [button.key.rpartition(".")[2] for button in app.button if "undo" not in button.key]
-    app.button(key=f"depth.doctor.undo.{ailment}").click().run()
+    assert remedy not in [button.key.rpartition(".")[2] for button in app.button if "undo" not in button.key]
+    app.button(key=f"depth.doctor.undo.{remedy}").click().run()
     assert app.session_state["shown"] is pair
     assert app.warning
 
 
-def test_swapping_what_was_swapped_undoes_it() -> None:
-    pair = ill_cube("swapped")
+def test_swapping_a_swapped_pair_undoes_it() -> None:
+    pair = ill_cube(FindingCode.SWAPPED)
     app = opened(pair)
-    app.session_state["depth.remedies"] = {pair.source: ("swapped", "rows", "rows")}
+    app.session_state["depth.remedies"] = {pair.source: ("swap_sides", "align_rows", "align_rows")}
     app.run()
     assert not app.exception  # the same remedy twice has two buttons to undo it
     buttons = [button.key for button in app.button if "undo" in button.key]
@@ -93,16 +93,16 @@ def test_swapping_what_was_swapped_undoes_it() -> None:
 
 
 def test_what_no_longer_holds_is_dropped_and_said() -> None:
-    app = opened(ill_cube("swapped"))
-    app.button(key="depth.doctor.swapped").click().run()
+    app = opened(ill_cube(FindingCode.SWAPPED))
+    app.button(key="depth.doctor.swap_sides").click().run()
     mended = app.session_state["shown"]
     assert mended.truth is None
     assert mended.visible is None
     assert mended.calibration is not None
-    assert any("The true disparity belongs to the other picture" in text.value for text in app.markdown)
+    assert any("The ground truth belongs to the other image" in text.value for text in app.markdown)
 
-    app = opened(ill_cube("rotation"))
-    app.button(key="depth.doctor.rotation").click().run()
+    app = opened(ill_cube(FindingCode.ROTATION))
+    app.button(key="depth.doctor.level").click().run()
     mended = app.session_state["shown"]
     assert mended.truth is not None
     assert mended.calibration is None
@@ -113,7 +113,7 @@ def test_the_range_is_set_in_the_controls() -> None:
     app = opened(changed("cube"))
     app.slider(key=keys.setting("bm", "num_disparities", "cube")).set_value(16).run()
     assert any("too small a range" in text.value for text in app.markdown)
-    app.button(key="depth.doctor.range").click().run()
+    app.button(key="depth.doctor.set_range").click().run()
     assert app.slider(key=keys.setting("bm", "num_disparities", "cube")).value == 64
     assert healthy(app)
 
@@ -122,7 +122,7 @@ def test_a_remedy_that_cannot_be_applied_is_answered_with_a_sentence() -> None:
     noise = np.random.default_rng(1).integers(0, 255, (2, 200, 300), dtype=np.uint8)
     app = AppTest.from_function(panel, default_timeout=60)
     app.session_state["pair"] = StereoPair(noise[0], noise[1], None, None, "Noise.", "noise", False)
-    app.session_state["depth.remedies"] = {"noise": ("rows",)}
+    app.session_state["depth.remedies"] = {"noise": ("align_rows",)}
     app.run()
     assert not app.exception
-    assert "sure matches" in app.error[0].value
+    assert "features were matched" in app.error[0].value

@@ -33,18 +33,18 @@ def marks(app: AppTest) -> list[dict[str, int]]:
     return list(json.loads(app.get("bidi_component")[1].proto.json)["marks"])
 
 
-def test_a_pixel_has_its_window_its_hill_its_row_and_what_each_method_says() -> None:
+def test_a_pixel_has_its_window_its_scores_its_row_and_the_disparity_by_each_method() -> None:
     app = opened()
     assert not app.exception
     assert len(app.get("plotly_chart")) == 3
     assert len(app.get("image")) == 3
     assert [mark["width"] for mark in marks(app)] == [78, 15, 15, 15, 0]
     said = app.markdown[-1].value
-    assert all(f"**{name}**" in said for name in ("Convolution", "StereoBM", "StereoSGBM", "Truth"))
+    assert all(f"**{name}**" in said for name in ("Convolution", "StereoBM", "StereoSGBM", "Ground truth"))
 
 
 @pytest.mark.parametrize(
-    ("lesson", "says"),
+    ("kind", "says"),
     [
         ("clear", "One clear peak"),
         ("repeats", "the pattern repeats"),
@@ -52,21 +52,21 @@ def test_a_pixel_has_its_window_its_hill_its_row_and_what_each_method_says() -> 
         ("hidden", "wrong"),
     ],
 )
-def test_the_buttons_show_what_they_promise(lesson: str, says: str) -> None:
+def test_the_buttons_show_what_they_promise(kind: str, says: str) -> None:
     app = opened()
-    app.button(key=f"depth.inspection.{lesson}").click().run()
+    app.button(key=f"depth.inspection.{kind}").click().run()
     assert not app.exception
     assert says in verdict(app)
     assert app.session_state[PIXEL_KEY] != (80, 140)
 
 
-def test_the_hill_can_be_seen_from_above() -> None:
+def test_the_scores_can_be_seen_from_above() -> None:
     app = opened()
-    hill = app.get("plotly_chart")[0].proto.spec
+    surface = app.get("plotly_chart")[0].proto.spec
     app.button_group(key="depth.inspection.shape").set_value("From above").run()
     assert not app.exception
     assert json.loads(app.get("plotly_chart")[0].proto.spec)["data"][0]["type"] == "heatmap"
-    assert json.loads(hill)["data"][0]["type"] == "surface"
+    assert json.loads(surface)["data"][0]["type"] == "surface"
 
 
 def test_a_pixel_at_the_corner_is_explained_too() -> None:

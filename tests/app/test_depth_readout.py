@@ -76,7 +76,7 @@ def test_one_known_distance_makes_it_metric_and_can_be_forgotten() -> None:
     app.number_input(key="depth.readout.metres").set_value(0.325).run()
     app.button(key="depth.readout.use").click().run()
     assert not app.exception
-    assert "**0.325 m** that you gave" in app.markdown[0].value
+    assert "**0.325 m** that you entered" in app.markdown[0].value
     assert table(app)["Convolution"][1].startswith("0.325")
     assert all(depths_sent(app))
     app.button(key="depth.readout.forget").click().run()

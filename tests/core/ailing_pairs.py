@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stereolag.doctor.findings import Ailment
+from stereolag.doctor import FindingCode, Remedy
 
 
 def turned(image: np.ndarray, degrees: float, scale: float = 1.0) -> np.ndarray:
@@ -15,9 +15,17 @@ def turned(image: np.ndarray, degrees: float, scale: float = 1.0) -> np.ndarray:
 
 
 ILLS = {
-    Ailment.SWAPPED: lambda left, right: (right, left),
-    Ailment.ROWS: lambda left, right: (left, np.roll(right, 3, axis=0)),
-    Ailment.ROTATION: lambda left, right: (left, turned(right, 1.0)),
-    Ailment.EXPOSURE: lambda left, right: (left, np.rint(right * 0.6).astype(np.uint8)),
+    FindingCode.SWAPPED: lambda left, right: (right, left),
+    FindingCode.ROWS: lambda left, right: (left, np.roll(right, 3, axis=0)),
+    FindingCode.ROTATION: lambda left, right: (left, turned(right, 1.0)),
+    FindingCode.EXPOSURE: lambda left, right: (left, np.rint(right * 0.6).astype(np.uint8)),
 }
 """What makes a healthy pair of 8 bits ill."""
+
+REMEDIES = {
+    FindingCode.SWAPPED: Remedy.SWAP_SIDES,
+    FindingCode.ROWS: Remedy.ALIGN_ROWS,
+    FindingCode.ROTATION: Remedy.LEVEL,
+    FindingCode.EXPOSURE: Remedy.MATCH_EXPOSURE,
+}
+"""What fixes each of them."""

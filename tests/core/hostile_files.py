@@ -71,6 +71,6 @@ def valid_files() -> dict[str, list[bytes]]:
         b"cam0=[400 0 100; 0 400 90; 0 0 1]\ncam1=[400 0 110; 0 400 90; 0 0 1]\ndoffs=10\nbaseline=193\nwidth=200\n"
     )
     files = [cameras, projections("720", "45", "-339"), rig(), plain(cx=3, width=640), reprojection(), ros]
-    methods = [method() for method in METHODS.values() if not inspect.isabstract(method)]
+    methods = [method() for method in METHODS if not inspect.isabstract(method)]
     written = [settings_json(method).encode() for method in methods]
     return {"image": pictures, "signal": sounds, "disparity": maps, "calibration": files, "matcher": written}

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.geometry.calibration import Calibration, StereoRig
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.rig import StereoRig
 
 sizes = st.floats(0.01, 1e4)
 

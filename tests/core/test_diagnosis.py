@@ -1,25 +1,31 @@
-"""The input doctor finds what was done to a pair, finds nothing where nothing was done, and its cures work."""
+"""The input doctor finds what was done to a pair, finds nothing where nothing was done, and its remedies work."""
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
-from ailing_pairs import ILLS, turned
+from ailing_pairs import ILLS, REMEDIES, turned
 
+from stereolag.doctor import Diagnosis, FindingCode, Remedy, apply_remedy, diagnose, judge_range
 from stereolag.doctor.correspondences import find_correspondences
-from stereolag.doctor.diagnosis import Diagnosis, diagnose, judge_range
-from stereolag.doctor.findings import Ailment
-from stereolag.doctor.remedies import REMEDIES, apply_remedy, exposed_alike, levelled
+from stereolag.doctor.remedies import exposed_alike, levelled
 from stereolag.reading import read_image
 from stereolag.samples import stereo_pairs
 
 Pair = tuple[np.ndarray, np.ndarray]
 
 
-def amber(diagnosis: Diagnosis) -> set[Ailment]:
-    return {finding.ailment for finding in diagnosis.findings if not finding.healthy}
+def amber(diagnosis: Diagnosis) -> set[FindingCode]:
+    return {finding.code for finding in diagnosis.findings if not finding.healthy}
+
+
+def number(diagnosis: Diagnosis, code: FindingCode, name: str) -> float:
+    finding = diagnosis.finding(code)
+    assert finding is not None
+    return finding.numbers[name]
 
 
 @pytest.fixture(scope="module", params=["road", "cube"])
@@ -30,95 +36,125 @@ def pair(request: pytest.FixtureRequest) -> Pair:
 
 def test_a_rectified_pair_is_healthy_in_its_geometry(pair: Pair) -> None:
     diagnosis = diagnose(*pair, num_disparities=80)
-    assert not amber(diagnosis) & {Ailment.SWAPPED, Ailment.ROWS, Ailment.ROTATION, Ailment.EXPOSURE, Ailment.MATCHES}
-    assert abs(diagnosis.row_offset_px) < 0.3
-    assert abs(diagnosis.rotation_deg) < 0.1
-    assert diagnosis.scale == pytest.approx(1, abs=0.003)
+    assert not amber(diagnosis) & {
+        FindingCode.SWAPPED,
+        FindingCode.ROWS,
+        FindingCode.ROTATION,
+        FindingCode.EXPOSURE,
+        FindingCode.MATCHES,
+    }
+    assert abs(number(diagnosis, FindingCode.ROWS, "offset_px")) < 0.3
+    assert abs(number(diagnosis, FindingCode.ROTATION, "rotation_deg")) < 0.1
+    assert number(diagnosis, FindingCode.ROTATION, "scale") == pytest.approx(1, abs=0.003)
 
 
 def test_swapped_sides_are_caught(pair: Pair) -> None:
-    assert Ailment.SWAPPED in amber(diagnose(pair[1], pair[0]))
+    assert FindingCode.SWAPPED in amber(diagnose(pair[1], pair[0]))
 
 
 @pytest.mark.parametrize("rows", [3, -5])
-def test_a_row_offset_is_measured_and_mended(pair: Pair, rows: int) -> None:
+def test_a_row_offset_is_measured_and_fixed(pair: Pair, rows: int) -> None:
     shifted = np.roll(pair[1], rows, axis=0)
     diagnosis = diagnose(pair[0], shifted)
-    assert Ailment.ROWS in amber(diagnosis)
-    assert diagnosis.row_offset_px == pytest.approx(rows, abs=0.3)
-    assert abs(diagnose(pair[0], levelled(pair[0], shifted)).row_offset_px) < 0.3
+    assert FindingCode.ROWS in amber(diagnosis)
+    assert number(diagnosis, FindingCode.ROWS, "offset_px") == pytest.approx(rows, abs=0.3)
+    assert abs(number(diagnose(pair[0], levelled(pair[0], shifted)), FindingCode.ROWS, "offset_px")) < 0.3
 
 
 @pytest.mark.parametrize(("degrees", "scale"), [(1.0, 1.0), (-2.0, 1.0), (0.0, 1.02)])
-def test_rotation_and_scale_are_measured_and_mended(pair: Pair, degrees: float, scale: float) -> None:
+def test_rotation_and_scale_are_measured_and_fixed(pair: Pair, degrees: float, scale: float) -> None:
     view = turned(pair[1], degrees, scale)
     diagnosis = diagnose(pair[0], view)
-    assert Ailment.ROTATION in amber(diagnosis)
+    assert FindingCode.ROTATION in amber(diagnosis)
     # getRotationMatrix2D counts anticlockwise as positive, rows grow downwards.
-    assert diagnosis.rotation_deg == pytest.approx(-degrees, abs=0.15)
-    assert diagnosis.scale == pytest.approx(scale, abs=0.005)
-    assert not amber(diagnose(pair[0], levelled(pair[0], view))) & {Ailment.ROTATION, Ailment.ROWS}
+    assert number(diagnosis, FindingCode.ROTATION, "rotation_deg") == pytest.approx(-degrees, abs=0.15)
+    assert number(diagnosis, FindingCode.ROTATION, "scale") == pytest.approx(scale, abs=0.005)
+    assert not amber(diagnose(pair[0], levelled(pair[0], view))) & {FindingCode.ROTATION, FindingCode.ROWS}
 
 
-def test_a_darkened_view_is_measured_and_mended(pair: Pair) -> None:
+def test_a_darkened_view_is_measured_and_fixed(pair: Pair) -> None:
     dark = np.rint(pair[1] * 0.6).astype(np.uint8)
     diagnosis = diagnose(pair[0], dark)
-    assert Ailment.EXPOSURE in amber(diagnosis)
-    assert diagnosis.gain == pytest.approx(0.6, abs=0.08)
-    assert Ailment.EXPOSURE not in amber(diagnose(pair[0], exposed_alike(pair[0], dark)))
+    assert FindingCode.EXPOSURE in amber(diagnosis)
+    assert number(diagnosis, FindingCode.EXPOSURE, "gain") == pytest.approx(0.6, abs=0.08)
+    assert FindingCode.EXPOSURE not in amber(diagnose(pair[0], exposed_alike(pair[0], dark)))
 
 
-def test_the_range_is_judged_against_what_is_there(pair: Pair) -> None:
-    assert Ailment.RANGE in amber(diagnose(*pair, num_disparities=16))
-    roomy = diagnose(*pair, num_disparities=256)
-    assert Ailment.RANGE in amber(roomy)
-    assert roomy.suggested_num % 16 == 0
-    again = diagnose(*pair, min_disparity=roomy.suggested_min, num_disparities=roomy.suggested_num)
-    assert Ailment.RANGE not in amber(again)
+def test_the_range_is_judged_against_the_disparities_in_the_pair(pair: Pair) -> None:
+    narrow = diagnose(*pair, num_disparities=16).finding(FindingCode.RANGE)
+    assert narrow is not None
+    assert narrow.remedy is Remedy.SET_RANGE
+    assert narrow.numbers["missing_px"] > 0
+    wide = diagnose(*pair, num_disparities=256)
+    finding = wide.finding(FindingCode.RANGE)
+    assert finding is not None
+    assert finding.remedy is Remedy.SET_RANGE
+    assert finding.numbers["missing_px"] == 0
+    first, count = wide.suggested_min_disparity, wide.suggested_num_disparities
+    suggested = finding.numbers["suggested_min_disparity"], finding.numbers["suggested_num_disparities"]
+    assert (first, count) == suggested
+    assert count % 16 == 0
+    assert FindingCode.RANGE not in amber(diagnose(*pair, min_disparity=first, num_disparities=count))
 
 
 def test_a_range_is_judged_without_looking_again(pair: Pair) -> None:
     diagnosis = diagnose(*pair)
     for count in (16, 64, 256):
-        assert judge_range(diagnosis, 0, count) == diagnose(*pair, num_disparities=count).finding(Ailment.RANGE)
-    assert judge_range(diagnose(pair[1], pair[0]), 0, 64) is None
+        assert judge_range(diagnosis, 0, count) == diagnose(*pair, num_disparities=count).finding(FindingCode.RANGE)
+    swapped = diagnose(pair[1], pair[0])
+    assert judge_range(swapped, 0, 64) is None
+    assert swapped.finding(FindingCode.RANGE) is None
 
 
-@pytest.mark.parametrize("ailment", REMEDIES)
-def test_every_remedy_cures_its_ailment_and_keeps_size_and_type(pair: Pair, ailment: Ailment) -> None:
-    ill = ILLS[ailment](*pair)
-    assert ailment in amber(diagnose(*ill))
-    left, right = apply_remedy(*ill, ailment)
-    assert ailment not in amber(diagnose(left, right))
+@pytest.mark.parametrize("code", ILLS)
+def test_every_remedy_fixes_its_finding_and_keeps_size_and_type(pair: Pair, code: FindingCode) -> None:
+    ill = ILLS[code](*pair)
+    found = diagnose(*ill).finding(code)
+    assert found is not None
+    assert not found.healthy
+    assert found.remedy is REMEDIES[code]
+    left, right = apply_remedy(*ill, found.remedy)
+    again = diagnose(left, right).finding(code)
+    assert again is not None
+    assert again.healthy
+    assert again.remedy is None
     assert right.shape == pair[1].shape
     assert right.dtype == pair[1].dtype
     assert left is pair[0]
 
 
+def test_findings_are_frozen_and_survive_another_process(pair: Pair) -> None:
+    diagnosis = diagnose(*pair)
+    with pytest.raises(TypeError):
+        diagnosis.findings[0].numbers["count"] = 0  # type: ignore[index]
+    assert pickle.loads(pickle.dumps(diagnosis)) == diagnosis
+    assert len({*diagnosis.findings}) == len(diagnosis.findings)
+
+
 def test_aligned_rows_keep_the_disparities(pair: Pair) -> None:
-    mended = apply_remedy(pair[0], np.roll(pair[1], 3, axis=0), Ailment.ROWS)[1]
-    assert np.mean(np.abs(mended[8:-8].astype(float) - pair[1][8:-8])) < 2.5
+    aligned = apply_remedy(pair[0], np.roll(pair[1], 3, axis=0), Remedy.ALIGN_ROWS)[1]
+    assert np.mean(np.abs(aligned[8:-8].astype(float) - pair[1][8:-8])) < 2.5
 
 
-def test_what_no_picture_cures_is_refused(pair: Pair) -> None:
-    with pytest.raises(ValueError, match="ailment is texture; what can be mended is swapped, rows"):
-        apply_remedy(*pair, Ailment.TEXTURE)
+def test_a_remedy_that_changes_no_image_is_refused(pair: Pair) -> None:
+    with pytest.raises(ValueError, match="remedy is 'set_range', which changes the search range of a matcher"):
+        apply_remedy(*pair, Remedy.SET_RANGE)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 2), (1, 3_000), (30, 200), (64, 1)])
-def test_pictures_too_small_for_features_are_examined_all_the_same(shape: tuple[int, int]) -> None:
+def test_images_too_small_for_features_are_examined_all_the_same(shape: tuple[int, int]) -> None:
     left, right = np.random.default_rng(3).integers(0, 256, (2, *shape), dtype=np.uint8)
     assert len(find_correspondences(left, right)) == 0
-    assert Ailment.MATCHES in amber(diagnose(left, right))
+    assert FindingCode.MATCHES in amber(diagnose(left, right))
 
 
-def test_low_texture_and_unrelated_pictures_are_said() -> None:
+def test_low_texture_and_unrelated_images_are_found() -> None:
     flat = np.full((200, 300), 90, np.uint8)
     flat[80:120, 100:180] = np.random.default_rng(0).integers(0, 255, (40, 80))
-    assert Ailment.TEXTURE in amber(diagnose(flat, flat))
+    assert FindingCode.TEXTURE in amber(diagnose(flat, flat))
     noise = np.random.default_rng(1).integers(0, 255, (2, 200, 300), dtype=np.uint8)
-    assert Ailment.MATCHES in amber(diagnose(noise[0], noise[1]))
-    with pytest.raises(ValueError, match="sure matches"):
+    assert FindingCode.MATCHES in amber(diagnose(noise[0], noise[1]))
+    with pytest.raises(ValueError, match="features were matched"):
         levelled(noise[0], noise[1])
 
 
@@ -133,8 +169,8 @@ def test_real_pairs(data_dir: Path) -> None:
     for name in ("motorcycle_q", "cones", "kitti2015_000046"):
         folder = data_dir / "stereo" / name
         left, right = read_image(folder / "left.png"), read_image(folder / "right.png")
-        geometry = {Ailment.SWAPPED, Ailment.ROWS, Ailment.ROTATION}
+        geometry = {FindingCode.SWAPPED, FindingCode.ROWS, FindingCode.ROTATION}
         assert not amber(diagnose(left, right, num_disparities=80)) & geometry, name
-        assert Ailment.SWAPPED in amber(diagnose(right, left)), name
-        assert Ailment.ROWS in amber(diagnose(left, np.roll(right, 3, axis=0))), name
-        assert Ailment.ROTATION in amber(diagnose(left, turned(right, 1.0))), name
+        assert FindingCode.SWAPPED in amber(diagnose(right, left)), name
+        assert FindingCode.ROWS in amber(diagnose(left, np.roll(right, 3, axis=0))), name
+        assert FindingCode.ROTATION in amber(diagnose(left, turned(right, 1.0))), name

@@ -14,7 +14,7 @@ from pairs import shifted_pair
 from PIL import Image
 
 from stereolag import StereoBM, read_disparity, read_image
-from stereolag.export import check_kitti, image_png, image_tiff, kitti_png, npy, pfm, reason_png, valid_mask_png
+from stereolag.export import check_kitti, image_png, image_tiff, kitti_png, npy, pfm, valid_mask_png
 
 DISPARITY = np.array([[1.5, np.nan, 30.25], [255.99, 1 / 1024, 0.0]], dtype=np.float32)
 
@@ -121,7 +121,6 @@ def test_masks_hold_what_the_result_says():
     result = StereoBM(num_disparities=16, block_size=9).compute(*shifted_pair(40, 90, 0, -5))
     assert 0 < result.coverage < 1
     np.testing.assert_array_equal(opencv(valid_mask_png(result)), np.where(result.valid, 255, 0))
-    np.testing.assert_array_equal(np.array(Image.open(io.BytesIO(reason_png(result)))), result.reason)
 
 
 @pytest.mark.parametrize("worst", [-0.6, 256.0])

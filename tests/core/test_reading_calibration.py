@@ -191,7 +191,7 @@ def test_json_of_this_project():
         (b"", "empty file"),
         (b"\x89PNG\r\n", "not a text file"),
         (b"a: 1\nb\x00: 2", "Line 2 of the calibration holds a NUL byte"),
-        (b"hello", "none that is known; accepted are Middlebury"),
+        (b"hello", "no known format; accepted are Middlebury"),
         (b"{", "cannot be parsed"),
         (b"{" * 50_000, "cannot be parsed"),
         (b'{"a":' * 50_000, "cannot be parsed"),
@@ -234,5 +234,5 @@ def test_real_calibrations(data_dir):
     assert from_text.baseline_m == pytest.approx(0.53715, abs=1e-5)
     motorcycle = read_calibration(data_dir / "stereo" / "motorcycle_q" / "calib.json")
     assert (motorcycle.focal_px, motorcycle.baseline_m, motorcycle.doffs_px) == (999.421, 0.193001, 32.778)
-    with pytest.raises(ValueError, match="none that is known"):
+    with pytest.raises(ValueError, match="no known format"):
         read_calibration(data_dir / "stereo" / "teddy" / "calib.json")

@@ -97,8 +97,8 @@ def test_windows_line_ends_in_a_pfm_header():
     [
         (b"", {}, "empty file"),
         (b"words", {}, "accepted are PFM, PNG or PGM"),
-        (png(np.full((2, 2), 9, np.uint8)), {}, "8 bits a pixel: its divisor must be given"),
-        (b"P5 1 1 255\n\x07", {}, "8 bits a pixel: its divisor must be given"),
+        (png(np.full((2, 2), 9, np.uint8)), {}, "8 bits per pixel: its divisor must be given"),
+        (b"P5 1 1 255\n\x07", {}, "8 bits per pixel: its divisor must be given"),
         (png(np.full((2, 2, 3), 9, np.uint8)), {"divisor": 4}, r"shape \(2, 2, 3\); allowed is one channel"),
         (png(np.zeros((2, 2), np.uint16)), {}, "no disparity at all"),
         (pfm(np.full((2, 2), np.inf)), {}, "no disparity at all"),

@@ -147,9 +147,9 @@ def test_path_bytes_and_file_are_the_same(tmp_path):
     ("data", "message"),
     [
         (b"", "empty file"),
-        (b"Dear sir, this is a text that somebody named .png", "not a picture.*accepted are PNG, JPEG"),
-        (b"%PDF-1.7\n", "not a picture"),
-        (encoded(Image.fromarray(RGB))[:20], "not a picture that can be read, or its beginning is damaged"),
+        (b"Dear sir, this is a text that somebody named .png", "not an image.*accepted are PNG, JPEG"),
+        (b"%PDF-1.7\n", "not an image"),
+        (encoded(Image.fromarray(RGB))[:20], "not an image that can be read, or its beginning is damaged"),
         (encoded(Image.fromarray(RGB))[:300], r"\(PNG\) is damaged or cut short"),
         (encoded_by_opencv(RGB16, ".png")[:500], r"\(PNG\) is damaged or cut short"),
         (encoded(Image.fromarray(np.kron(RGB, np.ones((9, 9, 1), np.uint8))), "JPEG")[:2000], "damaged or cut short"),

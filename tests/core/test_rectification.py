@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
-from stereolag.geometry.calibration import StereoRig
+from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectified_calibration, rectify
+from stereolag.geometry.rig import StereoRig
 
 WIDTH, HEIGHT = 480, 360
 MARKS = np.stack(np.meshgrid(np.linspace(-0.55, 0.65, 7), np.linspace(-0.4, 0.4, 5)), axis=-1).reshape(-1, 2)
@@ -26,6 +29,11 @@ def rig() -> StereoRig:
         width=WIDTH,
         height=HEIGHT,
     )
+
+
+def unrectified(rig: StereoRig) -> Calibration:
+    """A calibration as it is read from a file with both cameras."""
+    return replace(rectified_calibration(rig, (WIDTH, HEIGHT)), rig=rig)
 
 
 def board_depth(x, y):
@@ -71,7 +79,7 @@ def centroids(image: np.ndarray, expected: np.ndarray, reach: int = 11) -> np.nd
 def test_rows_align_and_depths_are_right(rig, pair, dtype):
     peak = 1 if dtype == np.float32 else np.iinfo(dtype).max
     images = [np.rint(image * peak).astype(dtype) if peak > 1 else image.astype(dtype) for image in pair]
-    left, right, calibration = rectify(*images, rig)
+    left, right, calibration = rectify(*images, unrectified(rig))
     assert left.dtype == right.dtype == dtype
     assert left.shape == right.shape == (HEIGHT, WIDTH)
 
@@ -102,8 +110,8 @@ def test_the_baseline_is_the_distance_between_the_cameras(rig):
 def test_colour_and_alpha_are_rectified_like_grey(rig, pair):
     grey = [np.rint(image * 255).astype(np.uint8) for image in pair]
     rgba = [np.dstack([image, 255 - image, image, np.full_like(image, 255)]) for image in grey]
-    left, right, _ = rectify(*grey, rig)
-    left_rgba, right_rgba, _ = rectify(*rgba, rig)
+    left, right, _ = rectify(*grey, unrectified(rig))
+    left_rgba, right_rgba, _ = rectify(*rgba, unrectified(rig))
     np.testing.assert_array_equal(left_rgba[:, :, 0], left)
     np.testing.assert_array_equal(right_rgba[:, :, 2], right)
     assert (left_rgba[:, :, 3] == 255).mean() > 0.98
@@ -111,8 +119,8 @@ def test_colour_and_alpha_are_rectified_like_grey(rig, pair):
 
 def test_resized_images_scale_the_rig(rig, pair):
     small = [cv2.resize(image, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA) for image in pair]
-    _, _, full = rectify(*pair, rig)
-    left, _, half = rectify(*small, rig)
+    _, _, full = rectify(*pair, unrectified(rig))
+    left, _, half = rectify(*small, unrectified(rig))
     assert left.shape == (HEIGHT // 2, WIDTH // 2)
     assert half.focal_px == pytest.approx(full.focal_px / 2, rel=0.01)
     assert half.baseline_m == pytest.approx(full.baseline_m)
@@ -120,6 +128,14 @@ def test_resized_images_scale_the_rig(rig, pair):
 
 def test_images_that_do_not_fit_are_refused(rig, pair):
     with pytest.raises(ValueError, match="left is 480 × 360 and right is 480 × 359"):
-        rectify(pair[0], pair[1][:-1], rig)
+        rectify(pair[0], pair[1][:-1], unrectified(rig))
     with pytest.raises(ValueError, match="480 × 340 pixels and the cameras were calibrated at 480 × 360"):
-        rectify(pair[0][:340], pair[1][:340], rig)
+        rectify(pair[0][:340], pair[1][:340], unrectified(rig))
+
+
+def test_the_result_has_names_and_is_rectified_no_further(rig, pair):
+    rectified = rectify(*pair, unrectified(rig))
+    assert rectified[0] is rectified.left and rectified[1] is rectified.right
+    assert rectified.calibration.rig is None
+    with pytest.raises(ValueError, match="calibration has no rig"):
+        rectify(*rectified)

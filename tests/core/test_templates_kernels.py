@@ -11,9 +11,9 @@ from stereolag.templates.correlation import (
     box_energy,
     fill_pearson,
     pearson,
-    placement_score,
-    placement_scores,
     running_box_energy,
+    score_at,
+    scores_at,
 )
 
 
@@ -52,7 +52,7 @@ def test_compiled_scores_equal_the_formula(seed: int, rows: int, cols: int) -> N
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
 @pytest.mark.parametrize("channels", [1, 3])
-def test_scores_of_placements_equal_the_formula(dtype: type, channels: int) -> None:
+def test_scores_at_positions_equal_the_formula(dtype: type, channels: int) -> None:
     random = np.random.default_rng(0)
     image = random.integers(0, 256, (30, 40, channels)).astype(dtype)
     image[:12, :12] = 9
@@ -60,7 +60,7 @@ def test_scores_of_placements_equal_the_formula(dtype: type, channels: int) -> N
     template = random.normal(size=(channels, 6, 7))
     deviations = np.where(opaque, template - template[:, opaque].mean(axis=1)[:, np.newaxis, np.newaxis], 0)
     rows, cols = np.divmod(np.arange(25 * 34), 34)
-    scores = placement_scores(image, deviations, opaque, rows, cols)
-    expected = [placement_score(image, deviations, opaque, row, col) for row, col in zip(rows, cols, strict=True)]
+    scores = scores_at(image, deviations, opaque, rows, cols)
+    expected = [score_at(image, deviations, opaque, row, col) for row, col in zip(rows, cols, strict=True)]
     np.testing.assert_allclose(scores, expected, atol=1e-12)
     assert np.isnan(scores[0])

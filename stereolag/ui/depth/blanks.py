@@ -15,14 +15,14 @@ from stereolag.ui.depth.view import DepthView
 from stereolag.ui.linked_pictures import linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed
-from stereolag.ui.sentences import REASON_WORDS, REASONS_EXPLAINED
+from stereolag.ui.sentences import OPENCV_REASONS, REASON_WORDS, REASONS_EXPLAINED
 
 KEY = "depth.blanks"
 
 
 @fragment
 def show_blanks(view: DepthView) -> None:
-    """Show where each method has no measurement and why, and how much of the picture each reason costs."""
+    """Show where each method has no measurement and why, and the share of the image that each reason costs."""
     reasons = {name: reasons_of(view, name) for name in view.results}
     present = [cause for cause in REASON_COLOURS if any((one == cause).any() for one in reasons.values())]
     words = tuple(REASON_WORDS[cause] for cause in Reason)
@@ -43,14 +43,12 @@ def show_blanks(view: DepthView) -> None:
     )
     st.plotly_chart(share_of_reasons(reasons, REASON_WORDS), key=f"{KEY}.shares", config={"displayModeBar": False})
     st.markdown("\n".join(f"- **{REASON_WORDS[cause].capitalize()}**: {REASONS_EXPLAINED[cause]}" for cause in present))
-    st.caption(
-        "StereoBM and StereoSGBM do not say why. Their reasons were found by matching again with one filter after "
-        "another switched off: the filter whose absence brings a pixel back had blanked it."
-    )
+    if any(isinstance(result.settings, BlockMatcher) for result in view.results.values()):
+        st.caption(OPENCV_REASONS)
 
 
 def reasons_of(view: DepthView, name: str) -> ReasonMap:
-    """Return the reasons of one of the maps, for OpenCV's found by matching again."""
+    """Return the reason of every pixel of one map; OpenCV's are found by matching again."""
     result = view.results[name]
     if not isinstance(result.settings, BlockMatcher):
         return result.reason
@@ -60,5 +58,5 @@ def reasons_of(view: DepthView, name: str) -> ReasonMap:
         inputs=view.pair.digest,
         settings=settings_key(result),
         shared=view.pair.shared,
-        label=f"Asking {name} why …",
+        label=f"Finding the reasons of {name} …",
     )

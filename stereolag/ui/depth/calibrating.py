@@ -43,7 +43,7 @@ def ask_calibration(key: str) -> Calibrated | None:
                 required=True,
                 key=f"{key}.unit",
                 persist_state="session",
-                help="They do not name their unit: it is that of the chessboard’s squares.",
+                help="They do not state their unit: it is that of the chessboard’s squares.",
             )
         focal = columns[1].number_input(
             "Focal length, px",
@@ -81,7 +81,7 @@ class KnownDistance:
 
 
 def known_distance(pair: StereoPair) -> KnownDistance | None:
-    """Return the distance that the visitor gave for this pair in this session."""
+    """Return the distance that the visitor entered for this pair in this session."""
     known: KnownDistance | None = st.session_state.get(_key(pair))
     return known
 
@@ -92,13 +92,13 @@ def keep_known_distance(pair: StereoPair, known: KnownDistance | None) -> None:
 
 
 def calibration_of(pair: StereoPair) -> Calibration | None:
-    """Return what makes metres of the pair's disparities: the known distance if one was given, else its calibration."""
+    """Return the calibration in use: by the known distance if one was entered, else the pair's own."""
     known = known_distance(pair)
     return known.calibration if known else pair.calibration
 
 
 def disparity_error(view: DepthView, name: str) -> float:
-    """Return how far off the disparities of a method typically are, px: measured where the truth is known."""
+    """Return the typical error of a method's disparities, px: measured where the ground truth is known."""
     if view.pair.truth is None:
         return DISPARITY_ERROR
     error = typical_error(view.results[name].disparity, view.pair.truth)

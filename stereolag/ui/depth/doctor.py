@@ -1,4 +1,4 @@
-"""The input doctor: what is wrong with the pair, in numbers, and a button for each thing that can be mended."""
+"""The input doctor: what is wrong with the pair, and a button for each remedy."""
 
 from __future__ import annotations
 
@@ -8,38 +8,46 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.doctor.diagnosis import Diagnosis, diagnose, estimate_diagnosis, judge_range
-from stereolag.doctor.findings import Ailment, Finding
-from stereolag.doctor.remedies import apply_remedy
+from stereolag.doctor import (
+    Diagnosis,
+    Finding,
+    FindingCode,
+    Remedy,
+    apply_remedy,
+    diagnose,
+    estimate_diagnosis,
+    judge_range,
+)
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.results import computed, computed_in_turn
+from stereolag.ui.sentences import (
+    DOCTOR_HEALTHY,
+    REMEDIES_DONE,
+    TRUTH_DROPPED,
+    finding_in_words,
+    problems_in_words,
+    remedy_in_words,
+)
 
 REMEDIES_KEY = "depth.remedies"
-HEALTHY = ":green[:material/stethoscope: **Input doctor:** nothing to mend on this pair.]"
-
-DONE = {
-    Ailment.SWAPPED: "Left and right were swapped.",
-    Ailment.ROWS: "The rows of the right picture were moved to match those of the left one.",
-    Ailment.ROTATION: "The right picture was turned and scaled until its rows match: depth is relative.",
-    Ailment.EXPOSURE: "The right picture was given the brightness and contrast of the left one.",
-}
+HEALTHY = f":green[:material/stethoscope: {DOCTOR_HEALTHY}]"
 
 
 def treated(pair: StereoPair) -> StereoPair:
     """Return the pair with the remedies that the visitor chose for it."""
-    for ailment in st.session_state.get(REMEDIES_KEY, {}).get(pair.source, ()):
+    for remedy in st.session_state.get(REMEDIES_KEY, {}).get(pair.source, ()):
         try:
-            pair = _mended(pair, ailment)
+            pair = _remedied(pair, Remedy(remedy))
         except ValueError as error:
             st.error(str(error))
     return pair
 
 
 def show_doctor(view: DepthView) -> None:
-    """Show what the doctor finds on the pair and in the ranges searched, and what a click would mend."""
+    """Show what the doctor finds on the pair and in the ranges searched, and a button for each remedy."""
     pair = view.pair
     diagnosis = computed_in_turn(
         "diagnosis",
@@ -59,28 +67,28 @@ def show_doctor(view: DepthView) -> None:
         return
     with st.container(border=True):
         if ill:
-            st.warning(f"**Input doctor:** {_counted(len(ill))} on this pair.", icon=":material/stethoscope:")
+            st.warning(problems_in_words(len(ill)), icon=":material/stethoscope:")
         for one in ill:
             _show(one)
-        for number, remedy in enumerate(pair.remedies):
-            _show_remedy(pair, number, remedy)
-        _show_all(advice, "All that was looked at" if ill else HEALTHY)
+        for number, change in enumerate(pair.remedies):
+            _show_remedy(pair, number, change)
+        _show_all(advice, "All checks" if ill else HEALTHY)
 
 
 class Advice(NamedTuple):
-    """A finding, and what a click on its remedy does."""
+    """A finding, and the effect of a click on its remedy."""
 
     finding: Finding
-    mend: Callable[[], None]
+    apply: Callable[[], None]
 
 
 def _advice(diagnosis: Diagnosis, view: DepthView) -> list[Advice]:
     """Return the findings on the pair, and on the range of the first method whose range is not good."""
     pair = view.pair
     advice = [
-        Advice(finding, partial(_prescribe, pair, finding.ailment))
+        Advice(finding, partial(_prescribe, pair, finding.remedy))
         for finding in diagnosis.findings
-        if finding.ailment != Ailment.RANGE
+        if finding.code != FindingCode.RANGE
     ]
     judged = [
         (judge_range(diagnosis, *searched), matcher)
@@ -95,50 +103,54 @@ def _advice(diagnosis: Diagnosis, view: DepthView) -> list[Advice]:
 
 
 def _set_ranges(diagnosis: Diagnosis, matchers: list[StereoMatcher], pair: StereoPair) -> None:
+    suggested = diagnosis.suggested_min_disparity, diagnosis.suggested_num_disparities
     for matcher in matchers:
-        set_controls(matcher.with_search_range(diagnosis.suggested_min, diagnosis.suggested_num), pair)
+        set_controls(matcher.with_search_range(*suggested), pair)
 
 
-def _prescribe(pair: StereoPair, ailment: Ailment) -> None:
-    """Note that the visitor wants this remedy; swapping what was swapped is no remedy but undoes the other."""
-    given = _given(pair)
-    if ailment == Ailment.SWAPPED and ailment in given:
-        _undo(pair, given.index(ailment))
+def _prescribe(pair: StereoPair, remedy: Remedy | None) -> None:
+    """Note that the visitor wants this remedy; swapping swapped sides is no remedy but undoes the other."""
+    if remedy is None:
+        return
+    applied = _applied(pair)
+    if remedy is Remedy.SWAP_SIDES and remedy in applied:
+        _undo(pair, applied.index(remedy))
     else:
-        st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*given, ailment)
+        st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*applied, remedy)
 
 
 def _undo(pair: StereoPair, number: int) -> None:
-    given = _given(pair)
-    st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*given[:number], *given[number + 1 :])
+    applied = _applied(pair)
+    st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*applied[:number], *applied[number + 1 :])
 
 
-def _given(pair: StereoPair) -> tuple[Ailment, ...]:
-    """Return against which ailments the pair was given a remedy."""
-    return tuple(Ailment(remedy.name) for remedy in pair.remedies)
+def _applied(pair: StereoPair) -> tuple[Remedy, ...]:
+    """Return the remedies that were applied to the pair."""
+    return tuple(Remedy(change.name) for change in pair.remedies)
 
 
-def _mended(pair: StereoPair, ailment: Ailment) -> StereoPair:
-    """Return the pair after one remedy; what is known of it is kept where it still holds."""
+def _remedied(pair: StereoPair, remedy: Remedy) -> StereoPair:
+    """Return the pair after one remedy, from memory where it was applied before."""
     return computed(
         "remedy",
-        lambda progress: _with_remedy(pair, ailment),
+        lambda progress: _with_remedy(pair, remedy),
         inputs=pair.digest,
-        settings=ailment,
+        settings=remedy,
         shared=pair.shared,
-        label="Mending the pair …",
+        label="Correcting the pair …",
     )
 
 
-def _with_remedy(pair: StereoPair, ailment: Ailment) -> StereoPair:
-    left, right = apply_remedy(pair.left, pair.right, ailment)
-    done = DONE[ailment]
-    if ailment == Ailment.SWAPPED and pair.truth is not None:
-        done += " The true disparity belongs to the other picture and is left out."
-    change = Change(ailment, done, remedy=True)
-    if ailment == Ailment.SWAPPED:
+def _with_remedy(pair: StereoPair, remedy: Remedy) -> StereoPair:
+    """Return the pair after one remedy; truth, mask and calibration are kept where they still hold."""
+    left, right = apply_remedy(pair.left, pair.right, remedy)
+    done = REMEDIES_DONE[remedy]
+    if remedy is Remedy.SWAP_SIDES and pair.truth is not None:
+        done += f" {TRUTH_DROPPED}"
+    change = Change(remedy, done, remedy=True)
+    if remedy is Remedy.SWAP_SIDES:
         return pair.after(change, left=left, right=right, truth=None, visible=None)
-    if ailment == Ailment.ROTATION:
+    if remedy is Remedy.LEVEL:
         return pair.after(change, left=left, right=right, calibration=None)
     return pair.after(change, left=left, right=right)
 
@@ -146,21 +158,21 @@ def _with_remedy(pair: StereoPair, ailment: Ailment) -> StereoPair:
 def _show_all(advice: list[Advice], heading: str) -> None:
     """Show every finding, folded away under a heading."""
     with st.expander(heading):
-        st.markdown("\n\n".join(f"{_mark(one.finding)} {one.finding.sentence}" for one in advice))
+        st.markdown("\n\n".join(f"{_mark(one.finding)} {finding_in_words(one.finding)}" for one in advice))
 
 
 def _show(advice: Advice) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        st.markdown(f"{_mark(advice.finding)} {advice.finding.sentence}", width="stretch")
+        st.markdown(f"{_mark(advice.finding)} {finding_in_words(advice.finding)}", width="stretch")
         if advice.finding.remedy:
-            _button(advice.finding.remedy, f"depth.doctor.{advice.finding.ailment}", advice.mend)
+            _button(remedy_in_words(advice.finding), f"depth.doctor.{advice.finding.remedy}", advice.apply)
 
 
-def _show_remedy(pair: StereoPair, number: int, remedy: Change) -> None:
+def _show_remedy(pair: StereoPair, number: int, change: Change) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        st.markdown(f":blue[:material/healing:] {remedy.sentence}", width="stretch")
-        earlier = pair.remedies[:number].count(remedy)
-        key = f"depth.doctor.undo.{remedy.name}" + (f".{earlier}" if earlier else "")
+        st.markdown(f":blue[:material/healing:] {change.sentence}", width="stretch")
+        earlier = pair.remedies[:number].count(change)
+        key = f"depth.doctor.undo.{change.name}" + (f".{earlier}" if earlier else "")
         _button("Undo", key, partial(_undo, pair, number))
 
 
@@ -172,7 +184,3 @@ def _button(label: str, key: str, act: Callable[[], None]) -> None:
 
 def _mark(finding: Finding) -> str:
     return ":green[:material/check_circle:]" if finding.healthy else ":orange[:material/warning:]"
-
-
-def _counted(count: int) -> str:
-    return "one finding" if count == 1 else f"{count} findings"

@@ -137,7 +137,7 @@ def rectified(pair: StereoPair) -> StereoPair:
 def _rectified(pair: StereoPair) -> StereoPair:
     assert pair.calibration is not None
     assert pair.calibration.rig is not None
-    left, right, calibration = rectify(pair.left, pair.right, pair.calibration.rig)
+    left, right, calibration = rectify(pair.left, pair.right, pair.calibration)
     said = RECTIFIED
     if pair.truth is not None:
         said += " Its ground truth belongs to the image before that and is left out."

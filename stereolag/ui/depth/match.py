@@ -1,4 +1,4 @@
-"""Why this match? One window, everything the correlation saw of it, and why it was right or could not be."""
+"""Why this match? One window, every score that it got, and why the match is right or could not be."""
 
 from __future__ import annotations
 
@@ -7,39 +7,56 @@ import math
 import numpy as np
 import streamlit as st
 
-from stereolag.explaining.example_pixels import Lesson, instructive_pixel
-from stereolag.explaining.match import Box, Finding, Inspection, inspect, with_rows_around
+from stereolag.explaining.example_pixels import ExampleKind, example_pixel
+from stereolag.explaining.match import Box, MatchExplanation, MatchKind, explain_match, with_rows_around
 from stereolag.figures.linked_pictures import Picture, word_legend
 from stereolag.figures.match import (
     RUNNER_UP_COLOUR,
     SEARCH_COLOUR,
     WINDOW_COLOUR,
     patch_png,
-    score_hill,
+    score_landscape,
     score_map,
     score_row,
     sub_pixel_fit,
 )
 from stereolag.figures.pictures import as_rgb
 from stereolag.stereo.reasons import Reason
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.blanks import reasons_of
+from stereolag.ui.depth.maps import TRUTH
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import show_png, shown_progress
 from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.sentences import REASON_WORDS
+from stereolag.ui.sentences import (
+    BEFORE_OPTIMISATION,
+    EXAMPLE_LABELS,
+    HIDDEN_FROM_RIGHT,
+    NO_CORRELATION,
+    NO_EXAMPLE,
+    NO_FIT,
+    REASON_WORDS,
+    RIGHT_PX,
+    ROW_FIT,
+    SQUARE_FIT,
+    match_against_truth,
+    match_in_words,
+)
 
 KEY = "depth.inspection"
 ROWS_AROUND = 8
-RIGHT_PX = 1.0
+SAME_PX = 1e-4
+"""A disparity no farther from the match's own is drawn once, px."""
 PLAIN_CHART = {"displayModeBar": False}
 
-LESSONS = {
-    Lesson.CLEAR: ("A clear match", ":material/check_circle:"),
-    Lesson.REPEATS: ("A pattern that repeats", ":material/fence:"),
-    Lesson.BARE: ("A bare wall", ":material/square:"),
-    Lesson.HIDDEN: ("Hidden from the right eye", ":material/visibility_off:"),
+EXAMPLE_ICONS = {
+    ExampleKind.CLEAR: ":material/check_circle:",
+    ExampleKind.REPEATS: ":material/fence:",
+    ExampleKind.BARE: ":material/square:",
+    ExampleKind.HIDDEN: ":material/visibility_off:",
 }
 
 Pixel = tuple[int, int]
@@ -47,16 +64,14 @@ Pixel = tuple[int, int]
 
 @fragment
 def show_inspection(view: DepthView) -> None:
-    """Show for one pixel the window, where it was looked for, every score, and what the other methods say there."""
-    matcher = next(
-        (one.settings for one in view.results.values() if isinstance(one.settings, CorrelationMatcher)), None
-    )
+    """Show for one pixel the window, where it was looked for, every score, and the disparity of each method."""
+    matcher = _correlation(view)
     if matcher is None:
-        st.info("Correlation has no result to explain yet.")
+        st.info(NO_CORRELATION)
         return
-    _offer_lessons(view, matcher)
+    _offer_examples(view, matcher)
     row, col = _pixel(view)
-    seen = inspect(matcher, view.pair.left, view.pair.right, row, col)
+    seen = explain_match(matcher, view.pair.left, view.pair.right, row, col)
     linked_pictures(
         [
             Picture("Left image: click a pixel", as_rgb(view.pair.left), photograph=True),
@@ -83,36 +98,48 @@ def show_inspection(view: DepthView) -> None:
     _show_row(view, seen, (row, col))
 
 
+def _correlation(view: DepthView) -> CorrelationMatcher | None:
+    """Return the correlation to explain: that of a map shown, or the one that semi-global optimisation starts from."""
+    shown = [result.settings for result in view.results.values()]
+    own = next((matcher for matcher in shown if isinstance(matcher, CorrelationMatcher)), None)
+    optimised = next((matcher for matcher in shown if isinstance(matcher, SemiGlobalMatcher)), None)
+    if own is not None or optimised is None:
+        return own
+    search = SearchArea.rectified(optimised.num_disparities, optimised.min_disparity)
+    size = optimised.window_size
+    return CorrelationMatcher(window_size=size, overlap=1 - 1 / size, search=search)
+
+
 def _pixel_key(view: DepthView) -> str:
     return f"{KEY}.pixel.{view.pair.digest}"
 
 
 def _pixel(view: DepthView) -> Pixel:
-    """Return the pixel chosen; the middle of the picture at first, or where the pair has another size now."""
+    """Return the pixel chosen; the middle of the image at first, or where the pair has another size now."""
     height, width = view.pair.left.shape[:2]
     row, col = st.session_state.get(_pixel_key(view), (height // 2, width // 2))
     return min(row, height - 1), min(col, width - 1)
 
 
-def _offer_lessons(view: DepthView, matcher: CorrelationMatcher) -> None:
-    """Offer to find pixels on this pair that are worth looking at."""
+def _offer_examples(view: DepthView, matcher: CorrelationMatcher) -> None:
+    """Offer to find an example of each kind of match on this pair."""
     with st.container(horizontal=True, vertical_alignment="center"):
         st.markdown("Show me", width="content")
         pressed = [
-            lesson
-            for lesson, (label, icon) in LESSONS.items()
-            if st.button(label, icon=icon, key=f"{KEY}.{lesson.name.lower()}")
+            kind
+            for kind, icon in EXAMPLE_ICONS.items()
+            if st.button(EXAMPLE_LABELS[kind], icon=icon, key=f"{KEY}.{kind}")
         ]
-    for lesson in pressed:
+    for kind in pressed:
         with shown_progress("Looking for one …") as progress:
-            pixel = instructive_pixel(lesson, matcher, view.pair.left, view.pair.right, progress=progress)
+            pixel = example_pixel(kind, matcher, view.pair.left, view.pair.right, progress=progress)
         if pixel:
             st.session_state[_pixel_key(view)] = pixel
         else:
-            st.info("This pair has none, with the window and the search as they are set.")
+            st.info(NO_EXAMPLE)
 
 
-def _marks(seen: Inspection, pixel: Pixel) -> list[Mark]:
+def _marks(seen: MatchExplanation, pixel: Pixel) -> list[Mark]:
     """Return the frames: the window left, and right the search area, the runner-up and the place found."""
     marks = [_frame(seen.search, SEARCH_COLOUR, 1, area=True), _frame(seen.window, WINDOW_COLOUR, 0)]
     if seen.runner_up:
@@ -135,33 +162,29 @@ def _frame(box: Box, colour: str, picture: int, *, area: bool = False) -> Mark:
     )
 
 
-def _at(seen: Inspection, lag: tuple[int, int]) -> Box:
+def _at(seen: MatchExplanation, lag: tuple[int, int]) -> Box:
     """Return the window moved by (dy, dx)."""
     window = seen.window
     return Box(window.row + lag[0], window.col + lag[1], window.height, window.width)
 
 
-def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: Inspection, pixel: Pixel) -> None:
-    said = f"**{seen.verdict}**"
+def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
+    said = f"**{match_in_words(seen)}**"
     truth = math.nan if view.pair.truth is None else float(view.pair.truth[pixel])
-    off = abs(seen.disparity - truth)
-    if not math.isnan(off):
-        said += f" The peak says {seen.disparity:.2f} px, the truth is {truth:.2f} px: "
-        said += "it is **right**." if off <= RIGHT_PX else f"it is **wrong** by {off:.1f} px."
+    error = abs(seen.disparity - truth)
+    if not math.isnan(error):
+        said += f" {match_against_truth(seen.disparity, truth)}"
     if view.pair.visible is not None and not view.pair.visible[pixel]:
-        said += " The right camera cannot see this point at all: something nearer hides it."
-    sure = seen.finding is Finding.CLEAR and not off > RIGHT_PX
+        said += f" {HIDDEN_FROM_RIGHT}"
+    sure = seen.kind is MatchKind.CLEAR and not error > RIGHT_PX
     (st.success if sure else st.warning)(said)
-    if getattr(matcher, "optimisation", None) is not None:
-        st.caption(
-            "These are the raw scores of the windowed correlation. The semi-global optimisation weighs them, joined "
-            "by its other costs, against those of the neighbours along eight paths, and may choose another hill."
-        )
+    if all(result.settings != matcher for result in view.results.values()):
+        st.caption(BEFORE_OPTIMISATION)
 
 
-def _show_patches(view: DepthView, seen: Inspection) -> None:
-    """Show what was looked for beside what was found, enlarged."""
-    st.markdown("##### What was compared")
+def _show_patches(view: DepthView, seen: MatchExplanation) -> None:
+    """Show the window beside the places found, enlarged."""
+    st.markdown("##### The windows compared")
     places = [("Looked for", view.pair.left, seen.window, math.nan)]
     if seen.found:
         places.append(("Found", view.pair.right, seen.found, seen.peak_score))
@@ -173,40 +196,45 @@ def _show_patches(view: DepthView, seen: Inspection) -> None:
                 show_png(patch_png(image, box))
                 st.caption(name if math.isnan(score) else f"{name}: **{score:.3f}**")
     st.caption(
-        "Enlarged, in grey as they are compared, each from its darkest to its brightest. "
-        f"The window really holds {seen.contrast:.0%} of the picture’s contrast."
+        "Enlarged, in grey as they are compared, each stretched from its darkest to its brightest. "
+        f"The window actually has {seen.contrast:.0%} of the image’s contrast."
     )
 
 
-def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: Inspection, pixel: Pixel) -> None:
+def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the scores of all lags, and of some rows above and below that were not searched."""
-    st.markdown("##### How well every place fits")
-    around = inspect(with_rows_around(matcher, ROWS_AROUND), view.pair.left, view.pair.right, *pixel)
+    st.markdown("##### The score of every place")
+    around = explain_match(with_rows_around(matcher, ROWS_AROUND), view.pair.left, view.pair.right, *pixel)
     shape = st.segmented_control(
-        "Shape", ["Hill", "From above"], default="Hill", required=True, key=f"{KEY}.shape", label_visibility="collapsed"
+        "Shape",
+        ["Surface", "From above"],
+        default="Surface",
+        required=True,
+        key=f"{KEY}.shape",
+        label_visibility="collapsed",
     )
     if seen.peak is None:
         st.caption("There is no score to show.")
         return
-    if shape == "Hill":
-        st.plotly_chart(score_hill(around, seen), key=f"{KEY}.hill", config=PLAIN_CHART)
+    if shape == "Surface":
+        st.plotly_chart(score_landscape(around, seen), key=f"{KEY}.hill", config=PLAIN_CHART)
     else:
         st.plotly_chart(score_map(around, seen), key=f"{KEY}.above", config=PLAIN_CHART)
     if around.dy.size > seen.dy.size:
         st.caption(
-            "A sharp top is a sure match; a ridge slides, several tops confuse, a plain holds nothing. Only the middle "
-            "row is searched: the rows above and below are shown to see the hill."
+            "A sharp peak is a sure match; along a ridge it slides, several peaks compete, and a plain holds no match. "
+            "Only the middle row is searched; the rows above and below are shown for the shape."
         )
 
 
-def _show_row(view: DepthView, seen: Inspection, pixel: Pixel) -> None:
-    """Show the scores along the row, the sub-pixel fit, and what every method says here."""
-    answers = _answers(view, seen, pixel)
+def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
+    """Show the scores along the row, the sub-pixel fit, and the disparity of every method here."""
+    disparities = _disparities(view, pixel)
     searched = -float(seen.dx[-1]), -float(seen.dx[0])
     drawn = {
         name: value
-        for name, (value, _) in answers.items()
-        if searched[0] <= value <= searched[1] and value != np.float32(seen.disparity)
+        for name, (value, _) in disparities.items()
+        if searched[0] <= value <= searched[1] and abs(value - seen.disparity) > SAME_PX
     }
     row, fit = st.columns([1.7, 1], gap="medium")
     with row:
@@ -215,18 +243,18 @@ def _show_row(view: DepthView, seen: Inspection, pixel: Pixel) -> None:
     with fit:
         st.markdown("##### Between the pixels")
         if seen.peak is None or np.isnan(seen.fit(0.0)):
-            st.caption("A peak without a neighbour on either side has no place between the pixels.")
+            st.caption(NO_FIT)
         else:
             st.plotly_chart(sub_pixel_fit(seen), key=f"{KEY}.fit", config=PLAIN_CHART)
-            st.caption("A bell curve through the best score and its two neighbours: its top is the disparity.")
-    st.markdown("##### What each method says here")
-    lines = [f"| **{name}** | {said} |" for name, (_, said) in answers.items()]
+            st.caption(SQUARE_FIT if len(seen.around) > 1 else ROW_FIT)
+    st.markdown("##### The disparity by each method")
+    lines = [f"| **{name}** | {said} |" for name, (_, said) in disparities.items()]
     st.markdown("\n".join(["| | disparity |", "|---|---|", *lines]))
 
 
-def _answers(view: DepthView, seen: Inspection, pixel: Pixel) -> dict[str, tuple[float, str]]:
-    """Return {name: (disparity or NaN, the same in words)} of the methods, and of the truth where it is known."""
-    answers: dict[str, tuple[float, str]] = {}
+def _disparities(view: DepthView, pixel: Pixel) -> dict[str, tuple[float, str]]:
+    """Return {name: (disparity or NaN, the same in words)} of the methods, and of the ground truth if known."""
+    disparities: dict[str, tuple[float, str]] = {}
     for name, result in view.results.items():
         disparity = float(result.disparity[pixel])
         said = f"{disparity:.2f} px"
@@ -234,8 +262,8 @@ def _answers(view: DepthView, seen: Inspection, pixel: Pixel) -> dict[str, tuple
             said = f"none: {REASON_WORDS[Reason(reasons_of(view, name)[pixel])]}"
         elif result.reason[pixel] == Reason.FILLED:
             said += ", filled in"
-        answers[name] = disparity, said
+        disparities[name] = disparity, said
     if view.pair.truth is not None:
         truth = float(view.pair.truth[pixel])
-        answers["Truth"] = truth, "unknown" if math.isnan(truth) else f"{truth:.2f} px"
-    return answers
+        disparities[TRUTH] = truth, "unknown" if math.isnan(truth) else f"{truth:.2f} px"
+    return disparities

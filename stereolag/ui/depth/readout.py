@@ -1,4 +1,4 @@
-"""Value under the cursor: disparity, depth, score and reason; the distance between two points."""
+"""The values under the cursor, disparity, depth, score and reason, and the distance between two points."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Pixel = tuple[int, int]
 
 @fragment
 def show_readout(view: DepthView) -> None:
-    """Show what every method says at the cursor, at two points that were clicked, and how far those are apart."""
+    """Show the values of every method at the cursor and at two points clicked, and the distance between these."""
     points_key = f"{KEY}.points.{view.pair.digest}"
     points: list[Pixel] = st.session_state.get(points_key, [])
 
@@ -46,7 +46,7 @@ def show_readout(view: DepthView) -> None:
         [*pictures, *truth_picture(view)],
         key=KEY,
         legends=map_legends(view),
-        hint="Click two points to measure the distance between them; the third click begins anew.",
+        hint="Click two points to measure the distance between them; a third click starts over.",
         marks=_marks(points),
         on_pick=pick,
     )
@@ -66,19 +66,19 @@ def _calibration_in_words(view: DepthView) -> str:
     known, calibration = known_distance(view.pair), calibration_of(view.pair)
     if calibration is None:
         return (
-            "**Relative**: no calibration is known, so disparity says what is nearer, not how many metres. One "
-            "distance that you know is enough: click a point and give it below."
+            "**Relative**: without a calibration, disparity tells which point is nearer, but not how many metres away "
+            "it is. One known distance is enough: click a point and enter its distance below."
         )
     product = f"focal length × baseline = **{calibration.focal_px * calibration.baseline_m:.4g} px·m**"
     if known:
         place = f"row {known.row}, column {known.col}"
-        return f"**Metric**, from the **{known.metres:g} m** that you gave for {place}: {product}."
+        return f"**Metric**, from the **{known.metres:g} m** that you entered for {place}: {product}."
     factors = f"{calibration.focal_px:.6g} px × {calibration.baseline_m:.4g} m"
     return f"**Metric**, from the pair’s calibration: {factors}, {product}."
 
 
 def _table(view: DepthView, points: list[Pixel]) -> str:
-    """Return what each method says at the points, as a Markdown table."""
+    """Return the values of each method at the points, as a Markdown table."""
     metric = calibration_of(view.pair) is not None
     heads = [
         "",
@@ -141,7 +141,7 @@ def _error(view: DepthView, name: str) -> float:
 
 
 def _metres(metres: float, error: float) -> str:
-    """Return a length with as many decimals as its error leaves sure, and one more."""
+    """Return a length with its error, to one more decimal than the error leaves certain."""
     if error == 0:
         return f"{metres:.4g} m"
     decimals = min(max(1 - math.floor(math.log10(error)), 0), 4)
@@ -152,31 +152,29 @@ def _uncertainty_in_words(view: DepthView) -> str:
     """Return where the uncertainty comes from."""
     formula = "The uncertainty of a depth is Z² · δd / (f · B)"
     if view.pair.truth is None:
-        return f"{formula}, with δd = {disparity_error(view, next(iter(view.results))):g} px, usual for a good match."
+        return f"{formula}, with δd = {disparity_error(view, next(iter(view.results))):g} px, typical of a good match."
     errors = ", ".join(f"{name} {disparity_error(view, name):.2f} px" for name in view.results)
-    return f"{formula}, where δd is the median error that each method has against the truth of this pair: {errors}."
+    return f"{formula}, where δd is the median error of each method against the ground truth: {errors}."
 
 
 def _ask_known_distance(view: DepthView, points: list[Pixel]) -> None:
-    """Ask for the distance of the point clicked last and make metres of it."""
+    """Ask for the distance of the point clicked last, and calibrate by it."""
     with st.container(border=True):
         st.markdown("**Click something whose distance you know**")
         if not points:
-            st.caption("First click the point in one of the pictures above.")
+            st.caption("First click the point in one of the images above.")
         else:
             _ask_distance_of(view, points[-1], "AB"[len(points) - 1])
         if known_distance(view.pair):
-            st.button(
-                "Forget the distance given", key=f"{KEY}.forget", on_click=keep_known_distance, args=(view.pair, None)
-            )
+            st.button("Forget this distance", key=f"{KEY}.forget", on_click=keep_known_distance, args=(view.pair, None))
 
 
 def _ask_distance_of(view: DepthView, point: Pixel, letter: str) -> None:
     doffs = view.pair.calibration.doffs_px if view.pair.calibration else 0.0
-    answers = {name: float(one.disparity[point]) for name, one in view.results.items()}
-    near = [name for name, disparity in answers.items() if disparity + doffs > 0]
+    disparities = {name: float(one.disparity[point]) for name, one in view.results.items()}
+    near = [name for name, disparity in disparities.items() if disparity + doffs > 0]
     if not near:
-        st.caption(f"No method sees {letter} in front of infinity; choose a point where one does.")
+        st.caption(f"No method measures {letter} in front of infinity; choose a point where one does.")
         return
     with st.container(horizontal=True, vertical_alignment="bottom"):
         metres = st.number_input(
@@ -189,11 +187,11 @@ def _ask_distance_of(view: DepthView, point: Pixel, letter: str) -> None:
             disabled=metres is None,
             type="primary",
             on_click=_use_distance,
-            args=(view.pair, point, answers[name], metres),
+            args=(view.pair, point, disparities[name], metres),
         )
     if view.pair.calibration is None:
         st.caption(
-            "Depths follow from this one distance. Distances across the picture also need the focal length: "
+            "Depths follow from this one distance. Distances across the image also need the focal length: "
             f"{FIELD_OF_VIEW:g}° from side to side are assumed."
         )
 

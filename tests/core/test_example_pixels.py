@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pairs import texture
 
-from stereolag.explaining.example_pixels import Lesson, instructive_pixel
-from stereolag.explaining.match import Finding, inspect
+from stereolag.explaining.example_pixels import ExampleKind, example_pixel
+from stereolag.explaining.match import MatchKind, explain_match
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 
@@ -35,38 +35,38 @@ def scene(*, wall: bool = True, fence: bool = True, near: bool = True) -> tuple[
 
 def test_a_clear_match_is_clear_and_right() -> None:
     left, right = scene()
-    pixel = instructive_pixel(Lesson.CLEAR, MATCHER, left, right)
+    pixel = example_pixel(ExampleKind.CLEAR, MATCHER, left, right)
     assert pixel is not None
-    seen = inspect(MATCHER, left, right, *pixel)
-    assert seen.finding is Finding.CLEAR
+    seen = explain_match(MATCHER, left, right, *pixel)
+    assert seen.kind is MatchKind.CLEAR
     assert min(abs(seen.disparity - shift) for shift in (BEHIND, NEAR)) < 0.1
 
 
 def test_the_fence_and_the_wall_are_found() -> None:
     left, right = scene()
-    repeats = instructive_pixel(Lesson.REPEATS, MATCHER, left, right)
+    repeats = example_pixel(ExampleKind.REPEATS, MATCHER, left, right)
     assert repeats is not None
     assert FENCE.start <= repeats[0] < FENCE.stop
-    bare = instructive_pixel(Lesson.BARE, MATCHER, left, right)
+    bare = example_pixel(ExampleKind.BARE, MATCHER, left, right)
     assert bare is not None
     assert WALL.start <= bare[0] < WALL.stop
 
 
 def test_the_hidden_strip_lies_left_of_the_near_square() -> None:
     left, right = scene(wall=False, fence=False)
-    pixel = instructive_pixel(Lesson.HIDDEN, MATCHER, left, right)
+    pixel = example_pixel(ExampleKind.HIDDEN, MATCHER, left, right)
     assert pixel is not None
     rows, cols = SQUARE
     assert rows.start <= pixel[0] < rows.stop
     assert cols.start - (NEAR - BEHIND) <= pixel[1] < cols.start
 
 
-@pytest.mark.parametrize("lesson", [Lesson.REPEATS, Lesson.BARE, Lesson.HIDDEN])
-def test_a_scene_without_it_has_none(lesson: Lesson) -> None:
-    assert instructive_pixel(lesson, MATCHER, *scene(wall=False, fence=False, near=False)) is None
+@pytest.mark.parametrize("kind", [ExampleKind.REPEATS, ExampleKind.BARE, ExampleKind.HIDDEN])
+def test_a_scene_without_it_has_none(kind: ExampleKind) -> None:
+    assert example_pixel(kind, MATCHER, *scene(wall=False, fence=False, near=False)) is None
 
 
 @pytest.mark.parametrize("matcher", [MATCHER.model_copy(update={"score": "phase"}), CorrelationMatcher(window_size=16)])
 def test_every_score_and_search_can_be_asked(matcher: CorrelationMatcher) -> None:
     left, right = scene(near=False)
-    assert instructive_pixel(Lesson.CLEAR, matcher, left, right) is not None
+    assert example_pixel(ExampleKind.CLEAR, matcher, left, right) is not None

@@ -1,0 +1,128 @@
+"""One window of a map: its scores as its matcher takes them, and the curve that is fitted to them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.arrays import FloatMap
+from stereolag.stereo.windows.engines import find_matches
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.matches import WindowQuery
+from stereolag.stereo.windows.window_fft import score_surface
+
+Surface: TypeAlias = npt.NDArray[np.float64]
+"""(n_dy, n_dx) scores; NaN = no candidate."""
+
+Lag: TypeAlias = tuple[int, int]
+"""(dy, dx), right minus left, px."""
+
+TIE = 1e-9
+"""Scores closer than this share are equal: the rounding of an FFT must not choose between them."""
+
+SAME_TOP = 0.02
+"""Twice the px by which two tops may differ and still be one: the compiled fit approximates its logarithms."""
+
+
+def window_start(at: int, end: int, size: int, step: int) -> int:
+    """Return where the window begins whose cell holds the pixel; near the border, the nearest whole window."""
+    return int(np.clip((at - (size - step) // 2) // step, 0, (end - size) // step)) * step
+
+
+def score_window(
+    matcher: CorrelationMatcher, query: WindowQuery, top: int, start: int
+) -> tuple[Surface, Lag | None, FloatMap]:
+    """Return every score of one window, the lag that its matcher takes, and the scores around that, as it fits them.
+
+    The engine itself is asked, on the part of the images that the window can reach: float64 scores would give another
+    sub-pixel peak than its float32 ones, and break ties another way.
+    """
+    if matcher._engine_for((query.left.shape[0], query.left.shape[1])) == "fft":
+        surface = score_surface(query, top, start)
+        return surface, *_peak_of(surface, query)
+    step, size, lags = query.step, query.window_size, query.lags
+    # In whole steps from the window, so that it is one of the grid.
+    first_row = top - step * -(-min(top, max(0, -lags.dy_first)) // step)
+    first_col = start - step * -(-min(start, max(0, -lags.dx_first)) // step)
+    reached = (
+        slice(first_row, top + size + max(0, lags.dy_last)),
+        slice(first_col, start + size + max(0, lags.dx_last)),
+    )
+    left, right = (np.ascontiguousarray(image[reached]) for image in (query.left, query.right))
+    part = replace(query, left=left, right=right)
+    surface = score_surface(part, top - first_row, start - first_col)
+    matches = find_matches(part, "window_sums")
+    at = (top - first_row) // step, (start - first_col) // step
+    around = np.ascontiguousarray(matches.around[:, :, at[0], at[1]])
+    best = None if np.isnan(matches.score[at]) else (int(matches.dy[at]), int(matches.dx[at]))
+    return surface, best, around
+
+
+def _peak_of(surface: Surface, query: WindowQuery) -> tuple[Lag | None, FloatMap]:
+    """Return the lag of the highest score, of equal ones the shortest, and the scores around it."""
+    lags, vertical = query.lags, int(query.lags.rows > 1)
+    nothing = np.full((1 + 2 * vertical, 3), np.nan, np.float32)
+    if np.isnan(surface).all():
+        return None, nothing
+    highest = float(np.nanmax(surface))
+    dy, dx = lags.ranked()
+    first = np.argmax(surface[dy - lags.dy_first, dx - lags.dx_first] >= highest - TIE * abs(highest))
+    row, col = int(dy[first]) - lags.dy_first, int(dx[first]) - lags.dx_first
+    framed = np.pad(surface, 1, mode="wrap") if query.circular else np.pad(surface, 1, constant_values=np.nan)
+    around = framed[row + 1 - vertical : row + 2 + vertical, col : col + 3].astype(np.float32)
+    return (int(dy[first]), int(dx[first])), around
+
+
+def fitted_curve(around: FloatMap, offset: tuple[float, float], at: npt.NDArray[np.float64]) -> Surface:
+    """Return the curve along dx whose top is a sub-pixel peak: a Gaussian, or a parabola where a score is not positive.
+
+    Parameters
+    ----------
+    around
+        (3, 3) or (1, 3) scores around the peak; NaN = no candidate.
+    offset
+        (dy, dx) of the sub-pixel peak, px.
+    at
+        (n,) px from the peak in dx.
+
+    Returns
+    -------
+    ndarray
+        (n,) float64 scores; NaN where the neighbours along the row are missing.
+    """
+    scores = around.astype(np.float64)
+    middle = scores[len(scores) // 2]
+    if not np.isfinite(middle).all():
+        return np.full(at.shape, np.nan)
+    gaussian = bool((scores > 0).all())
+    section = _section(np.log(scores) if gaussian else scores, offset)
+    if section is None:
+        gaussian = bool((middle > 0).all())
+        section = _through_three(np.log(middle) if gaussian else middle)
+    height, slope, bend = section
+    curve = height + slope * at + bend * at**2
+    return np.asarray(np.exp(curve) if gaussian else curve)
+
+
+def _through_three(values: Surface) -> tuple[float, float, float]:
+    """Return height, slope and bend of the parabola through the values at -1, 0 and 1."""
+    low, top, high = values
+    return top, (high - low) / 2, (low - 2 * top + high) / 2
+
+
+def _section(values: Surface, offset: tuple[float, float]) -> tuple[float, float, float] | None:
+    """Return height, slope and bend along dx of the paraboloid fitted to (3, 3) values, at the dy of its top.
+
+    None where it has another top than `offset`, which was then fitted to the row alone, or where there is one row.
+    """
+    if len(values) == 1 or not np.isfinite(values).all():
+        return None
+    dy, dx = np.mgrid[-1:2, -1:2].reshape(2, -1).astype(np.float64)
+    terms = np.column_stack([np.ones(9), dx, dx**2, dy, dy**2, dx * dy])
+    height, slope, bend, slope_y, bend_y, twist = np.linalg.lstsq(terms, values.ravel(), rcond=None)[0]
+    at = offset[0]
+    section = height + slope_y * at + bend_y * at**2, slope + twist * at, bend
+    return section if abs(section[1] + 2 * bend * offset[1]) < SAME_TOP * abs(bend) else None

@@ -1,0 +1,78 @@
+"""Results as files on disk: whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.export.maps import kitti_png, npy, pfm
+from stereolag.export.settings import settings_json
+from stereolag.stereo.matcher import StereoMatcher
+
+
+def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> None:
+    """Write a disparity map; :func:`stereolag.read_disparity` reads it back.
+
+    Parameters
+    ----------
+    path
+        Its suffix chooses the format: ``.pfm`` and ``.npy`` hold any disparity as float32, ``.png`` holds 0 to
+        255.99 px in steps of 1/256 px (16 bits, as KITTI stores it: :func:`stereolag.export.kitti_png`). A file that
+        is there already is replaced.
+    disparity
+        (rows, cols), px; NaN or infinite where there is none.
+
+    Raises
+    ------
+    ValueError
+        Another suffix, an array that is not (rows, cols), or a disparity that the format cannot hold; nothing is
+        written then.
+    OSError
+        The folder does not exist, the disk is full, and so on; a file that was there before is left as it was.
+    """
+    target = Path(path)
+    encode = DISPARITY_FORMATS.get(target.suffix.lower())
+    if encode is None:
+        allowed = ", ".join(DISPARITY_FORMATS)
+        raise ValueError(f"path ends in {target.suffix!r}; a disparity map is written as {allowed}.")
+    _write(target, encode(disparity))
+
+
+def write_matcher(path: str | os.PathLike[str], matcher: StereoMatcher) -> None:
+    """Write the settings of a matcher as JSON, whatever the suffix; :func:`stereolag.read_matcher` reads them back.
+
+    Raises
+    ------
+    OSError
+        The folder does not exist, the disk is full, and so on; a file that was there before is left as it was.
+    """
+    _write(Path(path), settings_json(matcher).encode())
+
+
+def _npy(disparity: npt.ArrayLike) -> bytes:
+    values = np.asarray(disparity, dtype=np.float32)
+    if values.ndim != 2 or values.size == 0:
+        raise ValueError(f"disparity has shape {values.shape}; allowed is (rows, cols) with at least one pixel.")
+    return npy(np.where(np.isfinite(values), values, np.float32(np.nan)))
+
+
+DISPARITY_FORMATS: dict[str, Callable[[npt.ArrayLike], bytes]] = {".pfm": pfm, ".npy": _npy, ".png": kitti_png}
+"""By suffix, in small letters."""
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a file beside its place and move it there once it is complete."""
+    part = path.with_name(f".{uuid4().hex}.part")
+    try:
+        with part.open("xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

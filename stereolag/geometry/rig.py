@@ -1,0 +1,118 @@
+"""Two cameras before rectification, and the bounds of every number in a calibration."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+FOCAL_PX = (1e-3, 1e7)
+BASELINE_M = (1e-9, 1e9)
+MAX_CENTRE_PX = 1e7
+MAX_DISTORTION = 1e9
+"""From the cameras of a microscope to those of two satellites; beyond, products overflow or lose all meaning."""
+
+
+@dataclass(frozen=True, eq=False)
+class StereoRig:
+    """Two cameras as they were calibrated, before rectification (the model of OpenCV's ``stereoCalibrate``).
+
+    Attributes
+    ----------
+    left_matrix, right_matrix
+        (3, 3) camera matrices, px.
+    left_distortion, right_distortion
+        (4 | 5 | 8 | 12 | 14,) coefficients k1, k2, p1, p2, …; none at all means no distortion.
+    rotation, translation
+        (3, 3) and (3,), metres: a point at ``x`` seen from the left camera is at ``rotation @ x + translation`` seen
+        from the right one, so ``translation[0]`` is negative.
+    width, height
+        The size of the images the matrices are for, px; None where unknown.
+    """
+
+    left_matrix: npt.NDArray[np.float64]
+    left_distortion: npt.NDArray[np.float64]
+    right_matrix: npt.NDArray[np.float64]
+    right_distortion: npt.NDArray[np.float64]
+    rotation: npt.NDArray[np.float64]
+    translation: npt.NDArray[np.float64]
+    width: int | None = None
+    height: int | None = None
+
+    def __post_init__(self) -> None:
+        self._set("left_matrix", (3, 3))
+        self._set("right_matrix", (3, 3))
+        self._set("rotation", (3, 3), 10.0)
+        self._set("translation", (3,), BASELINE_M[1])
+        for name in ("left_distortion", "right_distortion"):
+            size = np.size(getattr(self, name))
+            if size not in (0, 4, 5, 8, 12, 14):
+                raise ValueError(f"{name} holds {size} coefficients; allowed are 0, 4, 5, 8, 12 and 14.")
+            self._set(name, (size,), MAX_DISTORTION)
+            if size == 0:
+                object.__setattr__(self, name, np.zeros(5))
+        for name in ("left_matrix", "right_matrix"):
+            matrix = getattr(self, name)
+            if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.array_equal(matrix[2], (0, 0, 1))):
+                raise ValueError(f"{name} is not [[f, 0, cx], [0, f, cy], [0, 0, 1]] with focal lengths above 0.")
+            for focal in (matrix[0, 0], matrix[1, 1]):
+                check_range(float(focal), f"The focal length in {name}", FOCAL_PX)
+        if not np.allclose(self.rotation @ self.rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(self.rotation) < 0:
+            raise ValueError("rotation is not a rotation: its rows must be orthogonal and of length 1.")
+        if not -self.translation[0] > abs(self.translation[1]):
+            raise ValueError(
+                f"translation is {self.translation.tolist()} m; its first number must be negative and outweigh "
+                "the second: the second camera stands to the right of the first."
+            )
+
+    def _set(self, name: str, shape: tuple[int, ...], most: float = MAX_CENTRE_PX) -> None:
+        array = np.array(getattr(self, name), dtype=np.float64)
+        if array.size != math.prod(shape) or not np.isfinite(array).all():
+            raise ValueError(f"{name} has shape {array.shape}; allowed are {math.prod(shape)} finite numbers, {shape}.")
+        largest = max(array.flat, key=abs, default=0.0)
+        if abs(largest) > most:
+            raise ValueError(f"{name} holds {largest:g}; allowed are numbers from -{most:g} to {most:g}.")
+        object.__setattr__(self, name, array.reshape(shape))
+
+    def scaled(self, factor: float) -> StereoRig:
+        """Return the rig for images resized by `factor`."""
+        check_positive(factor, "factor")
+        return replace(
+            self,
+            left_matrix=_scaled_matrix(self.left_matrix, factor),
+            right_matrix=_scaled_matrix(self.right_matrix, factor),
+            width=scaled_size(self.width, factor),
+            height=scaled_size(self.height, factor),
+        )
+
+
+def check_positive(value: float, name: str) -> None:
+    """Refuse a number that is not finite and above 0."""
+    if not (value > 0 and math.isfinite(value)):
+        raise ValueError(f"{name} is {value}; allowed are finite numbers above 0.")
+
+
+def check_range(value: float, name: str, bounds: tuple[float, float]) -> None:
+    """Refuse a number outside its bounds."""
+    check_positive(value, name)
+    if not bounds[0] <= value <= bounds[1]:
+        raise ValueError(f"{name} is {value:g}; allowed are {bounds[0]:g} to {bounds[1]:g}.")
+
+
+def scaled_centre(centre: float, factor: float) -> float:
+    """Return a principal point (px, pixel centres at whole numbers) in an image resized by `factor`."""
+    return (centre + 0.5) * factor - 0.5
+
+
+def scaled_size(size: int | None, factor: float) -> int | None:
+    """Return a side of an image resized by `factor`, px; None of an unknown one."""
+    return None if size is None else max(1, round(size * factor))
+
+
+def _scaled_matrix(matrix: npt.NDArray[np.float64], factor: float) -> npt.NDArray[np.float64]:
+    scaled = matrix * factor
+    scaled[:2, 2] = (matrix[:2, 2] + 0.5) * factor - 0.5
+    scaled[2] = matrix[2]
+    return scaled
