@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import FloatMap
-from stereolag.explaining.one_window import Lag, Surface, fitted_curve, score_window, window_start
+from stereolag.explaining.one_window import Lag, Surface, best_match, fitted_curve, window_start
 from stereolag.inputs import as_grey, as_stereo_pair, of_ordinary_size
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.matches import Score
 from stereolag.stereo.windows.peak_fits import fit_peaks
 from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.windows.window_fft import score_surface
 
 
 class MatchKind(StrEnum):
@@ -196,7 +197,8 @@ def explain_match(
     top, start = (window_start(at, end, size, matcher.step) for at, end in ((row, height), (col, width)))
     grey = of_ordinary_size(as_grey(images[0]), as_grey(images[1]))
     query = replace(matcher.query(*grey), runner_up=False, right_matches=False)
-    every_score, best, around = score_window(matcher, query, top, start)
+    every_score = score_surface(query, top, start)
+    best, around = best_match(every_score, query)
     tried, asked = query.lags, matcher.search.lags(size)
     surface = every_score[
         asked.dy_first - tried.dy_first : asked.dy_last - tried.dy_first + 1,

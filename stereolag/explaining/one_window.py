@@ -1,27 +1,20 @@
-"""One window of a map: its scores as its matcher takes them, and the curve that is fitted to them."""
+"""One window of a map: its best match as its matcher takes it, and the curve that is fitted there."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import FloatMap
-from stereolag.stereo.windows.engines import find_matches
-from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.matches import WindowQuery
-from stereolag.stereo.windows.window_fft import score_surface
 
 Surface: TypeAlias = npt.NDArray[np.float64]
 """(n_dy, n_dx) scores; NaN = no candidate."""
 
 Lag: TypeAlias = tuple[int, int]
 """(dy, dx), right minus left, px."""
-
-TIE = 1e-9
-"""Scores closer than this share are equal: the rounding of an FFT must not choose between them."""
 
 SAME_TOP = 0.02
 """Twice the px by which two tops may differ and still be one: the compiled fit approximates its logarithms."""
@@ -32,36 +25,7 @@ def window_start(at: int, end: int, size: int, step: int) -> int:
     return int(np.clip((at - (size - step) // 2) // step, 0, (end - size) // step)) * step
 
 
-def score_window(
-    matcher: CorrelationMatcher, query: WindowQuery, top: int, start: int
-) -> tuple[Surface, Lag | None, FloatMap]:
-    """Return every score of one window, the lag that its matcher takes, and the scores around that, as it fits them.
-
-    The engine itself is asked, on the part of the images that the window can reach: float64 scores would give another
-    sub-pixel peak than its float32 ones, and break ties another way.
-    """
-    if matcher._engine_for((query.left.shape[0], query.left.shape[1])) == "fft":
-        surface = score_surface(query, top, start)
-        return surface, *_peak_of(surface, query)
-    step, size, lags = query.step, query.window_size, query.lags
-    # In whole steps from the window, so that it is one of the grid.
-    first_row = top - step * -(-min(top, max(0, -lags.dy_first)) // step)
-    first_col = start - step * -(-min(start, max(0, -lags.dx_first)) // step)
-    reached = (
-        slice(first_row, top + size + max(0, lags.dy_last)),
-        slice(first_col, start + size + max(0, lags.dx_last)),
-    )
-    left, right = (np.ascontiguousarray(image[reached]) for image in (query.left, query.right))
-    part = replace(query, left=left, right=right)
-    surface = score_surface(part, top - first_row, start - first_col)
-    matches = find_matches(part, "window_sums")
-    at = (top - first_row) // step, (start - first_col) // step
-    around = np.ascontiguousarray(matches.around[:, :, at[0], at[1]])
-    best = None if np.isnan(matches.score[at]) else (int(matches.dy[at]), int(matches.dx[at]))
-    return surface, best, around
-
-
-def _peak_of(surface: Surface, query: WindowQuery) -> tuple[Lag | None, FloatMap]:
+def best_match(surface: Surface, query: WindowQuery) -> tuple[Lag | None, FloatMap]:
     """Return the lag of the highest score, of equal ones the shortest, and the scores around it."""
     lags, vertical = query.lags, int(query.lags.rows > 1)
     nothing = np.full((1 + 2 * vertical, 3), np.nan, np.float32)
@@ -69,7 +33,7 @@ def _peak_of(surface: Surface, query: WindowQuery) -> tuple[Lag | None, FloatMap
         return None, nothing
     highest = float(np.nanmax(surface))
     dy, dx = lags.ranked()
-    first = np.argmax(surface[dy - lags.dy_first, dx - lags.dx_first] >= highest - TIE * abs(highest))
+    first = np.argmax(surface[dy - lags.dy_first, dx - lags.dx_first] >= highest)
     row, col = int(dy[first]) - lags.dy_first, int(dx[first]) - lags.dx_first
     framed = np.pad(surface, 1, mode="wrap") if query.circular else np.pad(surface, 1, constant_values=np.nan)
     around = framed[row + 1 - vertical : row + 2 + vertical, col : col + 3].astype(np.float32)
