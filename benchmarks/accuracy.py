@@ -22,7 +22,7 @@ SGBM, BLOCK_15 = StereoSGBM.title, "StereoBM(15)"
 
 @dataclass(frozen=True)
 class Judged:
-    """Bad % of one map at the pair's own threshold: missing pixels counted wrong, of the measured alone, and density."""
+    """Bad % of one map at its pair's threshold: missing pixels counted wrong, of the measured alone, and density."""
 
     bad: float
     bad_measured: float
