@@ -117,6 +117,21 @@ def test_the_surface_of_one_window_holds_what_its_match_saw(score: Score) -> Non
     assert np.isnan(score_surface(query, 0, 0)).all()
 
 
+def test_a_search_of_more_lags_than_window_sums_allow_is_the_ffts(monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right = shifted_pair(60, 90, 2, -3)
+    query = WindowQuery(left, right, 16, 8, LagRange(-9, 9, -20, 20), runner_up=True)
+    few = find_matches(query, "fft")
+    monkeypatch.setattr("stereolag.stereo.windows.recording.MOST_LAGS", 100)
+    many = find_matches(query, "fft")
+    for name in ("dy", "dx", "score", "around"):
+        np.testing.assert_array_equal(getattr(many, name), getattr(few, name), err_msg=name)
+    np.testing.assert_allclose(many.runner_up, few.runner_up, atol=1.1 * 2**10 / 2**29)
+    assert cheaper_engine((800, 900), 16, 8, LagRange(-200, 200, -200, 200)) == "fft"
+    large = shifted_pair(300, 320, 0, -20)
+    result = CorrelationMatcher(window_size=20, overlap=0, search=SearchArea.centred(290)).compute(*large)
+    assert abs(np.nanmedian(result.disparity) - 20) < 0.1
+
+
 def test_matches_of_the_right_windows_are_not_to_be_had_by_fft() -> None:
     image = np.zeros((20, 30), np.uint8)
     with pytest.raises(ValueError, match="window sums alone"):

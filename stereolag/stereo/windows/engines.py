@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
-from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.windows.search import MOST_LAGS, LagRange
 from stereolag.stereo.windows.window_fft import match_windows_fft
 from stereolag.stereo.windows.window_sums import match_windows
 
@@ -34,8 +34,10 @@ def cheaper_engine(shape: tuple[int, int], window_size: int, step: int, lags: La
     Window sums cost pixels × lags, whatever the window; batched FFT costs windows × N log N, N being the area of a
     window's search area. So the FFT is favoured where windows hardly overlap and the search is two-dimensional and
     several times as large as they are; on all else measured (windows 8 to 40 px, 64 to 14,641 lags) sums are faster,
-    mostly ten times and more.
+    mostly ten times and more. Searches of more than 65535 lags are the FFT's alone.
     """
+    if lags.count > MOST_LAGS:
+        return "fft"
     by_sums = predicted_seconds(shape, window_size, step, lags, "window_sums")
     by_fft = predicted_seconds(shape, window_size, step, lags, "fft")
     return "window_sums" if by_sums <= by_fft else "fft"

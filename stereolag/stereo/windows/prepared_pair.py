@@ -66,8 +66,7 @@ class PreparedPair:
     Raises
     ------
     ValueError
-        Images that are not grey or differ in size or dtype, a window larger than they are, a step below 1, or more
-        than 65535 lags.
+        Images that are not grey or differ in size or dtype, a window larger than they are, or a step below 1.
     """
 
     def __init__(self, query: WindowQuery) -> None:

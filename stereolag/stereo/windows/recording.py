@@ -7,10 +7,13 @@ The scores are the integers of :mod:`stereolag.stereo.windows.scores`, and lags 
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from stereolag.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import LANES, item, larger, largest, load, put, splat
+from stereolag.stereo.windows.prepared_pair import PreparedPair, Windows
+from stereolag.stereo.windows.search import MOST_LAGS, LagTable
 
 
 @compiled
@@ -73,3 +76,50 @@ def record_runners_up(
             key = load(scores, member * scores.shape[1] + lag) | load(codes, lag)
             best = larger(best, key & score_bits)
         put(runner_up, at + member, largest(best) if item(found_codes, member) > 0 else 0)
+
+
+def record_windows(
+    pair: PreparedPair,
+    first: int,
+    some: npt.NDArray[np.intp],
+    left: Windows,
+    scores: npt.NDArray[np.int32],
+    best_lanes: npt.NDArray[np.int32],
+) -> None:
+    """Write down the best lags of some windows, counted from row `first` of the grid on."""
+    found, table, left_at = pair.found, pair.table, int(some[0])
+    at = first * pair.cols + left_at
+    score_mask, score_codes = table.code_mask, table.codes
+    if np.count_nonzero(table.codes > 0) > MOST_LAGS:
+        # Score and code do not fit one integer: the best of each window is found apart, and no score loses its bits.
+        best_lanes = _best_of_many(scores, table)
+        score_mask, score_codes = 0, np.minimum(table.codes, 0)
+    codes = np.empty(some.size, np.int32)
+    record_group(
+        some.size,
+        at,
+        left_at,
+        left.inverse,
+        best_lanes,
+        scores,
+        codes,
+        table.code_mask,
+        table.around,
+        table.dy,
+        table.dx,
+        found.dy,
+        found.dx,
+        found.around,
+    )
+    if found.runner_up.size:
+        record_runners_up(some.size, at, scores, codes, table.around, score_codes, score_mask, found.runner_up)
+
+
+def _best_of_many(scores: npt.NDArray[np.int32], table: LagTable) -> npt.NDArray[np.int32]:
+    """Return lanes of which the first holds the code of the best lag of each window, as its only candidate."""
+    keys = scores[:, : table.codes.size].astype(np.int64) << 32 | np.maximum(table.codes, 0)
+    keys[:, table.codes < 0] = 0
+    best = keys.max(axis=1)
+    lanes = np.zeros((len(scores), LANES), np.int32)
+    lanes[:, 0] = np.where(best >> 32 > 0, (best & table.code_mask) | (table.code_mask + 1), 0)
+    return lanes

@@ -153,6 +153,7 @@ AnySearch = Annotated[CentredSearch | RectifiedSearch, Field(discriminator="kind
 
 
 MOST_LAGS = 2**16 - 1
+"""Of more, the codes would leave too few bits for the score that they share an integer with."""
 
 
 @dataclass(frozen=True)
@@ -235,14 +236,7 @@ def lag_table(lags: LagRange, stride: int, *, wrapped: bool = False) -> LagTable
     """Return `lags` laid out in strips, for a right image of `stride` pixels a row.
 
     The neighbours of the lags at one end are those at the other if the search is `wrapped`.
-
-    Raises
-    ------
-    ValueError
-        More lags than codes.
     """
-    if lags.count > MOST_LAGS:
-        raise ValueError(f"The search holds {lags.count} lags; at most {MOST_LAGS} are allowed.")
     width = strips_of(lags) * LANES
     dy, dx = (np.concatenate([[0], lag[::-1]]) for lag in lags.ranked())
     row, col = dy - lags.dy_first, dx - lags.dx_first

@@ -20,7 +20,7 @@ from stereolag.loops.vector_lanes import LANES
 from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
 from stereolag.stereo.windows.prepared_pair import PreparedPair, Windows, framed
-from stereolag.stereo.windows.recording import record_group, record_runners_up
+from stereolag.stereo.windows.recording import record_windows
 from stereolag.stereo.windows.scores import OFFSET, SCALE, as_scores, score_products
 from stereolag.stereo.windows.search import LagRange
 
@@ -68,42 +68,10 @@ def match_windows_fft(query: WindowQuery, progress: Progress = silent) -> Window
         left, right = pair.left_windows(first, end), pair.right_windows(first, end)
         for begin in range(0, left.inverse.size, batch):
             some = np.arange(begin, min(begin + batch, left.inverse.size))
-            _record(pair, first, some, left, *surfaces.score(first, some, left, right))
+            record_windows(pair, first, some, left, *surfaces.score(first, some, left, right))
             progress((first * pair.cols + int(some[-1]) + 1) / (pair.rows * pair.cols))
         pair.rescale(first, end, left.inverse)
     return pair.matches()
-
-
-def _record(
-    pair: PreparedPair,
-    first: int,
-    some: npt.NDArray[np.intp],
-    left: Windows,
-    scores: npt.NDArray[np.int32],
-    best_lanes: npt.NDArray[np.int32],
-) -> None:
-    """Write down the best lags of some windows, counted from row `first` of the grid on."""
-    found, table, left_at = pair.found, pair.table, int(some[0])
-    at = first * pair.cols + left_at
-    codes = np.empty(some.size, np.int32)
-    record_group(
-        some.size,
-        at,
-        left_at,
-        left.inverse,
-        best_lanes,
-        scores,
-        codes,
-        table.code_mask,
-        table.around,
-        table.dy,
-        table.dx,
-        found.dy,
-        found.dx,
-        found.around,
-    )
-    if found.runner_up.size:
-        record_runners_up(some.size, at, scores, codes, table.around, table.codes, table.code_mask, found.runner_up)
 
 
 def score_surface(query: WindowQuery, top: int, left_edge: int) -> Surface:

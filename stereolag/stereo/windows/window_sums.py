@@ -12,6 +12,7 @@ from stereolag.loops.vector_lanes import LANES
 from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
 from stereolag.stereo.windows.prepared_pair import NO_RIGHT_MATCH, PreparedPair
+from stereolag.stereo.windows.search import MOST_LAGS
 from stereolag.stereo.windows.tiles import Workspace, as_right_dx, match_tile
 
 CACHE_BYTES = 512 * 1024
@@ -46,6 +47,11 @@ def match_windows(query: WindowQuery, progress: Progress = silent) -> WindowMatc
     """
     _check(query)
     matcher = _Matcher(query)
+    if matcher.pair.lags is not None and matcher.pair.lags.count > MOST_LAGS:
+        raise ValueError(
+            f"The search holds {matcher.pair.lags.count} lags; window sums allow at most {MOST_LAGS}, "
+            "engine 'fft' any number."
+        )
     over_bands(matcher.match_band, matcher.pair.rows, most_rows=matcher.most_rows, progress=progress)
     return matcher.pair.matches()
 
