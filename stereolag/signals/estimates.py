@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting, rounded_down
-from stereolag.signals.curves import transform_length
-
-if TYPE_CHECKING:
-    from stereolag.signals.lag import SignalMethod
+from stereolag.signals.curves import SignalMethod, transform_length
 
 REAL, COMPLEX, INDEX = 8, 16, 8
 """Bytes of one number of a recording, of its spectrum, and of a lag."""

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal, TypeAlias, get_args
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -16,13 +16,11 @@ from stereolag.arrays import Vector
 from stereolag.estimates import check_memory
 from stereolag.inputs import as_signal
 from stereolag.progress import Progress, silent
-from stereolag.signals.curves import direct_curve, fft_curve, phat_curve
+from stereolag.signals.curves import SignalMethod, direct_curve, fft_curve, phat_curve
 from stereolag.signals.estimates import estimate_lag, fitting_recordings
 from stereolag.signals.overlaps import overlap_length, overlap_pearson
 from stereolag.signals.peaks import REACH, Lags, find_peak, peak_ratio, refine_peak
 from stereolag.signals.sampling import sampled_votes
-
-SignalMethod: TypeAlias = Literal["fft", "phat", "sampled", "direct"]
 
 
 @dataclass(frozen=True, eq=False)

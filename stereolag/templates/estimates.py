@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting
-from stereolag.templates.score_maps import tiling
-
-if TYPE_CHECKING:
-    from stereolag.templates.search import TemplateMethod
+from stereolag.templates.score_maps import TemplateMethod, tiling
 
 Shape = tuple[int, ...]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +16,7 @@ from stereolag.progress import Progress, silent
 from stereolag.templates.estimates import estimate_search, fitting_image, has_alpha
 from stereolag.templates.exact_pixels import exact_positions
 from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of
-from stereolag.templates.score_maps import direct_score_map, fft_score_map
-
-TemplateMethod = Literal["fft", "sampled", "direct"]
+from stereolag.templates.score_maps import TemplateMethod, direct_score_map, fft_score_map
 
 Indices = npt.NDArray[np.intp]
 

@@ -9,10 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereolag.inputs import as_eight_bit
+from stereolag.settings import marker
 from stereolag.stereo.semi_global.census import census, census_reference
 from stereolag.stereo.semi_global.cost_terms import TERMS
-from stereolag.stereo.semi_global.cost_volume import cost_reference
-from stereolag.stereo.semi_global.costs import UNSEEN, MatchingCost, matching_cost
+from stereolag.stereo.semi_global.cost_volume import UNSEEN, cost_reference, matching_cost
+from stereolag.stereo.semi_global.costs import MatchingCost, TermWeight
 
 Picture = npt.NDArray[np.uint8]
 
@@ -94,3 +95,8 @@ def test_eight_bits_are_left_as_they_are_and_others_share_one_scale() -> None:
 def test_a_flat_pair_of_any_type_survives(dtype: type) -> None:
     flat = np.full((8, 9), 3, dtype)
     assert not as_eight_bit(flat, flat)[0].any()
+
+
+def test_every_term_has_its_weight_in_the_settings() -> None:
+    weights = {name for name, field in MatchingCost.model_fields.items() if marker(field, TermWeight)}
+    assert weights == {term.weight for term in TERMS}

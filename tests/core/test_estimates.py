@@ -49,10 +49,10 @@ from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import estimate_search, match_template
 
 random = np.random.default_rng(0)
-def picture(rows, cols):
+def image(rows, cols):
     return cv2.GaussianBlur(random.integers(0, 256, (rows, cols), dtype=np.uint8), (0, 0), 1)
 def pair(rows, cols):
-    left = picture(rows, cols)
+    left = image(rows, cols)
     return left, np.roll(left, -8, axis=1)
 def noise(size):
     return random.standard_normal(size)
@@ -96,7 +96,7 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     ]
     + [
         (
-            "a = picture(1500, 2000); t = a[200:900, 300:1100]",
+            "a = image(1500, 2000); t = a[200:900, 300:1100]",
             "match_template(a[:200, :200], a[:20, :20])",
             "match_template(a, t)",
             "estimate_search(a.shape, t.shape)",
@@ -148,7 +148,7 @@ def test_products_are_the_pairs_of_samples_within_the_reach(size_1: int, size_2:
 
 
 @pytest.mark.parametrize("method", ["fft", "direct", "sampled"])
-def test_larger_pictures_take_more(method: Any) -> None:
+def test_larger_images_take_more(method: Any) -> None:
     estimates = [estimate_search((side, side, 3), (100, 200, 3), method=method) for side in (500, 2000, 4000, 7000)]
     assert all(a.memory < b.memory and a.seconds < b.seconds for a, b in pairwise(estimates))
 
@@ -211,13 +211,13 @@ def test_thirty_million_samples_twice_do_not_fit_into_two_gigabytes(method: Any)
     assert estimate_lag(size * 12 // 10, size * 12 // 10, method=method).memory > 2 * GB
 
 
-def test_a_large_template_in_a_large_picture_does_not_fit_into_two_gigabytes() -> None:
+def test_a_large_template_in_a_large_image_does_not_fit_into_two_gigabytes() -> None:
     image, template = (7000, 7000, 3), (3000, 4000, 3)
     assert estimate_search(image, template).memory > 4 * GB
     sentence = fitting_image(
         2 * GB, image_shape=image, template_shape=template, dtype=np.uint8, method="fft", masked=False
     )
-    found = re.match(r"With this template, a picture of ([\d,]+) × ([\d,]+) pixels \([\d.]+ megapixels\)", sentence)
+    found = re.match(r"With this template, an image of ([\d,]+) × ([\d,]+) pixels \([\d.]+ megapixels\)", sentence)
     assert found is not None
     cols, rows = (int(number.replace(",", "")) for number in found.groups())
     assert rows >= 3000
@@ -230,7 +230,7 @@ def test_where_the_template_alone_is_too_large_a_smaller_one_is_named() -> None:
     sentence = fitting_image(
         GB // 2, image_shape=image, template_shape=template, dtype=np.uint8, method="fft", masked=False
     )
-    found = re.match(r"In this picture, a template of ([\d,]+) × ([\d,]+) pixels", sentence)
+    found = re.match(r"In this image, a template of ([\d,]+) × ([\d,]+) pixels", sentence)
     assert found is not None
     cols, rows = (int(number.replace(",", "")) for number in found.groups())
     assert estimate_search(image, (rows, cols, 3)).memory <= GB // 2
@@ -241,7 +241,7 @@ def test_a_template_search_is_refused_before_anything_is_allocated(limited: Call
     image = np.random.default_rng(0).integers(0, 256, (2000, 2000), dtype=np.uint8)
     tracemalloc.start()
     try:
-        with pytest.raises(ValueError, match=r"one job may take 67 MB\. With this template, a picture of"):
+        with pytest.raises(ValueError, match=r"one job may take 67 MB\. With this template, an image of"):
             match_template(image, image[:300, :300])
         assert tracemalloc.get_traced_memory()[1] < image.nbytes
     finally:
@@ -251,7 +251,7 @@ def test_a_template_search_is_refused_before_anything_is_allocated(limited: Call
 def test_a_sampled_search_without_a_rare_value_is_refused(limited: Callable[[int], None]) -> None:
     limited(64)
     image = np.random.default_rng(0).integers(0, 2, (2000, 2000), dtype=np.uint8)
-    with pytest.raises(ValueError, match=r"No value of the template is rare in this picture; the method 'fft'"):
+    with pytest.raises(ValueError, match=r"No value of the template is rare in this image; the method 'fft'"):
         match_template(image, image[:20, :20], method="sampled")
 
 

@@ -7,7 +7,7 @@ functions of their own: in the body of the loop over the pixels they take four t
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -17,9 +17,7 @@ from stereolag.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.loops.popcount import popcount
 from stereolag.stereo.semi_global.census import BITS, census, census_reference
-
-if TYPE_CHECKING:
-    from stereolag.stereo.semi_global.costs import MatchingCost
+from stereolag.stereo.semi_global.costs import MatchingCost
 
 EightBit = npt.NDArray[np.uint8]
 Volume = npt.NDArray[np.float64]

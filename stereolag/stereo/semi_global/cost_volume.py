@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,16 +10,64 @@ from numba import literal_unroll
 from numba.extending import overload
 
 from stereolag.arrays import Array
+from stereolag.inputs import Image
+from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.stereo.semi_global.cost_terms import TERMS, Run
-
-if TYPE_CHECKING:
-    from stereolag.stereo.semi_global.costs import MatchingCost
+from stereolag.stereo.semi_global.costs import MatchingCost
 
 Costs = npt.NDArray[np.uint8]
 
+UNSEEN = 0.28
+"""Cost of a lag that leads out of the frame, as a share of the highest: between a good match and a mismatch."""
+
 RUN_CELLS = 4096
 """Pixels times lags of a run: their costs fill half of a core's first-level cache."""
+
+
+def matching_cost(
+    left: Image,
+    right: Image,
+    *,
+    window_size: int,
+    min_disparity: int,
+    num_disparities: int,
+    settings: MatchingCost,
+) -> Costs:
+    """Return the cost of every pixel of the left image at every disparity.
+
+    ZNCC on windows, truncated gradient difference, and the Hamming distance of census words, added up: correlation
+    carries flat and noisy regions, the other two draw the edges that a window blurs (Hirschmüller & Scharstein,
+    "Evaluation of stereo matching costs on images with radiometric differences", 2009; Mei et al., "On building an
+    accurate stereo matching system on graphics hardware", 2011). A lag that leads out of the frame costs more than a
+    match and less than a mismatch, so that a later optimisation carries the neighbours' disparity on to the border of
+    the image.
+
+    Parameters
+    ----------
+    left, right
+        (H, W) uint8, see :func:`stereolag.inputs.as_eight_bit`.
+    window_size
+        Side of the correlation's window, px; odd.
+    min_disparity, num_disparities
+        The disparities, px.
+    settings
+        The weights of the terms.
+
+    Returns
+    -------
+    ndarray
+        (H, W, num_disparities) uint8, 0..250.
+    """
+    radius = window_size // 2
+    before, after = max(0, -min_disparity), max(0, min_disparity + num_disparities - 1)
+    pairs = features_of(left, right, radius, settings, before, after)
+    origin, unseen = left.shape[1] - 1 + radius + before, int(UNSEEN * settings.highest)
+    costs = np.empty((*left.shape, num_disparities), np.uint8)
+    over_bands(
+        lambda first, end: cost_rows(pairs, radius, min_disparity, origin, unseen, first, end, costs), left.shape[0]
+    )
+    return costs
 
 
 def _add(left: Any, right: Any, run: Run, carried: Array, costs: Array) -> None:

@@ -1,40 +1,38 @@
-"""Matching cost: how badly each pixel of the left image fits the right image at each lag."""
+"""The settings of the matching cost: how badly each pixel of the left image fits the right image at each lag."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
 from pydantic import Field, model_validator
 
-from stereolag.inputs import Image
-from stereolag.loops.bands import over_bands
-from stereolag.settings import Applies, Settings
-from stereolag.stereo.semi_global.cost_terms import TERMS
-from stereolag.stereo.semi_global.cost_volume import Costs, cost_rows, features_of
+from stereolag.settings import Applies, Settings, marker
 
-UNSEEN = 0.28
-"""Cost of a lag that leads out of the frame, as a share of the highest: between a good match and a mismatch."""
+
+@dataclass(frozen=True)
+class TermWeight:
+    """Marks the weight of a term: the most that it costs."""
 
 
 class MatchingCost(Settings):
     """What a mismatch costs: the correlation of the windows, joined by finer terms that keep edges sharp."""
 
-    correlation: int = Field(
+    correlation: Annotated[int, TermWeight()] = Field(
         default=100,
         title="Correlation",
         description="Cost of windows that are each other's negative (ZNCC -1); +1 costs nothing.",
         ge=0,
         le=100,
     )
-    census: int = Field(
+    census: Annotated[int, TermWeight()] = Field(
         default=100,
         title="Census",
         description="Cost where all of the 5 × 5 neighbours have changed from darker to brighter or back.",
         ge=0,
         le=100,
     )
-    gradient: int = Field(
+    gradient: Annotated[int, TermWeight()] = Field(
         default=40,
         title="Gradient",
         description="Cost of a horizontal gradient that differs by the limit or more.",
@@ -58,49 +56,5 @@ class MatchingCost(Settings):
     @property
     def highest(self) -> int:
         """Return the cost of a lag at which nothing fits, at most 250."""
-        return sum(getattr(self, term.weight) for term in TERMS)
-
-
-def matching_cost(
-    left: Image,
-    right: Image,
-    *,
-    window_size: int,
-    min_disparity: int,
-    num_disparities: int,
-    settings: MatchingCost,
-) -> Costs:
-    """Return the cost of every pixel of the left image at every disparity.
-
-    ZNCC on windows, truncated gradient difference, and the Hamming distance of census words, added up: correlation
-    carries flat and noisy regions, the other two draw the edges that a window blurs (Hirschmüller & Scharstein,
-    "Evaluation of stereo matching costs on images with radiometric differences", 2009; Mei et al., "On building an
-    accurate stereo matching system on graphics hardware", 2011). A lag that leads out of the frame costs more than a
-    match and less than a mismatch, so that a later optimisation carries the neighbours' disparity on to the border of
-    the image.
-
-    Parameters
-    ----------
-    left, right
-        (H, W) uint8, see :func:`stereolag.inputs.as_eight_bit`.
-    window_size
-        Side of the correlation's window, px; odd.
-    min_disparity, num_disparities
-        The disparities, px.
-    settings
-        The weights of the terms.
-
-    Returns
-    -------
-    ndarray
-        (H, W, num_disparities) uint8, 0..250.
-    """
-    radius = window_size // 2
-    before, after = max(0, -min_disparity), max(0, min_disparity + num_disparities - 1)
-    pairs = features_of(left, right, radius, settings, before, after)
-    origin, unseen = left.shape[1] - 1 + radius + before, int(UNSEEN * settings.highest)
-    costs = np.empty((*left.shape, num_disparities), np.uint8)
-    over_bands(
-        lambda first, end: cost_rows(pairs, radius, min_disparity, origin, unseen, first, end, costs), left.shape[0]
-    )
-    return costs
+        weights = (name for name, field in type(self).model_fields.items() if marker(field, TermWeight))
+        return sum(getattr(self, name) for name in weights)

@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from stereolag.arrays import FloatMap
 from stereolag.progress import Progress
-from stereolag.stereo.semi_global.costs import MatchingCost, matching_cost
+from stereolag.stereo.semi_global.cost_volume import matching_cost
+from stereolag.stereo.semi_global.costs import MatchingCost
 from stereolag.stereo.semi_global.paths import SemiGlobal, optimise
 from stereolag.stereo.semi_global.selection import cheapest_lags, valley_offset
 
