@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sized
+from collections.abc import Iterator, Mapping, Sized
 from difflib import get_close_matches
 from types import NoneType
-from typing import NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 from annotated_types import Ge, Gt, Le, Lt, MultipleOf
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails
 
 from stereolag.settings.fields import base_type, choices, nested
 
@@ -54,7 +53,7 @@ def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Probl
             yield Problem(name, f"{name or kind.__name__} is {_shown(found['input'])}: {found['msg']}.")
 
 
-def _kind_refused(name: str, found: ErrorDetails) -> str:
+def _kind_refused(name: str, found: Mapping[str, Any]) -> str:
     """Return a sentence about settings of a kind that does not exist, or of none."""
     context = found["ctx"]
     kind = context["discriminator"].strip("'")

@@ -167,7 +167,7 @@ def test_a_template_larger_than_the_picture_is_refused(open_page: OpenPage, show
     app = own(open_page, "pictures", "pages/2_Rocketman_search.py", **good)
     before = shown(app)
     put(app, "pictures.template", "t.png", uploads.png(uploads.texture(70, 20)))
-    assert_one_sentence(app, "must fit into the picture")
+    assert_one_sentence(app, "must fit into the image")
     assert shown(app) == before
 
 

@@ -34,7 +34,7 @@ MOVES: dict[str, dict[str, Any]] = {
     DEPTH: {
         "pairs": "square",
         "pairs.size": "1/2",
-        keys.VIEW: "Truth",
+        keys.VIEW: "Ground truth",
         keys.WINDOW: 9,
         keys.OVERLAP: 0.5,
         keys.SEARCH: "centred",

@@ -93,7 +93,7 @@ def test_the_curve_is_a_line_with_a_score_and_a_dot_without() -> None:
 def test_without_truth_it_says_what_is_needed() -> None:
     app = AppTest.from_function(scoreboard_without_truth, default_timeout=60).run()
     assert not app.exception
-    assert "true disparity" in app.info[0].value
+    assert "needs ground truth" in app.info[0].value
     assert not app.dataframe
 
 

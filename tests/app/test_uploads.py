@@ -218,7 +218,7 @@ def test_a_file_that_is_taken_out_is_no_longer_used(with_uploads: Callable[..., 
 def test_one_picture_twice_is_said_and_may_be_swapped_twice(with_uploads: Callable[..., AppTest]) -> None:
     same = ("same.png", uploads.png(uploads.texture(120, 200)))
     app = with_uploads("pairs", left=same, right=same)
-    assert any("one and the same picture" in caption.value for caption in app.caption)
+    assert any("one and the same image" in caption.value for caption in app.caption)
     for _ in range(2):
         swap = [button for button in app.button if button.key == "depth.doctor.swapped"]
         if swap:
