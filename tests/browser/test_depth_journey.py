@@ -18,7 +18,7 @@ from PIL import Image
 from playwright.sync_api import expect
 from ply_reader import read_ply
 
-from stereolag.doctor.findings import Ailment
+from stereolag.doctor import FindingCode
 from stereolag.geometry.distances import SeenPoint, distance_between
 from stereolag.reading import read_calibration, read_disparity, read_image
 from stereolag.stereo.evaluation import evaluate
@@ -95,7 +95,7 @@ def test_one_picture_with_both_views_is_split_down_the_middle(open_page: OpenPag
     visit.choose("Your own files")
     visit.choose("One side-by-side image")
     visit.give("Both images side by side", picture_file("both.png", both))
-    expect(visit.said("The picture was split down the middle.")).to_be_visible()
+    expect(visit.said("The image was split down the middle.")).to_be_visible()
     visit.give("Ground truth (optional)", files.truth)
     assert visit.number("Bad-2") < 20
     assert abs(visit.number("Coverage") - before) <= 5
@@ -108,7 +108,7 @@ def test_sizes_that_differ_by_a_few_pixels_are_cropped_and_said(open_page: OpenP
     visit.choose("Your own files")
     visit.give("Left image", picture_file("left.png", read_image(files.left.data)[:200, :301]))
     visit.give("Right image", picture_file("right.png", read_image(files.right.data)[:202, :300]))
-    expect(visit.said("The pictures differ by a few pixels and were cropped to 300 × 200.")).to_be_visible()
+    expect(visit.said("The images differ by a few pixels and were cropped to 300 × 200.")).to_be_visible()
     visit.give("Right image", picture_file("other.png", read_image(files.right.data)[:400, :300]))
     expect(visit.page.get_by_test_id("stAlertContentError")).to_contain_text("200")
     expect(visit.said("cropped to 300 × 200")).to_be_visible()
@@ -118,10 +118,10 @@ def test_sizes_that_differ_by_a_few_pixels_are_cropped_and_said(open_page: OpenP
 # 2 Input doctor
 
 REMEDIES = {
-    Ailment.SWAPPED: ("look swapped", "Swap left and right"),
-    Ailment.ROWS: ("rows of a rectified pair match", "Align the rows"),
-    Ailment.ROTATION: ("the pair is not rectified", "Rectify"),
-    Ailment.EXPOSURE: ("ZNCC does not mind", "Match the brightness"),
+    FindingCode.SWAPPED: ("look swapped", "Swap left and right"),
+    FindingCode.ROWS: ("in a rectified pair, rows match", "Align the rows"),
+    FindingCode.ROTATION: ("the pair is not rectified", "Rectify"),
+    FindingCode.EXPOSURE: ("ZNCC is unaffected", "Match the brightness"),
 }
 """What the doctor says of each ill pair, and the button that mends it."""
 
@@ -239,8 +239,8 @@ def test_a_click_explains_a_match_and_the_buttons_find_walls_and_fences(visit: D
     visit.click("Left image: click a pixel", row, col)
     expect(visit.page.locator(".where")).to_have_text(f"row {row}, column {col}")
     assert number_in(visit.table()["Ground truth"][0]) == pytest.approx(truth[row, col], abs=0.01)
-    verdict = visit.page.get_by_text("The peak says")
-    expect(verdict).to_contain_text(f"the truth is {truth[row, col]:.2f} px")
+    verdict = visit.page.get_by_text("The match gives")
+    expect(verdict).to_contain_text(f"the ground truth is {truth[row, col]:.2f} px")
     visit.screenshot(f"why-{visit.name}-light")
     visit.choose("From above")
     said = visit.page.get_by_test_id("stAlertContainer").last
@@ -322,7 +322,6 @@ def test_a_search_shows_its_progress_is_ended_and_taken_over(open_page: OpenPage
     visit.screenshot("suggest-light")
     visit.press("Use these settings")
     expect(visit.page.get_by_role("button", name="In use")).to_be_disabled()
-    visit.unfold("StereoSGBM")
     assert visit.value("Disparities searched") == changes["Disparities searched"] > 16
 
 
