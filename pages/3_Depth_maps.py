@@ -10,7 +10,7 @@ from stereolag.ui.depth.blanks import show_blanks
 from stereolag.ui.depth.colouring import coloured_alike
 from stereolag.ui.depth.comparison import show_comparison
 from stereolag.ui.depth.doctor import show_doctor
-from stereolag.ui.depth.downloads import show_downloads
+from stereolag.ui.depth.exports import show_downloads
 from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.depth.maps import choose_methods, measured, show_images, show_map
 from stereolag.ui.depth.match import show_inspection

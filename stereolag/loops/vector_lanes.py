@@ -232,3 +232,17 @@ _let_operator_work(operator.sub, "sub", "fsub")
 _let_operator_work(operator.mul, "mul", "fmul")
 _let_operator_work(operator.and_, "and_", None)
 _let_operator_work(operator.or_, "or_", None)
+
+
+def _popcount(typing: Any, word: Any) -> Any:
+    """Return the number of ones in an unsigned integer, in its own type. For compiled code only."""
+    if not isinstance(word, types.Integer):
+        return None
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.ctpop(arguments[0])
+
+    return word(word), generate
+
+
+popcount = declare(Callable[[Any], Any], intrinsic(_popcount))

@@ -19,7 +19,7 @@ from stereolag.export import settings_json
 from stereolag.export.maps import VERTEX
 from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui.depth.downloads import archive, files
+from stereolag.ui.depth.exports import archive, files
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
 from tests.app import keys
@@ -45,7 +45,7 @@ def section() -> None:
 
     from stereolag import StereoBM
     from stereolag.ui.depth.address import take_over
-    from stereolag.ui.depth.downloads import show_downloads
+    from stereolag.ui.depth.exports import show_downloads
     from stereolag.ui.depth.view import DepthView
     from stereolag.ui.matcher_controls import ask_matcher
 

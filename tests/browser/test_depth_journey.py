@@ -222,14 +222,14 @@ def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(visit: 
     assert number_in(product) == pytest.approx(2.5 * (found + known.doffs_px), rel=0.002)
     assert number_in(visit.table()["StereoSGBM"][3]) == pytest.approx(2.5, abs=0.01)
     visit.screenshot(f"known-distance-{visit.name}-light")
-    visit.press("Forget the distance given")
+    visit.press("Forget this distance")
     expect(visit.said("from the pair’s calibration")).to_be_visible()
 
 
 # 5 Why this match?
 
 
-LESSONS = {"A clear match": "One clear peak", "A pattern that repeats": "chance decides", "A bare wall": "A bare wall"}
+LESSONS = {"A clear match": "One clear peak", "A repeating pattern": "chance decides", "A bare wall": "A bare wall"}
 
 
 def test_a_click_explains_a_match_and_the_buttons_find_walls_and_fences(visit: DepthPage, pair: OwnPair) -> None:

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag.arrays import Mask
-from stereolag.flatness import flat_energy
-from stereolag.inputs import local_deviation
+from stereolag.inputs import flat_energy, local_deviation
 from stereolag.stereo.finishing.checks import TextureTest, ambiguous, least_texture, left_right_disagree, rejected
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matches import LagMap

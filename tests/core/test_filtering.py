@@ -9,8 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from stereolag.stereo.finishing.filling import fill_rows, fill_rows_reference, filled_from_behind
-from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter, edge_respecting_median, without_speckles
+from stereolag.stereo.finishing.filters import (
+    MedianFilter,
+    SpeckleFilter,
+    edge_respecting_median,
+    fill_rows,
+    fill_rows_reference,
+    filled_from_behind,
+    without_speckles,
+)
 from stereolag.stereo.finishing.weighted_median import weighted_median, weighted_median_reference
 from stereolag.stereo.reasons import Reason
 

@@ -9,8 +9,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from stereolag.arrays import FloatMap, Mask, ReasonMap
-from stereolag.flatness import FLAT_TEXTURE
-from stereolag.inputs import Image, grey_level
+from stereolag.inputs import FLAT_TEXTURE, Image, grey_level
 from stereolag.settings import Settings
 from stereolag.stereo.reasons import Reason
 

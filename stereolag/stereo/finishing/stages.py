@@ -8,8 +8,13 @@ import numpy as np
 from pydantic import Field
 
 from stereolag.inputs import Image, as_eight_bit
-from stereolag.stereo.finishing.filling import filled_from_behind
-from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter, edge_respecting_median, without_speckles
+from stereolag.stereo.finishing.filters import (
+    MedianFilter,
+    SpeckleFilter,
+    edge_respecting_median,
+    filled_from_behind,
+    without_speckles,
+)
 from stereolag.stereo.matcher import PixelMatches
 
 Speckle = Annotated[

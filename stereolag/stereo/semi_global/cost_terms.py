@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from stereolag.arrays import Array
 from stereolag.loops.compilation import compiled
-from stereolag.loops.popcount import popcount
+from stereolag.loops.vector_lanes import popcount
 from stereolag.stereo.semi_global.census import BITS, census, census_reference
 from stereolag.stereo.semi_global.costs import MatchingCost
 

@@ -23,8 +23,7 @@ from stereolag.stereo.finishing.checks import (
 from stereolag.stereo.finishing.stages import Filling, Median, Speckle, finished, is_finished
 from stereolag.stereo.matcher import FARTHEST_FIRST, LARGEST_COUNT, PixelMatches, StereoMatcher
 from stereolag.stereo.reasons import Reason
-from stereolag.stereo.windows.engines import Engine, cheaper_engine, find_matches
-from stereolag.stereo.windows.estimates import estimate_windows
+from stereolag.stereo.windows.engines import Engine, cheaper_engine, estimate_windows, find_matches
 from stereolag.stereo.windows.matches import Score, WindowMatches, WindowQuery
 from stereolag.stereo.windows.pixels import spread_over_pixels
 from stereolag.stereo.windows.search import AnySearch, LagRange, RectifiedSearch

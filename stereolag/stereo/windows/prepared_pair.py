@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import Array
-from stereolag.flatness import flat_energy
-from stereolag.inputs import Image
+from stereolag.inputs import Image, flat_energy
 from stereolag.loops.vector_lanes import LANES
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
 from stereolag.stereo.windows.running_sums import describe_windows

@@ -1,4 +1,4 @@
-"""The files that a result can be taken away as: one list, in which each file describes itself."""
+"""Take it away: everything about one result as files, one by one or in one ZIP, each made when it is asked for."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
+import streamlit as st
+
 from stereolag.export import (
+    bundle,
     check_kitti,
     image_png,
     image_tiff,
@@ -25,11 +28,15 @@ from stereolag.figures.disparity import with_legend
 from stereolag.figures.pictures import as_rgb, coloured
 from stereolag.geometry.clouds import clean_point_cloud
 from stereolag.inputs import Image
+from stereolag.reading import read_matcher
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher
+from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.calibrating import calibration_of
 from stereolag.ui.depth.scoreboard import evaluations
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.private_files import download_button
+from stereolag.ui.uploads import upload
 
 LEGEND = "disparity, px: from far to near"
 
@@ -204,3 +211,63 @@ def files(view: DepthView, method: str) -> list[File]:
         for one in EXPORTS
         if one.offered(subject)
     ]
+
+
+KEY = "depth.take"
+
+
+def show_downloads(view: DepthView) -> None:
+    """Offer the files of one result, and take settings back in."""
+    opened = st.expander("Take it away", icon=":material/download:", key=f"{KEY}.opened", on_change="rerun")
+    if not opened.open or not view.results:
+        return
+    with opened:
+        names = [*view.results]
+        chosen = st.segmented_control("Result of", names, default=names[0], required=True, key=f"{KEY}.result")
+        offered = files(view, chosen if chosen in view.results else names[0])
+        with st.container(horizontal=True, gap="small"):
+            download_button(
+                "All in one ZIP",
+                partial(archive, offered),
+                "stereolag.zip",
+                "application/zip",
+                key=f"{KEY}.zip",
+                meaning="All files on offer here, with the pair as it was matched.",
+                icon=":material/folder_zip:",
+                primary=True,
+            )
+            for file in offered:
+                download_button(
+                    file.label,
+                    file.make,
+                    file.name,
+                    key=f"{KEY}.{file.name}",
+                    meaning=file.refusal or file.meaning,
+                    disabled=bool(file.refusal),
+                )
+        if view.pair.changes:
+            done = " ".join(change.sentence for change in view.pair.changes)
+            st.caption(f"The pair in the ZIP is the one that was matched. {done}")
+        _load_settings()
+
+
+def archive(offered: list[File]) -> bytes:
+    """Return one ZIP of the files that can be had."""
+    return bundle({file.name: file.make() for file in offered if not file.refusal})
+
+
+def _load_settings() -> None:
+    """Ask for a settings file, and set the controls to what it says, once a file."""
+    loaded = upload(
+        "Load settings",
+        read_matcher,
+        key=f"{KEY}.load",
+        types=("json",),
+        note="A settings JSON from here.",
+        lasting=False,
+    )
+    digest = loaded.digest if loaded else None
+    if loaded is not None and st.session_state.get(f"{KEY}.loaded") != digest:
+        st.session_state[f"{KEY}.loaded"] = digest
+        adopt(loaded.content)
+    st.session_state[f"{KEY}.loaded"] = digest
