@@ -8,7 +8,6 @@ import numpy.typing as npt
 from stereolag.arrays import ReasonMap
 from stereolag.progress import Progress, silent
 from stereolag.stereo.matcher import DisparityMap
-from stereolag.stereo.opencv import BlockMatcher
 from stereolag.stereo.reasons import Reason
 
 FILTERS: tuple[tuple[Reason, str, int], ...] = (
@@ -45,7 +44,7 @@ def blank_reasons(
         (H, W) uint8 of :class:`~stereolag.stereo.reasons.Reason`.
     """
     matcher = result.settings
-    if not isinstance(matcher, BlockMatcher):
+    if matcher.gives_reasons:
         return result.reason
     reason = np.where(result.valid, result.reason, Reason.OUT_OF_FRAME).astype(np.uint8)
     unexplained = ~result.valid

@@ -57,7 +57,7 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
     peak = (REAL + INDEX) * lags + 7 * INDEX * min(lags, longest)
     if method == "direct":
         memory = max(memory, recordings + peak, recordings + (REAL + INDEX) * lags + 2 * REAL * shortest)
-        seconds += PRODUCT_SECONDS * _products(size_1, size_2, reach)
+        seconds += PRODUCT_SECONDS * product_count(size_1, size_2, reach)
         return Estimate(memory + kept_blocks(REAL * longest, 1) + OVERHEAD, seconds)
     size = transform_length(longest)
     transforms = 2 * COMPLEX * size + COMPLEX * size + 2 * COMPLEX * size
@@ -77,7 +77,7 @@ def fitting_recordings(allowed: int, *, sampling_rate: float, method: SignalMeth
     return f"Two recordings of {size:,} samples ({size / sampling_rate:.3g} s at {sampling_rate:,.10g} Hz) would fit."
 
 
-def _products(size_1: int, size_2: int, reach: int) -> int:
+def product_count(size_1: int, size_2: int, reach: int) -> int:
     """Return how many pairs of samples lie on each other, over all lags up to `reach` both ways."""
 
     def of_one_sign(first: int, second: int) -> int:

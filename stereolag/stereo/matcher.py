@@ -51,6 +51,8 @@ class StereoMatcher(Settings):
     """The name in an address; the name of the class in small letters unless given."""
     first_shown: ClassVar[tuple[str, ...]] = ()
     """The settings that most visitors want; all others are folded away below them. None given: all are shown."""
+    gives_reasons: ClassVar[bool] = True
+    """Whether the reasons of its maps say why a pixel is blank."""
 
     @classmethod
     def other_name(cls, name: str) -> str:

@@ -109,6 +109,8 @@ class BlockMatcher(StereoMatcher):
             raise ValueError(f"block_size is {value}; OpenCV allows odd sizes only.")
         return value
 
+    gives_reasons = False
+
     @classmethod
     def other_name(cls, name: str) -> str:
         """Return OpenCV's name of a setting: ``num_disparities`` is ``numDisparities``, ``p1`` is ``P1``."""

@@ -93,10 +93,10 @@ def test_before_and_after_needs_no_rerun(open_part: OpenPage) -> None:
         "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
     )
     page.get_by_role("button", name="Before / after").click()
-    page.get_by_label("Picture on the left", exact=True).select_option("StereoBM")
-    page.get_by_label("Picture on the right").select_option("Ground truth")
+    page.get_by_label("Image on the left", exact=True).select_option("StereoBM")
+    page.get_by_label("Image on the right").select_option("Ground truth")
     expect(page.locator("figcaption")).to_have_text("StereoBMGround truth")
-    split = page.get_by_role("slider", name="How much of the picture on the left")
+    split = page.get_by_role("slider", name="How much of the image on the left")
     split.fill("25")
     expect(page.locator(".layer").nth(1)).to_have_css("clip-path", "inset(0px 0px 0px 25%)")
     hover(page.locator(".viewport"), 0.5, 0.5)

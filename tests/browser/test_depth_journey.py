@@ -181,8 +181,8 @@ def test_maps_are_compared_in_one_locked_range_under_one_crosshair(visit: DepthP
     expect(visit.figure("Convolution − StereoSGBM")).to_be_visible()
 
     visit.page.get_by_role("button", name="Before / after").click()
-    visit.page.get_by_label("Picture on the right").select_option("Ground truth")
-    visit.page.get_by_role("slider", name="How much of the picture on the left").fill("30")
+    visit.page.get_by_label("Image on the right").select_option("Ground truth")
+    visit.page.get_by_role("slider", name="How much of the image on the left").fill("30")
     expect(visit.page.locator(".layer").nth(1)).to_have_css("clip-path", "inset(0px 0px 0px 30%)")
     visit.screenshot(f"before-after-{visit.name}-light")
 

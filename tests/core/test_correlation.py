@@ -10,6 +10,7 @@ import pytest
 from pairs import shifted_pair, texture
 from pydantic import ValidationError
 
+from stereolag.reading import read_disparity, read_image
 from stereolag.settings import Applies, Settings, SettingsError, marker
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.finishing.checks import LeftRightCheck
@@ -274,10 +275,9 @@ def test_progress_runs_to_the_end() -> None:
 
 
 def test_motorcycle_is_measured_as_well_as_the_report_says(data_dir: object) -> None:
-    reading = pytest.importorskip("stereolag.reading")
     folder = data_dir / "stereo" / "motorcycle_q"  # type: ignore[operator]
-    left, right = (reading.read_image(folder / name) for name in ("left.png", "right.png"))
-    truth = reading.read_disparity(folder / "gt.pfm")
+    left, right = (read_image(folder / name) for name in ("left.png", "right.png"))
+    truth = read_disparity(folder / "gt.pfm")
     result = CorrelationMatcher(window_size=21, overlap=0.95, search=SearchArea.rectified(70)).compute(left, right)
     figures = evaluate(result.disparity, truth)
     assert figures.bad_measured[2.0] <= 26

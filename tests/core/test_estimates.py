@@ -18,7 +18,7 @@ from stereolag.doctor.diagnosis import diagnose
 from stereolag.estimates import Estimate, check_memory, largest_fitting, rounded_down
 from stereolag.limits import limits
 from stereolag.signals import estimate_lag, signal_lag
-from stereolag.signals.estimates import _products, fitting_recordings
+from stereolag.signals.estimates import fitting_recordings, product_count
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
@@ -144,7 +144,7 @@ def test_a_shorter_reach_of_the_direct_method_is_as_much_faster_as_it_has_fewer_
 @pytest.mark.parametrize(("size_1", "size_2", "reach"), [(5, 9, 3), (9, 5, 8), (4, 4, 3), (2, 30, 29), (7, 8, 0)])
 def test_products_are_the_pairs_of_samples_within_the_reach(size_1: int, size_2: int, reach: int) -> None:
     pairs = sum(abs(i - j) <= reach for i in range(size_1) for j in range(size_2))
-    assert _products(size_1, size_2, reach) == pairs
+    assert product_count(size_1, size_2, reach) == pairs
 
 
 @pytest.mark.parametrize("method", ["fft", "direct", "sampled"])

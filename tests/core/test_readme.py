@@ -19,5 +19,7 @@ def test_the_program_in_the_readme_runs_in_the_project_folder() -> None:
     lines = ran.stdout.splitlines()
     assert lines[0].startswith("50082 1.1356")
     assert lines[1].startswith("528 982 ")
-    window_sums, block = map(float, lines[-1].split())
-    assert 0 < window_sums < block < 30
+    windows, accurate, block = (float(line.rpartition(" ")[2]) for line in lines if line.startswith("<DisparityMap"))
+    assert 0 < accurate < windows < block < 30
+    assert lines[-2] == "[]"
+    assert lines[-1].startswith("{")

@@ -8,7 +8,6 @@ from stereolag.arrays import ReasonMap
 from stereolag.explaining.blank_reasons import blank_reasons
 from stereolag.figures.linked_pictures import Picture, Reading, hexadecimal, word_legend
 from stereolag.figures.reasons import REASON_COLOURS, reasons_picture, share_of_reasons
-from stereolag.stereo.opencv import BlockMatcher
 from stereolag.stereo.reasons import Reason
 from stereolag.ui.depth.maps import settings_key
 from stereolag.ui.depth.view import DepthView
@@ -43,14 +42,14 @@ def show_blanks(view: DepthView) -> None:
     )
     st.plotly_chart(share_of_reasons(reasons, REASON_WORDS), key=f"{KEY}.shares", config={"displayModeBar": False})
     st.markdown("\n".join(f"- **{REASON_WORDS[cause].capitalize()}**: {REASONS_EXPLAINED[cause]}" for cause in present))
-    if any(isinstance(result.settings, BlockMatcher) for result in view.results.values()):
+    if not all(result.settings.gives_reasons for result in view.results.values()):
         st.caption(OPENCV_REASONS)
 
 
 def reasons_of(view: DepthView, name: str) -> ReasonMap:
     """Return the reason of every pixel of one map; OpenCV's are found by matching again."""
     result = view.results[name]
-    if not isinstance(result.settings, BlockMatcher):
+    if result.settings.gives_reasons:
         return result.reason
     return computed(
         "reasons",

@@ -3,7 +3,7 @@
 
 const CLOSEST_PX = 12;
 const HINT =
-  "Drag to move, double-click for the whole picture; click first, and the wheel zooms. Arrow keys move the crosshair";
+  "Drag to move, double-click for the whole image; click first, and the wheel zooms. Arrow keys move the crosshair";
 
 class LinkedPictures {
   constructor(parent) {
@@ -98,7 +98,7 @@ class LinkedPictures {
     const edge = element("div", "edge");
     const slider = element("input", "split");
     Object.assign(slider, { type: "range", min: 0, max: 100, step: 0.1, value: this.split });
-    slider.setAttribute("aria-label", "How much of the picture on the left is seen");
+    slider.setAttribute("aria-label", "How much of the image on the left is seen");
     const move = (share) => {
       this.split = slider.value = clamp(share, 0, 100);
       edge.style.left = `${this.split}%`;
