@@ -115,16 +115,32 @@ def test_every_control_of_the_page_is_tested_here(open_unfolded: OpenPage, page:
     assert controls(open_unfolded(page)).keys() - SEEN_IN_THE_TIME_ALONE == MOVES[page].keys()
 
 
+@pytest.fixture(autouse=True)
+def empty_caches() -> None:
+    """Keep what was computed from one control to the next, as a visitor's session does."""
+
+
+OPENED: dict[str, AppTest] = {}
+"""The pages open: one control after another is moved there and back, for opening a page takes longest."""
+
+
 @pytest.mark.parametrize(("page", "key"), [(page, key) for page, moves in MOVES.items() for key in moves])
 def test_moving_a_control_changes_what_is_shown(open_unfolded: OpenPage, shown: Shown, page: str, key: str) -> None:
-    app = open_unfolded(page)
-    for other, value in FIRST.get(key, {}).items():
-        controls(app)[other].set_value(value).run()
-    before = shown(app)
-    controls(app)[key].set_value(MOVES[page][key]).run()
+    app = OPENED.pop(page, None) or open_unfolded(page)
+    moved = FIRST.get(key, {}) | {key: MOVES[page][key]}
+    at_first = {name: controls(app)[name].value for name in moved if name in controls(app)}
+    before = ""
+    for name, value in moved.items():
+        before = shown(app)
+        at_first.setdefault(name, controls(app)[name].value)
+        controls(app)[name].set_value(value).run()
     assert not app.exception
     assert not app.error
     assert shown(app) != before
+    for name in reversed(moved):
+        controls(app)[name].set_value(at_first[name]).run()
+    assert not app.error
+    OPENED[page] = app  # a page on which something failed is not used again
 
 
 @pytest.mark.parametrize("key", ONLY_WITH_A_SQUARE_SEARCH)
