@@ -48,12 +48,12 @@ def as_image(value: npt.ArrayLike, name: str) -> Image:
     """Return `value` as a (rows, cols) or (rows, cols, 3 | 4) array of uint8, uint16 or float, all finite.
 
     Booleans become uint8 0/255; other integers that fit become uint8 or uint16; float16 and longer floats become
-    float32 or float64. A single trailing channel is dropped, and the alpha of a grey picture with alpha too.
+    float32 or float64. A single trailing channel is dropped, and the alpha of a grey image with alpha too.
 
     Raises
     ------
     ValueError
-        Another shape, no pixels, a type that is not a picture's, or NaN and infinite pixels.
+        Another shape, no pixels, a type that is not an image's, or NaN and infinite pixels.
     """
     image = np.asarray(value)
     if image.ndim == 3 and image.shape[2] in (1, 2):

@@ -1,7 +1,7 @@
 """The bundled examples: which there are, where their files lie, and what is true of them.
 
 Nothing is decoded here: `stereolag.reading` reads the paths. The examples were made by the scripts in ``tools/``, so
-the truth is exact. Every function gives its examples by name, always in the same order.
+the ground truth is exact. Every function gives its examples by name, always in the same order.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class RecordingExample:
 
 @dataclass(frozen=True)
 class MazeExample:
-    """A picture in which a template is hidden.
+    """An image in which a template is hidden.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class MazeExample:
     picture, template
         An RGB PNG, and an RGBA PNG whose alpha is its mask.
     row, col
-        Where the top-left pixel of the template lies in the picture.
+        Where the top-left pixel of the template lies in the image.
     """
 
     name: str

@@ -15,7 +15,7 @@ IMAGE_TYPES = (np.uint8, np.uint16, np.float32, np.float64)
 
 
 def warm() -> None:
-    """Make every measurement once, on pictures and recordings of a few samples."""
+    """Make every measurement once, on images and recordings of a few samples."""
     random = np.random.default_rng(0)
     _warm_recordings(random)
     _warm_templates(random)

@@ -1,1 +1,1 @@
-"""Results made visible: Plotly figures and coloured pictures. Knows no Streamlit."""
+"""Results made visible: Plotly figures and coloured images. Knows no Streamlit."""

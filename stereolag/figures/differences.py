@@ -1,4 +1,4 @@
-"""How far disparity maps are from the truth: maps of the error, and error against coverage."""
+"""How far disparity maps are from the ground truth: maps of the error, and error against coverage."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def error_png(disparity: npt.NDArray[np.float32], truth: npt.NDArray[np.float32]
 
 
 def _thickened(picture: Rgb, known: npt.NDArray[np.bool_]) -> Rgb:
-    """Return the picture with its known pixels spread over 3 × 3 where there is room, so that they are seen at all."""
+    """Return the image with its known pixels spread over 3 × 3 where there is room, so that they are seen at all."""
     picture, known = np.pad(picture, ((1, 1), (1, 1), (0, 0))), np.pad(known, 1)
     for axis in (0, 1):
         for shift in (1, -1):
@@ -112,7 +112,7 @@ ALL_AGREE, SOME_AGREE, ALL_DIFFER = (52, 168, 123), (240, 186, 76), (214, 84, 84
 
 
 def difference_picture(difference: npt.NDArray[np.float32]) -> Rgb:
-    """Return differences, px, as a picture: red where positive, blue where negative, grey where one is missing."""
+    """Return differences, px, as an image: red where positive, blue where negative, grey where one is missing."""
     return coloured(difference, -LARGEST_DIFFERENCE, LARGEST_DIFFERENCE, BELOW_TO_ABOVE)
 
 

@@ -1,4 +1,4 @@
-"""Disparity maps as pictures in one range of colours, and the legend to read them by."""
+"""Disparity maps as images in one range of colours, and the legend to read them by."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PALETTES: dict[str, Rgb] = {
     "plasma": palette(cv2.COLORMAP_PLASMA)[::-1],
     "turbo": palette(cv2.COLORMAP_TURBO),
 }
-"""The colours a visitor may choose, from far to near; none holds the grey of no answer."""
+"""The colours a visitor may choose, from far to near; none holds the grey of no disparity."""
 
 ROUNDED_TO = 4
 """Px to which the ends of a range are rounded: small changes of a map leave its colours where they were."""
@@ -45,7 +45,7 @@ ROUNDED_TO = 4
 def disparity_range(maps: Sequence[npt.NDArray[np.float32]]) -> tuple[float, float]:
     """Return the disparities, px, at the ends of the colours: all but the outermost 1 % of the maps lies between.
 
-    Given the truth alone the range holds still whatever the settings; without it, the maps to compare share one.
+    Given the ground truth alone the range holds still whatever the settings; without it, the maps to compare share one.
     """
     known = np.concatenate([np.empty(0, dtype=np.float32), *(one[np.isfinite(one)] for one in map(thinned, maps))])
     if known.size == 0:
@@ -56,7 +56,7 @@ def disparity_range(maps: Sequence[npt.NDArray[np.float32]]) -> tuple[float, flo
 
 
 def disparity_png(disparity: npt.NDArray[np.float32], low: float, high: float, colours: Rgb = FAR_TO_NEAR) -> bytes:
-    """Return a disparity map as a PNG, thinned where it is wide: by default far yellow, near purple; no answer grey."""
+    """Return a disparity map as a PNG, thinned where it is wide: far yellow, near purple, no disparity grey."""
     return indexed_png(colour_numbers(thinned(disparity), low, high), colour_table(colours))
 
 
@@ -136,7 +136,7 @@ def round_values(low: float, high: float, most_steps: int = 8) -> list[float]:
 
 NARROWEST = 360
 DESIGNED_FOR = 900
-"""Px; the width of a picture up to which the legend has the sizes below, and with which it grows beyond."""
+"""Px; the width of an image up to which the legend has the sizes below, and with which it grows beyond."""
 
 TEXT, MARGIN, BAR, TICK, GAP = 14, 24, 14, 5, 8
 PAPER, INK = (255, 255, 255), (30, 30, 30)

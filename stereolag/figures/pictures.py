@@ -1,4 +1,4 @@
-"""Pictures ready to be shown: 8-bit RGB of a bounded size, as PNG."""
+"""Images ready to be shown: 8-bit RGB of a bounded size, as PNG."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def thinned(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
 
 
 def png(picture: Rgb) -> bytes:
-    """Return an RGB picture as the bytes of a PNG."""
+    """Return an RGB image as the bytes of a PNG."""
     bgr = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2BGR)
     _, data = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, FASTEST_COMPRESSION])
     return data.tobytes()
@@ -75,7 +75,7 @@ def jpeg(picture: Rgb) -> bytes:
 def indexed_png(numbers: npt.NDArray[np.uint8], table: Rgb) -> bytes:
     """Return (rows, cols) numbers into a (256, 3) table of colours as the bytes of a PNG.
 
-    A third of the data of an RGB picture, and six times as fast.
+    A third of the data of an RGB image, and six times as fast.
     """
     picture = PIL.Image.fromarray(np.ascontiguousarray(numbers))
     picture.putpalette(table.tobytes())
@@ -96,7 +96,7 @@ CORRELATION = "#8273cf"
 PEAK = "#e0447c"
 
 FRAME = (255, 0, 160)
-"""Drawn around a place in a picture: a pink that hardly any picture holds."""
+"""Drawn around a place in an image: a pink that hardly any image holds."""
 
 NO_ANSWER = (140, 140, 140)
 """A neutral grey: no colour of viridis is one."""
@@ -115,7 +115,7 @@ VIRIDIS = palette(cv2.COLORMAP_VIRIDIS)
 
 
 def coloured(values: npt.NDArray[np.floating[Any]], low: float, high: float, colours: Rgb = VIRIDIS) -> Rgb:
-    """Return an array as a picture: the first of the colours at `low`, the last at `high`, NaN grey.
+    """Return an array as an image: the first of the colours at `low`, the last at `high`, NaN grey.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def colour_numbers(values: npt.NDArray[np.floating[Any]], low: float, high: floa
 
 
 def colour_table(colours: Rgb) -> Rgb:
-    """Return (256, 3) uint8 RGB: a ramp of 256 colours in 255 steps, and last the grey of no answer."""
+    """Return (256, 3) uint8 RGB: a ramp of 256 colours in 255 steps, and last the grey of no disparity."""
     return np.vstack([colours[np.rint(np.linspace(0, 255, NO_ANSWER_NUMBER)).astype(np.intp)], [NO_ANSWER]]).astype(
         np.uint8
     )

@@ -1,4 +1,4 @@
-"""A sweep as two pictures of one grid: small disparity maps, and the objective of each cell."""
+"""A sweep as two images of one grid: small disparity maps, and the objective of each cell."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class ContactSheet:
     Attributes
     ----------
     maps
-        (n_rows * height, n_cols * width) float32, px of disparity; NaN where there is no answer.
+        (n_rows * height, n_cols * width) float32, px of disparity; NaN where there is no disparity.
     height, width
         Of one small map, px.
     rows, cols

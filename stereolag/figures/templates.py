@@ -1,4 +1,4 @@
-"""The places a template search found, framed in the picture, and its score map."""
+"""The places a template search found, framed in the image, and its score map."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LEFT_OUT = 128
 
 
 def framed(picture: Image, matches: Sequence[TemplateMatch]) -> bytes:
-    """Return the picture as a PNG with a frame around every match, the best one's the boldest."""
+    """Return the image as a PNG with a frame around every match, the best one's the boldest."""
     shown = fitted(picture).copy()
     scale = shown.shape[1] / picture.shape[1]
     thickness = max(2, shown.shape[1] // 250)

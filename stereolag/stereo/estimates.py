@@ -21,7 +21,7 @@ FINISHING = 48
 """A pixel while the map is filtered and filled: the maps before and after, their reasons, and what OpenCV takes."""
 
 PIXEL_SECONDS = 1.2e-7
-"""Seconds a pixel, for the checks, filters and maps."""
+"""Seconds per pixel, for the checks, filters and maps."""
 
 DISPARITY_STEP, MOST_DISPARITIES = 16, 1024
 """Numbers of disparities that a refusal names are multiples of the one, up to the other."""

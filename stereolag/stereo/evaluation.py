@@ -18,15 +18,15 @@ class Evaluation:
     Attributes
     ----------
     density
-        Share of the truth pixels that have an estimate, 0..1.
+        Share of the pixels with ground truth that have an estimate, 0..1.
     epe
         Mean absolute error of the estimated ones, px (end-point error); NaN where nothing was estimated.
     bad
-        {threshold px: % of the truth pixels that are off by more than the threshold *or missing*}.
+        {threshold px: % of the pixels with ground truth that are off by more than the threshold *or missing*}.
     bad_measured
         {threshold px: % of the estimated truth pixels that are off by more}; NaN where nothing was estimated.
     d1_all
-        % of the truth pixels that are missing or off by more than 3 px *and* more than 5 % (KITTI's D1-all).
+        % of the pixels with ground truth that are missing, or off by more than 3 px *and* 5 % (KITTI's D1-all).
     truth_pixels
         How many pixels the figures rest on.
     """
@@ -46,12 +46,12 @@ def evaluate(
     thresholds: Sequence[float] = (0.5, 1.0, 2.0, 4.0),
     mask: npt.ArrayLike | None = None,
 ) -> Evaluation:
-    """Compare a disparity map with the truth.
+    """Compare a disparity map with the ground truth.
 
     Parameters
     ----------
     disparity, ground_truth
-        (H, W) px; NaN or infinite = no answer, no truth.
+        (H, W) px; NaN or infinite = no disparity, no ground truth.
     thresholds
         Errors above which a pixel counts as bad, px.
     mask
@@ -60,7 +60,7 @@ def evaluate(
     Raises
     ------
     ValueError
-        Arrays of different shape, a threshold that is not positive, or no truth at all.
+        Arrays of different shape, a threshold that is not positive, or no ground truth at all.
 
     Notes
     -----
@@ -99,7 +99,7 @@ def judged_pixels(
     Raises
     ------
     ValueError
-        Arrays of different shape, or no truth at all.
+        Arrays of different shape, or no ground truth at all.
     """
     truth = np.asarray(ground_truth, dtype=np.float64)
     if truth.ndim != 2 or np.shape(disparity) != truth.shape:
@@ -109,7 +109,7 @@ def judged_pixels(
     judged = np.isfinite(truth)
     if mask is not None:
         if np.shape(mask) != truth.shape:
-            raise ValueError(f"mask has shape {np.shape(mask)}; it must be that of the truth, {truth.shape}.")
+            raise ValueError(f"mask has shape {np.shape(mask)}; it must be that of the ground truth, {truth.shape}.")
         judged &= np.asarray(mask, dtype=np.bool_)
     if not judged.any():
         raise ValueError("ground_truth holds no finite disparity to compare with.")
@@ -127,7 +127,7 @@ class CoverageCurve:
     Attributes
     ----------
     coverage
-        (n,) share of the truth pixels that are kept, 0..1, ascending; one point alone where there is no score.
+        (n,) share of the pixels with ground truth that are kept, 0..1, ascending; one point without a score.
     bad
         (n,) % of the kept pixels that are off by more than the threshold.
     mean_error
@@ -152,7 +152,7 @@ def error_against_coverage(
     Parameters
     ----------
     disparity, ground_truth
-        (H, W) px; NaN or infinite = no answer, no truth.
+        (H, W) px; NaN or infinite = no disparity, no ground truth.
     score
         (H, W), higher is surer; NaN throughout where the method gives none: the curve is then a single point.
     threshold
@@ -168,7 +168,7 @@ def error_against_coverage(
     Raises
     ------
     ValueError
-        Arrays of different shape, a threshold that is not positive, or no truth at all.
+        Arrays of different shape, a threshold that is not positive, or no ground truth at all.
 
     Notes
     -----
@@ -213,7 +213,7 @@ def consensus(maps: Sequence[FloatMap], *, tolerance_px: float = TOLERANCE_PX) -
     Parameters
     ----------
     maps
-        (H, W) disparities of one size, px, NaN = no answer.
+        (H, W) disparities of one size, px, NaN = no disparity.
     tolerance_px
         Answers agree when the largest and the smallest of them are at most so far apart.
 

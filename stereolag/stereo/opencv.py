@@ -79,7 +79,7 @@ LeftRightTolerance = Annotated[
 
 
 class BlockMatcher(StereoMatcher):
-    """What both OpenCV matchers share: the search range, the checks, and how the answer is read."""
+    """What both OpenCV matchers share: the search range, the checks, and how the result is read."""
 
     num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
         default=64,
@@ -160,7 +160,7 @@ class BlockMatcher(StereoMatcher):
             )
 
     def _seen_by_both(self, rows: int, cols: int) -> npt.NDArray[np.bool_]:
-        """Return where OpenCV can answer at all: far enough from the borders for the block and the whole search."""
+        """Return where OpenCV can give a disparity at all: far enough from the borders for the block and the whole search."""
         frame = (0, 0, cols, rows)
         x, y, width, height = cv2.getValidDisparityROI(
             frame, frame, self.min_disparity, self.num_disparities, self.block_size
@@ -192,7 +192,7 @@ class StereoBM(BlockMatcher):
     texture_threshold: int = Field(
         default=10,
         title="Texture threshold",
-        description="Blocks with less texture get no answer (OpenCV's textureThreshold).",
+        description="Blocks with less texture get no disparity (OpenCV's textureThreshold).",
         ge=0,
         le=10_000,
         json_schema_extra={"step": 10},

@@ -26,10 +26,10 @@ AGREEMENT = 120
 """Bytes of a pixel while two maps are compared: both, the places to which they lead, and the patches there."""
 
 JUDGEMENT = 80
-"""Bytes of a pixel while a map is compared with the truth, in float64."""
+"""Bytes of a pixel while a map is compared with the ground truth, in float64."""
 
 AGREEMENT_SECONDS = 2e-7
-"""Seconds a pixel to compare two maps, or one with the truth."""
+"""Seconds per pixel to compare two maps, or one with the ground truth."""
 
 SCALES = (1.0, 0.75, 0.5, 0.35, 0.25)
 """Sizes in which a pair is tuned on, full size first."""
@@ -167,9 +167,9 @@ PATCH = 7
 def seen_from_the_right(
     matcher: StereoMatcher, left: npt.ArrayLike, right: npt.ArrayLike, *, progress: Progress = silent
 ) -> DisparityMap:
-    """Return the disparity map of the *mirrored* pair: what the same settings find with the right picture in charge.
+    """Return the disparity map of the *mirrored* pair: what the same settings find with the right image in charge.
 
-    Mirrored, the right picture is a left one; its map, mirrored back, belongs to the pixels of the right picture.
+    Mirrored, the right image is a left one; its map, mirrored back, belongs to the pixels of the right image.
     """
     images = as_stereo_pair(left, right)
     return matcher.compute(
@@ -178,12 +178,12 @@ def seen_from_the_right(
 
 
 def consistent(result: DisparityMap, mirrored: DisparityMap) -> npt.NDArray[np.bool_]:
-    """Return (H, W) where the left picture's match, followed to the right picture, comes back within 1 px.
+    """Return (H, W) where the left image's match, followed to the right image, comes back within 1 px.
 
     Parameters
     ----------
     result
-        The map of the left picture.
+        The map of the left image.
     mirrored
         That of :func:`seen_from_the_right`.
     """
@@ -197,9 +197,9 @@ def consistent(result: DisparityMap, mirrored: DisparityMap) -> npt.NDArray[np.b
 
 
 def likeness(result: DisparityMap, left: Image, right: Image) -> FloatMap:
-    """Return (H, W) ZNCC, 0..1, of each 7 × 7 patch of the left picture with the place the map sends it to.
+    """Return (H, W) ZNCC, 0..1, of each 7 × 7 patch of the left image with the place the map sends it to.
 
-    0 where the map has no answer, where nothing correlates, and where the patch is flat.
+    0 where the map has no disparity, where nothing correlates, and where the patch is flat.
     """
     rows, cols = np.indices(result.disparity.shape, dtype=np.float32)
     grey = [as_grey(image).astype(np.float32) for image in (left, right)]

@@ -39,7 +39,7 @@ def show_jpeg(data: bytes) -> None:
 
 
 def _show(data: bytes, media_type: str, caption: str | None, *, stretch: bool) -> None:
-    """Let a picture travel within the page's message.
+    """Let an image travel within the page's message.
 
     As a file of its own the browser would have to ask for it, one round trip later, and in vain where the next position
     of a slider has already replaced it.

@@ -52,7 +52,7 @@ def page(title: str, introduction: str) -> Iterator[None]:
 
 @functools.cache
 def _prepare_process() -> None:
-    """Set, once a process, what a server needs that a script does not."""
+    """Set, once per process, what a server needs that a script does not."""
     set_defaults(job_memory_mb=JOB_MEMORY_MB)
     # An upload above 1 MB would be put down in a temporary file on its way into memory.
     MultiPartParser.spool_max_size = st.get_option("server.maxUploadSize") * 2**20

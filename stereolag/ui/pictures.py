@@ -1,4 +1,4 @@
-"""The picture and the template of the search page."""
+"""The image and the template of the search page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KEY = "pictures"
 
 @dataclass(frozen=True, eq=False)
 class PictureAndTemplate:
-    """A picture, what to look for in it, and a mask: above 0 where the template counts, None where its alpha says."""
+    """An image, what to look for in it, and a mask: above 0 where the template counts, None where its alpha says."""
 
     picture: Image
     template: Image
@@ -36,7 +36,7 @@ def choose_pictures() -> PictureAndTemplate:
 
 @st.cache_resource(show_spinner="Loading the example …")
 def example_pictures(name: str) -> PictureAndTemplate:
-    """Return one of the bundled pictures with its template."""
+    """Return one of the bundled images with its template."""
     example = samples.mazes()[name]
     return PictureAndTemplate(
         read_image(example.picture), read_image(example.template), example.description, f"maze {name}", True
@@ -72,7 +72,7 @@ def _own_pictures() -> PictureAndTemplate | None:
 
 
 def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:
-    """Return all of them; ValueError where the template cannot be looked for in the picture, or not under this mask."""
+    """Return all of them; ValueError where the template cannot be looked for in the image, or not under this mask."""
     image, small = as_image(picture.content, "image"), as_image(template.content, "template")
     if small.shape[0] > image.shape[0] or small.shape[1] > image.shape[1]:
         raise ValueError(

@@ -20,7 +20,7 @@ NEGATIVE_ROOM = 32.0
 def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> DepthView:
     """Ask for the colours and return the view of all maps in them.
 
-    The range is fitted to the truth, or to the first maps where there is none, and then holds still for the pair
+    The range is fitted to the ground truth, or to the first maps where there is none, and then holds still for the pair
     whatever the settings do, until the visitor moves it or fits it again.
     """
     key = f"{KEY}.range.{pair.digest}"

@@ -1,4 +1,4 @@
-"""Compare: every method beside every other and the truth, pixel on pixel."""
+"""Compare: every method beside every other and the ground truth, pixel on pixel."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def _at(pair: StereoPair, divisor: int) -> StereoPair:
 
 
 def _scale_controls(pair: StereoPair, small: StereoPair, divisor: int, key: str) -> None:
-    """Let the settings in use cover the same part of the pictures as before, if these are the same in another size."""
+    """Let the settings in use cover the same part of the images as before, if these are the same in another size."""
     before = st.session_state.get(f"{key}.divided")
     st.session_state[f"{key}.divided"] = pair.digest, divisor
     if before is None or before[0] != pair.digest or before[1] == divisor:

@@ -94,7 +94,7 @@ def show_map(view: DepthView, name: str) -> None:
 
 
 def show_images(view: DepthView) -> None:
-    """Show one of the pictures that went in, or the truth in the colours of the maps, above the legend."""
+    """Show one of the images that went in, or the ground truth in the colours of the maps, above the legend."""
     pair = view.pair
     views = ["Left", "Right"] + ["Ground truth"] * (pair.truth is not None)
     chosen = st.session_state.get(keys.VIEW, "Left")
@@ -163,7 +163,7 @@ def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None) -> 
 
 
 def truth_picture(view: DepthView) -> list[Picture]:
-    """Return the true disparity, or nothing where it is not known."""
+    """Return the ground truth, or nothing where it is not known."""
     truth = view.pair.truth
     if truth is None:
         return []

@@ -1,4 +1,4 @@
-"""A pair of the visitor's own: two pictures or one with both, and what is known of them."""
+"""A pair of the visitor's own: two images or one with both, and what is known of them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side ima
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
-    """Two pictures as they were given, a digest of their files, and what was done to them."""
+    """Two images as they were given, a digest of their files, and what was done to them."""
 
     left: Image
     right: Image
@@ -31,7 +31,7 @@ class Pictures:
 
 
 def ask_own_pair(key: str) -> StereoPair | None:
-    """Ask for pictures, truth and calibration; return the last that fitted together, or None while there are none."""
+    """Ask for images, truth and calibration; return the last that fitted together, or None while there are none."""
     arrangement = st.segmented_control(
         "Images",
         [*ARRANGEMENTS],
@@ -78,7 +78,7 @@ def _ask_one_picture(key: str) -> Pictures | None:
 
 
 def _split(data: bytes) -> Pictures:
-    """Return both halves of a side-by-side picture, without a digest; ValueError where it cannot be read or halved."""
+    """Return both halves of a side-by-side image, without a digest; ValueError where it cannot be read or halved."""
     both = read_image(data)
     left, right = halves(both)
     width = both.shape[1]
@@ -87,7 +87,7 @@ def _split(data: bytes) -> Pictures:
 
 
 def _ask_truth(key: str) -> Upload[FloatMap] | None:
-    """Ask for the true disparity of the left image."""
+    """Ask for the ground truth of the left image."""
     divisor = st.session_state.get(f"{key}.divisor")
     truth = upload(
         "Ground truth (optional)",
@@ -148,5 +148,5 @@ def _disparities_of(calibration: Calibration | None) -> int | None:
 
 
 def _digest_of(calibration: Calibrated | None) -> str:
-    """Return what of a calibration changes the pictures that are matched: the cameras before rectification."""
+    """Return what of a calibration changes the images that are matched: the cameras before rectification."""
     return calibration.digest if calibration is not None and calibration.content.rig is not None else ""

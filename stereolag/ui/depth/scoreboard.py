@@ -1,4 +1,4 @@
-"""Every method held against the truth: a table, maps of the error, and error against coverage."""
+"""Every method held against the ground truth: a table, maps of the error, and error against coverage."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MEANINGS = {
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """One map against the truth, for all its pixels and, where it is known which these are, for the visible ones."""
+    """One map against the ground truth: for all pixels and, where these are known, for the visible ones."""
 
     evaluations: Mapping[str, Evaluation]
     curve: CoverageCurve
@@ -47,7 +47,7 @@ class Judgement:
 
 @fragment
 def show_scoreboard(view: DepthView) -> None:
-    """Show how right every method is, where the truth is known."""
+    """Show how right every method is, where the ground truth is known."""
     truth = view.pair.truth
     if truth is None or not np.isfinite(truth).any():
         st.info(
