@@ -40,7 +40,7 @@ ERROR_COLOURS = _ramp((49, 54, 149), (116, 173, 209), (224, 243, 248), (253, 174
 
 
 def error_png(disparity: npt.NDArray[np.float32], truth: npt.NDArray[np.float32]) -> bytes:
-    """Return |disparity - truth| as a PNG, thinned where it is wide: red from 4 px, no answer grey, no truth black."""
+    """Return |disparity - ground truth| as a PNG, thinned where wide: red from 4 px, none grey, unknown black."""
     known = np.isfinite(truth)
     picture = coloured(np.abs(disparity - truth), 0, MOST_SHOWN_PX, ERROR_COLOURS)
     picture[~known] = NO_TRUTH

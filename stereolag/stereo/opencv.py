@@ -160,7 +160,7 @@ class BlockMatcher(StereoMatcher):
             )
 
     def _seen_by_both(self, rows: int, cols: int) -> npt.NDArray[np.bool_]:
-        """Return where OpenCV can give a disparity at all: far enough from the borders for the block and the whole search."""
+        """Return where OpenCV can match at all: far enough from the borders for the block and the whole search."""
         frame = (0, 0, cols, rows)
         x, y, width, height = cv2.getValidDisparityROI(
             frame, frame, self.min_disparity, self.num_disparities, self.block_size
