@@ -7,22 +7,48 @@ import time
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 from annotated_types import MultipleOf
+from pydantic import Field
 
 from stereolag.arrays import FloatMap, Mask, ReasonMap
 from stereolag.estimates import OVERHEAD, Estimate, check_memory
 from stereolag.inputs import Image, as_stereo_pair
 from stereolag.progress import Progress, silent
-from stereolag.settings import Settings, changed, marker
+from stereolag.settings import OfThePair, Pixels, Settings, Usual, changed, marker
 from stereolag.stereo.estimates import ANSWER, PIXEL_SECONDS, fitting_pair
 from stereolag.stereo.reasons import Reason
 
 FARTHEST_FIRST, LARGEST_COUNT = 512, 1024
 """The first disparity of a search, either way, and the number of disparities that the settings of all methods allow."""
+
+NumDisparities = Annotated[
+    int,
+    Pixels(rounded_up=True),
+    OfThePair(),
+    Usual(high=256),
+    Field(
+        title="Disparities searched",
+        description="How many disparities are tried, px (OpenCV's numDisparities).",
+        ge=1,
+        le=LARGEST_COUNT,
+        json_schema_extra={"step": 16},
+    ),
+]
+MinDisparity = Annotated[
+    int,
+    Pixels(),
+    Usual(-64, 64),
+    Field(
+        title="Smallest disparity",
+        description="The first disparity tried, px (OpenCV's minDisparity).",
+        ge=-FARTHEST_FIRST,
+        le=FARTHEST_FIRST,
+    ),
+]
 
 
 class PixelMatches(NamedTuple):

@@ -15,7 +15,7 @@ from stereolag.inputs import Image, as_eight_bit, as_grey
 from stereolag.progress import Progress
 from stereolag.settings import Applies, FitsImage, OfThePair, Pixels, Usual
 from stereolag.stereo.estimates import ANSWER, PIXEL_SECONDS, grey_bytes
-from stereolag.stereo.matcher import PixelMatches, StereoMatcher
+from stereolag.stereo.matcher import MinDisparity, PixelMatches, StereoMatcher
 from stereolag.stereo.reasons import Reason
 
 SUBPIXEL = 16
@@ -89,13 +89,7 @@ class BlockMatcher(StereoMatcher):
         le=1024,
         multiple_of=16,
     )
-    min_disparity: Annotated[int, Pixels(), Usual(-64, 64)] = Field(
-        default=0,
-        title="Smallest disparity",
-        description="The first disparity tried, px (OpenCV's minDisparity).",
-        ge=-512,
-        le=512,
-    )
+    min_disparity: MinDisparity = 0
     block_size: BlockSize = 21
     uniqueness_ratio: UniquenessRatio = 15
     speckle_window_size: SpeckleWindowSize = 0

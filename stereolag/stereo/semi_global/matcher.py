@@ -12,7 +12,7 @@ from stereolag.arrays import ReasonMap
 from stereolag.estimates import Estimate
 from stereolag.inputs import Image, as_eight_bit, as_grey, local_deviation, of_ordinary_size
 from stereolag.progress import Progress
-from stereolag.settings import FitsImage, OfThePair, Pixels, Usual
+from stereolag.settings import FitsImage, Pixels
 from stereolag.stereo.finishing.checks import (
     AmbiguityTest,
     LeftRightCheck,
@@ -22,7 +22,7 @@ from stereolag.stereo.finishing.checks import (
     left_right_disagree,
 )
 from stereolag.stereo.finishing.stages import Filling, Median, Speckle, finished
-from stereolag.stereo.matcher import PixelMatches, StereoMatcher
+from stereolag.stereo.matcher import MinDisparity, NumDisparities, PixelMatches, StereoMatcher
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global.costs import MatchingCost
 from stereolag.stereo.semi_global.estimates import estimate_volume
@@ -50,21 +50,8 @@ class SemiGlobalMatcher(StereoMatcher):
         le=255,
         json_schema_extra={"step": 2},
     )
-    num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
-        default=64,
-        title="Disparities searched",
-        description="How many disparities are tried, px (OpenCV's numDisparities).",
-        ge=1,
-        le=1024,
-        json_schema_extra={"step": 16},
-    )
-    min_disparity: Annotated[int, Pixels(), Usual(-64, 64)] = Field(
-        default=0,
-        title="Smallest disparity",
-        description="The first disparity tried, px (OpenCV's minDisparity).",
-        ge=-512,
-        le=512,
-    )
+    num_disparities: NumDisparities = 64
+    min_disparity: MinDisparity = 0
     cost: MatchingCost = Field(
         default=MatchingCost(),
         title="Matching cost",

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from stereolag.loops.vector_lanes import LANES
 from stereolag.settings import OfThePair, Pixels, Settings, Usual
+from stereolag.stereo.matcher import MinDisparity, NumDisparities
 
 ROOM_FOR_WINDOW = 32
 
@@ -114,21 +115,8 @@ class RectifiedSearch(SearchArea):
     first_shown = ("num_disparities", "vertical")
 
     kind: Literal["rectified"] = "rectified"
-    num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
-        default=64,
-        title="Disparities searched",
-        description="How many disparities are tried, px (OpenCV's numDisparities).",
-        ge=1,
-        le=1024,
-        json_schema_extra={"step": 16},
-    )
-    min_disparity: Annotated[int, Pixels(), Usual(-64, 64)] = Field(
-        default=0,
-        title="Smallest disparity",
-        description="The first disparity tried, px (OpenCV's minDisparity).",
-        ge=-512,
-        le=512,
-    )
+    num_disparities: NumDisparities = 64
+    min_disparity: MinDisparity = 0
     vertical: Annotated[int, Pixels(), Usual(high=16)] = Field(
         default=0,
         title="Vertical reach",
