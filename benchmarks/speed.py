@@ -138,7 +138,7 @@ def size_row(left: Grey, right: Grey) -> Row:
     ours = dense()
     seconds = interleaved({"small": lambda: ours.compute(left, right), "big": lambda: ours.compute(*big)}, runs=7)
     return Row(
-        "dense, a pixel and lag at 6 MP",
+        "dense, per pixel and lag at 6 MP",
         seconds["big"] / big[0].size / 64,
         "at 0.35 MP",
         seconds["small"] / left.size / 64,

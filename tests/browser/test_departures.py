@@ -14,7 +14,7 @@ import pytest
 from benchmarks.load import WINDOW, Server, own_pair, serving, windows_of, with_own_pair
 from benchmarks.visitors import Visitor
 
-VISITORS, MOVES = 4, 5
+VISITORS, MOVES = 4, 7
 MOST_LEFT_MB = 40
 """A third of what they take, and far more than what the allocator keeps of it."""
 
