@@ -254,8 +254,3 @@ class DisparityMap:
     def coverage(self) -> float:
         """Return the share of pixels that have a disparity, 0..1."""
         return float(np.count_nonzero(self.valid) / self.valid.size)
-
-    @property
-    def nbytes(self) -> int:
-        """Return the memory that the map takes, bytes."""
-        return sum(array.nbytes for array in (self.disparity, self.reason, self._score, self._dy) if array is not None)

@@ -26,8 +26,6 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import estimate_search, match_template
 from stereolag.templates.estimates import fitting_image
-from stereolag.tuning.objective import TuningPair
-from stereolag.tuning.sweep import estimate_sweep
 
 GB = 10**9
 
@@ -290,21 +288,3 @@ def test_a_diagnosis_is_refused_before_it_begins(limited: Callable[[int], None])
     left = np.random.default_rng(0).integers(0, 256, (2000, 3000, 3), dtype=np.uint8)
     with pytest.raises(ValueError, match=r"one job may take 67 MB\. \d+ % of the width and height would fit\."):
         diagnose(left, left)
-
-
-def test_a_bench_counts_both_views_where_there_is_no_truth() -> None:
-    left = np.random.default_rng(0).integers(0, 256, (500, 800), dtype=np.uint8)
-    blind, seeing = TuningPair.of(left, left), TuningPair.of(left, left, np.zeros(left.shape))
-    assert blind.estimate(StereoBM()).memory > seeing.estimate(StereoBM()).memory
-    assert blind.estimate(StereoBM()).seconds > seeing.estimate(StereoBM()).seconds
-
-
-def test_a_sweep_is_its_largest_cell_and_all_maps() -> None:
-    left = np.random.default_rng(0).integers(0, 256, (500, 800), dtype=np.uint8)
-    tuning_pair = TuningPair.of(left, left, np.zeros(left.shape))
-    told = estimate_sweep(
-        StereoSGBM(), tuning_pair, rows=("block_size", (3, 4, 5)), cols=("num_disparities", (64, 256))
-    )
-    largest = tuning_pair.estimate(StereoSGBM(block_size=5, num_disparities=256))
-    assert told.memory == largest.memory + 4 * 4 * left.size  # a block of 4 px is no setting
-    assert told.seconds > largest.seconds

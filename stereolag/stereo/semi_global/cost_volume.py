@@ -71,12 +71,13 @@ def matching_cost(
 
 
 def _add(left: Any, right: Any, run: Run, carried: Array, costs: Array) -> None:
-    """Add one term. For compiled code only: which one it is, the type of its features tells."""
-    raise NotImplementedError
+    """Add one term; which one it is, the type of its features tells."""
+    next(term.add for term in TERMS if term.kind is type(left))(left, right, run, carried, costs)
 
 
 @overload(_add, strict=False)
 def _add_compiled(left: Any, right: Any, run: Any, carried: Any, costs: Any) -> Any:
+    """Return what :func:`_add` is in compiled code, which chooses the term when it is compiled."""
     add = next(term.add for term in TERMS if term.kind is left.instance_class)
     return lambda left, right, run, carried, costs: add(left, right, run, carried, costs)
 

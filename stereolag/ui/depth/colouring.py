@@ -9,9 +9,9 @@ import streamlit as st
 from stereolag.figures.disparity import PALETTES, disparity_range
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.keys import COLOURS
 from stereolag.ui.pairs import StereoPair
 
-KEY = "depth.colours"
 FIRST_PALETTE = "viridis"
 NEGATIVE_ROOM = 32.0
 """How far below what is there the range may begin, px."""
@@ -23,12 +23,14 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
     The range is fitted to the ground truth, or to the first maps where there is none, and then holds still for the pair
     whatever the settings do, until the visitor moves it or fits it again.
     """
-    key = f"{KEY}.range.{pair.digest}"
+    key = f"{COLOURS}.range.{pair.digest}"
     if not {key, _ends_key(key)} <= set(st.session_state):
         _fit(key, pair, results)
     low, high = st.session_state[key]
-    palette = st.session_state.get(f"{KEY}.palette", FIRST_PALETTE)
-    colours = st.popover("Colours", icon=":material/palette:", width="stretch", key=f"{KEY}.opened", on_change="rerun")
+    palette = st.session_state.get(f"{COLOURS}.palette", FIRST_PALETTE)
+    colours = st.popover(
+        "Colours", icon=":material/palette:", width="stretch", key=f"{COLOURS}.opened", on_change="rerun"
+    )
     if colours.open:  # drawing what nobody sees takes time at every move
         with colours:
             # With ends that moved with the range, it would be another slider after every move.
@@ -43,14 +45,14 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
                 help="Disparities at the ends of the colours, the same for all maps. It holds still when settings "
                 "change.",
             )
-            st.button("Fit to what is shown", on_click=_fit, args=(key, pair, results), key=f"{KEY}.fit")
+            st.button("Fit to what is shown", on_click=_fit, args=(key, pair, results), key=f"{COLOURS}.fit")
             palette = st.segmented_control(
                 "Palette",
                 [*PALETTES],
                 default=FIRST_PALETTE,
                 format_func=str.capitalize,
                 required=True,
-                key=f"{KEY}.palette",
+                key=f"{COLOURS}.palette",
                 persist_state="session",
             )
     return DepthView(pair, results, low, max(high, low + 1), PALETTES[palette])
