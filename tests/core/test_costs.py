@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 
 from stereolag.inputs import as_eight_bit
 from stereolag.settings import marker
+from stereolag.stereo.semi_global import cost_volume
 from stereolag.stereo.semi_global.census import census, census_reference
 from stereolag.stereo.semi_global.cost_terms import TERMS
 from stereolag.stereo.semi_global.cost_volume import UNSEEN, cost_reference, matching_cost
@@ -100,3 +103,11 @@ def test_a_flat_pair_of_any_type_survives(dtype: type) -> None:
 def test_every_term_has_its_weight_in_the_settings() -> None:
     weights = {name for name, field in MatchingCost.model_fields.items() if marker(field, TermWeight)}
     assert weights == {term.weight for term in TERMS}
+
+
+def test_the_loop_over_the_terms_gives_the_same_without_being_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right = np.random.default_rng(0).integers(0, 256, (2, 12, 20), dtype=np.uint8)
+    cost = partial(matching_cost, left, right, window_size=5, min_disparity=-2, num_disparities=8)
+    compiled = cost(settings=MatchingCost())
+    monkeypatch.setattr(cost_volume, "cost_rows", cost_volume.cost_rows.py_func)  # type: ignore[attr-defined]
+    np.testing.assert_array_equal(cost(settings=MatchingCost()), compiled)
