@@ -17,7 +17,7 @@ from stereolag.settings.fields import Number, choices, nested
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.controls import adopt_value, control, last_valid
-from stereolag.ui.keys import TAB, method_key, more_key, setting_key
+from stereolag.ui.keys import method_key, more_key, setting_key
 from stereolag.ui.pairs import StereoPair
 
 CHOICE_NAMES = {
@@ -116,23 +116,6 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
         return kind(**values)
 
     return last_valid(make, f"{method_key(kind.short_name)}.valid")
-
-
-def ask_matchers(pair: StereoPair) -> dict[type[StereoMatcher], StereoMatcher | None]:
-    """Return the settings of every method; one at a time has its controls drawn, chosen by a row of tabs."""
-    names = [kind.short_name for kind in METHODS]
-    by_name = dict(zip(names, METHODS, strict=True))
-    tab = st.segmented_control(
-        "Settings of",
-        names,
-        default=names[0],
-        required=True,
-        format_func=lambda name: by_name[name].title,
-        key=TAB,
-        persist_state="session",
-        label_visibility="collapsed",
-    )
-    return {kind: ask_matcher(kind, pair, drawn=kind.short_name == tab) for kind in METHODS}
 
 
 def _more_settings(key: str) -> ExpanderContainer:
