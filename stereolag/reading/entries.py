@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -20,7 +21,9 @@ MAX_SIDE = 100_000
 MAX_NUMBER = 1e12
 """No focal length, length or coefficient of a camera comes near; what is computed from such numbers stays finite."""
 
-_MATRIX_KEYS = ("rows", "cols", "data")
+_MATRIX_KEYS = {"rows", "cols", "data"}
+_ARRAY_KEYS = {"sizes", "data"}
+"""OpenCV 5 writes an array of one row so."""
 _NO_NUMBERS = np.array([np.nan])
 """Stands for a list that is no array of numbers: refused where it is used, and only there."""
 
@@ -33,7 +36,7 @@ def flattened(tree: Any) -> Entries:
     ValueError
         More than 16 levels, or a matrix (rows, cols, data) that does not hold as many numbers as it announces.
     """
-    return dict(_leaves("", tree, 0))
+    return {name: value for name, value in _leaves("", tree, 0) if name}
 
 
 def value_of(text: str) -> Matrix | str:
@@ -57,15 +60,18 @@ def _leaves(name: str, tree: Any, depth: int) -> Iterator[tuple[str, Matrix | st
     if depth > MAX_DEPTH:
         raise ValueError(f"The calibration is nested more than {MAX_DEPTH} levels deep.")
     if isinstance(tree, dict):
-        if all(key in tree for key in _MATRIX_KEYS):
-            yield name, _announced_matrix(name, tree)
+        if set(tree) >= _MATRIX_KEYS:
+            yield name, _announced(name, tree["data"], [tree["rows"], tree["cols"]])
+            return
+        if set(tree) >= _ARRAY_KEYS:
+            yield name, _announced(name, tree["data"], tree["sizes"])
             return
         inside = {str(key): value for key, value in tree.items()}
     elif isinstance(tree, list) and any(isinstance(item, dict) for item in tree):
         inside = {str(number): item for number, item in enumerate(tree)}
     else:
         if tree is not None and not isinstance(tree, bool) and tree != "":
-            yield name, value_of(tree) if isinstance(tree, str) else _array(tree)
+            yield name, _value(tree)
         return
     for key, value in inside.items():
         yield from _leaves(f"{name}.{key}" if name else key, value, depth + 1)
@@ -83,22 +89,21 @@ def _float(token: str) -> float:
     return float(token.replace(".", "", 1) if token.lower().lstrip("+-") in (".nan", ".inf") else token)
 
 
-def _announced_matrix(name: str, tree: Mapping[str, Any]) -> Matrix:
-    rows, cols, values = (value_of(item) if isinstance(item, str) else _array(item) for item in _parts(tree))
-    if isinstance(rows, str) or isinstance(cols, str) or isinstance(values, str):
-        return _NO_NUMBERS
-    height, width = (float(side.flat[0]) if side.size else 0.0 for side in (rows, cols))
-    if not (np.isfinite(height) and np.isfinite(width) and np.isfinite(values).all()):
-        return _NO_NUMBERS
-    if not (0 <= height <= values.size and 0 <= width <= values.size and int(height) * int(width) == values.size):
-        raise ValueError(
-            f"{quoted(name)} in the calibration announces {height:g} × {width:g} numbers and holds {values.size}."
-        )
-    return values.reshape(int(height), int(width))
+def _value(leaf: Any) -> Matrix | str:
+    return value_of(leaf) if isinstance(leaf, str) else _array(leaf)
 
 
-def _parts(tree: Mapping[str, Any]) -> Iterator[Any]:
-    return (tree[key] for key in _MATRIX_KEYS)
+def _announced(name: str, data: Any, sizes: Any) -> Matrix:
+    """Return an array of the sizes that its file announces for it."""
+    values, shape = _value(data), _value(sizes)
+    if isinstance(values, str) or isinstance(shape, str):
+        return _NO_NUMBERS
+    if not (np.isfinite(shape).all() and np.isfinite(values).all()):
+        return _NO_NUMBERS
+    if not ((shape >= 0) & (shape <= values.size)).all() or math.prod(map(int, shape.flat)) != values.size:
+        announced = " × ".join(f"{side:g}" for side in list(shape.flat)[:3])
+        raise ValueError(f"{quoted(name)} in the calibration announces {announced} numbers and holds {values.size}.")
+    return values.reshape([int(side) for side in shape.flat])
 
 
 def optional_number(entries: Entries, *names: str) -> float | None:

@@ -17,6 +17,7 @@ from stereolag.reading.yaml_trees import parse_yaml
 
 MAX_TEXT_BYTES = 2**20
 MAX_ARCHIVE_BYTES = 2**24
+MAX_NAMES = 2000
 
 _WHAT = "calibration"
 _ASSIGNMENT = re.compile(r"^[ \t]*(\w+)[ \t]*=[ \t]*(\S.*)$")
@@ -39,9 +40,15 @@ def parse_entries(data: bytes) -> Entries:
     if data.startswith(ZIP_MAGIC):
         _check_size(data, MAX_ARCHIVE_BYTES)
         arrays = parse_npz(data, _WHAT)
-        return flattened({name: "" if array is None else array.tolist() for name, array in arrays.items()})
-    _check_size(data, MAX_TEXT_BYTES)
-    text = _text(data)
+        entries = flattened({name: "" if array is None else array.tolist() for name, array in arrays.items()})
+    else:
+        _check_size(data, MAX_TEXT_BYTES)
+        entries = _from_text(_text(data))
+    _check_names(len(entries))
+    return entries
+
+
+def _from_text(text: str) -> Entries:
     start = text.lstrip()
     if start.startswith("<"):
         return flattened(parse_xml(start.encode(), _WHAT))
@@ -49,11 +56,12 @@ def parse_entries(data: bytes) -> Entries:
         return flattened(_json(start))
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if any(_ASSIGNMENT.match(line) for line in lines):
+        _check_names(len(lines))
         return _from_assignments(lines)
-    rows = [value_of(line) for line in lines]
-    if rows and not any(isinstance(row, str) for row in rows):
-        return {f"row{number}": row for number, row in enumerate(rows)}
+    if lines and len(lines) <= MAX_NAMES and not any(isinstance(value_of(line), str) for line in lines):
+        return {f"row{number}": value_of(line) for number, line in enumerate(lines)}
     if any(line.lstrip().startswith("P") and _NAMED_ROW.match(line) for line in lines):
+        _check_names(len(lines))
         return _from_named_rows(lines)
     return flattened(parse_yaml(text, _WHAT))
 
@@ -81,10 +89,14 @@ def _text(data: bytes) -> str:
 
 
 def _json(text: str) -> Any:
+    """Return what a text in braces holds: JSON, or YAML on few lines."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"The {_WHAT} begins like JSON, but cannot be parsed as such.") from error
+        try:
+            return parse_yaml(text, _WHAT)
+        except ValueError:
+            raise ValueError(f"The {_WHAT} begins like JSON, but cannot be parsed as such.") from error
 
 
 def _from_assignments(lines: list[str]) -> Entries:
@@ -95,3 +107,8 @@ def _from_assignments(lines: list[str]) -> Entries:
 def _from_named_rows(lines: list[str]) -> Entries:
     matches = [match for line in lines if (match := _NAMED_ROW.match(line))]
     return {match[1]: value_of(match[2]) for match in matches}
+
+
+def _check_names(count: int) -> None:
+    if count > MAX_NAMES:
+        raise ValueError(f"The {_WHAT} has {count:,} names or lines; at most {MAX_NAMES:,} are accepted.")

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 MAX_DEPTH = 16
-MAX_NODES = 100_000
+MAX_NODES = 50_000
 """Scalars, lists and dictionaries, each counted as often as an alias repeats it."""
 
 # The same loader in C is ten times as fast; every wheel of PyYAML has it.
@@ -28,7 +28,7 @@ def parse_yaml(text: str, what: str) -> Any:
     Raises
     ------
     ValueError
-        No YAML, more than 16 levels or 100,000 nodes, or an alias of what is not yet there as a whole.
+        No YAML, more than 16 levels or 50,000 nodes, or an alias of what is not yet there as a whole.
     """
     text = _OPENCV_DIRECTIVE.sub("", text, count=1)
     try:
