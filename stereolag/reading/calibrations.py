@@ -20,7 +20,7 @@ from stereolag.reading.entries import (
 )
 from stereolag.reading.notations import parse_entries
 from stereolag.reading.rigs import PROJECTIONS, REPROJECTION, image_size, parts_together, projection, stereo_rig
-from stereolag.reading.sources import Source, read_bytes
+from stereolag.reading.sources import Source, quoted, read_bytes
 
 ACCEPTED = "files of Middlebury, KITTI, OpenCV, ROS, Kalibr, NPZ, or JSON with focal_px and baseline_m"
 
@@ -153,7 +153,9 @@ def _from_reprojection(parts: Parts, length_unit_m: float) -> Calibration:
     name, value = parts[REPROJECTION]
     q: Matrix = matrix({name: value}, name, (4, 4))
     if q[3, 2] == 0:
-        raise ValueError("Q in the calibration has 0 at row 3, column 2, which would be an infinite baseline.")
+        raise ValueError(
+            f"{quoted(name)} in the calibration has 0 at row 3, column 2, which would be an infinite baseline."
+        )
     width, height = image_size(parts)
     return Calibration(
         float(q[2, 3]),

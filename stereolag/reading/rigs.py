@@ -121,7 +121,9 @@ def projection(parts: Parts, part: Part) -> Matrix:
     name, value = parts[part]
     found = matrix({name: value}, name, (3, 4))
     if found[0, 0] <= 0:
-        raise ValueError(f"{name} in the calibration has the focal length {found[0, 0]:g} px; it must be above 0.")
+        raise ValueError(
+            f"{quoted(name)} in the calibration has the focal length {found[0, 0]:g} px; it must be above 0."
+        )
     return found
 
 
@@ -182,7 +184,9 @@ def _projections_of(name: str, value: Matrix | str) -> tuple[Matrix, Matrix]:
     """Return the projections of the pair whose reprojection is Q."""
     q = matrix({name: value}, name, (4, 4))
     if q[3, 2] == 0:
-        raise ValueError(f"{name} in the calibration has 0 at row 3, column 2, which would be an infinite baseline.")
+        raise ValueError(
+            f"{quoted(name)} in the calibration has 0 at row 3, column 2, which would be an infinite baseline."
+        )
     focal, baseline, doffs = q[2, 3], 1 / q[3, 2], q[3, 3] / q[3, 2]
     left = np.array([[focal, 0, -q[0, 3], 0], [0, focal, -q[1, 3], 0], [0, 0, 1, 0]])
     right = left + np.array([[0, 0, doffs, -focal * baseline], [0, 0, 0, 0], [0, 0, 0, 0]])

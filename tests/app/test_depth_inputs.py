@@ -175,14 +175,27 @@ def test_alpha_is_asked_where_the_file_does_not_say_how_it_was_rectified() -> No
 def test_a_calibration_in_two_files_is_read_together() -> None:
     entries = {name: np.asarray(value).tolist() for name, value in straight_and_raw.ENTRIES.items()}
     first = {name: entries[name] for name in ("M1", "D1", "M2", "D2")}
-    second = {name: entries[name] for name in ("R", "T", "image_width", "image_height")}
+    parts = {"intrinsics": first, "extrinsics": {name: entries[name] for name in set(entries) - set(first)}}
     app = own(left=("l.png", uploads.png(STRAIGHT[0])), right=("r.png", uploads.png(STRAIGHT[1])))
-    both = [("intrinsics.json", json.dumps(first).encode()), ("extrinsics.json", json.dumps(second).encode())]
-    app.file_uploader(key="pairs.calibration").upload(*both[0], "application/json").run()
+    both = [(f"{name}.json", json.dumps(part).encode(), "application/json") for name, part in parts.items()]
+    app.file_uploader(key="pairs.calibration").set_value(both[:1]).run()
     assert "lacks rotation (R), translation (T); give the file that holds it" in app.error[0].value
-    app.file_uploader(key="pairs.calibration").upload(*both[1], "application/json").run()
+    app.file_uploader(key="pairs.calibration").set_value(both).run()
     assert not app.error
     assert shown(app).calibration is not None
+
+
+def test_two_files_of_one_camera_each_are_told_apart_by_their_names() -> None:
+    def camera(number: int) -> bytes:
+        parts = {"mtx": straight_and_raw.ENTRIES[f"M{number}"], "dist": straight_and_raw.ENTRIES[f"D{number}"]}
+        return json.dumps({name: np.asarray(part).tolist() for name, part in parts.items()}).encode()
+
+    pose = json.dumps({"R": straight_and_raw.R.tolist(), "T": straight_and_raw.T.tolist()}).encode()
+    files = [("right.json", camera(2)), ("pose.json", pose), ("left.json", camera(1))]
+    app = own(left=("l.png", uploads.png(STRAIGHT[0])), right=("r.png", uploads.png(STRAIGHT[1])))
+    app.file_uploader(key="pairs.calibration").set_value([(*file, "application/json") for file in files]).run()
+    known = app.session_state["pairs.calibration.kept"].upload.content
+    np.testing.assert_array_equal(known.rig.left_matrix, straight_and_raw.M1)
 
 
 def test_a_smaller_pair_has_the_calibration_that_came_last() -> None:
