@@ -270,7 +270,7 @@ def _ends(place: _Place, name: str) -> dict[str, Any]:
 
 def _key(method: type[StereoMatcher], kind: type[Settings], path: str, name: str, pair: StereoPair) -> str:
     of_the_pair = marker(kind.model_fields[name], OfThePair) is not None
-    return setting_key(method.short_name, f"{path}{name}", pair.source if of_the_pair else None)
+    return setting_key(method.short_name, f"{path}{name}", pair.searched if of_the_pair else None)
 
 
 def _set(settings: Settings, method: type[StereoMatcher], path: str, pair: StereoPair) -> None:
