@@ -84,10 +84,10 @@ def rectified(pair: StereoPair) -> StereoPair:
 
 def show_decision(decision: Decision) -> None:
     """Say what was decided, with a button that undoes it."""
-    opposite = RECTIFIED if decision.rectify else RAW
+    undo = ("Undo", RECTIFIED) if decision.rectify else ("Rectify it all the same", RAW)
+    label, choice = (CHOICES[DECIDE], DECIDE) if decision.asked else undo
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         st.caption(f":material/straighten: {decision.sentence}", width="content")
-        label, choice = (CHOICES[DECIDE], DECIDE) if decision.asked else ("Undo", opposite)
         st.button(label, key="depth.rectifying.undo", type="tertiary", on_click=partial(_choose, choice))
 
 
@@ -102,10 +102,10 @@ def _decided(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
     alpha = st.session_state.get(ALPHA_KEY, 0.0) if rig.rectification is None else None
     try:
         again = _rectified(pair, alpha)
+        evidence = _evidence(pair, again)
     except ValueError as error:
         st.error(str(error))
         return replace(pair, calibration=None), None
-    evidence = _evidence(pair, again, alpha)
     rectify_it = choice == RAW or (choice == DECIDE and not evidence.already_rectified)
     drops_truth = rectify_it and pair.truth is not None
     sentence = rectification_in_words(evidence, rectify_it, choice != DECIDE, drops_truth)
@@ -132,14 +132,15 @@ def _rectified(pair: StereoPair, alpha: float | None) -> Straightened:
     )
 
 
-def _evidence(pair: StereoPair, again: Straightened, alpha: float | None) -> RowEvidence:
+def _evidence(pair: StereoPair, again: Straightened) -> RowEvidence:
+    """Return what the rows say; the frame, which changes their scale a little, does not change that."""
     assert pair.calibration is not None
     assert pair.calibration.rig is not None
     return computed(
         "row evidence",
         lambda progress: row_evidence((pair.left, pair.right), (again.left, again.right)),
         inputs=pair.digest,
-        settings=_fingerprint(pair.calibration.rig, alpha),
+        settings=_fingerprint(pair.calibration.rig, None),
         shared=pair.shared,
         label="Comparing the rows …",
     )
