@@ -91,6 +91,13 @@ def test_yaml_as_a_yaml_library_prints_it():
     assert calibration.baseline_m == pytest.approx(0.1)
 
 
+def test_a_comma_forgotten_at_the_end_of_a_line():
+    data = (
+        b"projection_matrix:\n  rows: 3\n  cols: 4\n  data: [700, 0, 320, -70\n    0, 700, 240, 0,\n    0, 0, 1, 0]\n"
+    )
+    assert read_calibration(data).baseline_m == pytest.approx(0.1)
+
+
 def test_json_of_this_project():
     values = {
         "focal_px": 900.5, "baseline_m": 0.12, "doffs_px": 3, "cx": 440.0, "cy": 199.5,
