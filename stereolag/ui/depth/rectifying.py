@@ -72,7 +72,8 @@ def ask_rectified(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
                 persist_state="session",
                 width=220,
                 help="The calibration does not say how the pair is to be rectified (R1, R2, P1, P2). 0 keeps only what "
-                "the cameras took, 1 all of it, with black around.",
+                "the cameras took, 1 all of it, with black around. Of images that are rectified already: what they were "
+                "rectified with, for metres depend on it.",
             )
     return _decided(pair)
 
