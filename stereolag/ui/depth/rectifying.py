@@ -72,15 +72,10 @@ def ask_rectified(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
                 persist_state="session",
                 width=220,
                 help="The calibration does not say how the pair is to be rectified (R1, R2, P1, P2). 0 keeps only what "
-                "the cameras took, 1 all of it, with black around. Of images that are rectified already: what they were "
-                "rectified with, for metres depend on it.",
+                "the cameras took, 1 all of it, with black around. Of images that are rectified already: what they "
+                "were rectified with, for metres depend on it.",
             )
-    return _decided(pair)
-
-
-def rectified(pair: StereoPair) -> StereoPair:
-    """Return the pair as it should be matched, by what the visitor chose, and draw no control."""
-    return _decided(pair)[0]
+    return rectified(pair)
 
 
 def show_decision(decision: Decision) -> None:
@@ -96,7 +91,8 @@ def _choose(choice: str) -> None:
     st.session_state[CHOICE_KEY] = choice
 
 
-def _decided(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
+def rectified(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
+    """Return a pair as it should be matched, and what was decided, by what the visitor chose; draw no control."""
     if pair.calibration is None or pair.calibration.rig is None:
         return pair, None
     rig, choice = pair.calibration.rig, st.session_state.get(CHOICE_KEY, DECIDE)
