@@ -5,7 +5,6 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stereolag.arrays import DoubleMap
 from stereolag.doctor.features import (
     Chosen,
     Correspondences,
@@ -42,9 +41,11 @@ TOLERANCES_PX = (7.0, 4.0, 2.0, 1.5, 1.5)
 def find_correspondences(left: Image, right: Image) -> Correspondences:
     """Match features, and keep those that agree on how the views lie to each other.
 
-    On a pair that is nearly rectified, mutual ORB matches whose dy is what small turns and a lens make of it, begun from
-    those on the epipolar lines of one fundamental matrix (MAGSAC++, Barath et al. 2020). Where those are few, SIFT
+    On a pair that is nearly rectified, mutual ORB matches whose dy is what small turns and a lens make of it, begun
+    from those on the epipolar lines of one fundamental matrix (MAGSAC++, Barath et al. 2020). Where those are few, SIFT
     matches are added, and those are kept that agree on two turned cameras with one lens coefficient.
+
+    Their ``dy`` are the differences of rows: about 0 on a rectified pair.
 
     Parameters
     ----------
@@ -68,20 +69,6 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     if best is None or _agreeing(best, distinct).sum() < CHANCE_SHARE * len(distinct):
         return every.chosen(np.zeros(len(every), dtype=np.bool_))
     return _followed(every, every.chosen(_agreeing(best, every)))
-
-
-def row_differences(left: Image, right: Image) -> DoubleMap:
-    """Return how far apart the rows of matched features lie in two images, right minus left, px.
-
-    About 0 on a rectified pair. The median tells its offset, the spread how far it is from rectified; fewer than
-    :data:`~stereolag.doctor.findings.FEWEST_MATCHES` tell nothing.
-
-    Returns
-    -------
-    differences
-        (n,) float64, one a match.
-    """
-    return find_correspondences(left, right).dy.astype(np.float64)
 
 
 def _epipolar(points: Correspondences) -> Chosen:

@@ -95,13 +95,15 @@ def _rows_aligned(right: Image, points: Correspondences, scale: float) -> Image:
     A surface of the second degree takes the offset, the rotation and the turn of a raw pair, and most of a lens.
     """
     size = points.shape[1]
-    surface = robust_fit(_terms(np.column_stack([points.right[:, 0], points.left[:, 1]]) / size), points.dy * 1.0)
-    rows, cols = np.indices(right.shape[:2], dtype=np.float32)
+    seen = np.column_stack([points.right[:, 0], points.left[:, 1]]) / size
+    surface = robust_fit(_terms(seen), points.dy.astype(np.float64))
+    rows, cols = np.indices(right.shape[:2])
     places = (np.column_stack([cols.ravel(), rows.ravel()]) + 0.5) / (scale * size)
-    away = np.asarray((_terms(places) @ surface) * scale, dtype=np.float32).reshape(rows.shape)
+    away = (_terms(places) @ surface).reshape(rows.shape) * scale
     if np.abs(away).max() <= COARSE_ROW_PX:
         return right
-    return np.asarray(cv2.remap(right, cols, rows + away, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+    x, y = (np.asarray(where, dtype=np.float32) for where in (cols, rows + away))
+    return np.asarray(cv2.remap(right, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
 def _terms(places: Points | DoubleMap) -> DoubleMap:

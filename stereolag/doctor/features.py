@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
@@ -100,7 +101,7 @@ class View:
     """The features of one view: where, what they look like, and how such looks are compared."""
 
     places: Points
-    codes: npt.NDArray[np.generic]
+    codes: npt.NDArray[np.integer[Any] | np.floating[Any]]
     norm: int
 
     def __len__(self) -> int:

@@ -91,7 +91,7 @@ def row_spread(residuals: DoubleMap) -> float:
 
 
 def row_terms(points: Correspondences) -> DoubleMap:
-    """Return the (n, 7) effects on dy of two cameras that are turned a little and of a lens that distorts, by their size.
+    """Return the (n, 7) effects on dy of two cameras that are turned a little and of a lens that distorts.
 
     To first order: offset, rotation, scale; yaw of the left and of the right camera, their pitch; and the radial
     distortion, which moves a point by the cube of its distance from the centre.
@@ -106,8 +106,8 @@ def row_terms(points: Correspondences) -> DoubleMap:
 def bend_of(points: Correspondences) -> DoubleMap:
     """Return how far rows bend at each cell of a grid over the image, px: 0 where nothing but noise bends them.
 
-    What turns and lens do to dy, less the best offset, rotation and scale: matches lie where there is texture, seldom in
-    the corners, where rows bend most.
+    What turns and lens do to dy, less the best offset, rotation and scale. Matches lie where there is texture, seldom
+    in the corners, where rows bend most.
     """
     dy, terms = points.dy.astype(np.float64), row_terms(points)
     bent, straight = robust_fit(terms, dy), robust_fit(terms[:, :3], dy)
@@ -133,7 +133,7 @@ def match_noise(points: Correspondences, residuals: DoubleMap) -> float:
     if len(cells) <= NEIGHBOURS:
         return 0.0
     places, left = points.left[cells], residuals[cells]
-    _, near = cKDTree(places).query(places, k=NEIGHBOURS + 1)
+    near = np.asarray(cKDTree(places).query(places, k=NEIGHBOURS + 1)[1])
     return row_spread((left[near[:, 1:]] - left[:, None]).ravel() / np.sqrt(2))
 
 

@@ -31,6 +31,9 @@ MOST_STEPS, MOST_POINTS = 30, 400
 DIFFERENCE = 1e-6
 """Step of the parameters by which derivatives are taken."""
 
+BAND = 64
+"""Rows of an image that are rectified at a time: places are in double precision."""
+
 PARTS = 4
 """Parts into which matches are dealt to judge a model by those it was not fitted to."""
 
@@ -69,6 +72,11 @@ class UncalibratedRectification:
         """Return the differences of rows that are left between matches, right minus left, px."""
         return _row_errors(self.parameters, points)
 
+    def places(self, points: Correspondences) -> tuple[DoubleMap, DoubleMap]:
+        """Return where matched points lie in the rectified images: (n, 2) (x, y) each, px."""
+        left, right = _rectified(self.parameters, self.shape, points.left, points.right)
+        return left + self._shift, right + self._shift
+
     def disparities(self, points: Correspondences) -> tuple[DoubleMap, DoubleMap]:
         """Return the disparities after rectification, 0 at infinity, and their standard deviations, px."""
 
@@ -82,12 +90,15 @@ class UncalibratedRectification:
 
     def applied(self, left: Image, right: Image) -> tuple[Image, Image]:
         """Return both images rectified, of the same size and type; what lies outside repeats the border."""
-        rows, cols = np.indices(self.shape)
-        target = np.column_stack([cols.ravel(), rows.ravel()])
-        done = []
-        for image, source in zip((left, right), self._sources(target), strict=True):
-            where = source.astype(np.float32).reshape(*self.shape, 2)
-            done.append(np.asarray(cv2.remap(image, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)))
+        sources = np.empty((2, *self.shape, 2), dtype=np.float32)
+        for first in range(0, self.shape[0], BAND):
+            rows, cols = np.mgrid[first : min(first + BAND, self.shape[0]), : self.shape[1]]
+            band = sources[:, first : first + BAND]
+            band[:] = np.reshape(self._sources(np.column_stack([cols.ravel(), rows.ravel()])), band.shape)
+        done = [
+            np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+            for image, (x, y) in zip((left, right), np.moveaxis(sources, 3, 1), strict=True)
+        ]
         return done[0], done[1]
 
     def _sources(self, target: npt.NDArray[np.intp]) -> list[DoubleMap]:
@@ -126,7 +137,6 @@ def fit_rectification(
     start
         From where; by default from cameras side by side.
     """
-
     if len(points) > MOST_POINTS:
         points = points.chosen(np.random.default_rng(0).choice(len(points), MOST_POINTS, replace=False))
 

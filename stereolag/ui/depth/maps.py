@@ -160,9 +160,7 @@ def _map_with_figures(view: DepthView, name: str) -> Picture:
     return Picture(name, None, _readings(view, name, digits=1), _figures(view, name))
 
 
-def _readings(
-    view: DepthView, name: str, reason: ReasonMap | None = None, digits: int = 2
-) -> tuple[Reading, Reading]:
+def _readings(view: DepthView, name: str, reason: ReasonMap | None = None, digits: int = 2) -> tuple[Reading, Reading]:
     result = view.results[name]
     depth = depth_scale(view.pair, disparity_error(view, name))
     return (
