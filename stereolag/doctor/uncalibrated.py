@@ -31,8 +31,8 @@ MOST_STEPS, MOST_POINTS = 30, 400
 DIFFERENCE = 1e-6
 """Step of the parameters by which derivatives are taken."""
 
-BAND = 64
-"""Rows of an image that are rectified at a time: places are in double precision."""
+GRID_PX = 8
+"""Step of the grid at which a warp is computed; between its nodes it is straight to a hundredth of a pixel."""
 
 PARTS = 4
 """Parts into which matches are dealt to judge a model by those it was not fitted to."""
@@ -90,15 +90,15 @@ class UncalibratedRectification:
 
     def applied(self, left: Image, right: Image) -> tuple[Image, Image]:
         """Return both images rectified, of the same size and type; what lies outside repeats the border."""
-        sources = np.empty((2, *self.shape, 2), dtype=np.float32)
-        for first in range(0, self.shape[0], BAND):
-            rows, cols = np.mgrid[first : min(first + BAND, self.shape[0]), : self.shape[1]]
-            band = sources[:, first : first + BAND]
-            band[:] = np.reshape(self._sources(np.column_stack([cols.ravel(), rows.ravel()])), band.shape)
-        done = [
-            np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
-            for image, (x, y) in zip((left, right), np.moveaxis(sources, 3, 1), strict=True)
-        ]
+        rows, cols = (np.arange(0, side + GRID_PX, GRID_PX) for side in self.shape)
+        grid = np.stack(np.meshgrid(cols, rows), axis=-1)
+        nodes = np.diag([1.0 / GRID_PX, 1.0 / GRID_PX, 1.0])[:2]
+        done = []
+        for image, sources in zip((left, right), self._sources(grid.reshape(-1, 2)), strict=True):
+            known = sources.astype(np.float32).reshape(grid.shape)
+            where = cv2.warpAffine(known, nodes, self.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+            x, y = cv2.split(where)
+            done.append(np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)))
         return done[0], done[1]
 
     def _sources(self, target: npt.NDArray[np.intp]) -> list[DoubleMap]:
