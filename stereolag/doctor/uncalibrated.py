@@ -14,14 +14,15 @@ from stereolag.arrays import DoubleMap
 from stereolag.doctor.features import Correspondences
 from stereolag.inputs import Image
 
-USUAL = np.array([0.2, 0.1, 0.2, 0.1, 0.1, 0.3, 0.02, 0.3])
-"""How far the parameters usually lie from 0: turns in radians, logarithms of focal lengths, and the lens coefficient.
+USUAL = np.array([0.2, 0.1, 0.2, 0.1, 0.1, 0.3, 0.02, 0.3, 0.5])
+"""How far the parameters usually lie from 0: turns in radians, logarithms of focal lengths, and the lens
+coefficient with its shape.
 
 It only decides what the matches leave open: a scene in one plane, or views too narrow to tell a turn from a shift.
 """
 
-LENS = 7
-"""Place of the lens coefficient among the parameters."""
+LENS, SHAPE = 7, 8
+"""Places of the lens coefficient and of its shape among the parameters."""
 
 NOISE_PX = 0.3
 """Usual error of a match, px of the size in which it was matched."""
@@ -34,6 +35,9 @@ DIFFERENCE = 1e-6
 GRID_PX = 8
 """Step of the grid at which a warp is computed; between its nodes it is straight to a hundredth of a pixel."""
 
+NEWTON_STEPS, FLATTEST = 5, 0.1
+"""Steps in which a distortion is undone, and the least by which it may still spread points there."""
+
 PARTS = 4
 """Parts into which matches are dealt to judge a model by those it was not fitted to."""
 
@@ -45,18 +49,20 @@ class UncalibratedRectification:
     Attributes
     ----------
     parameters
-        (8,) Yaw and roll of the left camera and of the right one, and the pitch between them, radians; the logarithms
-        of the left focal length over the width, and of the right one over the left; the lens coefficient λ of
-        ``undistorted = distorted / (1 + λ r²)``, r in image widths from the centre: below 0 for a barrel.
+        (9,) Yaw and roll of the left camera and of the right one, and the pitch between them, radians; the logarithms
+        of the left focal length over the width, and of the right one over the left; the lens coefficient k and its
+        shape s of ``distorted = undistorted * (1 + k r² + (1 + 2 s) k² r⁴)``, r in image widths from the centre. k is
+        OpenCV's k1 for a focal length of one width, below 0 for a barrel; s is -1/2 where there is no more than that,
+        and near 1/2 for the division model of Fitzgibbon (2001), which is closer to most lenses.
     covariance
-        (8, 8) of the parameters.
+        (9, 9) of the parameters.
     shape
         (rows, cols) of the images.
 
     Notes
     -----
     Fusiello, Irsara (2008), Quasi-Euclidean uncalibrated rectification: turns about a guessed focal length distort
-    far less than any two homographies that fit. The division model of the lens is Fitzgibbon's (2001).
+    far less than any two homographies that fit.
     """
 
     parameters: DoubleMap
@@ -110,9 +116,7 @@ class UncalibratedRectification:
         for turn, length in cameras:
             seen = rays @ turn
             undistorted = seen[:, :2] / np.maximum(seen[:, 2:], 1e-3) * length
-            # x_u = x_d / (1 + λ r_d²) solved for x_d; beyond what a pincushion lens can show, the edge of that.
-            root = np.sqrt(np.maximum(1 - 4 * self.lens * (undistorted**2).sum(axis=1, keepdims=True), 0))
-            found.append(np.asarray(undistorted * 2 / (1 + root) * width + centre))
+            found.append(np.asarray(_distorted(undistorted, self.parameters) * width + centre))
         return found
 
     @cached_property
@@ -196,7 +200,7 @@ def _row_errors(parameters: DoubleMap, points: Correspondences) -> DoubleMap:
 
 
 def _slopes(function: Callable[[DoubleMap], DoubleMap], at: DoubleMap, here: DoubleMap) -> DoubleMap:
-    """Return the derivatives of a function by each parameter, (n, 8), from its values there."""
+    """Return the derivatives of a function by each parameter, (n, 9), from its values there."""
     steps = DIFFERENCE * np.eye(len(at))
     return np.column_stack([(function(at + step) - here) / DIFFERENCE for step in steps])
 
@@ -207,7 +211,7 @@ def _centre(shape: tuple[int, int]) -> DoubleMap:
 
 def _cameras(parameters: DoubleMap) -> tuple[float, tuple[tuple[DoubleMap, float], tuple[DoubleMap, float]]]:
     """Return the focal length of the rectified images, and the turn and focal length of each camera, in widths."""
-    left_yaw, left_roll, right_yaw, right_roll, pitch, focal, ratio, _ = parameters
+    left_yaw, left_roll, right_yaw, right_roll, pitch, focal, ratio = parameters[:LENS]
     left_turn, right_turn = (
         np.asarray(cv2.Rodrigues(np.array(turn))[0], dtype=np.float64)
         for turn in ((-pitch / 2, left_yaw, left_roll), (pitch / 2, right_yaw, right_roll))
@@ -225,7 +229,34 @@ def _rectified(
     done = []
     for points, (turn, length) in zip(views, cameras, strict=True):
         seen = (points - centre) / width
-        undistorted = seen / (1 + parameters[LENS] * (seen**2).sum(axis=1, keepdims=True))
+        undistorted = _undistorted(seen, parameters)
         rays = undistorted @ (turn[:, :2] / length).T + turn[:, 2]
         done.append(np.asarray(rays[:, :2] / np.maximum(rays[:, 2:], 1e-3) * (width * focal) + centre))
     return done[0], done[1]
+
+
+def _radial(parameters: DoubleMap) -> tuple[float, float]:
+    """Return the factors of r² and r⁴ in the distortion."""
+    lens = float(parameters[LENS])
+    return lens, (1 + 2 * float(parameters[SHAPE])) * lens**2
+
+
+def _distorted(straight: DoubleMap, parameters: DoubleMap) -> DoubleMap:
+    """Return where a lens puts points, in widths from the centre; beyond what it can show, at the edge of that."""
+    second, fourth = _radial(parameters)
+    square = (straight**2).sum(axis=1, keepdims=True)
+    turning_back = [root.real for root in np.roots([5 * fourth, 3 * second, 1]) if root.real > 0 and root.imag == 0]
+    square = np.minimum(square, min(turning_back, default=np.inf))
+    return np.asarray(straight * (1 + second * square + fourth * square**2))
+
+
+def _undistorted(seen: DoubleMap, parameters: DoubleMap) -> DoubleMap:
+    """Return where points, in widths from the centre, would lie without the lens's distortion, by Newton's method."""
+    second, fourth = _radial(parameters)
+    far = np.sqrt((seen**2).sum(axis=1, keepdims=True))
+    straight = far
+    for _ in range(NEWTON_STEPS):
+        square = straight**2
+        slope = np.maximum(1 + 3 * second * square + 5 * fourth * square**2, FLATTEST)
+        straight = np.maximum(straight - (straight * (1 + second * square + fourth * square**2) - far) / slope, 0)
+    return np.asarray(seen * np.divide(straight, far, out=np.ones_like(far), where=far > 0))
