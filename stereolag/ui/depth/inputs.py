@@ -50,11 +50,13 @@ def choose_pair() -> StereoPair:
             pair = ask_size(pair, KEY)
         pair, decision = ask_rectified(pair)
         pair = started(treated(pair))
-        shown = "" if decision is None else decision.sentence
-        told = [change.sentence for change in pair.changes if change.sentence != shown and not change.remedy]
-        st.caption(" ".join((pair.description, *filter(None, told))))
+        st.caption(pair.description)
     if st.session_state.get(FOLD_NEXT):
         st.rerun()
+    shown = "" if decision is None else decision.sentence
+    told = [change.sentence for change in pair.changes if change.sentence != shown and not change.remedy]
+    if any(told):
+        st.caption(" ".join(filter(None, told)))
     if decision is not None:
         show_decision(decision)
     show_start(pair)
