@@ -15,6 +15,7 @@ from stereolag.export.maps import (
     ply,
     valid_mask_png,
 )
+from stereolag.export.opencv_programs import opencv_script
 from stereolag.export.programs import script
 from stereolag.export.settings import opencv_yaml, settings_json
 from stereolag.export.tables import metrics_csv, wav
@@ -29,6 +30,7 @@ __all__ = [
     "kitti_png",
     "metrics_csv",
     "npy",
+    "opencv_script",
     "opencv_yaml",
     "pfm",
     "ply",

@@ -109,7 +109,7 @@ class BlockMatcher(StereoMatcher):
     def other_name(cls, name: str) -> str:
         """Return OpenCV's name of a setting: ``num_disparities`` is ``numDisparities``, ``p1`` is ``P1``."""
         first, *others = name.split("_")
-        return first + "".join(word.capitalize() for word in others) if others else name.capitalize()
+        return name.upper() if name in ("p1", "p2") else first + "".join(word.capitalize() for word in others)
 
     def costs(self, rows: int, cols: int) -> Estimate:
         """Return what comparing all pixels at all disparities takes on two cores, by the rows kept at a time."""
@@ -127,9 +127,7 @@ class BlockMatcher(StereoMatcher):
         stretched = 0 if np.dtype(dtype) == np.uint8 else 20 * pixels
         costs = self.costs(*shape[:2])
         maps = max(stretched, 4 * pixels + costs.memory, (ANSWER + 3) * pixels)
-        return Estimate(
-            grey + maps + kept_blocks(4 * pixels, 2) + OVERHEAD, PIXEL_SECONDS / 2 * pixels + costs.seconds
-        )
+        return Estimate(grey + maps + kept_blocks(4 * pixels, 2) + OVERHEAD, PIXEL_SECONDS / 2 * pixels + costs.seconds)
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
         """Run OpenCV's matcher on the pair as 8-bit grey."""
@@ -281,19 +279,18 @@ class StereoSGBM(BlockMatcher):
             return few
         return Estimate(few.memory + 4 * rows * cols * self.num_disparities, 2 * few.seconds)
 
+    def opencv_arguments(self) -> dict[str, Any]:
+        """Return the arguments of ``cv2.StereoSGBM.create``, under OpenCV's names."""
+        arguments = {self.other_name(name): value for name, value in self}
+        # OpenCV takes a negative limit for 1 here; only one beyond all disparities switches the check off.
+        arguments["disp12MaxDiff"] = self.disp12_max_diff if self.disp12_max_diff >= 0 else NO_LIMIT
+        return arguments | {"mode": getattr(cv2, self.opencv_mode)}
+
+    @property
+    def opencv_mode(self) -> str:
+        """Return the name of the mode's constant in ``cv2``."""
+        return f"STEREO_SGBM_MODE_{self.mode.upper()}"
+
     def opencv_matcher(self) -> Any:
         """Return a ``cv2.StereoSGBM`` with these settings."""
-        return cv2.StereoSGBM.create(
-            minDisparity=self.min_disparity,
-            numDisparities=self.num_disparities,
-            blockSize=self.block_size,
-            P1=self.p1,
-            P2=self.p2,
-            # OpenCV takes a negative limit for 1 here; only one beyond all disparities switches the check off.
-            disp12MaxDiff=self.disp12_max_diff if self.disp12_max_diff >= 0 else NO_LIMIT,
-            preFilterCap=self.pre_filter_cap,
-            uniquenessRatio=self.uniqueness_ratio,
-            speckleWindowSize=self.speckle_window_size,
-            speckleRange=self.speckle_range,
-            mode=getattr(cv2, f"STEREO_SGBM_MODE_{self.mode.upper()}"),
-        )
+        return cv2.StereoSGBM.create(**self.opencv_arguments())
