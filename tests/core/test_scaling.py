@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pairs import shifted_pair
 
-from stereolag.geometry.scaling import scaled_disparity, scaled_image
+from stereolag.geometry.scaling import as_deep, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
@@ -76,3 +76,27 @@ def test_a_small_bench_judges_in_pixels_of_the_full_size(with_truth: bool) -> No
 def test_a_truth_of_another_size_is_refused() -> None:
     with pytest.raises(ValueError, match="truth has shape"):
         TuningPair.of(*shifted_pair(20, 30, 0, -2), np.zeros((20, 31)))
+
+
+def test_settings_for_larger_images_stay_allowed_and_search_all_they_did() -> None:
+    large = scaled_settings(StereoSGBM(num_disparities=64, block_size=21, speckle_window_size=400), 4)
+    assert (large.num_disparities, large.block_size, large.speckle_window_size) == (256, 51, 5000)
+    with pytest.raises(ValueError, match="num_disparities is 2048"):
+        scaled_settings(StereoSGBM(num_disparities=512), 4)
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+@pytest.mark.parametrize("deep_is_left", [True, False])
+def test_8_bits_beside_16_become_one_range(bits: int, deep_is_left: bool) -> None:
+    shallow = np.random.default_rng(0).integers(20, 230, (40, 60, 3), dtype=np.uint8)
+    deep = np.rint(shallow / 255 * (2**bits - 1)).astype(np.uint16)
+    found = as_deep(deep, shallow) if deep_is_left else as_deep(shallow, deep)
+    assert [image.dtype for image in found] == [np.uint16, np.uint16]
+    # Of a camera of so many bits, one level is what two of its numbers differ by.
+    assert np.abs(found[0].astype(float) - found[1]).max() <= 65535 / (2**bits - 1)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_images_of_one_type_stay_as_they_are(kind: type) -> None:
+    pair = np.ones((3, 4), kind), np.zeros((3, 4), kind)
+    assert all(one is other for one, other in zip(as_deep(*pair), pair, strict=True))

@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import streamlit as st
 
 from stereolag.arrays import FloatMap
+from stereolag.doctor.truth_scale import DIVISORS, likely_divisor
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.scaling import calibration_for, cropped_alike, halves
+from stereolag.geometry.scaling import as_deep, calibration_for, cropped_alike, halves
 from stereolag.inputs import Image, as_stereo_pair
-from stereolag.reading import read_disparity, read_image
+from stereolag.reading import read_image
+from stereolag.reading.disparities import StoredDisparity, read_stored_disparity
 from stereolag.ui.depth.calibrating import Calibrated, ask_calibration
 from stereolag.ui.pairs import Change, StereoPair
+from stereolag.ui.results import computed
 from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_together, put_together, upload
 
+ONE_DEPTH = (
+    "One image has 8 bits per channel and the other 16: both were brought to 16, black at 0 and white at 65535, by how "
+    "bright they are on the whole."
+)
 SAME_PICTURE = "Left and right are one and the same image: every disparity is 0, and there is no depth to see."
 
 ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side image"}
@@ -46,7 +54,7 @@ def ask_own_pair(key: str) -> StereoPair | None:
     with columns[0]:
         pictures = _ask_one_picture(key) if arrangement == "beside" else _ask_two_pictures(key)
     with columns[1]:
-        truth = _ask_truth(key)
+        truth = _ask_truth(key, pictures)
     calibration = ask_calibration(key)
     if pictures is None:
         forget_together(f"{key}.own.{arrangement}")
@@ -86,37 +94,84 @@ def _split(data: bytes) -> Pictures:
     return Pictures(left, right, "", (Change("", f"The image was split down the middle.{odd}"),))
 
 
-def _ask_truth(key: str) -> Upload[FloatMap] | None:
-    """Ask for the ground truth of the left image."""
-    divisor = st.session_state.get(f"{key}.divisor")
-    truth = upload(
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """A ground truth, px, and a digest of its file and of what was made of its numbers."""
+
+    disparity: FloatMap
+    digest: str
+
+
+def _ask_truth(key: str, pictures: Pictures | None) -> Truth | None:
+    """Ask for the ground truth of the left image; one of 8 bits is read by the divisor that agrees with the pair."""
+    given = upload(
         "Ground truth (optional)",
-        lambda data: read_disparity(data, divisor=divisor),
+        read_stored_disparity,
         key=f"{key}.truth",
         types=DISPARITY_TYPES,
-        note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s) or of 8 bits with a divisor.",
-        variant=str(divisor),
+        note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s) or of 8 bits, whose divisor is told from the pair.",
     )
+    divisor = st.session_state.get(f"{key}.divisor")
+    unsure = given is not None and given.content.divisor is None and pictures is not None and divisor is None
+    if unsure:
+        assert given is not None
+        assert pictures is not None
+        divisor = _ask_divisor(given, pictures, key)
     st.number_input(
-        "Divisor of the ground truth",
+        "Another divisor" if unsure else "Divisor of the ground truth",
         min_value=0.001,
         value=None,
         key=f"{key}.divisor",
         persist_state="session",
-        placeholder="as the file says",
-        help="Stored value ÷ divisor = px. Only files of 8 bits need it, often 4 or 16.",
+        placeholder="as chosen" if unsure else "as the file says",
+        help="Stored value ÷ divisor = px.",
     )
-    return truth
+    if given is None or pictures is None:
+        return None
+    divisor = divisor or given.content.divisor or 1.0
+    try:
+        return Truth(given.content.divided(divisor), f"{given.digest} {divisor:g}")
+    except ValueError as error:
+        st.error(str(error))
+        return None
 
 
-def _together(pictures: Pictures, truth: Upload[FloatMap] | None, calibration: Calibrated | None) -> StereoPair:
+def _ask_divisor(truth: Upload[StoredDisparity], pictures: Pictures, key: str) -> float:
+    """Ask for the divisor of 8-bit values, beginning with the one that agrees best with a quick map of the pair."""
+    stored = truth.content
+    likely = computed(
+        "divisor",
+        lambda progress: np.array(likely_divisor(stored.divided(1.0), pictures.left, pictures.right)),
+        inputs=f"{pictures.digest} {truth.digest}",
+        settings="",
+        shared=False,
+        label="Comparing the ground truth with the pair …",
+    )
+    largest = int(stored.stored.max())
+    return float(
+        st.segmented_control(
+            "8 bits per pixel: stored value ÷ divisor = px",
+            DIVISORS,
+            default=int(likely),
+            format_func=lambda divisor: f"÷ {divisor}: up to {largest / divisor:.4g} px",
+            required=True,
+            key=f"{key}.divisor.{truth.digest[:16]}.{pictures.digest[:16]}",
+            persist_state="session",
+            help="The one chosen at first agrees best with a quick map of the pair.",
+        )
+    )
+
+
+def _together(pictures: Pictures, truth: Truth | None, calibration: Calibrated | None) -> StereoPair:
     """Return the pair; ValueError where the files do not belong together."""
-    left, right = as_stereo_pair(*cropped_alike(pictures.left, pictures.right))
+    left, right = as_stereo_pair(*as_deep(*cropped_alike(pictures.left, pictures.right)))
     rows, cols = left.shape[:2]
     changes = list(pictures.changes)
+    if pictures.left.dtype != pictures.right.dtype:
+        changes.append(Change("", ONE_DEPTH))
     if pictures.left.shape[:2] != pictures.right.shape[:2]:
         changes.append(Change("", f"The images differ by a few pixels and were cropped to {cols} × {rows}."))
-    disparity = None if truth is None else _fitting_truth(truth.content, pictures.left)[:rows, :cols]
+    disparity = None if truth is None else _fitting_truth(truth.disparity, pictures.left)[:rows, :cols]
     fitted = None if calibration is None else calibration_for(calibration.content, cols, rows)
     if calibration is not None and fitted is not calibration.content:
         changes.append(Change("", f"The calibration was scaled to {cols} × {rows} pixels."))
