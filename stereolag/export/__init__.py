@@ -5,6 +5,7 @@ disparity maps and settings back.
 """
 
 from stereolag.export.archives import bundle, file_name
+from stereolag.export.confidence import confidence, confidence_png, has_scores, measured_mask_png
 from stereolag.export.maps import (
     check_kitti,
     image_png,
@@ -24,10 +25,14 @@ from stereolag.export.writing import write_disparity, write_matcher
 __all__ = [
     "bundle",
     "check_kitti",
+    "confidence",
+    "confidence_png",
     "file_name",
+    "has_scores",
     "image_png",
     "image_tiff",
     "kitti_png",
+    "measured_mask_png",
     "metrics_csv",
     "npy",
     "opencv_script",
