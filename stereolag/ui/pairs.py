@@ -60,6 +60,8 @@ class StereoPair:
         (H, W), True where the right camera sees what the left one does: the non-occluded pixels.
     changes
         What was done to it, in order.
+    full
+        The pair before its sides were divided; None where they were not.
     """
 
     left: Image
@@ -72,6 +74,7 @@ class StereoPair:
     calibration: Calibration | None = None
     visible: Mask | None = None
     changes: tuple[Change, ...] = ()
+    full: StereoPair | None = None
 
     @property
     def digest(self) -> str:

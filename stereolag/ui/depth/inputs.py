@@ -9,12 +9,13 @@ import numpy as np
 import streamlit as st
 
 from stereolag import samples
+from stereolag.doctor import Remedy
 from stereolag.geometry.rectification import rectify
 from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
 from stereolag.ui.choices import choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
-from stereolag.ui.depth.doctor import treated
+from stereolag.ui.depth.doctor import treated, with_remedies
 from stereolag.ui.depth.own_pair import ask_own_pair
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
@@ -91,6 +92,7 @@ def _at(pair: StereoPair, divisor: int) -> StereoPair:
     shown = f"Shown at 1/{divisor} of its size: {size[0]} × {size[1]} of {full} pixels."
     return pair.after(
         Change(f"1/{divisor}", shown),
+        full=pair,
         left=left,
         right=right,
         truth=None if pair.truth is None else scaled_disparity(pair.truth, factor),
@@ -98,6 +100,13 @@ def _at(pair: StereoPair, divisor: int) -> StereoPair:
         num_disparities=None if pair.num_disparities is None else -(-pair.num_disparities // divisor),
         calibration=None if pair.calibration is None else pair.calibration.scaled(factor),
     )
+
+
+def original(pair: StereoPair) -> StereoPair:
+    """Return the pair in its own size, with all that was done to the smaller one."""
+    if pair.full is None:
+        return pair
+    return with_remedies(rectified(pair.full), [Remedy(change.name) for change in pair.remedies])
 
 
 def _scale_controls(pair: StereoPair, small: StereoPair, divisor: int, key: str) -> None:
