@@ -1,4 +1,4 @@
-"""ZIP archives: what goes in comes out; bombs, lies and odd names are refused in one sentence, before they cost much."""
+"""ZIP archives: what goes in comes out; bombs, lies and odd names are refused in a sentence, at little cost."""
 
 from __future__ import annotations
 
