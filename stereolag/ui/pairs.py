@@ -47,7 +47,7 @@ class StereoPair:
     truth
         (H, W) px, the ground truth of the left image; None where it is not known.
     num_disparities
-        How many disparities the pair needs, px; None where it is not known.
+        How many disparities the pair needs, px, from `min_disparity` on; None where it is not known.
     description
         What the page says of it.
     files
@@ -62,6 +62,8 @@ class StereoPair:
         What was done to it, in order.
     full
         The pair before its sides were divided; None where they were not.
+    min_disparity
+        The first disparity that the pair needs, px.
     """
 
     left: Image
@@ -75,6 +77,7 @@ class StereoPair:
     visible: Mask | None = None
     changes: tuple[Change, ...] = ()
     full: StereoPair | None = None
+    min_disparity: int = 0
 
     @property
     def digest(self) -> str:
