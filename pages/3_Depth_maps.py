@@ -11,7 +11,7 @@ from stereolag.ui.depth.blanks import show_blanks
 from stereolag.ui.depth.colouring import coloured_alike, offer_fit
 from stereolag.ui.depth.comparison import show_comparison
 from stereolag.ui.depth.doctor import show_doctor
-from stereolag.ui.depth.exports import show_downloads
+from stereolag.ui.depth.downloads import show_downloads
 from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.depth.maps import choose_maps, measured, show_maps, shown_methods
 from stereolag.ui.depth.match import show_inspection

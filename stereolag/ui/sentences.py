@@ -10,7 +10,9 @@ import numpy as np
 from stereolag.doctor import Finding, FindingCode, Remedy
 from stereolag.explaining.example_pixels import ExampleKind
 from stereolag.explaining.match import MatchExplanation, MatchKind
+from stereolag.export import has_scores
 from stereolag.signals import SignalLag
+from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.reasons import Reason
 from stereolag.templates import TemplateSearch
 
@@ -233,6 +235,19 @@ def match_against_truth(disparity: float, truth: float) -> str:
     error = abs(disparity - truth)
     verdict = "**right**" if error <= RIGHT_PX else f"**wrong** by {error:.1f} px"
     return f"The match gives {disparity:.2f} px and the ground truth is {truth:.2f} px: it is {verdict}."
+
+
+# Take it away
+
+
+def confidence_in_words(result: DisparityMap) -> str:
+    """Return what the exported confidence of a map is."""
+    if has_scores(result):
+        return "How sure each measured disparity is, 0 to 1: the method’s own score, and 0 where that is negative."
+    return (
+        "How sure each measured disparity is, 0 to 1: how well the 7 × 7 pixels around it correlate (ZNCC) with those "
+        "around its match, for the method gives no score from 0 to 1."
+    )
 
 
 # Why is it blank?

@@ -19,7 +19,9 @@ from stereolag.export import settings_json
 from stereolag.export.maps import VERTEX
 from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui.depth.exports import archive, files
+from stereolag.ui.depth.exports import EXPORTS, archive, files
+from stereolag.ui.depth.pair_exports import File
+from stereolag.ui.depth.subjects import Subject
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
 from tests.app import keys
@@ -45,7 +47,7 @@ def section() -> None:
 
     from stereolag import StereoBM
     from stereolag.ui.depth.address import take_over
-    from stereolag.ui.depth.exports import show_downloads
+    from stereolag.ui.depth.downloads import show_downloads
     from stereolag.ui.depth.view import DepthView
     from stereolag.ui.matcher_controls import ask_matcher
 
@@ -69,7 +71,7 @@ def opened(pair: StereoPair) -> AppTest:
 def test_the_zip_reproduces_the_result_in_a_fresh_process(matcher: StereoMatcher, dtype: type, tmp_path: Path) -> None:
     view = view_of(small_pair(dtype), matcher)
     result = view.results[type(matcher).__name__]
-    with zipfile.ZipFile(io.BytesIO(archive(files(view, type(matcher).__name__)))) as whole:
+    with zipfile.ZipFile(io.BytesIO(archive(Subject.of(view, type(matcher).__name__)))) as whole:
         whole.extractall(tmp_path)
     for name in ("disparity.pfm", "disparity.npy"):
         np.testing.assert_array_equal(read_disparity(tmp_path / name), result.disparity)
@@ -87,7 +89,7 @@ def test_the_zip_reproduces_the_result_in_a_fresh_process(matcher: StereoMatcher
 
 def test_metrics_are_of_every_method_and_apart_without_occlusion() -> None:
     pair = replace(small_pair(), visible=np.ones((60, 100), dtype=np.bool_))
-    metrics = next(file for file in files(view_of(pair, CORRELATION, BLOCK), "StereoBM") if file.name == "metrics.csv")
+    metrics = next(file for file in files(Subject.of(view_of(pair, CORRELATION, BLOCK), "StereoBM")) if file.name == "metrics.csv")
     lines = str(metrics.make()).splitlines()
     assert [line.split(",")[0].strip('"') for line in lines] == [
         "method",
@@ -157,7 +159,7 @@ def test_a_settings_file_that_is_none_is_answered_with_a_sentence() -> None:
 
 def test_a_point_cloud_is_in_metres_once_there_is_a_calibration() -> None:
     pair = replace(small_pair(), calibration=Calibration(100.0, 0.1))
-    cloud = next(file for file in files(view_of(pair, CORRELATION), "CorrelationMatcher") if file.name == "cloud.ply")
+    cloud = next(file for file in files(Subject.of(view_of(pair, CORRELATION), "CorrelationMatcher")) if file.name == "cloud.ply")
     assert not cloud.refusal
     head, _, data = bytes(cloud.make()).partition(b"end_header\n")  # type: ignore[arg-type]
     points = np.frombuffer(data, VERTEX)

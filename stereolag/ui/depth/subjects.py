@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 from stereolag.estimates import Estimate
 from stereolag.export import enlarged
@@ -14,6 +15,7 @@ from stereolag.settings import scaled_settings
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.ui.depth.calibrating import known_distance
 from stereolag.ui.depth.inputs import original
+from stereolag.ui.depth.restoring import page_state
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.jobs import is_heavy
 from stereolag.ui.pairs import StereoPair
@@ -40,7 +42,7 @@ class Subject:
     computed
         The map computed in that size, where it was already.
     session
-        What the page is set to, as JSON.
+        What the page is set to, as :func:`stereolag.export.session_json` takes it.
     """
 
     view: DepthView
@@ -51,7 +53,7 @@ class Subject:
     settings: StereoMatcher | None
     settings_refusal: str
     computed: DisparityMap | None = None
-    session: str = ""
+    session: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, view: DepthView, method: str) -> Subject:
@@ -70,6 +72,7 @@ class Subject:
             settings,
             refusal,
             shown if pair is view.pair else None,
+            _session(view, pair, factor),
         )
 
     @property
@@ -117,12 +120,31 @@ class Subject:
         shown = self.view.results[method]
         if not self.reduced:
             return shown
-        return enlarged(shown, *self.pair.left.shape[:2], _for_size(shown.settings, self.factor)[0] or shown.settings)
+        rows, cols = self.pair.left.shape[:2]
+        settings, _ = _for_size(shown.settings, self.factor)
+        return enlarged(shown, rows, cols, settings or shown.settings)
 
     @property
     def colour_range(self) -> tuple[float, float]:
         """Return the range of colours, px of the pair's own size."""
         return self.view.low * self.factor, self.view.high * self.factor
+
+
+def _session(view: DepthView, pair: StereoPair, factor: float) -> dict[str, Any]:
+    state = page_state(view.pair, factor)
+    used = {type(matcher): matcher for matcher in state.matchers}
+    used |= {type(one.settings): one.settings for one in view.results.values() if type(one.settings) not in used}
+    matchers = [scaled for matcher in used.values() if (scaled := _for_size(matcher, factor)[0]) is not None]
+    return {
+        "matchers": matchers,
+        "shown": state.shown,
+        "size": state.size,
+        "colours": state.colours,
+        "description": pair.description,
+        "history": [change.sentence for change in pair.changes if change.sentence],
+        "num_disparities": pair.num_disparities,
+        "min_disparity": pair.min_disparity,
+    }
 
 
 def _for_size(settings: StereoMatcher, factor: float) -> tuple[StereoMatcher | None, str]:
