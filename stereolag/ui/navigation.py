@@ -41,7 +41,7 @@ def page(title: str, introduction: str = "") -> Iterator[None]:
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=ICON, layout="wide")
     _prepare_process()
     this_visit()
-    with st.container(horizontal=True, gap="medium", vertical_alignment="center"):
+    with st.container(horizontal=True, gap="medium", vertical_alignment="center", key="page-links"):
         for path, (label, icon) in PAGES.items():
             st.page_link(path, label=label, icon=icon)
     if introduction:
