@@ -13,6 +13,8 @@ TRUTH_ENDINGS = frozenset(["pfm", "png", "pgm", "npy"])
 CALIBRATION_ENDINGS = frozenset(["txt", "yaml", "yml", "json", "xml", "npz"])
 
 LEFT, RIGHT = "left", "right"
+MOST_PLACES = 8
+"""In one name, at which the side may stand."""
 
 
 @dataclass(frozen=True)
@@ -95,20 +97,21 @@ def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
 
 def _matched(pictures: Iterable[str]) -> list[PairFiles]:
     """Return the pairs among pictures; each convention takes from what those before it left."""
-    left_over = list(pictures)
+    left_over = set(pictures)
     pairs: list[PairFiles] = []
     for left, right in CONVENTIONS:
         sides: dict[str, dict[str, list[str]]] = defaultdict(lambda: {LEFT: [], RIGHT: []})
         for name in left_over:
             path = _stem_path(name)
             for side, pattern in ((LEFT, left), (RIGHT, right)):
-                for place in re.finditer(pattern, path):
+                for place in [*re.finditer(pattern, path)][-MOST_PLACES:]:
                     key = f"{path[: place.start()]}\0{path[place.end() :]}"
                     sides[key][side].append(name)
-        for key, both in sides.items():
-            if len(both[LEFT]) == len(both[RIGHT]) == 1 and {*both[LEFT], *both[RIGHT]} <= set(left_over):
-                pairs.append(PairFiles(_name(key), both[LEFT][0], both[RIGHT][0]))
-                left_over = [name for name in left_over if name not in (both[LEFT][0], both[RIGHT][0])]
+        for key in sorted(sides):
+            both = sides[key][LEFT], sides[key][RIGHT]
+            if len(both[0]) == len(both[1]) == 1 and left_over.issuperset(both[0] + both[1]):
+                pairs.append(PairFiles(_name(key), both[0][0], both[1][0]))
+                left_over.difference_update(both[0] + both[1])
     return pairs
 
 
@@ -174,7 +177,7 @@ def _name(key: str) -> str:
     """Return what a pair is called: what its names have in common, or the folder where that is nothing."""
     parts = [re.sub(r"[-_ .]*\0[-_ .]*", " ", part).strip() for part in key.split("/")]
     parts = [part for part in parts if part]
-    return "/".join(parts[-2:]) or "pair"
+    return " ".join(parts[-2:]) or "pair"
 
 
 def _natural(name: str) -> list[tuple[int, str]]:

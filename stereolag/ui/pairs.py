@@ -64,6 +64,8 @@ class StereoPair:
         The pair before its sides were divided; None where they were not.
     min_disparity
         The first disparity that the pair needs, px.
+    collection
+        Tells the set of pairs to which it belongs, whose settings are one; "" of a pair alone.
     """
 
     left: Image
@@ -78,6 +80,7 @@ class StereoPair:
     changes: tuple[Change, ...] = ()
     full: StereoPair | None = None
     min_disparity: int = 0
+    collection: str = ""
 
     @property
     def digest(self) -> str:

@@ -28,8 +28,11 @@ FOLDS: dict[str, tuple[list[str], list[tuple[str | None, ...]]]] = {
         [(f"set/left/{n}.png", f"set/right/{n}.png", None, "set/calib.yml") for n in ("000", "001")],
     ),
     "Middlebury 2014": (
-        ["Adirondack/im0.png", "Adirondack/im1.png", "Adirondack/disp0.pfm", "Adirondack/disp1.pfm"]
-        + ["Adirondack/calib.txt", "Pipes/im0.png", "Pipes/im1.png", "Pipes/disp0.pfm", "Pipes/calib.txt"],
+        [
+            f"{scene}/{name}"
+            for scene in ("Adirondack", "Pipes")
+            for name in ("im0.png", "im1.png", "disp0.pfm", "disp1.pfm", "calib.txt")
+        ],
         [(f"{n}/im0.png", f"{n}/im1.png", f"{n}/disp0.pfm", f"{n}/calib.txt") for n in ("Adirondack", "Pipes")],
     ),
     "Middlebury 2003": (
@@ -95,7 +98,7 @@ def test_pairs_are_matched_by_name(name: str) -> None:
 
 def test_pairs_are_called_by_what_their_names_share() -> None:
     names = ["set/left/000.png", "set/right/000.png", "x/im0.png", "x/im1.png", "left.png", "right.png"]
-    assert [pair.name for pair in matched_pairs(names)] == ["pair", "set/000", "x"]
+    assert [pair.name for pair in matched_pairs(names)] == ["pair", "set 000", "x"]
 
 
 def test_ten_comes_after_two() -> None:

@@ -19,12 +19,15 @@ from stereolag.ui.depth.address import recall_choices, recall_settings, take_ove
 from stereolag.ui.depth.bench import head
 from stereolag.ui.depth.doctor import treated, with_remedies
 from stereolag.ui.depth.own_pair import ask_own_pair
+from stereolag.ui.depth.restoring import restore_settings
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
 from stereolag.ui.results import computed
 
 KEY = "pairs"
 TITLE = "Depth maps"
+KEPT = f"{KEY}.kept_settings"
+"""In the session's state: for which images the settings in use are."""
 
 
 def choose_pair() -> StereoPair:
@@ -45,10 +48,12 @@ def choose_pair() -> StereoPair:
         with choices:
             pair = ask_size(pair, KEY)
         pair = treated(rectified(pair))
+        _keep_settings(pair)
         told = [change.sentence for change in pair.changes if change.sentence and not change.remedy]
         st.caption(" ".join((pair.description, *told)))
     recall_settings(named, pair)
     take_over(pair)
+    restore_settings(pair)
     return pair
 
 
@@ -72,9 +77,7 @@ def ask_size(pair: StereoPair, key: str) -> StereoPair:
         "with the images. Automatic is full size up to a megapixel.",
     )
     divisor = SIZES[chosen] or preview_divisor(cols, rows)
-    small = pair if divisor == 1 else _resized(pair, divisor)
-    _scale_controls(pair, small, divisor, key)
-    return small
+    return pair if divisor == 1 else _resized(pair, divisor)
 
 
 def _resized(pair: StereoPair, divisor: int) -> StereoPair:
@@ -124,15 +127,20 @@ def original(pair: StereoPair) -> StereoPair:
     return with_remedies(rectified(pair.full), [Remedy(change.name) for change in pair.remedies])
 
 
-def _scale_controls(pair: StereoPair, small: StereoPair, divisor: int, key: str) -> None:
-    """Let the settings in use cover the same part of the images as before, if these are the same in another size."""
-    before = st.session_state.get(f"{key}.divided")
-    st.session_state[f"{key}.divided"] = pair.digest, divisor
-    if before is None or before[0] != pair.digest or before[1] == divisor:
+def _keep_settings(pair: StereoPair) -> None:
+    """Let the settings in use stay where the images are the same in another size, or another pair of the same set.
+
+    They then cover the same part of the images as before.
+    """
+    full = pair.full or pair
+    now = pair.collection or full.digest, full.left.shape[1] / pair.left.shape[1], pair.source
+    before = st.session_state.get(KEPT)
+    st.session_state[KEPT] = now
+    if before is None or before[0] != now[0] or before == now:
         return
     for matcher in matchers_in_use():
         try:
-            set_controls(scaled_settings(matcher, before[1] / divisor), small)
+            set_controls(scaled_settings(matcher, before[1] / now[1]), pair)
         except ValueError as error:
             st.error(f"The settings could not be scaled with the images. {error}")
 
