@@ -92,7 +92,7 @@ def session_zip(**changes: Any) -> bytes:
                 "left": "left.png",
                 "right": "right.png",
                 "truth": "truth.pfm",
-                "calibration": "calibration.json",
+                "calibration": "camera.json",
             },
             "description": "A desk. ![x](http://e.org)",
             "history": ["It was rectified.", "<b>bold</b>"],
