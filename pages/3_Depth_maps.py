@@ -6,7 +6,7 @@ import streamlit as st
 
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.address import write_address
-from stereolag.ui.depth.bench import bench
+from stereolag.ui.depth.bench import ask_matchers, bench
 from stereolag.ui.depth.blanks import show_blanks
 from stereolag.ui.depth.colouring import coloured_alike, offer_fit
 from stereolag.ui.depth.comparison import show_comparison
@@ -22,7 +22,6 @@ from stereolag.ui.depth.space import show_space
 from stereolag.ui.depth.suggesting import show_suggest
 from stereolag.ui.depth.sweeping import show_sweep
 from stereolag.ui.keys import PART
-from stereolag.ui.matcher_controls import ask_matchers
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pairs import StereoPair
 

@@ -29,7 +29,7 @@ def setting_key(method: str, name: str, source: str | None = None) -> str:
         With dots where the setting lies within another; behind a choice of kinds stands the kind:
         "search.rectified.num_disparities".
     source
-        Of a setting that belongs to the pair, the :attr:`stereolag.ui.pairs.StereoPair.source`.
+        Of a setting that belongs to the pair, the :attr:`stereolag.ui.pairs.StereoPair.searched`.
     """
     key = f"{method_key(method)}.{name}"
     return key if source is None else f"{key}.{source}"

@@ -10,13 +10,14 @@ from types import SimpleNamespace
 from typing import Any, TypeVar, cast
 
 import streamlit as st
+from streamlit.elements.lib.mutable_expander_container import ExpanderContainer
 
 from stereolag.settings import FitsImage, OfThePair, Settings, SettingsError, Usual, marker
 from stereolag.settings.fields import Number, choices, nested
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.controls import adopt_value, control, last_valid
-from stereolag.ui.keys import TAB, method_key, more_key, setting_key
+from stereolag.ui.keys import method_key, more_key, setting_key
 from stereolag.ui.pairs import StereoPair
 
 CHOICE_NAMES = {
@@ -97,8 +98,7 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
     top = st.container() if drawn else nullcontext()
     foldable = set(kind.model_fields) - set(_first_shown(kind))
     folds = bool(foldable) and drawn
-    # Folded away, they are not drawn: a rerun draws them when they are opened.
-    expander = st.expander("More settings", key=more_key(kind.short_name), on_change="rerun") if folds else None
+    expander = _more_settings(more_key(kind.short_name)) if folds else None
     first = first_settings(kind, pair)
     place = _Place(
         kind,
@@ -122,21 +122,16 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
     return last_valid(make, f"{method_key(kind.short_name)}.valid")
 
 
-def ask_matchers(pair: StereoPair) -> dict[type[StereoMatcher], StereoMatcher | None]:
-    """Return the settings of every method; one at a time has its controls drawn, chosen by a row of tabs."""
-    names = [kind.short_name for kind in METHODS]
-    by_name = dict(zip(names, METHODS, strict=True))
-    tab = st.segmented_control(
-        "Settings of",
-        names,
-        default=names[0],
-        required=True,
-        format_func=lambda name: by_name[name].title,
-        key=TAB,
-        persist_state="session",
-        label_visibility="collapsed",
-    )
-    return {kind: ask_matcher(kind, pair, drawn=kind.short_name == tab) for kind in METHODS}
+def _more_settings(key: str) -> ExpanderContainer:
+    """Return the fold for settings that are seldom moved; it is as it was when its tab was left.
+
+    Folded away, they are not drawn: a rerun draws them when they are opened.
+    """
+    if key not in st.session_state:
+        st.session_state[key] = st.session_state.get(f"{key}.left", False)
+    expander = st.expander("More settings", key=key, on_change="rerun")
+    st.session_state[f"{key}.left"] = bool(expander.open)
+    return expander
 
 
 def first_settings(kind: type[Matcher], pair: StereoPair) -> Matcher:
@@ -279,7 +274,7 @@ def _ends(place: _Place, name: str) -> dict[str, Any]:
 
 def _key(method: type[StereoMatcher], kind: type[Settings], path: str, name: str, pair: StereoPair) -> str:
     of_the_pair = marker(kind.model_fields[name], OfThePair) is not None
-    return setting_key(method.short_name, f"{path}{name}", pair.source if of_the_pair else None)
+    return setting_key(method.short_name, f"{path}{name}", pair.searched if of_the_pair else None)
 
 
 def _set(settings: Settings, method: type[StereoMatcher], path: str, pair: StereoPair) -> None:

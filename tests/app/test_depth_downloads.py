@@ -22,7 +22,7 @@ from stereolag.export.maps import VERTEX
 from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.exports import archive, files
-from stereolag.ui.depth.inputs import _at
+from stereolag.ui.depth.inputs import at_size
 from stereolag.ui.depth.subjects import Subject
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
@@ -126,7 +126,9 @@ def large_view(*matchers: StereoMatcher) -> DepthView:
     truth = np.full((480, 800), 20, np.float32)
     calibration = Calibration(800.0, 0.1, width=800, height=480)
     pair = StereoPair(scene[:, :-20], scene[:, 20:], truth, 64, "Noise.", "large noise", False, calibration)
-    view = view_of(_at(pair, 2), *matchers)
+    small = at_size(pair, 2)
+    small = replace(small, full=pair, calibration=calibration.scaled(0.5), num_disparities=32)
+    view = view_of(small, *matchers)
     return replace(view, high=32.0)
 
 
@@ -252,14 +254,15 @@ def test_every_file_has_a_button_and_those_that_cannot_be_had_are_disabled() -> 
 
 
 def test_settings_are_loaded_again_and_the_controls_can_be_moved_from_there() -> None:
-    app = opened(small_pair())
+    pair = small_pair()
+    app = opened(pair)
     app.session_state[keys.BLOCK_MORE] = True
     settings = StereoBM(min_disparity=-70, num_disparities=32, block_size=7, speckle_window_size=70, speckle_range=9)
     app.file_uploader[0].upload("settings.json", settings_json(settings).encode(), "application/json").run()
     assert not app.exception
     assert app.session_state["matcher"] == settings
     assert (
-        app.slider(key=keys.setting("bm", "min_disparity", "noise")).min == -70
+        app.slider(key=keys.setting("bm", "min_disparity", pair.source)).min == -70
     )  # farther than the page goes of itself
     app.slider(key=keys.BLOCK_UNIQUENESS).set_value(40).run()
     assert app.session_state["matcher"].uniqueness_ratio == 40

@@ -201,7 +201,7 @@ def test_pairs_are_stepped_through_with_the_settings_held() -> None:
     assert (shown(app).truth == 5).all()
     assert app.selectbox(key="pairs.step").options == ["1: set 1", "2: set 2", "3: set 10"]
     app.slider(key=keys.BLOCK).set_value(13)
-    app.slider(key=keys.setting("bm", "num_disparities", shown(app).source)).set_value(32).run()
+    app.slider(key=keys.setting("bm", "num_disparities", shown(app).searched)).set_value(32).run()
     app.button(key="pairs.step.1").click().run()
     assert (shown(app).truth == 9).all()
     assert (settings(app)[StereoBM].block_size, settings(app)[StereoBM].num_disparities) == (13, 32)

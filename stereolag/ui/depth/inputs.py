@@ -11,7 +11,6 @@ import streamlit as st
 
 from stereolag import samples
 from stereolag.doctor import Remedy
-from stereolag.geometry.rectification import rectify
 from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
 from stereolag.ui.choices import choose, own_or_example
@@ -19,6 +18,7 @@ from stereolag.ui.depth.address import recall_choices, recall_settings, take_ove
 from stereolag.ui.depth.bench import head
 from stereolag.ui.depth.doctor import treated, with_remedies
 from stereolag.ui.depth.own_pair import ask_own_pair
+from stereolag.ui.depth.rectifying import ask_rectified, rectified, show_decision
 from stereolag.ui.depth.restoring import restore_settings
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
@@ -47,14 +47,28 @@ def choose_pair() -> StereoPair:
         )
         with choices:
             pair = ask_size(pair, KEY)
-        pair = treated(rectified(pair))
+        pair, decision = ask_rectified(pair)
+        pair = _with_first_range(treated(pair))
         _keep_settings(pair)
-        told = [change.sentence for change in pair.changes if change.sentence and not change.remedy]
-        st.caption(" ".join((pair.description, *told)))
+        shown = "" if decision is None else decision.sentence
+        told = [change.sentence for change in pair.changes if change.sentence != shown and not change.remedy]
+        st.caption(" ".join((pair.description, *filter(None, told))))
+    if decision is not None:
+        show_decision(decision)
     recall_settings(named, pair)
     take_over(pair)
     restore_settings(pair)
     return pair
+
+
+def _with_first_range(pair: StereoPair) -> StereoPair:
+    """Return the pair with the range it began with: what is added to its images later leaves the range in use."""
+    if pair.shared:
+        return pair
+    first, count = st.session_state.setdefault(
+        f"{KEY}.range.{pair.searched}", (pair.min_disparity, pair.num_disparities)
+    )
+    return replace(pair, min_disparity=first, num_disparities=count)
 
 
 def _name(examples: Mapping[str, samples.StereoExample]) -> str:
@@ -82,9 +96,9 @@ def ask_size(pair: StereoPair, key: str) -> StereoPair:
 
 def _resized(pair: StereoPair, divisor: int) -> StereoPair:
     try:
-        return computed(
+        small = computed(
             "resized pair",
-            lambda progress: _at(pair, divisor),
+            lambda progress: at_size(pair, divisor),
             inputs=pair.digest,
             settings=str(divisor),
             shared=pair.shared,
@@ -93,9 +107,20 @@ def _resized(pair: StereoPair, divisor: int) -> StereoPair:
     except ValueError as error:
         st.error(str(error))
         return pair
+    # What is known of the pair may be newer than its images that were kept.
+    first = pair.min_disparity // divisor
+    end = None if pair.num_disparities is None else -(-(pair.min_disparity + pair.num_disparities) // divisor)
+    return replace(
+        small,
+        full=pair,
+        min_disparity=first,
+        num_disparities=None if end is None else end - first,
+        calibration=None if pair.calibration is None else pair.calibration.scaled(1 / divisor),
+        changes=(*pair.changes, small.changes[-1]),
+    )
 
 
-def _at(pair: StereoPair, divisor: int) -> StereoPair:
+def at_size(pair: StereoPair, divisor: int) -> StereoPair:
     """Return the pair with its sides divided."""
     factor = 1 / divisor
     left, right = scaled_image(pair.left, factor), scaled_image(pair.right, factor)
@@ -103,20 +128,14 @@ def _at(pair: StereoPair, divisor: int) -> StereoPair:
     visible = pair.visible
     if visible is not None:
         visible = cv2.resize(visible.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT) > 0
-    first = pair.min_disparity // divisor
-    end = None if pair.num_disparities is None else -(-(pair.min_disparity + pair.num_disparities) // divisor)
     full = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
     shown = f"Shown at 1/{divisor} of its size: {size[0]} × {size[1]} of {full} pixels."
     return pair.after(
-        Change(f"1/{divisor}", shown),
-        full=pair,
+        Change(f"1/{divisor}", shown, resizes=True),
         left=left,
         right=right,
         truth=None if pair.truth is None else scaled_disparity(pair.truth, factor),
         visible=visible,
-        min_disparity=first,
-        num_disparities=None if end is None else end - first,
-        calibration=None if pair.calibration is None else pair.calibration.scaled(factor),
     )
 
 
@@ -133,7 +152,7 @@ def _keep_settings(pair: StereoPair) -> None:
     They then cover the same part of the images as before.
     """
     full = pair.full or pair
-    now = pair.collection or full.digest, full.left.shape[1] / pair.left.shape[1], pair.source
+    now = pair.collection or full.searched, full.left.shape[1] / pair.left.shape[1], pair.searched
     before = st.session_state.get(KEPT)
     st.session_state[KEPT] = now
     if before is None or before[0] != now[0] or before == now:
@@ -143,41 +162,3 @@ def _keep_settings(pair: StereoPair) -> None:
             set_controls(scaled_settings(matcher, before[1] / now[1]), pair)
         except ValueError as error:
             st.error(f"The settings could not be scaled with the images. {error}")
-
-
-RECTIFIED = "The pair was undistorted and rectified with its calibration."
-
-
-def rectified(pair: StereoPair) -> StereoPair:
-    """Return the pair with its rows aligned, if its calibration tells how; as it is, and why, if that fails."""
-    if pair.calibration is None or pair.calibration.rig is None:
-        return pair
-    try:
-        return computed(
-            "rectified pair",
-            lambda progress: _rectified(pair),
-            inputs=pair.digest,
-            settings="",
-            shared=pair.shared,
-            label="Rectifying the pair …",
-        )
-    except ValueError as error:
-        st.error(str(error))
-        return replace(pair, calibration=None)
-
-
-def _rectified(pair: StereoPair) -> StereoPair:
-    assert pair.calibration is not None
-    assert pair.calibration.rig is not None
-    left, right, calibration = rectify(pair.left, pair.right, pair.calibration)
-    said = RECTIFIED
-    if pair.truth is not None:
-        said += " Its ground truth belongs to the image before that and is left out."
-    return pair.after(
-        Change("rectified", said),
-        left=left,
-        right=right,
-        truth=None,
-        visible=None,
-        calibration=calibration,
-    )
