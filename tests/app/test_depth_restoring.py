@@ -15,6 +15,8 @@ from streamlit.testing.v1 import AppTest
 from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
 from stereolag.export import image_png, pfm, settings_json
 from stereolag.stereo.matcher import StereoMatcher
+from stereolag.ui.depth.all_pairs import Preparation, table_of
+from stereolag.ui.depth.several import PairSet, read_bundle
 from stereolag.ui.pairs import StereoPair
 from tests.app import keys, uploads
 
@@ -222,3 +224,52 @@ def test_a_pair_that_cannot_be_read_can_be_stepped_over() -> None:
 def test_files_that_make_no_pair_are_answered_with_a_sentence() -> None:
     app = given(opened(**{"pairs.arrangement": "several"}), "several", ("a.zip", packed({"a.png": b"", "b.png": b""})))
     assert "None of these files are a pair" in app.error[0].value
+
+
+def test_a_table_tells_how_the_settings_do_on_every_pair() -> None:
+    files = pair_of(1, 5) | pair_of(2, 9) | {"set/left3.png": b"nothing", "set/right3.png": b"nothing"}
+    pairs = read_bundle([("pairs.zip", packed(files))])
+    assert isinstance(pairs, PairSet)
+    matchers = [StereoBM(num_disparities=16, block_size=9), StereoSGBM(num_disparities=16)]
+    told: list[float] = []
+    table = table_of(pairs, matchers, Preparation("Full", "decide", 0.0), told.append)
+    assert [row.name for row in table.rows] == ["1: set 1", "2: set 2", "3: set 3"]
+    for row in table.rows[:2]:
+        assert row.figures.keys() == {"StereoBM", "StereoSGBM"}
+        assert row.figures["StereoBM"].bad_2 < 40
+        assert 0.5 < row.figures["StereoBM"].coverage <= 1
+        assert row.figures["StereoBM"].elapsed_s > 0
+    assert "This is not an image" in table.rows[2].problem
+    assert told == sorted(told)
+    assert told[-1] == 1
+
+
+def table_page() -> None:
+    import streamlit as st
+
+    from stereolag import StereoBM
+    from stereolag.ui.depth.all_pairs import show_all_pairs
+    from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.depth.view import DepthView
+
+    pair = choose_pair()
+    matcher = StereoBM(num_disparities=16, block_size=st.session_state.get("block", 9))
+    show_all_pairs(DepthView(pair, {matcher.title: matcher.compute(pair.left, pair.right)}, 0, 16))
+
+
+def test_the_table_is_computed_when_asked_for_and_again_for_other_settings() -> None:
+    app = AppTest.from_function(table_page, default_timeout=120)
+    app.session_state["pairs"] = "own"
+    app.session_state["pairs.arrangement"] = "several"
+    app.session_state["depth.head"] = True
+    app.run()
+    assert "several pairs at once" in app.info[-1].value
+    given(app, "several", ("pairs.zip", packed(pair_of(1, 5) | pair_of(2, 9))))
+    assert not app.dataframe
+    app.button(key="depth.all_pairs.start").click().run()
+    assert not app.exception
+    table = app.dataframe[0].value
+    assert [*table.index] == ["1: set 1", "2: set 2", "Mean"]
+    assert table.loc["Mean", "StereoBM: bad-2, %"] < 40
+    app.session_state["block"] = 15
+    assert not app.run().dataframe
