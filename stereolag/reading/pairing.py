@@ -25,7 +25,7 @@ class PairFiles:
     left: str
     right: str
     truth: str | None = None
-    calibration: str | None = None
+    calibrations: tuple[str, ...] = ()
 
 
 def _word(word: str) -> str:
@@ -59,6 +59,8 @@ folder's name and in the file's without its ending."""
 _TRUTH = re.compile(r"(?<![a-z])(gt|truth|ground[-_ ]?truth|disp(?:arity|arities|map)?)(?![a-z])", re.IGNORECASE)
 _NO_IMAGE = re.compile(r"(?<![a-z])(mask|valid|occ|nocc|nonocc|conf(?:idence)?|depth)(?![a-z])", re.IGNORECASE)
 _CALIBRATION = re.compile(r"calib|camera|intrinsic|extrinsic|stereo|chain", re.IGNORECASE)
+_IN_PARTS = (re.compile("intrinsic|extrinsic", re.IGNORECASE), re.compile("left|right", re.IGNORECASE))
+"""How the files of a calibration that comes in two are called: OpenCV's sample's, and ROS's."""
 _RIGHT_SIDE = re.compile(r"(?<![a-z])(?:right|r)(?![a-z])", re.IGNORECASE)
 _SIDE_NUMBER = re.compile(r"disp[a-z]*[-_]?(\d+)$", re.IGNORECASE)
 _DIGITS = re.compile(r"\d+")
@@ -86,12 +88,20 @@ def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
     calibrations = [
         name
         for name in names
-        if _ending(name) in CALIBRATION_ENDINGS and name not in truths and _CALIBRATION.search(name)
+        if _ending(name) in CALIBRATION_ENDINGS
+        and name not in truths
+        and (_CALIBRATION.search(name) or _ending(name) in ("yaml", "yml"))
     ]
     left_truths = [name for name in sorted(truths) if not _RIGHT_SIDE.search(PurePosixPath(name).stem)]
+    names_of = _called([pair.name for pair in found])
     return [
-        replace(pair, truth=_belonging(pair, left_truths, found), calibration=_above(pair, calibrations, found))
-        for pair in found
+        replace(
+            pair,
+            name=name,
+            truth=_belonging(pair, left_truths, found),
+            calibrations=_above(pair, calibrations, found),
+        )
+        for pair, name in zip(found, names_of, strict=True)
     ]
 
 
@@ -110,7 +120,7 @@ def _matched(pictures: Iterable[str]) -> list[PairFiles]:
         for key in sorted(sides):
             both = sides[key][LEFT], sides[key][RIGHT]
             if len(both[0]) == len(both[1]) == 1 and left_over.issuperset(both[0] + both[1]):
-                pairs.append(PairFiles(_name(key), both[0][0], both[1][0]))
+                pairs.append(PairFiles(key, both[0][0], both[1][0]))
                 left_over.difference_update(both[0] + both[1])
     return pairs
 
@@ -121,7 +131,9 @@ def _belonging(pair: PairFiles, candidates: Sequence[str], pairs: Sequence[PairF
     beside = [name for name in candidates if _folder(name) == folder and not _numbered_as_right(name, pair)]
     if beside and sum(_folder(other.left) == folder for other in pairs) == 1:
         return min(beside, key=lambda name: (_NO_IMAGE.search(name) is not None, len(name), name))
-    alike = [name for name in candidates if _core(name) == _core(pair.left)]
+    taken = {_folder(other.left) for other in pairs} - {folder}
+    candidates = [name for name in candidates if _folder(name) not in taken]
+    alike = [name for name in candidates if _core(name) == _core(pair.left) != ""]
     if not alike and len(pairs) > 1:
         numbers = _DIGITS.findall(PurePosixPath(pair.left).stem)
         alike = [name for name in candidates if numbers and _DIGITS.findall(PurePosixPath(name).stem) == numbers]
@@ -137,19 +149,30 @@ def _numbered_as_right(name: str, pair: PairFiles) -> bool:
     return bool(number and sides[0] != sides[1] and sides[0] != [number[1]])
 
 
-def _above(pair: PairFiles, candidates: Sequence[str], pairs: Sequence[PairFiles]) -> str | None:
-    """Return the calibration of a pair: with its name, in its folder, or in one above."""
-    alike = [name for name in candidates if _core(name) == _core(pair.left) or _same_number(name, pair.left)]
+def _above(pair: PairFiles, candidates: Sequence[str], pairs: Sequence[PairFiles]) -> tuple[str, ...]:
+    """Return the calibration of a pair: with its name, in its folder, or in one above; none where it is not clear."""
+    alike = [name for name in candidates if _core(name) == _core(pair.left) != "" or _same_number(name, pair.left)]
     if len(alike) == 1 and len(pairs) > 1:
-        return alike[0]
+        return (alike[0],)
     folders = [_folder(pair.left), *map(str, PurePosixPath(_folder(pair.left)).parents)]
     for folder in folders:
-        inside = [name for name in candidates if _folder(name) == folder]
-        if len(inside) == 1:
-            return inside[0]
-        if inside:
-            return next((name for name in sorted(inside) if "calib" in PurePosixPath(name).stem.casefold()), None)
-    return candidates[0] if len(candidates) == 1 else None
+        inside = sorted(name for name in candidates if _folder(name) == folder)
+        if len(inside) <= 1:
+            found = tuple(inside)
+        else:
+            found = _in_parts(inside) or tuple(name for name in inside if "calib" in _stem_path(name).casefold())[:1]
+        if found:
+            return found
+    return tuple(candidates) if len(candidates) == 1 else ()
+
+
+def _in_parts(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the two files of a calibration that comes in two; nothing where there are no such two."""
+    for pattern in _IN_PARTS:
+        found = {match[0].casefold(): name for name in names if (match := pattern.search(PurePosixPath(name).stem))}
+        if len(found) == 2:
+            return tuple(sorted(found.values()))
+    return ()
 
 
 def _core(name: str) -> str:
@@ -173,11 +196,13 @@ def _nearness(name: str, other: str) -> int:
     return len(first) + len(second) - 2 * shared
 
 
-def _name(key: str) -> str:
-    """Return what a pair is called: what its names have in common, or the folder where that is nothing."""
-    parts = [re.sub(r"[-_ .]*\0[-_ .]*", " ", part).strip() for part in key.split("/")]
-    parts = [part for part in parts if part]
-    return " ".join(parts[-2:]) or "pair"
+def _called(keys: Sequence[str]) -> list[str]:
+    """Return what pairs are called: what their names have in common, without the folders that all of them share."""
+    parts = [[re.sub(r"[-_ .]*\0[-_ .]*", " ", part).strip() for part in key.split("/")] for key in keys]
+    parts = [[part for part in one if part] for one in parts]
+    while len(parts) > 1 and all(len(one) > 1 for one in parts) and len({one[0] for one in parts}) == 1:
+        parts = [one[1:] for one in parts]
+    return [" ".join(one[-2:]) or "pair" for one in parts]
 
 
 def _natural(name: str) -> list[tuple[int, str]]:

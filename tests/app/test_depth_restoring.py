@@ -201,7 +201,7 @@ def test_pairs_are_stepped_through_with_the_settings_held() -> None:
     app = given(opened(**{"pairs.arrangement": "several"}), "several", ("pairs.zip", data))
     assert shown(app).truth is not None
     assert (shown(app).truth == 5).all()
-    assert app.selectbox(key="pairs.step").options == ["1: set 1", "2: set 2", "3: set 10"]
+    assert app.selectbox(key="pairs.step").options == ["1: 1", "2: 2", "3: 10"]
     app.slider(key=keys.BLOCK).set_value(13)
     app.slider(key=keys.setting("bm", "num_disparities", shown(app).searched)).set_value(32).run()
     app.button(key="pairs.step.1").click().run()
@@ -216,7 +216,7 @@ def test_pairs_are_stepped_through_with_the_settings_held() -> None:
 def test_a_pair_that_cannot_be_read_can_be_stepped_over() -> None:
     data = packed(pair_of(1, 5) | pair_of(2, 9) | {"set/left1.png": b"nothing"})
     app = given(opened(**{"pairs.arrangement": "several"}), "several", ("pairs.zip", data))
-    assert "Pair set 1: This is not an image" in app.error[0].value
+    assert "Pair 1: This is not an image" in app.error[0].value
     app.button(key="pairs.step.1").click().run()
     assert (shown(app).truth == 9).all()
 
@@ -233,7 +233,7 @@ def test_a_table_tells_how_the_settings_do_on_every_pair() -> None:
     matchers = [StereoBM(num_disparities=16, block_size=9), StereoSGBM(num_disparities=16)]
     told: list[float] = []
     table = table_of(pairs, matchers, Preparation("Full", "decide", 0.0), told.append)
-    assert [row.name for row in table.rows] == ["1: set 1", "2: set 2", "3: set 3"]
+    assert [row.name for row in table.rows] == ["1: 1", "2: 2", "3: 3"]
     for row in table.rows[:2]:
         assert row.figures.keys() == {"StereoBM", "StereoSGBM"}
         assert row.figures["StereoBM"].bad_2 < 40
@@ -269,7 +269,7 @@ def test_the_table_is_computed_when_asked_for_and_again_for_other_settings() -> 
     app.button(key="depth.all_pairs.start").click().run()
     assert not app.exception
     table = app.dataframe[0].value
-    assert [*table.index] == ["1: set 1", "2: set 2", "Mean"]
+    assert [*table.index] == ["1: 1", "2: 2", "Mean"]
     assert table.loc["Mean", "StereoBM: bad-2, %"] < 40
     app.session_state["block"] = 15
     assert not app.run().dataframe

@@ -82,6 +82,18 @@ FOLDS: dict[str, tuple[list[str], list[tuple[str | None, ...]]]] = {
         ["tsukuba/left.png", "tsukuba/right.png", "tsukuba/gt.pgm", "tsukuba/mask_nonocc.png", "tsukuba/calib.json"],
         [("tsukuba/left.png", "tsukuba/right.png", "tsukuba/gt.pgm", "tsukuba/calib.json")],
     ),
+    "a set without a truth beside one with": (
+        ["a/left.png", "a/right.png", "a/gt.png", "b/left.png", "b/right.png"],
+        [("a/left.png", "a/right.png", "a/gt.png", None), ("b/left.png", "b/right.png", None, None)],
+    ),
+    "OpenCV's two files": (
+        ["left01.jpg", "right01.jpg", "stereo_calib.xml", "intrinsics.yml", "extrinsics.yml"],
+        [("left01.jpg", "right01.jpg", None, "extrinsics.yml", "intrinsics.yml")],
+    ),
+    "ROS's two files": (
+        ["left/0.png", "right/0.png", "left.yaml", "right.yaml"],
+        [("left/0.png", "right/0.png", None, "left.yaml", "right.yaml")],
+    ),
     "nothing that matches": (["a.png", "b.png", "leftover.png", "notes.txt"], []),
     "one side alone": (["left1.png", "left2.png", "right3.png"], []),
     "two of one side": (["left.png", "left.jpg", "right.png"], []),
@@ -92,13 +104,14 @@ FOLDS: dict[str, tuple[list[str], list[tuple[str | None, ...]]]] = {
 def test_pairs_are_matched_by_name(name: str) -> None:
     names, expected = FOLDS[name]
     found = matched_pairs(names)
-    assert [(pair.left, pair.right, pair.truth, pair.calibration) for pair in found] == expected
+    assert [(pair.left, pair.right, pair.truth, *(pair.calibrations or (None,))) for pair in found] == expected
     assert matched_pairs(names[::-1]) == found
 
 
 def test_pairs_are_called_by_what_their_names_share() -> None:
     names = ["set/left/000.png", "set/right/000.png", "x/im0.png", "x/im1.png", "left.png", "right.png"]
     assert [pair.name for pair in matched_pairs(names)] == ["pair", "set 000", "x"]
+    assert [pair.name for pair in matched_pairs([f"all/{name}" for name in names[:4]])] == ["set 000", "x"]
 
 
 def test_ten_comes_after_two() -> None:

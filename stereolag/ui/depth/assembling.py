@@ -121,9 +121,9 @@ def named_pair(files: PairFiles, read: Callable[[str], bytes], digest: str) -> S
         if stored.divisor is None:
             changes.append(Change("", f"The ground truth has 8 bits: ÷ {divisor:g} agrees best with a quick map."))
     calibration = None
-    if files.calibration is not None:
+    if files.calibrations:
         try:
-            calibration = Upload("", read_calibration(read(files.calibration)))
+            calibration = Upload("", read_calibration(*map(read, files.calibrations)))
         except ValueError as error:
             changes.append(Change("", f"The calibration beside it is not used. {error}"))
     pair = together(Pictures(left, right, digest, tuple(changes)), truth, calibration)
