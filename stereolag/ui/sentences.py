@@ -11,9 +11,7 @@ from stereolag.doctor import Finding, FindingCode, Remedy
 from stereolag.doctor.row_evidence import RowEvidence
 from stereolag.explaining.example_pixels import ExampleKind
 from stereolag.explaining.match import MatchExplanation, MatchKind
-from stereolag.export import has_scores
 from stereolag.signals import SignalLag
-from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.reasons import Reason
 from stereolag.templates import TemplateSearch
 
@@ -35,6 +33,14 @@ def beyond_the_colours(shares: Mapping[str, float]) -> str:
     """Return how much of which maps lies beyond the range of the colours; the shares are 0..1."""
     said = " and ".join(f"**{percent(share)}** of {name}" for name, share in shares.items())
     return f"{said} lies beyond the colours."
+
+
+def started_in_words(min_disparity: int, num_disparities: int) -> str:
+    """Return with which settings a pair of the visitor's own began."""
+    return (
+        f"Searched from {min_disparity} to {min_disparity + num_disparities - 1} px, the range found for this pair, "
+        "with the fast preset."
+    )
 
 
 # Recordings
@@ -254,19 +260,6 @@ def match_against_truth(disparity: float, truth: float) -> str:
     error = abs(disparity - truth)
     verdict = "**right**" if error <= RIGHT_PX else f"**wrong** by {error:.1f} px"
     return f"The match gives {disparity:.2f} px and the ground truth is {truth:.2f} px: it is {verdict}."
-
-
-# Take it away
-
-
-def confidence_in_words(result: DisparityMap) -> str:
-    """Return what the exported confidence of a map is."""
-    if has_scores(result):
-        return "How sure each measured disparity is, 0 to 1: the method’s own score, and 0 where that is negative."
-    return (
-        "How sure each measured disparity is, 0 to 1: how well the 7 × 7 pixels around it correlate (ZNCC) with those "
-        "around its match, for the method gives no score from 0 to 1."
-    )
 
 
 # Why is it blank?

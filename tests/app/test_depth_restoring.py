@@ -201,7 +201,7 @@ def test_pairs_are_stepped_through_with_the_settings_held() -> None:
     app = given(opened(**{"pairs.arrangement": "several"}), "several", ("pairs.zip", data))
     assert shown(app).truth is not None
     assert (shown(app).truth == 5).all()
-    assert app.selectbox(key="pairs.step").options == ["1: 1", "2: 2", "3: 10"]
+    assert app.selectbox(key="pairs.step").options == ["1 of 3: 1", "2 of 3: 2", "3 of 3: 10"]
     app.slider(key=keys.BLOCK).set_value(13)
     app.slider(key=keys.setting("bm", "num_disparities", shown(app).searched)).set_value(32).run()
     app.button(key="pairs.step.1").click().run()

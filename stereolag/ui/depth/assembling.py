@@ -131,17 +131,21 @@ def named_pair(files: PairFiles, read: Callable[[str], bytes], digest: str) -> S
 
 
 def session_pair(session: Session, digest: str) -> StereoPair:
-    """Return the pair of a session that was taken away from here."""
+    """Return the pair of a session that was taken away from here; its range is known, and need not be found again."""
+    ranges = [found for matcher in session.matchers if (found := matcher.search_range()) is not None]
+    first, count = session.min_disparity, session.num_disparities
+    if count is None and ranges:
+        first, count = ranges[0]
     return StereoPair(
         session.left,
         session.right,
         session.truth,
-        session.num_disparities,
+        count,
         session.description or "Your own pair.",
         digest,
         False,
         session.calibration,
         session.visible,
         tuple(Change("", sentence) for sentence in session.history),
-        min_disparity=session.min_disparity,
+        min_disparity=first,
     )

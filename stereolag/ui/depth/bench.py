@@ -12,7 +12,7 @@ from streamlit.delta_generator import DeltaGenerator
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.maps import show_method
-from stereolag.ui.keys import FOLD, TAB
+from stereolag.ui.keys import FOLD, FOLD_NEXT, TAB
 from stereolag.ui.matcher_controls import ask_matcher
 from stereolag.ui.pairs import StereoPair
 
@@ -30,6 +30,8 @@ INTRODUCTION = (
 def head(title: str, pair: str) -> Iterator[None]:
     """Draw the heading beside a line that names the pair and unfolds to the choice of it, which goes inside."""
     st.html(STYLE)
+    if st.session_state.pop(FOLD_NEXT, False):
+        st.session_state[FOLD] = False
     with st.container(horizontal=True, vertical_alignment="center", gap="medium", key="depth-head"):
         st.title(title, anchor=False, width="content")
         with st.expander(

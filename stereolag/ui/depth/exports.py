@@ -11,6 +11,7 @@ from stereolag.export import (
     check_kitti,
     confidence,
     confidence_png,
+    has_scores,
     image_png,
     kitti_png,
     measured_mask_png,
@@ -34,7 +35,6 @@ from stereolag.ui.depth.pair_exports import PAIR_EXPORTS, Export, File, Text, im
 from stereolag.ui.depth.scoreboard import evaluations
 from stereolag.ui.depth.subjects import Subject
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.sentences import confidence_in_words
 
 LEGEND = "disparity, px: from far to near"
 README = "README.txt"
@@ -57,7 +57,18 @@ def _confidence(subject: Subject) -> FloatMap:
 
 
 def _confidence_in_words(form: str) -> Callable[[Subject], str]:
-    return lambda it: f"{confidence_in_words(it.shown)} {form}."
+    """Return what says in which form a file holds the confidence, and what that is of this map."""
+
+    def said(subject: Subject) -> str:
+        sure = "How sure each measured disparity is, 0 to 1: "
+        if has_scores(subject.shown):
+            return f"{sure}the method’s own score, and 0 where that is negative. {form}."
+        return (
+            f"{sure}how well the 7 × 7 pixels around it correlate (ZNCC) with those around its match, for the method "
+            f"gives no score from 0 to 1. {form}."
+        )
+
+    return said
 
 
 def _cloud(subject: Subject) -> bytes:

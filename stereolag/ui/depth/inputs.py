@@ -20,6 +20,9 @@ from stereolag.ui.depth.doctor import treated, with_remedies
 from stereolag.ui.depth.own_pair import ask_own_pair
 from stereolag.ui.depth.rectifying import ask_rectified, rectified, show_decision
 from stereolag.ui.depth.restoring import restore_settings
+from stereolag.ui.depth.several import show_steps
+from stereolag.ui.depth.starting import show_start, started
+from stereolag.ui.keys import FOLD_NEXT
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
 from stereolag.ui.results import computed
@@ -48,27 +51,21 @@ def choose_pair() -> StereoPair:
         with choices:
             pair = ask_size(pair, KEY)
         pair, decision = ask_rectified(pair)
-        pair = _with_first_range(treated(pair))
+        pair = started(treated(pair))
         _keep_settings(pair)
         shown = "" if decision is None else decision.sentence
         told = [change.sentence for change in pair.changes if change.sentence != shown and not change.remedy]
         st.caption(" ".join((pair.description, *filter(None, told))))
+    if st.session_state.get(FOLD_NEXT):
+        st.rerun()
     if decision is not None:
         show_decision(decision)
+    show_start(pair)
+    show_steps(pair)
     recall_settings(named, pair)
     take_over(pair)
     restore_settings(pair)
     return pair
-
-
-def _with_first_range(pair: StereoPair) -> StereoPair:
-    """Return the pair with the range it began with: what is added to its images later leaves the range in use."""
-    if pair.shared:
-        return pair
-    first, count = st.session_state.setdefault(
-        f"{KEY}.range.{pair.searched}", (pair.min_disparity, pair.num_disparities)
-    )
-    return replace(pair, min_disparity=first, num_disparities=count)
 
 
 def _name(examples: Mapping[str, samples.StereoExample]) -> str:

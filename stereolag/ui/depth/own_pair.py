@@ -38,13 +38,13 @@ def ask_own_pair(key: str) -> StereoPair | None:
         label_visibility="collapsed",
     )
     if arrangement == "several":
-        return pair_of_bundle(ask_bundle(key), key)
+        return pair_of_bundle(ask_bundle(key))
     columns = st.columns([2, 1], gap="medium")
     with columns[0]:
         found = _ask_one_picture(key) if arrangement == "beside" else _ask_two_pictures(key)
     if isinstance(found, Upload):
-        return pair_of_bundle(found, key)
-    forget_bundle(key)
+        return pair_of_bundle(found)
+    forget_bundle()
     pictures = found
     with columns[1]:
         truth = _ask_truth(key, pictures)

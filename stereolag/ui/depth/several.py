@@ -29,6 +29,8 @@ from stereolag.ui.uploads import (
 
 SET = f"{PAIR}.set"
 """In the session's state: the set of pairs in use, if there is one."""
+STEP = f"{PAIR}.step"
+"""In the session's state: which pair of the set is looked at, from 0."""
 RESTORED = f"{PAIR}.restored"
 """In the session's state: the digest of the session that the page was set to last."""
 
@@ -101,10 +103,10 @@ def ask_bundle(key: str) -> Upload[Bundle] | None:
     )
 
 
-def pair_of_bundle(given: Upload[Bundle] | None, key: str) -> StereoPair | None:
+def pair_of_bundle(given: Upload[Bundle] | None) -> StereoPair | None:
     """Return the pair to look at; of a session, set the page to it once, of a set, ask which. None of nothing."""
     if given is None:
-        forget_bundle(key)
+        forget_bundle()
         return None
     if isinstance(given.content, Session):
         st.session_state.pop(SET, None)
@@ -114,31 +116,18 @@ def pair_of_bundle(given: Upload[Bundle] | None, key: str) -> StereoPair | None:
         return session_pair(given.content, given.digest)
     st.session_state.pop(RESTORED, None)
     st.session_state[SET] = given.content
-    return _stepped(given.content, key)
+    return _stepped(given.content)
 
 
-def forget_bundle(key: str) -> None:
+def forget_bundle() -> None:
     """Forget what was given all at once: it is not there any more."""
-    for place in (SET, RESTORED, f"{key}.step"):
+    for place in (SET, RESTORED, STEP):
         st.session_state.pop(place, None)
 
 
-def _stepped(pairs: PairSet, key: str) -> StereoPair | None:
-    """Ask which pair of a set to look at, and return it."""
-    step, count = f"{key}.step", len(pairs.pairs)
-    number = min(st.session_state.get(step) or 0, count - 1)
-    st.session_state[step] = number
-    with st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
-        _step_button("Previous", step, -1, disabled=number == 0)
-        st.selectbox(
-            f"Pair, of {count}",
-            range(count),
-            format_func=lambda one: f"{one + 1}: {harmless(pairs.pairs[one].name)}",
-            key=step,
-            persist_state="session",
-            help="The settings stay as they are from pair to pair.",
-        )
-        _step_button("Next", step, 1, disabled=number == count - 1)
+def _stepped(pairs: PairSet) -> StereoPair | None:
+    """Return the pair of a set that :func:`show_steps` chose."""
+    number = st.session_state[STEP] = min(st.session_state.get(STEP) or 0, len(pairs.pairs) - 1)
     try:
         return computed(
             "pair of a set",
@@ -149,13 +138,38 @@ def _stepped(pairs: PairSet, key: str) -> StereoPair | None:
             label="Reading the pair …",
         )
     except ValueError as error:
+        _ask_step(pairs)
         refuse(str(error))
         return None
 
 
-def _step_button(label: str, step: str, by: int, *, disabled: bool) -> None:
-    st.button(label, key=f"{step}.{by}", on_click=_move, args=(step, by), disabled=disabled, width="content")
+def show_steps(pair: StereoPair) -> None:
+    """Ask which pair of a set to look at; nothing is asked of a pair alone."""
+    pairs: PairSet | None = st.session_state.get(SET)
+    if pairs is not None and pairs.digest == pair.collection:
+        _ask_step(pairs)
 
 
-def _move(step: str, by: int) -> None:
-    st.session_state[step] += by
+def _ask_step(pairs: PairSet) -> None:
+    number, count = st.session_state[STEP], len(pairs.pairs)
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        _step_button("Previous", -1, disabled=number == 0)
+        st.selectbox(
+            f"Pair, of {count}",
+            range(count),
+            format_func=lambda one: f"{one + 1} of {count}: {harmless(pairs.pairs[one].name)}",
+            key=STEP,
+            persist_state="session",
+            label_visibility="collapsed",
+            width=320,
+        )
+        _step_button("Next", 1, disabled=number == count - 1)
+        st.caption("The settings stay from pair to pair; “All pairs” below judges them on all.", width="content")
+
+
+def _step_button(label: str, by: int, *, disabled: bool) -> None:
+    st.button(label, key=f"{STEP}.{by}", on_click=_move, args=(by,), disabled=disabled, width="content")
+
+
+def _move(by: int) -> None:
+    st.session_state[STEP] += by

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -131,7 +132,7 @@ class Subject:
 
 
 def _session(view: DepthView, pair: StereoPair, factor: float) -> dict[str, Any]:
-    state = page_state(view.pair, factor)
+    shown, state = view.pair, page_state(view.pair, factor)
     used = {type(matcher): matcher for matcher in state.matchers}
     used |= {type(one.settings): one.settings for one in view.results.values() if type(one.settings) not in used}
     matchers = [scaled for matcher in used.values() if (scaled := _for_size(matcher, factor)[0]) is not None]
@@ -142,8 +143,8 @@ def _session(view: DepthView, pair: StereoPair, factor: float) -> dict[str, Any]
         "colours": state.colours,
         "description": pair.description,
         "history": [change.sentence for change in pair.changes if change.sentence],
-        "num_disparities": pair.num_disparities,
-        "min_disparity": pair.min_disparity,
+        "num_disparities": shown.num_disparities and math.ceil(shown.num_disparities * factor),
+        "min_disparity": math.floor(shown.min_disparity * factor),
     }
 
 
