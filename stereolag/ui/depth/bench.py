@@ -27,11 +27,14 @@ INTRODUCTION = (
 
 
 @contextmanager
-def head(title: str, pair: str) -> Iterator[None]:
-    """Draw the heading beside a line that names the pair and unfolds to the choice of it, which goes inside."""
+def head(title: str, pair: str, *, awaited: bool) -> Iterator[None]:
+    """Draw the heading beside a line that names the pair and unfolds to the choice of it, which goes inside.
+
+    It stays unfolded while files are `awaited`, and folds when they are there.
+    """
     st.html(STYLE)
-    if st.session_state.pop(FOLD_NEXT, False):
-        st.session_state[FOLD] = False
+    if awaited or st.session_state.pop(FOLD_NEXT, False):
+        st.session_state[FOLD] = awaited
     with st.container(horizontal=True, vertical_alignment="center", gap="medium", key="depth-head"):
         st.title(title, anchor=False, width="content")
         with st.expander(

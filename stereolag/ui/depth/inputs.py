@@ -13,7 +13,7 @@ from stereolag import samples
 from stereolag.doctor import Remedy
 from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
-from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui.choices import OWN, choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
 from stereolag.ui.depth.bench import head
 from stereolag.ui.depth.doctor import treated, with_remedies
@@ -31,6 +31,7 @@ KEY = "pairs"
 TITLE = "Depth maps"
 KEPT = f"{KEY}.kept_settings"
 """In the session's state: for which images the settings in use are."""
+OWN_PAIR_THERE = f"{KEY}.there"
 
 
 def choose_pair() -> StereoPair:
@@ -41,13 +42,15 @@ def choose_pair() -> StereoPair:
     """
     named = recall_choices()
     examples = samples.stereo_pairs()
-    with head(TITLE, _name(examples)):
+    awaited = st.session_state.get(KEY) == OWN and not st.session_state.get(OWN_PAIR_THERE)
+    with head(TITLE, _name(examples), awaited=awaited):
         choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
         with choices:
             chosen = choose(examples, key=KEY)
         pair = own_or_example(
             chosen, lambda: ask_own_pair(KEY), example_pair, examples, key=KEY, awaited="both images are"
         )
+        st.session_state[OWN_PAIR_THERE] = not pair.shared
         with choices:
             pair = ask_size(pair, KEY)
         pair, decision = ask_rectified(pair)
