@@ -50,6 +50,10 @@ class Settings(BaseModel):
         rule = marker(cls.model_fields[name], Applies)
         return None if rule is None or rule.condition(values) else rule.reason
 
+    def after_scaling(self, document: dict[str, Any]) -> dict[str, Any]:
+        """Return a document that describes these settings for images of another size, made to fit together again."""
+        return document
+
     @model_validator(mode="after")
     def _nothing_is_ignored(self) -> Self:
         for name, field in type(self).model_fields.items():
@@ -128,7 +132,7 @@ def _scaled(settings: Settings, factor: float) -> dict[str, Any]:
             document[name] = _rounded(value, value * factor**length.power, field, rounded_up=length.rounded_up)
         else:
             document[name] = value
-    return document
+    return settings.after_scaling(document)
 
 
 def _rounded(value: int, wanted: float, field: FieldInfo, *, rounded_up: bool) -> int:

@@ -11,7 +11,7 @@ from pairs import shifted_pair
 from stereolag.geometry.scaling import as_deep, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.methods import METHODS
+from stereolag.stereo.methods import METHODS, PresetName, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
@@ -83,6 +83,18 @@ def test_settings_for_larger_images_stay_allowed_and_search_all_they_did() -> No
     assert (large.num_disparities, large.block_size, large.speckle_window_size) == (256, 51, 5000)
     with pytest.raises(ValueError, match="num_disparities is 2048"):
         scaled_settings(StereoSGBM(num_disparities=512), 4)
+
+
+@pytest.mark.parametrize("name", ["report", "fast", "accurate"])
+@pytest.mark.parametrize("factor", [2, 3, 4, 6.25])
+def test_a_preset_is_allowed_on_larger_images_and_comes_back(name: PresetName, factor: float) -> None:
+    small = preset(name, 112)
+    large = scaled_settings(small, factor)
+    assert large.search_range() in (None, (0, 112 * factor), (0, -(-112 * factor // 1)))
+    if isinstance(large, CorrelationMatcher) and large.left_right is not None:
+        assert large.step == 1
+    back = scaled_settings(large, 1 / factor)
+    assert back.search_range() == small.search_range()
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
