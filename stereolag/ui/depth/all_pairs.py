@@ -196,11 +196,10 @@ def _show(table: Table) -> None:
 
 
 def _cells(row: PairRow) -> dict[str, float]:
-    cells: dict[str, float] = {}
-    for name, figures in row.figures.items():
-        cells |= {
-            f"{name}: bad-2, %": figures.bad_2,
-            f"{name}: coverage, %": 100 * figures.coverage,
-            f"{name}: took": figures.elapsed_s,
-        }
-    return cells
+    """Return the cells of a row: first how right every method is, then what it covers, and how long it took."""
+    found = row.figures.items()
+    return (
+        {f"{name}: bad-2, %": figures.bad_2 for name, figures in found}
+        | {f"{name}: coverage, %": 100 * figures.coverage for name, figures in found}
+        | {f"{name}: took": figures.elapsed_s for name, figures in found}
+    )

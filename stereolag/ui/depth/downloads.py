@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import streamlit as st
@@ -17,12 +18,15 @@ from stereolag.ui.depth.maps import settings_key
 from stereolag.ui.depth.pair_exports import PAIR_EXPORTS
 from stereolag.ui.depth.subjects import Subject
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.jobs import HEAVY_MEMORY, Turn, limiter
 from stereolag.ui.private_files import download_button
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.sentences import duration
 from stereolag.ui.uploads import upload
 
 KEY = "depth.take"
+BYTES_OF_A_PIXEL = 100
+"""While files are made: the map in the pair's own size, its points and colours, and the file."""
 WANTED = f"{KEY}.wanted"
 """In the session's state: the maps that the visitor wants computed in their pair's own size."""
 
@@ -41,7 +45,7 @@ def show_downloads(view: DepthView) -> None:
         with st.container(horizontal=True, gap="small"):
             download_button(
                 "All in one ZIP",
-                partial(archive, subject),
+                partial(_in_turn, subject, partial(archive, subject)),
                 "stereolag.zip",
                 "application/zip",
                 key=f"{KEY}.zip",
@@ -51,7 +55,7 @@ def show_downloads(view: DepthView) -> None:
             )
             download_button(
                 "Session ZIP",
-                partial(archive, subject, PAIR_EXPORTS),
+                partial(_in_turn, subject, partial(archive, subject, PAIR_EXPORTS)),
                 "stereolag-session.zip",
                 "application/zip",
                 key=f"{KEY}.session",
@@ -62,7 +66,7 @@ def show_downloads(view: DepthView) -> None:
                 if file.label:
                     download_button(
                         file.label,
-                        file.make,
+                        partial(_in_turn, subject, file.make),
                         file.name,
                         key=f"{KEY}.{file.name}",
                         meaning=file.refusal or file.meaning,
@@ -70,6 +74,16 @@ def show_downloads(view: DepthView) -> None:
                     )
         st.caption(" ".join([size_in_words(subject), *(change.sentence for change in subject.pair.changes)]))
         _load_settings(subject)
+
+
+def _in_turn(subject: Subject, make: Callable[[], bytes | str]) -> bytes | str:
+    """Return a file that is asked for; one of large images is made when it is its turn."""
+    rows, cols = subject.pair.left.shape[:2]
+    memory = BYTES_OF_A_PIXEL * rows * cols
+    if memory < HEAVY_MEMORY:
+        return make()
+    with limiter().admitted(Turn(memory), lambda: False):
+        return make()
 
 
 def _compute_in_own_size(subject: Subject) -> None:

@@ -38,7 +38,7 @@ from stereolag.ui.depth.view import DepthView
 
 LEGEND = "disparity, px: from far to near"
 README = "README.txt"
-MOST_POINTS = 4_000_000
+MOST_POINTS = 2_000_000
 
 
 def _of_map(ending: str) -> Callable[[Subject], str]:
@@ -148,7 +148,7 @@ EXPORTS: list[Export] = [
         "Point cloud PLY",
         "cloud.ply",
         _cloud,
-        "Points in metres and true colour, flying pixels left out; at most 4 million.",
+        "Points in metres and true colour, flying pixels left out; at most 2 million.",
         lambda it: "Metres need a calibration, or one point whose distance is known." if it.calibration is None else "",
     ),
     Export(
