@@ -16,7 +16,7 @@ from stereolag.settings.fields import Number, choices, nested
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.controls import adopt_value, control, last_valid
-from stereolag.ui.keys import method_key, more_key, setting_key
+from stereolag.ui.keys import TAB, method_key, more_key, setting_key
 from stereolag.ui.pairs import StereoPair
 
 CHOICE_NAMES = {
@@ -118,9 +118,26 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
     return last_valid(make, f"{method_key(kind.short_name)}.valid")
 
 
+def ask_matchers(pair: StereoPair) -> dict[type[StereoMatcher], StereoMatcher | None]:
+    """Return the settings of every method; one at a time has its controls drawn, chosen by a row of tabs."""
+    names = [kind.short_name for kind in METHODS]
+    by_name = dict(zip(names, METHODS, strict=True))
+    tab = st.segmented_control(
+        "Settings of",
+        names,
+        default=names[0],
+        required=True,
+        format_func=lambda name: by_name[name].title,
+        key=TAB,
+        persist_state="session",
+        label_visibility="collapsed",
+    )
+    return {kind: ask_matcher(kind, pair, drawn=kind.short_name == tab) for kind in METHODS}
+
+
 def first_settings(kind: type[Matcher], pair: StereoPair) -> Matcher:
     """Return the settings with which the page begins for a pair."""
-    return cast(Matcher, _first_settings(kind, pair.num_disparities or DISPARITIES_AT_FIRST))
+    return cast(Matcher, _first_settings(kind, pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST))
 
 
 def set_controls(matcher: StereoMatcher, pair: StereoPair) -> None:
@@ -135,9 +152,9 @@ def matchers_in_use() -> list[StereoMatcher]:
 
 
 @lru_cache(maxsize=256)
-def _first_settings(kind: type[StereoMatcher], disparities: int) -> StereoMatcher:
+def _first_settings(kind: type[StereoMatcher], first: int, count: int) -> StereoMatcher:
     """Return them; asked for by every control, they are validated once."""
-    return kind().with_search_range(0, disparities)
+    return kind().with_search_range(first, count)
 
 
 def _first_shown(kind: type[Settings]) -> tuple[str, ...]:

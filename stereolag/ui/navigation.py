@@ -32,19 +32,21 @@ JOB_MEMORY_MB = 2048
 
 
 @contextmanager
-def page(title: str, introduction: str) -> Iterator[None]:
+def page(title: str, introduction: str = "") -> Iterator[None]:
     """Begin a page: browser title, links, heading and a paragraph that says what the page is for.
 
-    Its content goes inside; where that fails, the visitor is told so.
+    Its content goes inside; where that fails, the visitor is told so. A page without an introduction draws its heading
+    itself.
     """
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=ICON, layout="wide")
     _prepare_process()
     this_visit()
-    with st.container(horizontal=True, gap="medium", vertical_alignment="center"):
+    with st.container(horizontal=True, gap="medium", vertical_alignment="center", key="page-links"):
         for path, (label, icon) in PAGES.items():
             st.page_link(path, label=label, icon=icon)
-    st.title(title, anchor=False)
-    st.markdown(introduction, width=760)
+    if introduction:
+        st.title(title, anchor=False)
+        st.markdown(introduction, width=760)
     run_again_when_reconnected()
     with failures_answered():
         yield

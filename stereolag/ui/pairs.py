@@ -47,7 +47,7 @@ class StereoPair:
     truth
         (H, W) px, the ground truth of the left image; None where it is not known.
     num_disparities
-        How many disparities the pair needs, px; None where it is not known.
+        How many disparities the pair needs, px, from `min_disparity` on; None where it is not known.
     description
         What the page says of it.
     files
@@ -60,6 +60,8 @@ class StereoPair:
         (H, W), True where the right camera sees what the left one does: the non-occluded pixels.
     changes
         What was done to it, in order.
+    min_disparity
+        The first disparity that the pair needs, px.
     """
 
     left: Image
@@ -72,6 +74,7 @@ class StereoPair:
     calibration: Calibration | None = None
     visible: Mask | None = None
     changes: tuple[Change, ...] = ()
+    min_disparity: int = 0
 
     @property
     def digest(self) -> str:

@@ -26,6 +26,8 @@ SHARED_BYTES = 512 * 2**20
 OWN_BYTES = 192 * 2**20
 ALL_OWN_BYTES = 1024 * 2**20
 
+NUMBER_BYTES = 8
+
 BETWEEN_LOOKS_S = 0.4
 """How often the page shows anew how far a job is."""
 
@@ -240,9 +242,11 @@ def _results(shared: bool) -> RecentResults:
 
 
 def _bytes_of(result: Any) -> int:
-    """Return the memory of a file, an array, or the arrays that a result holds as attributes."""
+    """Return the memory of a file, an array, a number, or the files and arrays that a result holds as attributes."""
     if isinstance(result, bytes):
         return len(result)
     if isinstance(result, np.ndarray):
         return result.nbytes
-    return sum(value.nbytes for value in vars(result).values() if isinstance(value, np.ndarray))
+    if isinstance(result, float):
+        return NUMBER_BYTES
+    return sum(_bytes_of(value) for value in vars(result).values() if isinstance(value, bytes | np.ndarray))

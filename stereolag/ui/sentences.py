@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -22,6 +23,15 @@ def duration(seconds: float) -> str:
 def percent(share: float) -> str:
     """Return a share, 0..1, as a percentage."""
     return f"{share * 100:.0f} %"
+
+
+# Maps
+
+
+def beyond_the_colours(shares: Mapping[str, float]) -> str:
+    """Return how much of which maps lies beyond the range of the colours; the shares are 0..1."""
+    said = " and ".join(f"**{percent(share)}** of {name}" for name, share in shares.items())
+    return f"{said} lies beyond the colours."
 
 
 # Recordings

@@ -14,6 +14,7 @@ from stereolag.geometry.distances import DISPARITY_ERROR, typical_error
 from stereolag.reading import read_calibration
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.results import remembered
 from stereolag.ui.uploads import CALIBRATION_TYPES, Upload, upload_together
 
 Calibrated: TypeAlias = Upload[Calibration]
@@ -101,7 +102,14 @@ def disparity_error(view: DepthView, name: str) -> float:
     """Return the typical error of a method's disparities, px: measured where the ground truth is known."""
     if view.pair.truth is None:
         return DISPARITY_ERROR
-    error = typical_error(view.results[name].disparity, view.pair.truth)
+    truth, result = view.pair.truth, view.results[name]
+    error = remembered(
+        "typical error",
+        lambda: typical_error(result.disparity, truth),
+        inputs=view.pair.digest,
+        settings=f"{name} {result.settings.model_dump_json()}",
+        shared=view.pair.shared,
+    )
     return DISPARITY_ERROR if math.isnan(error) else error
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import cv2
@@ -14,6 +15,7 @@ from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled
 from stereolag.settings import scaled_settings
 from stereolag.ui.choices import choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
+from stereolag.ui.depth.bench import head
 from stereolag.ui.depth.doctor import treated
 from stereolag.ui.depth.own_pair import ask_own_pair
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
@@ -21,6 +23,7 @@ from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
 from stereolag.ui.results import computed
 
 KEY = "pairs"
+TITLE = "Depth maps"
 
 
 def choose_pair() -> StereoPair:
@@ -31,18 +34,27 @@ def choose_pair() -> StereoPair:
     """
     named = recall_choices()
     examples = samples.stereo_pairs()
-    choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
-    with choices:
-        chosen = choose(examples, key=KEY)
-    pair = own_or_example(chosen, lambda: ask_own_pair(KEY), example_pair, examples, key=KEY, awaited="both images are")
-    with choices:
-        pair = ask_size(pair, KEY)
-    pair = treated(rectified(pair))
-    told = [change.sentence for change in pair.changes if change.sentence and not change.remedy]
-    st.caption(" ".join((pair.description, *told)))
+    with head(TITLE, _name(examples)):
+        choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
+        with choices:
+            chosen = choose(examples, key=KEY)
+        pair = own_or_example(
+            chosen, lambda: ask_own_pair(KEY), example_pair, examples, key=KEY, awaited="both images are"
+        )
+        with choices:
+            pair = ask_size(pair, KEY)
+        pair = treated(rectified(pair))
+        told = [change.sentence for change in pair.changes if change.sentence and not change.remedy]
+        st.caption(" ".join((pair.description, *told)))
     recall_settings(named, pair)
     take_over(pair)
     return pair
+
+
+def _name(examples: Mapping[str, samples.StereoExample]) -> str:
+    """Return how the pair in use is called."""
+    chosen = st.session_state.get(KEY, next(iter(examples)))
+    return examples[chosen].title if chosen in examples else "Your own pair"
 
 
 def ask_size(pair: StereoPair, key: str) -> StereoPair:
