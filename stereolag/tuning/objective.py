@@ -116,6 +116,12 @@ class TuningPair:
             raise ValueError("truth holds no finite disparity to compare with.")
         return cls(*images, known, Criterion.TRUE_BAD_2)
 
+    @classmethod
+    def unjudgeable(cls, left: npt.ArrayLike, right: npt.ArrayLike) -> TuningPair:
+        """Return a pair that judges nothing, for settings of which only the maps are wanted: every bad-2 is NaN."""
+        images = as_stereo_pair(left, right)
+        return cls(*images, np.full(images[0].shape[:2], np.nan, dtype=np.float32), Criterion.ESTIMATED_BAD_2)
+
     def unjudged(self, matcher: StereoMatcher) -> Unjudged | None:
         """Return why this pair cannot judge the settings of a matcher; None where it can."""
         if self.criterion is Criterion.TRUE_BAD_2:

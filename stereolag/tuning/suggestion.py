@@ -6,10 +6,12 @@ from collections.abc import Callable, Sequence
 
 import numpy.typing as npt
 
+from stereolag.estimates import Estimate
 from stereolag.inputs import as_stereo_pair
 from stereolag.progress import Progress, silent
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.tuning.objective import TuningPair, Unjudged, judges_itself
+from stereolag.tuning.candidates import candidates
+from stereolag.tuning.objective import TuningPair, Unjudged, estimate_reference, judges_itself
 from stereolag.tuning.search import Clock, Suggestion, nothing_to_judge_by, search
 
 
@@ -92,3 +94,16 @@ def suggest_for_all(
     if not pairs:
         raise ValueError("pairs is empty; give at least one.")
     return search(matcher, pairs, Clock(budget_s, progress or silent, cancelled), found)
+
+
+def estimate_suggestion(
+    matcher: StereoMatcher, shape: tuple[int, ...], dtype: npt.DTypeLike, *, blind: bool, budget_s: float
+) -> Estimate:
+    """Return what :func:`suggest` will take for two images of a shape and a dtype, without a ground truth or with one.
+
+    Settings that alone need more than one job may take are not tried.
+    """
+    jobs = [one.estimate(shape, dtype) for one in (matcher, *candidates(matcher))]
+    if blind:
+        jobs.append(estimate_reference(matcher.search_range(), shape, dtype))
+    return Estimate(max(job.memory for job in jobs), min(budget_s, sum(job.seconds for job in jobs)))
