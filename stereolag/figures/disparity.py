@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
@@ -14,6 +13,7 @@ from PIL import Image as PillowImage
 from PIL import ImageDraw, ImageFont
 
 from stereolag.arrays import Rgb
+from stereolag.figures.legends import round_values
 from stereolag.figures.pictures import (
     NO_ANSWER,
     VIRIDIS,
@@ -89,14 +89,6 @@ def _legend(low: float, high: float, colours: bytes, title: str, ticks: tuple[tu
         figure.update_xaxes(tickvals=[value for value, _ in ticks], ticktext=[text for _, text in ticks])
     figure.update_yaxes(visible=False, fixedrange=True)
     return figure
-
-
-def round_values(low: float, high: float, most_steps: int = 8) -> list[float]:
-    """Return the multiples of 1, 2 or 5 times a power of ten from low to high, in `most_steps` steps at the most."""
-    power = 10 ** math.floor(math.log10((high - low) / most_steps))
-    step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= most_steps)
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return [float(f"{number * step:.12g}") for number in range(first, last + 1)]
 
 
 NARROWEST = 360

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -14,21 +14,16 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import Rgb
-from stereolag.figures.disparity import round_values
+from stereolag.figures.legends import Legend, hexadecimal
 from stereolag.figures.pictures import NO_ANSWER, jpeg, png
 
 WIDEST = 1600
 """Px; of wider pictures every second, third … pixel is sent: no screen shows more of them side by side."""
 
-MOST_STEPS = 5
-"""Between the values along a legend."""
-
 NOTHING = -32768
 """The int16 that stands for NaN on the way to the browser."""
 
 FASTEST_COMPRESSION = 1
-
-Ticks = Callable[[float], str] | None
 
 
 @dataclass(frozen=True)
@@ -137,55 +132,6 @@ class PackedPicture:
     digest: str
     shape: tuple[int, int]
     step: int
-
-
-@dataclass(frozen=True)
-class Legend:
-    """What the colours mean: a strip with words along it, or one word for each colour.
-
-    Attributes
-    ----------
-    title
-        What is shown, with its unit.
-    colours
-        As CSS writes them.
-    words
-        One for each colour; of a strip, those at its two ends.
-    strip
-        Whether the colours run into each other.
-    ticks
-        (share of the strip, word, word below it): values along it.
-    """
-
-    title: str
-    colours: tuple[str, ...]
-    words: tuple[str, ...]
-    strip: bool
-    ticks: tuple[tuple[float, str, str], ...] = ()
-
-
-def strip_legend(
-    title: str, low: float, high: float, palette: Rgb, *, ends: tuple[str, str] = ("", ""), below: Ticks = None
-) -> Legend:
-    """Return the legend of a (256, 3) palette that runs from `low` to `high`, over round values.
-
-    `ends` are written at its ends; `below` gives a second word for a value, such as metres for a disparity.
-    """
-    ticks = tuple(
-        ((value - low) / (high - low), f"{value:g}".replace("-", "−"), below(value) if below else "")
-        for value in round_values(low, high, MOST_STEPS)
-    )
-    return Legend(title, tuple(hexadecimal(colour) for colour in palette[::17]), ends, True, ticks)
-
-
-def word_legend(title: str, colours: Sequence[str], words: Sequence[str]) -> Legend:
-    """Return the legend of colours, as CSS writes them, that each stand for a word."""
-    return Legend(title, tuple(colours), tuple(words), False)
-
-
-def hexadecimal(colour: Sequence[int] | npt.NDArray[np.uint8]) -> str:
-    """Return an RGB colour as #rrggbb."""
-    return "#{:02x}{:02x}{:02x}".format(*(int(part) for part in colour))
 
 
 def packed(picture: Picture) -> PackedPicture:

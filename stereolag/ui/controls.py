@@ -94,38 +94,38 @@ def control(
         bounds = Bounds(at_first, at_first + bounds.step, bounds.step)
         widget |= {"key": f"{key}.only", "disabled": True}
     widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": at_first}
-    return _slider_and_box(widget)
+    return _slider_and_box(widget, Bounds.of(field))
 
 
 EXACT_WIDTH = 76
 """Px; of the box beside a slider, too narrow for buttons."""
 
 
-def _slider_and_box(widget: dict[str, Any]) -> Any:
-    """Draw a slider beside a box that shows its value and takes an exact one."""
+def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
+    """Draw a slider beside a box that shows its value and takes any other that the field allows."""
     key, exact = widget["key"], exact_key(widget["key"])
     with st.container(horizontal=True, gap="small", vertical_alignment="bottom"):
         value = st.slider(**widget)
         st.session_state[exact] = value
         st.number_input(
             widget["label"],
-            min_value=widget["min_value"],
-            max_value=widget["max_value"],
-            step=widget["step"],
+            min_value=allowed.low,
+            max_value=allowed.high,
+            step=0.01 if isinstance(value, float) else 1,
             format="%g" if isinstance(value, float) else "%d",
             key=exact,
             disabled=widget["disabled"],
             label_visibility="collapsed",
             width=EXACT_WIDTH,
             on_change=_take_exact,
-            args=(key, Bounds(widget["min_value"], widget["max_value"], widget["step"])),
+            args=(key,),
         )
     return value
 
 
-def _take_exact(key: str, bounds: Bounds) -> None:
-    """Set a slider to what was typed beside it, or to the nearest value that it has."""
-    st.session_state[key] = bounds.nearest(st.session_state[exact_key(key)])
+def _take_exact(key: str) -> None:
+    """Set a slider to the value typed beside it, which may lie beyond its ends or between its steps."""
+    adopt_value(key, st.session_state[exact_key(key)])
 
 
 def _within(field: FieldInfo, value: Any, low: Number | None, high: Number | None) -> Any:

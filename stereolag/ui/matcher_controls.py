@@ -10,6 +10,7 @@ from types import SimpleNamespace
 from typing import Any, TypeVar, cast
 
 import streamlit as st
+from streamlit.elements.lib.mutable_expander_container import ExpanderContainer
 
 from stereolag.settings import FitsImage, OfThePair, Settings, SettingsError, Usual, marker
 from stereolag.settings.fields import Number, choices, nested
@@ -93,8 +94,7 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
     top = st.container() if drawn else nullcontext()
     foldable = set(kind.model_fields) - set(_first_shown(kind))
     folds = bool(foldable) and drawn
-    # Folded away, they are not drawn: a rerun draws them when they are opened.
-    expander = st.expander("More settings", key=more_key(kind.short_name), on_change="rerun") if folds else None
+    expander = _more_settings(more_key(kind.short_name)) if folds else None
     first = first_settings(kind, pair)
     place = _Place(
         kind,
@@ -133,6 +133,18 @@ def ask_matchers(pair: StereoPair) -> dict[type[StereoMatcher], StereoMatcher | 
         label_visibility="collapsed",
     )
     return {kind: ask_matcher(kind, pair, drawn=kind.short_name == tab) for kind in METHODS}
+
+
+def _more_settings(key: str) -> ExpanderContainer:
+    """Return the fold for settings that are seldom moved; it is as it was when its tab was left.
+
+    Folded away, they are not drawn: a rerun draws them when they are opened.
+    """
+    if key not in st.session_state:
+        st.session_state[key] = st.session_state.get(f"{key}.left", False)
+    expander = st.expander("More settings", key=key, on_change="rerun")
+    st.session_state[f"{key}.left"] = bool(expander.open)
+    return expander
 
 
 def first_settings(kind: type[Matcher], pair: StereoPair) -> Matcher:

@@ -129,8 +129,11 @@ def test_the_box_beside_a_slider_takes_an_exact_value(open_page: OpenPage, shown
     app.number_input(key=keys.exact_key(keys.WINDOW)).set_value(13).run()
     assert app.slider(key=keys.WINDOW).value == 13
     assert shown(app) != before
+    app.number_input(key=keys.exact_key(keys.DISPARITIES)).set_value(300).run()  # beyond the end of the slider
+    assert app.slider(key=keys.DISPARITIES).value == app.number_input(key=keys.exact_key(keys.DISPARITIES)).value == 300
+    assert not app.error
     app.number_input(key=keys.exact_key(keys.DISPARITIES)).set_value(50).run()
-    assert app.slider(key=keys.DISPARITIES).value == app.number_input(key=keys.exact_key(keys.DISPARITIES)).value == 48
+    assert app.slider(key=keys.DISPARITIES).value == 50
     app.slider(key=keys.WINDOW).set_value(9).run()
     assert app.number_input(key=keys.exact_key(keys.WINDOW)).value == 9
 
@@ -224,9 +227,9 @@ def test_folding_settings_away_changes_nothing(open_unfolded: OpenPage, shown: S
 
 
 def test_an_adopted_value_beyond_the_page_s_own_bounds_is_kept_when_folded_away(open_page: OpenPage) -> None:
-    app = open_page(f"{DEPTH}")
+    app = open_page(DEPTH)
+    app.button_group(key=keys.TAB).set_value("bm").run()
     app.session_state[keys.SMALLEST] = app.session_state[f"{keys.SMALLEST}.adopted"] = -100
     app.run()
-    app.session_state[keys.MORE] = True
-    app.run()
+    app.button_group(key=keys.TAB).set_value("correlation").run()
     assert app.slider(key=keys.SMALLEST).value == -100

@@ -30,7 +30,7 @@ def verdict(app: AppTest) -> str:
 
 
 def marks(app: AppTest) -> list[dict[str, int]]:
-    return list(json.loads(app.get("bidi_component")[1].proto.json)["marks"])
+    return list(json.loads(app.get("bidi_component")[-1].proto.json)["marks"])
 
 
 def test_a_pixel_has_its_window_its_scores_its_row_and_the_disparity_by_each_method() -> None:

@@ -106,9 +106,10 @@ def _set_range(key: str) -> None:
 
 
 def _fit(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> None:
-    """Set the range to what is shown."""
-    maps: list[FloatMap] = [one.disparity for one in results.values()] if pair.truth is None else [pair.truth]
-    st.session_state[key] = disparity_range(maps)
+    """Set the range so that it holds all but the outermost 1 % of every map shown, and of the truth."""
+    maps: list[FloatMap] = [one.disparity for one in results.values()]
+    ranges = [disparity_range([one]) for one in (maps if pair.truth is None else [*maps, pair.truth])]
+    st.session_state[key] = min(low for low, _ in ranges), max(high for _, high in ranges)
 
 
 def _searched(results: Mapping[str, DisparityMap]) -> tuple[float, float]:

@@ -7,17 +7,8 @@ from functools import partial
 import streamlit as st
 
 from stereolag.arrays import FloatMap, ReasonMap
-from stereolag.figures.linked_pictures import (
-    Figure,
-    Legend,
-    PackedPicture,
-    Picture,
-    Reading,
-    hexadecimal,
-    packed,
-    strip_legend,
-    word_legend,
-)
+from stereolag.figures.legends import Legend, hexadecimal, strip_legend, word_legend
+from stereolag.figures.linked_pictures import Figure, PackedPicture, Picture, Reading, packed
 from stereolag.figures.pictures import NO_ANSWER, as_rgb
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher

@@ -9,7 +9,8 @@ import streamlit as st
 
 from stereolag.explaining.example_pixels import ExampleKind, example_pixel
 from stereolag.explaining.match import Box, MatchExplanation, MatchKind, explain_match, with_rows_around
-from stereolag.figures.linked_pictures import Picture, word_legend
+from stereolag.figures.legends import word_legend
+from stereolag.figures.linked_pictures import Picture
 from stereolag.figures.match import (
     RUNNER_UP_COLOUR,
     SEARCH_COLOUR,

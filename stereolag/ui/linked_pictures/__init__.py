@@ -11,7 +11,8 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereolag.figures.linked_pictures import Colours, Legend, PackedPicture, Picture, described, packed
+from stereolag.figures.legends import Legend
+from stereolag.figures.linked_pictures import Colours, PackedPicture, Picture, described, packed
 
 HERE = Path(__file__).parent
 
