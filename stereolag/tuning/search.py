@@ -28,6 +28,10 @@ FOR_STRIPS, LEAST_SHARE = 0.5, 0.1
 """The part of the time left that trials on strips may take, and the least share of the rows that they are made on."""
 
 
+LIKELIEST = 6
+"""So many are tried on strips whatever the time: a busy machine must not keep all from being tried."""
+
+
 class Outcome(StrEnum):
     """What a search came to."""
 
@@ -133,10 +137,15 @@ def search(
     share = max(LEAST_SHARE, FOR_STRIPS * clock.left_s / total_s)
     strips = [pair.strips(share) for pair in pairs]
     finished, ranked = run.tried(
-        strips, tried, steps=len(tried) + FINALISTS, whole=False, reserved_s=max(map(run.seconds, tried))
+        strips,
+        tried,
+        steps=len(tried) + FINALISTS,
+        whole=False,
+        reserved_s=max(map(run.seconds, tried)),
+        at_least=LIKELIEST,
     )
     finalists = [one.matcher for one in ranked[:FINALISTS]]
-    _, ranked = run.tried(pairs, finalists, steps=len(tried) + FINALISTS, at_least=1)
+    _, ranked = run.tried(pairs, finalists, steps=len(tried) + FINALISTS, at_least=1, despite_cancel=True)
     return run.outcome(ranked, finished=finished)
 
 
@@ -185,6 +194,7 @@ class _Run:
         whole: bool = True,
         reserved_s: float = 0.0,
         at_least: int = 0,
+        despite_cancel: bool = False,
     ) -> tuple[bool, list[_Found]]:
         """Try settings one after another; return whether there was time for all, and what they gain, best first.
 
@@ -202,12 +212,16 @@ class _Run:
             Seconds to be left besides what a trial takes.
         at_least
             So many are tried whatever the time.
+        despite_cancel
+            And whether or not the search was called off.
         """
         before = self._before if whole else self._judged(self.start, pairs)
         results: list[_Found] = []
         for number, matcher in enumerate(those):
             needed_s = self.seconds(matcher) * pairs[0].left.shape[0] / self.pairs[0].left.shape[0] + reserved_s
-            if number >= at_least and (self.clock.cancelled() or self.clock.left_s < needed_s):
+            cancelled = self.clock.cancelled()
+            forced = number < at_least and (despite_cancel or not cancelled)
+            if (cancelled or self.clock.left_s < needed_s) and not forced:
                 return False, self._ranked(results)
             try:
                 after = self._judged(matcher, pairs)

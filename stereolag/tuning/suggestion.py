@@ -42,8 +42,8 @@ def suggest(
     ground_truth
         (H, W) disparity, px; NaN or infinite = unknown.
     budget_s
-        Seconds in which all should be done. The reference, the settings to begin with and the best of the others are
-        computed on the whole images even where that takes longer.
+        Seconds in which all should be done. Where that is too short, it still computes the reference and the settings
+        to begin with, tries the likeliest others on strips of the images and the best of these on the whole.
     progress
         Called with the share that is done, 0..1.
     found

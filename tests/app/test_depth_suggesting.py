@@ -88,7 +88,7 @@ def test_nothing_judges_the_judge() -> None:
 @pytest.mark.parametrize(
     ("outcome", "said"),
     [
-        (Outcome.AS_GOOD, "Yours are as good: of 2 tried none is really better. Estimated bad-2: **30.0 %**."),
+        (Outcome.AS_GOOD, "Yours are as good: of the 2 tried none is really better. Estimated bad-2: **30.0 %**."),
         (Outcome.BETTER, "The best of 2 tried. Estimated bad-2 on the whole images: **30.0 % → 26.8 %**."),
         (Unjudged.TOO_LITTLE_MEASURED, "nothing to judge by"),
     ],
@@ -98,6 +98,9 @@ def test_what_came_of_it_in_words(outcome: Outcome | Unjudged, said: str) -> Non
     trials = Trial(other, 26.8, whole=False), Trial(other, 26.8, whole=True), Trial(StereoBM(block_size=9), 31, True)
     found = Suggestion(start, other, outcome, Criterion.ESTIMATED_BAD_2, 26.8, 30.0, trials)
     assert said in suggestion_in_words(found)
+    none = Suggestion(start, start, Outcome.AS_GOOD, Criterion.TRUE_BAD_2, 30.0, 30.0)
+    assert suggestion_in_words(none) == "There are no others to try over the range of these. Bad-2: **30.0 %**."
+    assert search_so_far(none) == "Yours: bad-2 30.0 %."
     assert search_so_far(found) == "2 tried. Yours: estimated bad-2 30.0 %; the lowest so far: 26.8 %."
 
 

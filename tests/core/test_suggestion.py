@@ -17,7 +17,7 @@ from stereolag.stereo.methods import METHODS
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.tuning.candidates import candidates, differences
 from stereolag.tuning.objective import Criterion, TuningPair, Unjudged
-from stereolag.tuning.search import Outcome, Suggestion
+from stereolag.tuning.search import LIKELIEST, Outcome, Suggestion
 from stereolag.tuning.suggestion import suggest_for_all
 
 LEFT, RIGHT, TRUTH = steps_pair()
@@ -43,7 +43,7 @@ STRICT = CorrelationMatcher(
     "matcher",
     [
         *(method() for method in METHODS),
-        *(sl.preset(name) for name in ("report", "fast", "accurate")),
+        *(sl.preset(name) for name in ("fast", "accurate")),
         STRICT,
         CorrelationMatcher(window_size=15, search=sl.SearchArea.centred(41)),
         CorrelationMatcher(window_size=15, overlap=0.5, score="phase", search=sl.SearchArea.rectified(32, vertical=2)),
@@ -64,7 +64,9 @@ def test_ranges_and_tolerances_stay(matcher: StereoMatcher) -> None:
 
 def test_an_unpadded_search_keeps_its_window_which_is_its_range() -> None:
     unpadded = CorrelationMatcher(window_size=20, search=sl.SearchArea.centred(20))
-    assert {one.window_size for one in candidates(unpadded)} <= {20}
+    assert not candidates(unpadded)
+    found = sl.suggest(unpadded, LEFT, RIGHT, ground_truth=TRUTH)
+    assert (found.outcome, found.matcher, found.tried) == (Outcome.AS_GOOD, unpadded, 0)
 
 
 def test_differences_reach_into_settings_of_settings() -> None:
@@ -128,6 +130,9 @@ def test_a_short_time_is_spent_on_strips_but_whole_images_decide() -> None:
     assert found.bad_before == pytest.approx(pair.judge(WINDOWS).bad)
     if found.outcome is Outcome.BETTER:
         assert found.bad == pytest.approx(pair.judge(found.matcher).bad)
+    late = suggest_for_all(WINDOWS, [pair], budget_s=1e-6)
+    assert (late.outcome, late.finished) == (Outcome.BETTER, False)
+    assert [trial.whole for trial in late.trials] == [False] * LIKELIEST + [True]
 
 
 def test_it_ends_when_told_and_keeps_what_is_better() -> None:

@@ -57,11 +57,11 @@ def suggestion_in_words(found: Suggestion) -> str:
     if isinstance(found.outcome, Unjudged):
         return UNJUDGED[found.outcome]
     ended = "" if found.finished else " The search was ended before it had tried everything."
-    name, tried = bad_2(found.criterion, first=True), "one" if found.tried == 1 else f"{found.tried}"
+    name, tried = bad_2(found.criterion, first=True), found.tried
+    if found.outcome is Outcome.AS_GOOD and found.finished and not found.tried:
+        return f"There are no others to try over the range of these. {name}: **{found.bad_before:.1f} %**."
     if found.outcome is Outcome.AS_GOOD:
-        return (
-            f"Yours are as good: of {tried} tried none is really better. {name}: **{found.bad_before:.1f} %**.{ended}"
-        )
+        return f"Yours are as good: of the {tried} tried none is really better. {name}: **{found.bad_before:.1f} %**.{ended}"
     change = f"{found.bad_before:.1f} % → {found.bad:.1f} %"
     return f"The best of {tried} tried. {name} on the whole images: **{change}**.{ended}"
 
