@@ -160,6 +160,12 @@ def _finishing(matcher: StereoMatcher) -> list[Step]:
     ]
 
 
+def side_of(matcher: StereoMatcher) -> int:
+    """Return the side of a matcher's window or block, px; 0 of a method without any."""
+    fields = type(matcher).model_fields
+    return next((getattr(matcher, name) for name, field in fields.items() if marker(field, FitsImage) is not None), 0)
+
+
 def differences(before: Settings, after: Settings, path: str = "") -> Iterator[tuple[str, Any, Any]]:
     """Give what differs between two settings of one class: the name, with dots, and the value of either."""
     for name in type(before).model_fields:

@@ -23,15 +23,15 @@ class Judgement:
 
     Attributes
     ----------
-    disparity
-        (H, W) px; NaN = none.
     wrong, judged
         (64,) pixels in each block of the images: those that are off by more than 2 px or missing, of those judged.
+    dense
+        Whether the map has a disparity at every pixel.
     """
 
-    disparity: FloatMap
     wrong: npt.NDArray[np.float64]
     judged: npt.NDArray[np.float64]
+    dense: bool
 
     @classmethod
     def of(cls, disparity: FloatMap, reference: FloatMap) -> Judgement:
@@ -55,7 +55,7 @@ class Judgement:
             by_both = np.add.reduceat(by_rows, np.searchsorted(cols, np.unique(cols)), axis=1)
             return by_both.ravel().astype(np.float64)
 
-        return cls(disparity, counted(wrong), counted(known))
+        return cls(counted(wrong), counted(known), bool(np.isfinite(disparity).all()))
 
     @property
     def bad(self) -> float:

@@ -159,15 +159,19 @@ class TuningPair:
             max(once.memory, (ANSWER + JUDGEMENT_BYTES) * pixels), once.seconds + JUDGEMENT_SECONDS * pixels
         )
 
-    def judge(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> Judgement:
-        """Return how wrong the map of a matcher is on this pair.
+    def map_of(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> FloatMap:
+        """Return the disparity map of a matcher, (H, W) px; NaN = none.
 
         Raises
         ------
         ValueError
             Settings that do not fit the images, or that need more memory than one job may take.
         """
-        return Judgement.of(matcher.compute(self.left, self.right, progress=progress).disparity, self.reference)
+        return matcher.compute(self.left, self.right, progress=progress).disparity
+
+    def judge(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> Judgement:
+        """Return how wrong the map of a matcher is; raises as :meth:`map_of` does."""
+        return Judgement.of(self.map_of(matcher, progress=progress), self.reference)
 
 
 def criterion_of(pairs: Sequence[TuningPair]) -> Criterion:

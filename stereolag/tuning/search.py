@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from stereolag.progress import Progress
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.tuning.candidates import candidates, differences
+from stereolag.tuning.candidates import candidates, differences, side_of
 from stereolag.tuning.judgement import Gain, Judgement
 from stereolag.tuning.objective import Criterion, TuningPair, Unjudged, criterion_of
 
@@ -157,8 +157,12 @@ def nothing_to_judge_by(start: StereoMatcher, why: Unjudged, clock: Clock) -> Su
 
 class _Found(NamedTuple):
     matcher: StereoMatcher
-    bad: float
+    after: list[Judgement]
     gain: Gain
+
+    @property
+    def dense(self) -> bool:
+        return all(one.dense for one in self.after)
 
 
 @dataclass
@@ -227,8 +231,8 @@ class _Run:
                 after = self._judged(matcher, pairs)
             except ValueError:  # settings that do not fit the images, or their memory
                 continue
-            results.append(_Found(matcher, _mean_bad(after), Gain.between(before, after)))
-            self.trials.append(Trial(matcher, results[-1].bad, whole))
+            results.append(_Found(matcher, after, Gain.between(before, after)))
+            self.trials.append(Trial(matcher, _mean_bad(after), whole))
             self.clock.report(len(self.trials) / steps)
             self._tell()
         return True, self._ranked(results)
@@ -237,9 +241,27 @@ class _Run:
         """Return what the trials on the whole images come to, the best first."""
         self.clock.report(1.0)
         end = replace(self._so_far, trials=tuple(self.trials), finished=finished)
-        if not ranked or min(self._merit(ranked[0].gain), ranked[0].gain.points - SMALLEST_GAIN) <= 0:
+        better = [one for one in ranked if self._merit(one.gain) > 0 and one.gain.points > SMALLEST_GAIN]
+        if not better:
             return end
-        return replace(end, matcher=ranked[0].matcher, bad=ranked[0].bad, outcome=Outcome.BETTER)
+        best = self._finest(better) if self.criterion is Criterion.ESTIMATED_BAD_2 else better[0]
+        return replace(end, matcher=best.matcher, bad=_mean_bad(best.after), outcome=Outcome.BETTER)
+
+    @staticmethod
+    def _finest(better: Sequence[_Found]) -> _Found:
+        """Return the settings of the smallest window among the best and those that cannot be told from them.
+
+        Dense maps of other windows differ at the edges of surfaces. The reference, made with windows itself, is blurred
+        there too, and what is hidden from one camera it does not judge: it favours large windows a little. So one
+        standard error decides for the smaller one (Breiman et al., *Classification and Regression Trees*, 1984, 3.4).
+        """
+        best = better[0]
+
+        def as_good(other: _Found) -> bool:
+            lead = Gain.between(other.after, best.after)
+            return other is best or (best.dense and other.dense and lead.points <= lead.error)
+
+        return min(filter(as_good, better), key=lambda one: side_of(one.matcher))
 
     def _judged(self, matcher: StereoMatcher, pairs: Sequence[TuningPair]) -> list[Judgement]:
         return [pair.judge(matcher, progress=self.clock.tick) for pair in pairs]

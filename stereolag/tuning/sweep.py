@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from stereolag.estimates import Estimate
 from stereolag.progress import Progress, silent
 from stereolag.settings import changed, setting
 from stereolag.stereo.matcher import StereoMatcher
+from stereolag.tuning.judgement import Judgement
 from stereolag.tuning.objective import Criterion, TuningPair, criterion_of, widest_range
 
 Axis = tuple[str, Sequence[Any]]
@@ -163,9 +165,12 @@ def _cell(
     """
     try:
         settings = changed(matcher, changes)
-        judged = [
-            pair.judge(settings, progress=part(progress, number, len(pairs))) for number, pair in enumerate(pairs)
+        maps = (pair.map_of(settings, progress=part(progress, number, len(pairs))) for number, pair in enumerate(pairs))
+        first = next(maps)
+        bad = [
+            Judgement.of(disparity, pair.reference).bad
+            for disparity, pair in zip(chain([first], maps), pairs, strict=True)
         ]
     except ValueError:
         return None
-    return settings, sum(one.bad for one in judged) / len(judged), judged[0].disparity
+    return settings, sum(bad) / len(bad), first

@@ -45,6 +45,7 @@ def test_bad_is_that_of_the_evaluation_whatever_the_blocks(shape: tuple[int, int
     judged = Judgement.of(disparity, reference)
     assert judged.bad == pytest.approx(evaluate(disparity, reference, thresholds=(2.0,)).bad[2.0])
     assert judged.judged.sum() == np.isfinite(reference).sum()
+    assert judged.dense == np.isfinite(disparity).all()
     assert len(judged.wrong) == min(8, shape[0]) * min(8, shape[1])
 
 
@@ -124,7 +125,7 @@ def test_strips_are_matched_as_the_whole_is() -> None:
     strips = pair.strips(0.5)
     assert strips.left.shape == strips.right.shape == strips.reference.shape == (3 * STRIP_ROWS, 120)
     matcher = CorrelationMatcher(window_size=11, search=SearchArea.rectified(16))
-    whole, part = matcher.compute(left, right).disparity, strips.judge(matcher).disparity
+    whole, part = matcher.compute(left, right).disparity, strips.map_of(matcher)
     judged = np.isfinite(strips.reference)
     assert judged.mean() == pytest.approx(1 - 2 * SEAM_ROWS / STRIP_ROWS)
     tops = [round(400 / 3 * number + (400 / 3 - STRIP_ROWS) / 2) for number in range(3)]

@@ -15,7 +15,7 @@ from stereolag.stereo.finishing.filters import SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.tuning.candidates import candidates, differences
+from stereolag.tuning.candidates import candidates, differences, side_of
 from stereolag.tuning.objective import Criterion, TuningPair, Unjudged
 from stereolag.tuning.search import LIKELIEST, Outcome, Suggestion
 from stereolag.tuning.suggestion import suggest_for_all
@@ -100,6 +100,14 @@ def test_the_best_is_not_changed_again() -> None:
     assert not again.changes
     assert again.bad == again.bad_before == pytest.approx(found.bad)
     assert again.tried > 5
+
+
+def test_of_windows_that_cannot_be_told_apart_the_smallest_is_taken() -> None:
+    found = sl.suggest(WINDOWS, LEFT, RIGHT, budget_s=60)
+    lowest = min(found.trials, key=lambda trial: trial.bad)
+    assert side_of(found.matcher) <= side_of(lowest.matcher)
+    assert found.bad < lowest.bad + 1
+    assert side_of(sl.StereoBM(block_size=13)) == 13
 
 
 def test_the_judge_itself_has_nothing_to_judge_it_by() -> None:

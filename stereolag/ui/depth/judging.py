@@ -61,7 +61,8 @@ def suggestion_in_words(found: Suggestion) -> str:
     if found.outcome is Outcome.AS_GOOD and found.finished and not found.tried:
         return f"There are no others to try over the range of these. {name}: **{found.bad_before:.1f} %**."
     if found.outcome is Outcome.AS_GOOD:
-        return f"Yours are as good: of the {tried} tried none is really better. {name}: **{found.bad_before:.1f} %**.{ended}"
+        before = f"**{found.bad_before:.1f} %**"
+        return f"Yours are as good: of the {tried} tried none is really better. {name}: {before}.{ended}"
     change = f"{found.bad_before:.1f} % → {found.bad:.1f} %"
     return f"The best of {tried} tried. {name} on the whole images: **{change}**.{ended}"
 
