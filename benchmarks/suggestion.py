@@ -57,10 +57,19 @@ def searches(name: str, pair: TuningPair, num_disparities: int) -> Iterator[Sugg
     for title, method in STARTS.items():
         start = method.with_search_range(0, num_disparities)
         before = pair.judge(start).bad
-        best = min(before, *(pair.judge(one).bad for one in candidates(start)))
-        for judged in (BLIND, SEEING):
-            truth = pair.reference if judged == SEEING else None
-            found = suggest(start, pair.left, pair.right, ground_truth=truth, budget_s=BUDGET_S)
+        founds = {
+            judged: suggest(
+                start,
+                pair.left,
+                pair.right,
+                ground_truth=pair.reference if judged == SEEING else None,
+                budget_s=BUDGET_S,
+            )
+            for judged in (BLIND, SEEING)
+        }
+        known = {trial.matcher: trial.bad for trial in founds[SEEING].trials if trial.whole}
+        best = min(before, *(known[one] if one in known else pair.judge(one).bad for one in candidates(start)))
+        for judged, found in founds.items():
             yield Suggested(
                 name, title, judged, before, pair.judge(found.matcher).bad, best,
                 found.bad_before, found.bad, str(found.outcome), found.tried,
