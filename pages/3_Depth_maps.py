@@ -6,7 +6,7 @@ import streamlit as st
 
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.address import write_address
-from stereolag.ui.depth.bench import bench
+from stereolag.ui.depth.bench import ask_matchers, bench
 from stereolag.ui.depth.blanks import show_blanks
 from stereolag.ui.depth.colouring import coloured_alike, offer_fit
 from stereolag.ui.depth.comparison import show_comparison
@@ -22,7 +22,6 @@ from stereolag.ui.depth.space import show_space
 from stereolag.ui.depth.suggesting import show_suggest
 from stereolag.ui.depth.sweeping import show_sweep
 from stereolag.ui.keys import PART
-from stereolag.ui.matcher_controls import ask_matchers
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pairs import StereoPair
 
@@ -51,7 +50,8 @@ def workspace(pair: StereoPair) -> None:
         with st.container(horizontal=True, vertical_alignment="center"):
             choose_maps()
             colours = st.container(width="content")
-        for method in shown_methods():
+        shown = shown_methods()
+        for method in shown:
             results |= measured(pair, matchers[method])
         with colours:
             view = coloured_alike(pair, results)
@@ -67,7 +67,7 @@ def workspace(pair: StereoPair) -> None:
         show_doctor(view)
     if part:
         for method in METHODS:
-            if method.title not in results:
+            if method not in shown:
                 results |= measured(pair, matchers[method])
         view = replace(view, results=results)
     if part and results:

@@ -7,6 +7,7 @@ from typing import Final
 PAIR: Final = "pairs"
 SIZE: Final = f"{PAIR}.size"
 FOLD: Final = "depth.head"
+FOLD_NEXT: Final = f"{FOLD}.next"
 SHOWN: Final = "depth.maps"
 TAB: Final = "depth.tab"
 PART: Final = "depth.part"
@@ -29,7 +30,7 @@ def setting_key(method: str, name: str, source: str | None = None) -> str:
         With dots where the setting lies within another; behind a choice of kinds stands the kind:
         "search.rectified.num_disparities".
     source
-        Of a setting that belongs to the pair, the :attr:`stereolag.ui.pairs.StereoPair.source`.
+        Of a setting that belongs to the pair, the :attr:`stereolag.ui.pairs.StereoPair.searched`.
     """
     key = f"{method_key(method)}.{name}"
     return key if source is None else f"{key}.{source}"

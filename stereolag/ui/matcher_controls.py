@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any, TypeVar, cast
 
@@ -17,7 +16,8 @@ from stereolag.settings.fields import Number, choices, nested
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.controls import adopt_value, control, last_valid
-from stereolag.ui.keys import TAB, method_key, more_key, setting_key
+from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
+from stereolag.ui.keys import method_key, more_key, setting_key
 from stereolag.ui.pairs import StereoPair
 
 CHOICE_NAMES = {
@@ -30,7 +30,6 @@ CHOICE_NAMES = {
     "fft": "FFT",
 }
 LARGEST_WINDOW = 101
-DISPARITIES_AT_FIRST = 64
 
 KIND = "kind"
 """The field that tells the settings of one kind from those of another."""
@@ -115,24 +114,7 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
             raise refusal
         return kind(**values)
 
-    return last_valid(make, f"{method_key(kind.short_name)}.valid")
-
-
-def ask_matchers(pair: StereoPair) -> dict[type[StereoMatcher], StereoMatcher | None]:
-    """Return the settings of every method; one at a time has its controls drawn, chosen by a row of tabs."""
-    names = [kind.short_name for kind in METHODS]
-    by_name = dict(zip(names, METHODS, strict=True))
-    tab = st.segmented_control(
-        "Settings of",
-        names,
-        default=names[0],
-        required=True,
-        format_func=lambda name: by_name[name].title,
-        key=TAB,
-        persist_state="session",
-        label_visibility="collapsed",
-    )
-    return {kind: ask_matcher(kind, pair, drawn=kind.short_name == tab) for kind in METHODS}
+    return last_valid(make, _in_use_key(kind))
 
 
 def _more_settings(key: str) -> ExpanderContainer:
@@ -147,26 +129,20 @@ def _more_settings(key: str) -> ExpanderContainer:
     return expander
 
 
-def first_settings(kind: type[Matcher], pair: StereoPair) -> Matcher:
-    """Return the settings with which the page begins for a pair."""
-    return cast(Matcher, _first_settings(kind, pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST))
-
-
 def set_controls(matcher: StereoMatcher, pair: StereoPair) -> None:
     """Set the controls of a method to these settings; they must not be drawn yet in this run."""
     _set(matcher, type(matcher), "", pair)
+    st.session_state[_in_use_key(type(matcher))] = matcher
 
 
 def matchers_in_use() -> list[StereoMatcher]:
-    """Return the settings of all methods whose controls were drawn before."""
-    kept = (st.session_state.get(f"{method_key(kind.short_name)}.valid") for kind in METHODS)
+    """Return the settings of all methods whose controls were drawn or set before."""
+    kept = (st.session_state.get(_in_use_key(kind)) for kind in METHODS)
     return [matcher for matcher in kept if isinstance(matcher, StereoMatcher)]
 
 
-@lru_cache(maxsize=256)
-def _first_settings(kind: type[StereoMatcher], first: int, count: int) -> StereoMatcher:
-    """Return them; asked for by every control, they are validated once."""
-    return kind().with_search_range(first, count)
+def _in_use_key(kind: type[StereoMatcher]) -> str:
+    return f"{method_key(kind.short_name)}.valid"
 
 
 def _first_shown(kind: type[Settings]) -> tuple[str, ...]:
@@ -287,7 +263,7 @@ def _ends(place: _Place, name: str) -> dict[str, Any]:
 
 def _key(method: type[StereoMatcher], kind: type[Settings], path: str, name: str, pair: StereoPair) -> str:
     of_the_pair = marker(kind.model_fields[name], OfThePair) is not None
-    return setting_key(method.short_name, f"{path}{name}", pair.source if of_the_pair else None)
+    return setting_key(method.short_name, f"{path}{name}", pair.searched if of_the_pair else None)
 
 
 def _set(settings: Settings, method: type[StereoMatcher], path: str, pair: StereoPair) -> None:

@@ -16,6 +16,7 @@ from starlette.formparsers import MultiPartParser
 
 from stereolag.limits import set_defaults
 from stereolag.ui.visits import run_again_when_reconnected, this_visit
+from stereolag.warming import warm
 
 ICON = Path(__file__).with_name("icon.svg")
 
@@ -56,6 +57,7 @@ def page(title: str, introduction: str = "") -> Iterator[None]:
 def _prepare_process() -> None:
     """Set, once per process, what a server needs that a script does not."""
     set_defaults(job_memory_mb=JOB_MEMORY_MB)
+    warm()
     # An upload above 1 MB would be put down in a temporary file on its way into memory.
     MultiPartParser.spool_max_size = st.get_option("server.maxUploadSize") * 2**20
     # With many sessions the pauses of garbage collection grow with what the imports left behind.

@@ -155,6 +155,17 @@ def remembered(task: str, make: Callable[[], T], *, inputs: str, settings: str, 
     return result
 
 
+def computed_before(task: str, *, inputs: str, settings: str, shared: bool) -> Any:
+    """Return the result of a computation that is in memory, or None.
+
+    Parameters
+    ----------
+    task, inputs, settings, shared
+        As :func:`computed` takes them.
+    """
+    return _results(shared).get(_key(task, inputs, settings))
+
+
 def computed_in_turn(
     task: str,
     compute: Callable[[Progress], T],
@@ -189,10 +200,15 @@ def computed_in_turn(
     result: T | None = results.get(key)
     refused = estimate.memory > limits().job_memory
     if job is None and (result is not None or refused or not is_heavy(estimate)):
+
+        def alone(progress: Progress) -> T:
+            with _alone:
+                return compute(progress)
+
         if estimate.seconds < PATIENCE_S:
             # Over before anybody could see that something is computed, and drawing that takes time too.
-            return remembered(task, lambda: compute(silent), inputs=inputs, settings=settings, shared=shared)
-        return computed(task, compute, inputs=inputs, settings=settings, shared=shared, label=label)
+            return remembered(task, lambda: alone(silent), inputs=inputs, settings=settings, shared=shared)
+        return computed(task, alone, inputs=inputs, settings=settings, shared=shared, label=label)
     place = st.empty()
     if job is None:
         job = Job(lambda job: compute(job.report_or_end), estimate)
@@ -210,6 +226,10 @@ def computed_in_turn(
     result = job.result()
     _keep(results, key, result)
     return result
+
+
+_alone = threading.Lock()
+"""Held by a light computation, which takes all cores: two at once would each take twice as long, and say so."""
 
 
 def _forget_job(task: str) -> None:

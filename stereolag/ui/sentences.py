@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stereolag.doctor import Finding, FindingCode, Remedy
+from stereolag.doctor.row_evidence import RowEvidence
 from stereolag.explaining.example_pixels import ExampleKind
 from stereolag.explaining.match import MatchExplanation, MatchKind
 from stereolag.signals import SignalLag
@@ -32,6 +33,14 @@ def beyond_the_colours(shares: Mapping[str, float]) -> str:
     """Return how much of which maps lies beyond the range of the colours; the shares are 0..1."""
     said = " and ".join(f"**{percent(share)}** of {name}" for name, share in shares.items())
     return f"{said} lies beyond the colours."
+
+
+def started_in_words(min_disparity: int, num_disparities: int) -> str:
+    """Return with which settings a pair of the visitor's own began."""
+    return (
+        f"Searched from {min_disparity} to {min_disparity + num_disparities - 1} px, the range found for this pair, "
+        "with the fast preset."
+    )
 
 
 # Recordings
@@ -75,6 +84,24 @@ REMEDIES_DONE = {
     Remedy.MATCH_EXPOSURE: "The right image was given the brightness and contrast of the left one.",
 }
 TRUTH_DROPPED = "The ground truth belongs to the other image and is left out."
+
+
+def rectification_in_words(evidence: RowEvidence, rectified: bool, asked: bool, drops_truth: bool) -> str:
+    """Return whether a pair was rectified with its calibration, with the rows as evidence."""
+    given = _rows_apart(evidence.given_px, evidence.given_matches)
+    after = _rows_apart(evidence.rectified_px, evidence.rectified_matches)
+    because = ", as you said" if asked else ""
+    if rectified:
+        dropped = " Its ground truth belongs to the image before that and is left out." if drops_truth else ""
+        done = f"The pair was undistorted and rectified with its calibration{because}"
+        return f"{done}: rows differ {after}, before {given}.{dropped}"
+    return f"The pair is rectified already{because}, and left so: rows differ {given}; rectified once more, {after}."
+
+
+def _rows_apart(median: float, matches: int) -> str:
+    if math.isnan(median):
+        return f"by what {matches} matched features are too few to tell"
+    return f"by {median:.2g} px (median of {matches} matched features)"
 
 
 def problems_in_words(count: int) -> str:

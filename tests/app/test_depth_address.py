@@ -121,6 +121,8 @@ def test_the_maps_shown_stand_in_the_address() -> None:
     app.button_group(key=keys.SHOWN).set_value(["bm"]).run()
     assert list(figures(app)) == ["StereoBM"]
     assert address(app)["maps"] == "bm"
+    tab(app, "correlation")
+    assert list(figures(app)) == ["Convolution", "StereoBM"]
 
 
 def test_the_accurate_preset_shows_its_map_and_reset_brings_the_first_back(open_page: OpenPage) -> None:

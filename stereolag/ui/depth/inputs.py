@@ -10,20 +10,23 @@ import numpy as np
 import streamlit as st
 
 from stereolag import samples
-from stereolag.geometry.rectification import rectify
 from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
-from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui.choices import OWN, choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
 from stereolag.ui.depth.bench import head
 from stereolag.ui.depth.doctor import treated
 from stereolag.ui.depth.own_pair import ask_own_pair
+from stereolag.ui.depth.rectifying import ask_rectified, show_decision
+from stereolag.ui.depth.starting import show_start, started
+from stereolag.ui.keys import FOLD_NEXT
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
 from stereolag.ui.results import computed
 
 KEY = "pairs"
 TITLE = "Depth maps"
+OWN_PAIR_THERE = f"{KEY}.there"
 
 
 def choose_pair() -> StereoPair:
@@ -34,18 +37,27 @@ def choose_pair() -> StereoPair:
     """
     named = recall_choices()
     examples = samples.stereo_pairs()
-    with head(TITLE, _name(examples)):
+    awaited = st.session_state.get(KEY) == OWN and not st.session_state.get(OWN_PAIR_THERE)
+    with head(TITLE, _name(examples), awaited=awaited):
         choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
         with choices:
             chosen = choose(examples, key=KEY)
         pair = own_or_example(
             chosen, lambda: ask_own_pair(KEY), example_pair, examples, key=KEY, awaited="both images are"
         )
+        st.session_state[OWN_PAIR_THERE] = not pair.shared
         with choices:
             pair = ask_size(pair, KEY)
-        pair = treated(rectified(pair))
-        told = [change.sentence for change in pair.changes if change.sentence and not change.remedy]
-        st.caption(" ".join((pair.description, *told)))
+        pair, decision = ask_rectified(pair)
+        pair = started(treated(pair))
+        shown = "" if decision is None else decision.sentence
+        told = [change.sentence for change in pair.changes if change.sentence != shown and not change.remedy]
+        st.caption(" ".join((pair.description, *filter(None, told))))
+    if st.session_state.get(FOLD_NEXT):
+        st.rerun()
+    if decision is not None:
+        show_decision(decision)
+    show_start(pair)
     recall_settings(named, pair)
     take_over(pair)
     return pair
@@ -78,7 +90,7 @@ def ask_size(pair: StereoPair, key: str) -> StereoPair:
 
 def _resized(pair: StereoPair, divisor: int) -> StereoPair:
     try:
-        return computed(
+        small = computed(
             "resized pair",
             lambda progress: _at(pair, divisor),
             inputs=pair.digest,
@@ -89,6 +101,13 @@ def _resized(pair: StereoPair, divisor: int) -> StereoPair:
     except ValueError as error:
         st.error(str(error))
         return pair
+    # What is known of the pair may be newer than its images that were kept.
+    return replace(
+        small,
+        num_disparities=None if pair.num_disparities is None else -(-pair.num_disparities // divisor),
+        calibration=None if pair.calibration is None else pair.calibration.scaled(1 / divisor),
+        changes=(*pair.changes, small.changes[-1]),
+    )
 
 
 def _at(pair: StereoPair, divisor: int) -> StereoPair:
@@ -102,13 +121,11 @@ def _at(pair: StereoPair, divisor: int) -> StereoPair:
     full = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
     shown = f"Shown at 1/{divisor} of its size: {size[0]} × {size[1]} of {full} pixels."
     return pair.after(
-        Change(f"1/{divisor}", shown),
+        Change(f"1/{divisor}", shown, resizes=True),
         left=left,
         right=right,
         truth=None if pair.truth is None else scaled_disparity(pair.truth, factor),
         visible=visible,
-        num_disparities=None if pair.num_disparities is None else -(-pair.num_disparities // divisor),
-        calibration=None if pair.calibration is None else pair.calibration.scaled(factor),
     )
 
 
@@ -123,41 +140,3 @@ def _scale_controls(pair: StereoPair, small: StereoPair, divisor: int, key: str)
             set_controls(scaled_settings(matcher, before[1] / divisor), small)
         except ValueError as error:
             st.error(f"The settings could not be scaled with the images. {error}")
-
-
-RECTIFIED = "The pair was undistorted and rectified with its calibration."
-
-
-def rectified(pair: StereoPair) -> StereoPair:
-    """Return the pair with its rows aligned, if its calibration tells how; as it is, and why, if that fails."""
-    if pair.calibration is None or pair.calibration.rig is None:
-        return pair
-    try:
-        return computed(
-            "rectified pair",
-            lambda progress: _rectified(pair),
-            inputs=pair.digest,
-            settings="",
-            shared=pair.shared,
-            label="Rectifying the pair …",
-        )
-    except ValueError as error:
-        st.error(str(error))
-        return replace(pair, calibration=None)
-
-
-def _rectified(pair: StereoPair) -> StereoPair:
-    assert pair.calibration is not None
-    assert pair.calibration.rig is not None
-    left, right, calibration = rectify(pair.left, pair.right, pair.calibration)
-    said = RECTIFIED
-    if pair.truth is not None:
-        said += " Its ground truth belongs to the image before that and is left out."
-    return pair.after(
-        Change("rectified", said),
-        left=left,
-        right=right,
-        truth=None,
-        visible=None,
-        calibration=calibration,
-    )
