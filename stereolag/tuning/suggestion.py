@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 
 import numpy.typing as npt
 
@@ -62,8 +62,8 @@ def suggest(
         Images or a ground truth that do not fit together, settings to begin with that do not fit the images, or a
         range that needs more memory than one job may take.
     """
-    clock = Clock(budget_s, progress or silent, cancelled)
     images = as_stereo_pair(left, right)
+    clock = Clock(budget_s, progress or silent, cancelled)
     if ground_truth is None and judges_itself(matcher):
         return nothing_to_judge_by(matcher, Unjudged.JUDGES_ITSELF, clock)
     pair = TuningPair.of(*images, ground_truth, search_range=matcher.search_range(), progress=clock.tick)
@@ -72,7 +72,7 @@ def suggest(
 
 def suggest_for_all(
     matcher: StereoMatcher,
-    pairs: Sequence[TuningPair],
+    pairs: Iterable[TuningPair],
     *,
     budget_s: float = 20.0,
     progress: Progress | None = None,
@@ -84,16 +84,22 @@ def suggest_for_all(
     Parameters
     ----------
     pairs
-        At least one; the mean is an estimate where that of any pair is.
+        At least one; what it takes to make them, if they are made one by one, is within the budget. The mean is an
+        estimate where that of any pair is.
 
     Raises
     ------
     ValueError
         No pairs, or settings to begin with that do not fit the images.
     """
-    if not pairs:
+    clock = Clock(budget_s, progress or silent, cancelled)
+    made = []
+    for pair in pairs:
+        made.append(pair)
+        clock.tick(0.0)
+    if not made:
         raise ValueError("pairs is empty; give at least one.")
-    return search(matcher, pairs, Clock(budget_s, progress or silent, cancelled), found)
+    return search(matcher, made, clock, found)
 
 
 def estimate_suggestion(

@@ -166,7 +166,7 @@ def test_every_trial_is_told() -> None:
 
 def test_several_pairs_are_judged_by_their_mean() -> None:
     pairs = [TuningPair.of(LEFT, RIGHT, TRUTH), TuningPair.of(LEFT[:100], RIGHT[:100], TRUTH[:100])]
-    found = suggest_for_all(BLOCKS, pairs, budget_s=60)
+    found = suggest_for_all(BLOCKS, iter(pairs), budget_s=60)
     assert found.bad_before == pytest.approx(np.mean([pair.judge(BLOCKS).bad for pair in pairs]))
     assert found.bad == pytest.approx(np.mean([pair.judge(found.matcher).bad for pair in pairs]))
     assert found.bad < found.bad_before

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from typing import Any
+
 import numpy as np
 
 from stereolag.arrays import FloatMap
 from stereolag.settings import Settings
-from stereolag.tuning.objective import Criterion, Unjudged
+from stereolag.tuning.objective import Criterion, TuningPair, Unjudged
 from stereolag.tuning.search import Outcome, Suggestion
+from stereolag.ui.jobs import Job
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.sentences import percent
 
@@ -105,3 +109,17 @@ def known_truth(pair: StereoPair) -> FloatMap | None:
 def criterion_on(pair: StereoPair) -> Criterion:
     """Return what settings are judged by on a pair."""
     return Criterion.ESTIMATED_BAD_2 if known_truth(pair) is None else Criterion.TRUE_BAD_2
+
+
+def tuning_pairs(
+    pairs: Iterable[StereoPair], search_range: tuple[int, int] | None, job: Job[Any]
+) -> Iterator[TuningPair]:
+    """Give pairs as settings are judged on them, each by its truth or by a reference, within a job."""
+    for pair in pairs:
+        yield TuningPair.of(
+            pair.left,
+            pair.right,
+            known_truth(pair),
+            search_range=search_range,
+            progress=lambda _: job.report_or_end(job.progress),
+        )

@@ -11,7 +11,7 @@ from stereolag.settings import title_of
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.tuning.objective import Criterion, Unjudged, judges_itself
 from stereolag.tuning.search import Outcome, Suggestion
-from stereolag.tuning.suggestion import estimate_suggestion, suggest
+from stereolag.tuning.suggestion import estimate_suggestion, suggest_for_all
 from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.judging import (
     JUDGED_BY,
@@ -20,6 +20,7 @@ from stereolag.ui.depth.judging import (
     known_truth,
     search_so_far,
     suggestion_in_words,
+    tuning_pairs,
     value_in_words,
 )
 from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, job_on, show_running
@@ -71,21 +72,20 @@ def show_suggest(view: DepthView) -> None:
 
 def _begin(pair: StereoPair, matcher: StereoMatcher, budget_s: float) -> None:
     """Start a search in a thread of its own."""
-    truth = known_truth(pair)
 
     def work(job: Job[Suggestion]) -> Suggestion:
-        return suggest(
+        return suggest_for_all(
             matcher,
-            pair.left,
-            pair.right,
-            ground_truth=truth,
+            tuning_pairs([pair], matcher.search_range(), job),
             budget_s=budget_s,
             progress=job.report,
             found=job.found,
             cancelled=lambda: job.cancelled,
         )
 
-    estimate = estimate_suggestion(matcher, pair.left.shape, pair.left.dtype, blind=truth is None, budget_s=budget_s)
+    estimate = estimate_suggestion(
+        matcher, pair.left.shape, pair.left.dtype, blind=known_truth(pair) is None, budget_s=budget_s
+    )
     begin_job(pair, KEY, matcher, work, estimate)
 
 

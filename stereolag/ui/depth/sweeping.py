@@ -17,7 +17,7 @@ from stereolag.tuning.objective import Criterion, TuningPair, Unjudged, estimate
 from stereolag.tuning.parameters import Parameter, parameters
 from stereolag.tuning.sweep import estimate_sweep, range_of_sweep, sweep
 from stereolag.ui.depth.address import adopt
-from stereolag.ui.depth.judging import JUDGED_BY, UNJUDGED, criterion_on, known_truth, sweep_in_words
+from stereolag.ui.depth.judging import JUDGED_BY, UNJUDGED, criterion_on, known_truth, sweep_in_words, tuning_pairs
 from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, forget_job, job_on, show_running
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.jobs import Job
@@ -158,10 +158,10 @@ def _begin(pair: StereoPair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) ->
 
     def work(job: Job[ContactSheet]) -> ContactSheet:
         if truth is None and judges_itself(matcher):
-            tuning_pair = TuningPair.unjudgeable(pair.left, pair.right)
+            judging = [TuningPair.unjudgeable(pair.left, pair.right)]
         else:
-            tuning_pair = TuningPair.of(pair.left, pair.right, truth, search_range=searched)
-        grid = sweep(matcher, [tuning_pair], rows=rows, cols=cols, progress=job.report, cancelled=lambda: job.cancelled)
+            judging = list(tuning_pairs([pair], searched, job))
+        grid = sweep(matcher, judging, rows=rows, cols=cols, progress=job.report, cancelled=lambda: job.cancelled)
         return ContactSheet.of(grid, pair.left.shape)
 
     about = TuningPair.unjudgeable(pair.left, pair.right)
