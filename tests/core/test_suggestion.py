@@ -9,7 +9,7 @@ import pytest
 from scenes import steps_pair
 
 import stereolag as sl
-from stereolag.settings import setting
+from stereolag.settings import setting, title_of
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
 from stereolag.stereo.finishing.filters import SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher
@@ -74,6 +74,19 @@ def test_differences_reach_into_settings_of_settings() -> None:
     assert [name for name, _, _ in differences(sl.preset("fast"), after)] == ["median"]
     strip = CorrelationMatcher(search=sl.SearchArea.rectified(64, vertical=2))
     assert list(differences(CorrelationMatcher(), strip)) == [("search.vertical", 0, 2)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "title"),
+    [
+        (sl.StereoBM, "block_size", "Block"),
+        (CorrelationMatcher, "median.radius", "Median radius"),
+        (CorrelationMatcher, "search.search_size", "Search area"),
+        (sl.SemiGlobalMatcher, "optimisation.penalty_small", "Penalty of a slant"),
+    ],
+)
+def test_what_is_changed_has_a_title(kind: type[StereoMatcher], name: str, title: str) -> None:
+    assert title_of(kind, name) == title
 
 
 @pytest.mark.parametrize("start", [WINDOWS, BLOCKS, sl.StereoSGBM(num_disparities=32, block_size=11, p1=1, p2=2)])
