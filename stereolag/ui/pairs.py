@@ -105,6 +105,13 @@ class StereoPair:
         return " ".join((self.pictures or self.files, *sizes))
 
     @property
+    def judged(self) -> str:
+        """Return what tells the images that settings are judged on: these or, of a set, all of it in this size."""
+        if not self.collection:
+            return self.digest
+        return " ".join((self.collection, *(change.name for change in self.changes if change.resizes)))
+
+    @property
     def remedies(self) -> tuple[Change, ...]:
         """Return what the input doctor did."""
         return tuple(change for change in self.changes if change.remedy)

@@ -120,6 +120,35 @@ def test_what_cannot_be_had_says_why_and_is_left_out_of_the_zip() -> None:
     assert lines[1].startswith("StereoBM,")
 
 
+def estimating() -> None:
+    import streamlit as st
+
+    from stereolag.ui.depth.estimates import show_estimates
+    from stereolag.ui.depth.exports import files
+    from stereolag.ui.depth.subjects import Subject
+
+    view = st.session_state["view"]
+
+    def table() -> str:
+        return next(str(file.make()) for file in files(Subject.of(view, "StereoBM")) if file.name == "metrics.csv")
+
+    before = table()
+    show_estimates(view)
+    st.session_state["tables"] = before, table()
+
+
+def test_the_metrics_hold_the_estimates_once_there_are_any() -> None:
+    app = AppTest.from_function(estimating, default_timeout=60)
+    app.session_state["view"] = view_of(replace(small_pair(), truth=None), BLOCK, CORRELATION)
+    app.run()
+    assert not app.exception
+    before, after = app.session_state["tables"]
+    assert "estimated" not in before
+    heading, block, _ = after.splitlines()
+    assert heading.endswith("estimated_bad_2_percent")
+    assert 0 <= float(block.split(",")[-1]) <= 100
+
+
 def large_view(*matchers: StereoMatcher) -> DepthView:
     """Return a pair of 800 × 480 shown at half its size."""
     scene = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (480, 820)).astype(np.uint8), (0, 0), 2)

@@ -15,7 +15,8 @@ from streamlit.testing.v1 import AppTest
 from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
 from stereolag.export import image_png, pfm, settings_json
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui.depth.all_pairs import Preparation, table_of
+from stereolag.ui.depth.all_pairs import table_of
+from stereolag.ui.depth.pair_sets import Preparation
 from stereolag.ui.depth.several import PairSet, read_bundle
 from stereolag.ui.pairs import StereoPair
 from tests.app import keys, uploads
@@ -228,20 +229,48 @@ def test_files_that_make_no_pair_are_answered_with_a_sentence() -> None:
 
 def test_a_table_tells_how_the_settings_do_on_every_pair() -> None:
     files = pair_of(1, 5) | pair_of(2, 9) | {"set/left3.png": b"nothing", "set/right3.png": b"nothing"}
+    del files["set/disp2.pfm"]
     pairs = read_bundle([("pairs.zip", packed(files))])
     assert isinstance(pairs, PairSet)
     matchers = [StereoBM(num_disparities=16, block_size=9), StereoSGBM(num_disparities=16)]
     told: list[float] = []
     table = table_of(pairs, matchers, Preparation("Full", "decide", 0.0), told.append)
     assert [row.name for row in table.rows] == ["1: 1", "2: 2", "3: 3"]
-    for row in table.rows[:2]:
+    for row, judged, not_judged in zip(
+        table.rows, ("bad_2", "estimated_bad_2"), ("estimated_bad_2", "bad_2"), strict=False
+    ):
         assert row.figures.keys() == {"StereoBM", "StereoSGBM"}
-        assert row.figures["StereoBM"].bad_2 < 40
+        assert getattr(row.figures["StereoBM"], judged) < 45
+        assert np.isnan(getattr(row.figures["StereoBM"], not_judged))
         assert 0.5 < row.figures["StereoBM"].coverage <= 1
         assert row.figures["StereoBM"].elapsed_s > 0
     assert "This is not an image" in table.rows[2].problem
-    assert told == sorted(told)
+    assert np.diff(told).min() > -1e-9
     assert told[-1] == 1
+
+
+def judging_page() -> None:
+    import streamlit as st
+
+    from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.depth.pair_sets import JudgedPairs
+
+    judged = JudgedPairs.of(choose_pair())
+    st.session_state["judged"] = [float(pair.truth.max()) for pair in judged], judged.sentence
+
+
+def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> None:
+    app = AppTest.from_function(judging_page, default_timeout=120)
+    app.session_state["pairs"] = "own"
+    app.session_state["pairs.arrangement"] = "several"
+    app.session_state["depth.head"] = True
+    app.run()
+    assert app.session_state["judged"][1] == ""
+    files = pair_of(1, 5) | pair_of(2, 9) | pair_of(3, 7)
+    given(app, "several", ("pairs.zip", packed(files)))
+    assert app.session_state["judged"] == ([5, 9, 7], "They are judged on **all 3 pairs together**, by the mean. ")
+    app.button(key="pairs.step.1").click().run()
+    assert app.session_state["judged"][0] == [9, 5, 7]
 
 
 def table_page() -> None:

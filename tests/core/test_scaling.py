@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pairs import shifted_pair
 
 from stereolag.geometry.scaling import as_deep, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
@@ -15,7 +14,6 @@ from stereolag.stereo.methods import METHODS, PresetName, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.tuning.objective import TuningPair
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
@@ -60,22 +58,6 @@ def test_every_method_stays_valid_at_every_size(kind: type[StereoMatcher], facto
     matcher = kind()
     assert scaled_settings(matcher, 1.0) == matcher
     assert type(scaled_settings(matcher, factor)) is type(matcher)
-
-
-@pytest.mark.parametrize("with_truth", [True, False])
-def test_a_small_bench_judges_in_pixels_of_the_full_size(with_truth: bool) -> None:
-    pair = shifted_pair(120, 240, 0, -24, dtype=np.float32)
-    truth = np.full(pair[0].shape, 24.0) if with_truth else None
-    tuning_pair = TuningPair.of(*pair, truth, scale=0.5)
-    found, disparity = tuning_pair.objective(CorrelationMatcher(window_size=20, search=SearchArea.rectified(48)))
-    assert disparity.shape == (60, 120)
-    assert np.nanmedian(disparity) == pytest.approx(24, abs=0.2)
-    assert found > 0.6
-
-
-def test_a_truth_of_another_size_is_refused() -> None:
-    with pytest.raises(ValueError, match="truth has shape"):
-        TuningPair.of(*shifted_pair(20, 30, 0, -2), np.zeros((20, 31)))
 
 
 def test_settings_for_larger_images_stay_allowed_and_search_all_they_did() -> None:

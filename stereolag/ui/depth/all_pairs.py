@@ -4,34 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-import numpy as np
 import pandas as pd
 import streamlit as st
 
-from stereolag.doctor.row_evidence import row_evidence
 from stereolag.estimates import Estimate
-from stereolag.geometry.rectification import rectify
-from stereolag.geometry.scaling import preview_divisor
 from stereolag.progress import Progress
 from stereolag.reading.sources import harmless
-from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui.depth.inputs import at_size
-from stereolag.ui.depth.rectifying import ALPHA_KEY, CHOICE_KEY, DECIDE, RECTIFIED
-from stereolag.ui.depth.several import SET, PairSet
+from stereolag.tuning.judgement import Judgement
+from stereolag.tuning.objective import Criterion, TuningPair, estimate_reference, widest_range
+from stereolag.ui.depth.judging import known_truth
+from stereolag.ui.depth.pair_sets import Preparation, set_of
+from stereolag.ui.depth.several import PairSet
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.keys import SIZE
 from stereolag.ui.navigation import fragment
-from stereolag.ui.pairs import SIZES, StereoPair
+from stereolag.ui.pairs import StereoPair
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.sentences import duration
 
 KEY = "depth.all_pairs"
 WANTED = f"{KEY}.wanted"
 """In the session's state: the set and the settings for which the table was asked for last."""
-BAD_PX = 2.0
 BYTES_OF_A_PAIR = 40
 """A pixel of a pair while it is decoded, rectified and made smaller."""
 
@@ -42,42 +37,16 @@ NONE_YET = (
 
 
 @dataclass(frozen=True)
-class Preparation:
-    """How every pair of a set is prepared: the size, and what the visitor said of rectification."""
-
-    size: str
-    choice: str
-    alpha: float
-
-    @classmethod
-    def chosen(cls) -> Preparation:
-        """Return what is chosen on the page."""
-        state = st.session_state
-        return cls(state.get(SIZE, "Automatic"), state.get(CHOICE_KEY, DECIDE), state.get(ALPHA_KEY, 0.0))
-
-    def prepared(self, pair: StereoPair) -> StereoPair:
-        """Return a pair as the page would match it, without remedies; no part of Streamlit is called."""
-        rows, cols = pair.left.shape[:2]
-        divisor = SIZES.get(self.size) or preview_divisor(cols, rows)
-        if divisor > 1:
-            scaled = None if pair.calibration is None else pair.calibration.scaled(1 / divisor)
-            pair = replace(at_size(pair, divisor), calibration=scaled)
-        if pair.calibration is None or pair.calibration.rig is None or self.choice == RECTIFIED:
-            return pair
-        alpha = self.alpha if pair.calibration.rig.rectification is None else None
-        left, right, calibration = rectify(pair.left, pair.right, pair.calibration, alpha=alpha)
-        if self.choice == DECIDE and row_evidence((pair.left, pair.right), (left, right)).already_rectified:
-            return pair
-        return replace(pair, left=left, right=right, calibration=calibration, truth=None, visible=None)
-
-
-@dataclass(frozen=True)
 class Figures:
-    """One map of one pair: the share of pixels with a disparity, seconds, and % off by more than 2 px or missing."""
+    """One map of one pair: the share of pixels with a disparity, seconds, and % off by more than 2 px or missing.
+
+    The last by the ground truth, or estimated where there is none; NaN where there is nothing to judge by.
+    """
 
     coverage: float
     elapsed_s: float
     bad_2: float = math.nan
+    estimated_bad_2: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -99,8 +68,8 @@ class Table:
 @fragment
 def show_all_pairs(view: DepthView) -> None:
     """Offer to compute every pair of the set with the settings in use, and show the table."""
-    pairs: PairSet | None = st.session_state.get(SET)
-    if pairs is None or view.pair.collection != pairs.digest:
+    pairs = set_of(view.pair)
+    if pairs is None:
         st.info(NONE_YET, icon=":material/stacks:")
         return
     matchers = [result.settings for result in view.results.values()]
@@ -108,6 +77,7 @@ def show_all_pairs(view: DepthView) -> None:
     settings = " ".join([str(preparation), *(f"{type(one).__name__} {one.model_dump_json()}" for one in matchers)])
     once = [matcher.estimate(view.pair.left.shape, view.pair.left.dtype) for matcher in matchers]
     count = len(pairs.pairs)
+    once.append(estimate_reference(widest_range(matchers), view.pair.left.shape, view.pair.left.dtype))
     seconds = count * sum(estimate.seconds for estimate in once)
     st.button(
         f"Compute all {count} pairs",
@@ -155,13 +125,19 @@ def table_of(pairs: PairSet, matchers: Sequence[StereoMatcher], preparation: Pre
 def _figures(
     pair: StereoPair, matchers: Sequence[StereoMatcher], progress: Progress, done: float, share: float
 ) -> Iterator[tuple[str, Figures]]:
-    part = share / len(matchers)
-    for number, matcher in enumerate(matchers):
+    part = share / (len(matchers) + 1)
+    searched = widest_range(matchers)
+    judge = TuningPair.of(
+        pair.left, pair.right, known_truth(pair), search_range=searched, progress=_part(progress, done, part)
+    )
+    for number, matcher in enumerate(matchers, 1):
         result = matcher.compute(pair.left, pair.right, progress=_part(progress, done + number * part, part))
-        bad = math.nan
-        if pair.truth is not None and np.isfinite(pair.truth).any():
-            bad = evaluate(result.disparity, pair.truth, thresholds=(BAD_PX,)).bad[BAD_PX]
-        yield matcher.title, Figures(result.coverage, result.elapsed_s, bad)
+        bad = math.nan if judge.unjudged(matcher) else Judgement.of(result.disparity, judge.reference).bad
+        known = judge.criterion is Criterion.TRUE_BAD_2
+        yield (
+            matcher.title,
+            Figures(result.coverage, result.elapsed_s, *((bad, math.nan) if known else (math.nan, bad))),
+        )
 
 
 def _part(progress: Progress, done: float, share: float) -> Progress:
@@ -187,8 +163,9 @@ def _show(table: Table) -> None:
         }
         st.dataframe(frame, column_config={"_index": "Pair", **columns}, key=f"{KEY}.table")
         st.caption(
-            "Bad-2: the share of the pixels with ground truth that are off by more than 2 px or missing. Every pair "
-            "with the settings in use, without the input doctor’s remedies."
+            "Bad-2: the share of the pixels with ground truth that are off by more than 2 px or missing. Estimated: by "
+            "what the accurate preset measured, where there is no truth. Every pair with the settings in use, without "
+            "the input doctor’s remedies."
         )
     for row in table.rows:
         if row.problem:
@@ -200,6 +177,7 @@ def _cells(row: PairRow) -> dict[str, float]:
     found = row.figures.items()
     return (
         {f"{name}: bad-2, %": figures.bad_2 for name, figures in found}
+        | {f"{name}: estimated bad-2, %": figures.estimated_bad_2 for name, figures in found}
         | {f"{name}: coverage, %": 100 * figures.coverage for name, figures in found}
         | {f"{name}: took": figures.elapsed_s for name, figures in found}
     )

@@ -85,7 +85,7 @@ def _metrics(subject: Subject) -> str:
     maps: dict[str, DisparityMap] = {**subject.view.results}
     if not subject.enlarged:
         maps[subject.method] = subject.result
-    return metrics_csv(judged, maps)
+    return metrics_csv(judged, maps, subject.estimated_bad)
 
 
 def _kitti_refusal(subject: Subject) -> str:
@@ -155,8 +155,8 @@ EXPORTS: list[Export] = [
         "Metrics CSV",
         "metrics.csv",
         _metrics,
-        "Coverage and time of every method, and its figures against the ground truth where that is known; once more "
-        "without occluded pixels.",
+        "Coverage and time of every method, and its figures against the ground truth where that is known, once more "
+        "without occluded pixels; without a ground truth bad-2 as the scoreboard estimated it.",
     ),
     Export("Settings JSON", "settings.json", _settings, "Can be loaded again below.", _settings_refusal),
     Export(

@@ -15,6 +15,7 @@ from stereolag.limits import limits
 from stereolag.settings import scaled_settings
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.ui.depth.calibrating import known_distance
+from stereolag.ui.depth.estimates import estimates_so_far
 from stereolag.ui.depth.inputs import original
 from stereolag.ui.depth.restoring import page_state
 from stereolag.ui.depth.view import DepthView
@@ -44,6 +45,8 @@ class Subject:
         The map computed in that size, where it was already.
     session
         What the page is set to, as :func:`stereolag.export.session_json` takes it.
+    estimated_bad
+        The estimated bad-2 of the maps that are shown, %, by the name of the method; nothing unless it was estimated.
     """
 
     view: DepthView
@@ -55,6 +58,7 @@ class Subject:
     settings_refusal: str
     computed: DisparityMap | None = None
     session: Mapping[str, Any] = field(default_factory=dict)
+    estimated_bad: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, view: DepthView, method: str) -> Subject:
@@ -74,6 +78,7 @@ class Subject:
             refusal,
             shown if pair is view.pair else None,
             _session(view, pair, factor),
+            estimates_so_far(view) if view.pair.truth is None else {},
         )
 
     @property
