@@ -104,7 +104,7 @@ def test_metrics_are_of_every_method_and_apart_without_occlusion() -> None:
 
 
 def test_what_cannot_be_had_says_why_and_is_left_out_of_the_zip() -> None:
-    pair = replace(small_pair(), truth=None)
+    pair = replace(small_pair(), truth=None, shared=True)
     backwards = StereoBM(num_disparities=16, block_size=9, min_disparity=-16)
     subject = Subject.of(view_of(replace(pair, left=pair.right, right=pair.left), backwards), "StereoBM")
     refusals = {file.name: file.refusal for file in files(subject) if file.refusal}
