@@ -143,7 +143,8 @@ def original(pair: StereoPair) -> StereoPair:
     """Return the pair in its own size, with all that was done to the smaller one."""
     if pair.full is None:
         return pair
-    return with_remedies(rectified(pair.full), [Remedy(change.name) for change in pair.remedies])
+    full, _ = rectified(pair.full)
+    return with_remedies(full, [Remedy(change.name) for change in pair.remedies])
 
 
 def _keep_settings(pair: StereoPair) -> None:
