@@ -8,6 +8,7 @@
 
 from stereolag.doctor import Diagnosis, diagnose
 from stereolag.export import write_disparity, write_matcher
+from stereolag.geometry.calibrating import calibrate
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import Rectified, rectify
 from stereolag.reading import read_calibration, read_disparity, read_image, read_matcher, read_signal
@@ -44,6 +45,7 @@ __all__ = [
     "TemplateMatch",
     "TemplateSearch",
     "__version__",
+    "calibrate",
     "diagnose",
     "evaluate",
     "match_template",

@@ -5,6 +5,7 @@ disparity maps and settings back.
 """
 
 from stereolag.export.archives import bundle, file_name
+from stereolag.export.calibrations import calibration_json, opencv_calibration, ros_calibration
 from stereolag.export.confidence import confidence, confidence_png, has_scores, measured_mask_png
 from stereolag.export.enlargement import enlarged
 from stereolag.export.maps import (
@@ -19,7 +20,7 @@ from stereolag.export.maps import (
 )
 from stereolag.export.opencv_programs import opencv_script
 from stereolag.export.programs import script
-from stereolag.export.sessions import calibration_json, session_json
+from stereolag.export.sessions import session_json
 from stereolag.export.settings import opencv_yaml, settings_json
 from stereolag.export.tables import metrics_csv, wav
 from stereolag.export.writing import write_disparity, write_matcher
@@ -39,10 +40,12 @@ __all__ = [
     "measured_mask_png",
     "metrics_csv",
     "npy",
+    "opencv_calibration",
     "opencv_script",
     "opencv_yaml",
     "pfm",
     "ply",
+    "ros_calibration",
     "script",
     "session_json",
     "settings_json",

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from stereolag.export.settings import settings_document
-from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.version import VERSION
 
@@ -60,18 +59,3 @@ def session_json(
         "colours": dict(colours),
     }
     return json.dumps(document, indent=2) + "\n"
-
-
-def calibration_json(calibration: Calibration) -> str:
-    """Return the calibration of a rectified pair as JSON that :func:`stereolag.read_calibration` reads, bit for bit.
-
-    Raises
-    ------
-    ValueError
-        One of cameras before rectification.
-    """
-    if calibration.rig is not None:
-        raise ValueError("The calibration is of cameras before rectification; rectify the pair first.")
-    names = ("focal_px", "baseline_m", "doffs_px", "cx", "cy", "width", "height", "num_disparities")
-    values = {name: getattr(calibration, name) for name in names}
-    return json.dumps({name: value for name, value in values.items() if value is not None}, indent=2) + "\n"

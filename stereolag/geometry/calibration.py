@@ -44,6 +44,8 @@ class Calibration:
     rig
         The cameras before rectification, where known: then the pair is not rectified yet, the numbers above are a
         forecast, and :func:`stereolag.rectify` gives the rectified pair with its final calibration.
+    rms
+        Reprojection error of the calibration, px; None where unknown.
 
     Raises
     ------
@@ -61,6 +63,7 @@ class Calibration:
     height: int | None = field(default=None, kw_only=True)
     num_disparities: int | None = field(default=None, kw_only=True)
     rig: StereoRig | None = field(default=None, kw_only=True)
+    rms: float | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         check_range(self.focal_px, "focal_px", FOCAL_PX)
@@ -171,6 +174,7 @@ class Calibration:
             height=scaled_size(self.height, factor),
             num_disparities=None if self.num_disparities is None else math.ceil(self.num_disparities * factor),
             rig=None if self.rig is None else self.rig.scaled(factor),
+            rms=None if self.rms is None else self.rms * factor,
         )
 
     def with_known_distance(self, disparity: float, distance_m: float) -> Calibration:

@@ -59,7 +59,7 @@ def rectify(
     images = as_image(left, "left"), as_image(right, "right")
     size = _common_size(*images)
     rig = _fitted(calibration.rig, size)
-    how = _rectification(rig, size, alpha)
+    how = rectification(rig, size, alpha)
     cameras = (
         (rig.left_matrix, rig.left_distortion, how.left_rotation, how.left_projection),
         (rig.right_matrix, rig.right_distortion, how.right_rotation, how.right_projection),
@@ -73,7 +73,7 @@ def rectify(
 
 def rectified_calibration(rig: StereoRig, size: tuple[int, int], *, alpha: float | None = None) -> Calibration:
     """Return the calibration of the pair that :func:`rectify` makes of images of `size` (width, height)."""
-    return _calibration(_rectification(_fitted(rig, size), size, alpha), size)
+    return _calibration(rectification(_fitted(rig, size), size, alpha), size)
 
 
 def _common_size(left: Image, right: Image) -> tuple[int, int]:
@@ -100,7 +100,7 @@ def _fitted(rig: StereoRig, size: tuple[int, int]) -> StereoRig:
     return rig.scaled(factor)
 
 
-def _rectification(rig: StereoRig, size: tuple[int, int], alpha: float | None) -> Rectification:
+def rectification(rig: StereoRig, size: tuple[int, int], alpha: float | None = None) -> Rectification:
     """Return how to rectify images of `size` (width, height): as the rig's maker did, or by Bouguet's method."""
     if alpha is None and rig.rectification is not None:
         return rig.rectification

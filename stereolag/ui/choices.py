@@ -48,6 +48,11 @@ def choose(examples: Mapping[str, Example], *, key: str) -> str:
     return str(chosen)
 
 
+def no_files_yet(key: str) -> None:
+    """Take note that whoever is led to files of their own has given none yet: none are gone."""
+    st.session_state[f"{key}.gone"] = False
+
+
 def own_or_example(
     chosen: str,
     ask: Callable[[], T | None],

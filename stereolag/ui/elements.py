@@ -34,7 +34,16 @@ def show_png(data: bytes, caption: str | None = None, *, stretch: bool = True) -
     It travels within the page's message: as a file of its own the browser would have to ask for it, one round trip
     later, and in vain where the next position of a slider has already replaced it.
     """
-    address = "data:image/png;base64," + base64.b64encode(data).decode("ascii")
+    _show(data, "image/png", caption, stretch=stretch)
+
+
+def show_jpeg(data: bytes) -> None:
+    """Show a JPEG as wide as there is room, as :func:`show_png` does."""
+    _show(data, "image/jpeg", None, stretch=True)
+
+
+def _show(data: bytes, media_type: str, caption: str | None, *, stretch: bool) -> None:
+    address = f"data:{media_type};base64," + base64.b64encode(data).decode("ascii")
     st.image(address, caption, width="stretch" if stretch else "content")
 
 

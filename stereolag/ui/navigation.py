@@ -25,6 +25,7 @@ PAGES = {
     "pages/1_Sensor_lag.py": ("Sensor lag", ":material/graphic_eq:"),
     "pages/2_Rocketman_search.py": ("Rocketman search", ":material/search:"),
     "pages/3_Depth_maps.py": ("Depth maps", ":material/layers:"),
+    "pages/4_Calibrate.py": ("Calibrate", ":material/grid_on:"),
 }
 
 

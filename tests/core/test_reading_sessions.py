@@ -126,12 +126,3 @@ def test_a_session_that_cannot_be_is_refused(changes: dict[str, Any], sentence: 
 def test_a_session_file_that_is_none_is_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match="session file"):
         read_session(read_archive(bundle({SESSION: data})))
-
-
-def test_cameras_before_rectification_are_not_written_as_after() -> None:
-    from stereolag.geometry.rig import StereoRig
-
-    matrix = np.array([[500, 0, 320], [0, 500, 240], [0, 0, 1.0]])
-    rig = StereoRig(matrix, np.zeros(5), matrix, np.zeros(5), np.eye(3), np.array([-0.1, 0, 0]))
-    with pytest.raises(ValueError, match="rectify the pair first"):
-        calibration_json(Calibration(500, 0.1, rig=rig))

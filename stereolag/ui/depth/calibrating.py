@@ -12,6 +12,7 @@ from stereolag.figures.linked_pictures import DepthScale
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.distances import DISPARITY_ERROR, typical_error
 from stereolag.reading import read_calibration
+from stereolag.ui.calibrate.kept import use_kept_calibration
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.results import remembered
@@ -68,8 +69,10 @@ def ask_calibration(key: str) -> Calibrated | None:
             disabled=given is not None,
             help="The distance between the two cameras.",
         )
-    if given is not None or focal is None or baseline is None:
+    if given is not None:
         return given
+    if focal is None or baseline is None:
+        return use_kept_calibration()
     return Upload(f"{focal} {baseline}", Calibration(focal, baseline))
 
 

@@ -1,0 +1,62 @@
+"""A stereo camera calibrated from pictures of a chessboard or ChArUco board."""
+
+import streamlit as st
+
+from stereolag.ui.calibrate.board import ask_board
+from stereolag.ui.calibrate.pairs import ask_pairs, choose_shown, show_pair, show_rectified
+from stereolag.ui.calibrate.pictures import BoardPictures, choose_board_pictures
+from stereolag.ui.calibrate.result import show_coverage, show_downloads, show_figures
+from stereolag.ui.calibrate.work import calibrated, found_boards
+from stereolag.ui.navigation import fragment, page
+
+
+@fragment
+def workspace(pictures: BoardPictures) -> None:
+    """Ask for the board, find it, calibrate and show; moving a control reruns this part alone."""
+    asked = ask_board(pictures)
+    if asked is None:
+        return
+    board, square_m = asked
+    views = found_boards(pictures, board)
+    if views is None:
+        return
+    figures = st.container()
+    by_pair, coverage = st.columns([3, 2], gap="large")
+    with by_pair:
+        st.markdown("#### Pair by pair")
+        leave_out = ask_pairs(pictures, views)
+    with figures:
+        result = calibrated(pictures, views, square_m, leave_out)
+        if result is not None:
+            show_figures(pictures, result)
+            show_downloads(result)
+    with by_pair:
+        shown = choose_shown(pictures, result)
+        show_pair(pictures, views, shown, result)
+        if result is not None:
+            show_rectified(pictures, shown, result)
+    if result is not None:
+        with coverage:
+            st.markdown("#### Where the board has been")
+            show_coverage(result)
+
+
+with page(
+    "Calibrate",
+    "Hold a chessboard or ChArUco board before both cameras, near and far, tilted and in every corner, and take 8 to "
+    "40 pairs of pictures. Where its corners appear tells the lenses, and where the cameras stand: from raw pictures "
+    "to metres.",
+):
+    chosen = choose_board_pictures()
+    st.caption(chosen.description)
+    workspace(chosen)
+    with st.expander("How it works, and what makes it good"):
+        st.markdown(
+            "- Print the board large, glue it to something flat, and measure a square: every distance depends on it.\n"
+            "- Corners are found by OpenCV’s detectors and refined to a few hundredths of a pixel; each camera is "
+            "calibrated alone, then both together (`cv2.stereoCalibrate`).\n"
+            "- Pairs that do not agree with the others on where the right camera stands are left out. Leave out "
+            "others by a click, where their bars stand out.\n"
+            "- The lens model is the simplest that foretells pictures it was not fitted to.\n"
+            "- Focus, zoom and the way both cameras are mounted must stay as they were."
+        )

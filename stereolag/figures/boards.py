@@ -1,0 +1,120 @@
+"""Calibration boards in pictures: their corners drawn, where they have been, how far off each pair is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import plotly.graph_objects as go
+
+from stereolag.arrays import Rgb
+from stereolag.figures.pictures import FRAME, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, fitted
+from stereolag.geometry.boards import Board, Corners
+from stereolag.inputs import Image
+
+SHOWN_WIDTH = 720
+"""Of a picture with its corners, px."""
+
+COVERED_WIDTH = 420
+PAPER, EDGE = (236, 233, 226), (150, 146, 138)
+"""The empty picture on which coverage is drawn, and its border: neutral on the light and on the dark page."""
+
+OPACITY = 0.2
+"""Of one board: where many have been it adds up."""
+
+LEFT_OUT_COLOUR = "#9a9a9a"
+ROW_LINES = 14
+
+
+def with_corners(image: Image, corners: Corners | None, board: Board) -> Rgb:
+    """Return a picture with the corners that were found in it, joined row by row, each row in a colour of its own."""
+    picture = np.ascontiguousarray(fitted(image, SHOWN_WIDTH))
+    if corners is None:
+        return picture
+    factor = picture.shape[1] / image.shape[1]
+    places = (corners.points + 0.5) * factor - 0.5
+    rows = corners.numbers // board.columns
+    for row in np.unique(rows):
+        shade = VIRIDIS[round(255 * (0.25 + 0.75 * row / max(1, board.rows - 1)))]
+        colour = int(shade[0]), int(shade[1]), int(shade[2])
+        line = np.rint(places[rows == row] * 16).astype(np.int32)
+        cv2.polylines(picture, [line[:, None]], False, colour, 2, cv2.LINE_AA, 4)
+        for place in line:
+            cv2.circle(picture, (int(place[0]), int(place[1])), 4 * 16, FRAME, 1, cv2.LINE_AA, 4)
+    first = np.rint(places[0] * 16).astype(int)
+    cv2.circle(picture, (int(first[0]), int(first[1])), 8 * 16, FRAME, 2, cv2.LINE_AA, 4)
+    return picture
+
+
+def coverage_picture(corners: Sequence[Corners], size: tuple[int, int]) -> Rgb:
+    """Return an empty picture of the shape of `size` (width, height) with every board and corner that was in it."""
+    factor = COVERED_WIDTH / size[0]
+    height = max(1, round(size[1] * factor))
+    drawn = np.full((height, COVERED_WIDTH, 3), PAPER, dtype=np.float64)
+    ink = np.array(VIRIDIS[110], dtype=np.float64)
+    for one in corners:
+        here = np.zeros((height, COVERED_WIDTH), np.uint8)
+        cv2.fillConvexPoly(here, cv2.convexHull(np.rint(one.points * factor).astype(np.int32)), 1)
+        drawn[here > 0] += OPACITY * (ink - drawn[here > 0])
+    picture = np.ascontiguousarray(np.rint(drawn), dtype=np.uint8)
+    for one in corners:
+        for place in np.rint(one.points * factor).astype(int):
+            cv2.circle(picture, (int(place[0]), int(place[1])), 1, (40, 32, 80), -1, cv2.LINE_AA)
+    cv2.rectangle(picture, (0, 0), (COVERED_WIDTH - 1, height - 1), EDGE, 1)
+    return picture
+
+
+def error_bars(
+    names: Sequence[str], left: Sequence[float], right: Sequence[float], counts: Sequence[bool], shown: int
+) -> go.Figure:
+    """Return the reprojection error of each pair, px, as two bars; a click gives the number of the pair.
+
+    Parameters
+    ----------
+    names
+        Of the pairs.
+    left, right
+        Px RMS; NaN where it is not known.
+    counts
+        Whether each pair is used; others are grey.
+    shown
+        The pair that is looked at; it is named in bold.
+    """
+    figure = go.Figure()
+    for side, values, colour in (("left", left, SENSOR_1), ("right", right, SENSOR_2)):
+        colours = [colour if used else LEFT_OUT_COLOUR for used in counts]
+        figure.add_trace(
+            go.Bar(
+                x=[*range(len(names))],
+                y=np.asarray(values, dtype=np.float32),
+                name=side,
+                marker={"color": colours},
+                hovertemplate=f"{side}: %{{y:.2f}} px<extra></extra>",
+            )
+        )
+    known = [value for value, used in zip((*left, *right), (*counts, *counts), strict=True) if used and value == value]
+    if known:
+        # A pair that was left out may be off by a hundred times as much.
+        figure.update_yaxes(range=(0, 1.6 * max(known)))
+    labels = [f"<b>{name}</b>" if number == shown else name for number, name in enumerate(names)]
+    figure.update_layout(
+        height=240,
+        margin={"l": 8, "r": 8, "t": 8, "b": 8},
+        barmode="group",
+        bargap=0.25,
+        legend={"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
+        hovermode="x unified",
+    )
+    figure.update_xaxes(tickvals=[*range(len(names))], ticktext=labels, title="pair")
+    figure.update_yaxes(title="error, px")
+    return figure
+
+
+def with_row_lines(left: Image, right: Image) -> Rgb:
+    """Return a rectified pair side by side with lines along its rows: what lies on one in the left lies on it too."""
+    both = np.hstack([fitted(image, SHOWN_WIDTH) for image in (as_rgb(left), as_rgb(right))])
+    picture = np.ascontiguousarray(both)
+    for row in np.linspace(0, picture.shape[0] - 1, ROW_LINES + 2)[1:-1].astype(int):
+        cv2.line(picture, (0, int(row)), (picture.shape[1] - 1, int(row)), FRAME, 1)
+    return picture

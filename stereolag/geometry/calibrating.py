@@ -1,0 +1,221 @@
+"""A stereo camera calibrated from pictures of a board (by ``cv2.stereoCalibrate``), and how good each pair was."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.arrays import DoubleMap
+from stereolag.geometry.board_views import BoardViews, Pairs, find_boards
+from stereolag.geometry.boards import Board, Corners
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.calibration_report import LeftOut, PairReport, StereoCalibration, coverage, row_errors
+from stereolag.geometry.joint_fit import FEWEST_PAIRS, JointFit, agreeing_fit, rig_of
+from stereolag.geometry.lenses import Sight, calibrated_lens, suitable_lens
+from stereolag.geometry.rectification import rectified_calibration
+from stereolag.geometry.relative_poses import SeenPair
+from stereolag.geometry.rig import check_positive
+from stereolag.progress import Progress
+
+FEWEST_IN_COMMON = 6
+"""Corners of a ChArUco board that both pictures of a pair must show."""
+
+SAME_PX = 0.02
+"""Corners no farther apart than this, on average, are those of one and the same picture."""
+
+MOST_FOCAL_ERROR = 0.1
+"""Standard error of a focal length, as a share of it, beyond which nothing is known."""
+
+_FINDING_SHARE = 0.95
+"""Of the time; the rest is for the calibration."""
+
+
+def calibrate(
+    pairs: Pairs | Iterable[tuple[npt.ArrayLike, npt.ArrayLike]],
+    board: Board | tuple[int, int] | None = None,
+    square_m: float = 1.0,
+    *,
+    progress: Progress | None = None,
+) -> Calibration:
+    """Calibrate a stereo camera from pairs of pictures of a chessboard or ChArUco board.
+
+    Each camera is calibrated alone, then both together with their pose (Zhang, PAMI 2000; Bouguet's stereo
+    calibration, by OpenCV). Pairs that contradict the others, because they were not taken at one moment or show the
+    board turned round in one picture, are left out: :func:`calibrate_boards` tells which.
+
+    Parameters
+    ----------
+    pairs
+        Left and right pictures, 8 to 40 for a good calibration: (rows, cols) grey or (rows, cols, 3 | 4) RGB(A);
+        uint8, uint16 or float; all of one size.
+    board
+        Columns and rows of the board's inner corners, where four squares meet; None: found from the pictures. The kind
+        of board is found in either case.
+    square_m
+        Side of a square, metres: it sets the unit of all lengths. Lengths count in squares while it is 1.
+    progress
+        Called with the fraction done.
+
+    Returns
+    -------
+    calibration
+        With its ``rig``, for :func:`stereolag.rectify`, and ``rms``, the reprojection error in px.
+
+    Raises
+    ------
+    ValueError
+        Fewer than 3 pairs in which both pictures show the board, pairs that contradict each other, boards held too much
+        alike, left and right exchanged, cameras one above the other, or what :func:`find_boards` refuses.
+    """
+    check_positive(square_m, "square_m")
+    report = None if progress is None else lambda fraction: progress(_FINDING_SHARE * fraction)
+    result = calibrate_boards(find_boards(pairs, board, progress=report), square_m)
+    if progress is not None:
+        progress(1.0)
+    return result.calibration
+
+
+def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Collection[int] = ()) -> StereoCalibration:
+    """Calibrate a stereo camera from the corners of a board, and tell how good each pair was.
+
+    Parameters
+    ----------
+    views
+        Where the corners are.
+    square_m
+        Side of a square, metres.
+    leave_out
+        Numbers of pairs that shall not count.
+
+    Returns
+    -------
+    StereoCalibration
+
+    Raises
+    ------
+    ValueError
+        As :func:`calibrate` does.
+    """
+    check_positive(square_m, "square_m")
+    reasons = _unusable(views, leave_out)
+    usable = [number for number, reason in enumerate(reasons) if reason is None]
+    _check_count(len(usable), views)
+    points = views.board.points()
+    sights = [[Sight.of(_there(corners[number]), points) for number in usable] for corners in (views.left, views.right)]
+    flags = suitable_lens(sights, views.size)
+    left, right = (calibrated_lens(one, views.size, flags) for one in sights)
+    for place in left.outliers | right.outliers:
+        reasons[usable[place]] = LeftOut.NOT_FLAT
+    usable = [number for number in usable if reasons[number] is None]
+    _check_count(len(usable), views)
+    seen = {number: _seen_pair(views, number, points) for number in usable}
+    fit = agreeing_fit(seen, left.camera, right.camera, views.size, flags)
+    for number in usable:
+        if number not in fit.used:
+            reasons[number] = LeftOut.CONTRADICTS
+    return _report(views, square_m, seen, fit, reasons, max(left.focal_error, right.focal_error))
+
+
+def _unusable(views: BoardViews, leave_out: Collection[int]) -> list[LeftOut | None]:
+    """Return why each pair cannot be used; None where it can."""
+    reasons: list[LeftOut | None] = []
+    kept: list[int] = []
+    for number in range(len(views)):
+        left, right = views.left[number], views.right[number]
+        reason = _unusable_alone(views, number)
+        if reason is None and left is not None and right is not None:
+            if any(_same(left, views.left[other]) and _same(right, views.right[other]) for other in kept):
+                reason = LeftOut.SAME_VIEW
+            else:
+                kept.append(number)
+        reasons.append(LeftOut.BY_HAND if reason is None and number in leave_out else reason)
+    return reasons
+
+
+def _unusable_alone(views: BoardViews, number: int) -> LeftOut | None:
+    left, right = views.left[number], views.right[number]
+    if set(views.sizes[number]) != {views.size}:
+        return LeftOut.OTHER_SIZE
+    if left is None or right is None:
+        both = left is None and right is None
+        return LeftOut.NOT_FOUND if both else LeftOut.NOT_FOUND_LEFT if left is None else LeftOut.NOT_FOUND_RIGHT
+    common = np.intersect1d(left.numbers, right.numbers)
+    rows, cols = np.divmod(common, views.board.columns)
+    if len(common) < FEWEST_IN_COMMON or np.ptp(rows) == 0 or np.ptp(cols) == 0:
+        return LeftOut.FEW_IN_COMMON
+    return None
+
+
+def _same(corners: Corners, others: Corners | None) -> bool:
+    if others is None or not np.array_equal(corners.numbers, others.numbers):
+        return False
+    return float(np.abs(corners.points - others.points).mean()) < SAME_PX
+
+
+def _there(corners: Corners | None) -> Corners:
+    assert corners is not None
+    return corners
+
+
+def _check_count(count: int, views: BoardViews) -> None:
+    if count < FEWEST_PAIRS:
+        found = sum(one is not None and other is not None for one, other in zip(views.left, views.right, strict=True))
+        board = f"{views.board.columns} × {views.board.rows} inner corners"
+        raise ValueError(
+            f"{count} of {len(views)} pairs can be used, and at least {FEWEST_PAIRS} are needed, 8 or more for a good "
+            f"calibration. A board of {board} was found in both pictures of {found}: is that its size?"
+        )
+
+
+def _seen_pair(views: BoardViews, number: int, points: DoubleMap) -> SeenPair:
+    left, right = _there(views.left[number]), _there(views.right[number])
+    common = np.intersect1d(left.numbers, right.numbers)
+    places = right.of(common)
+    whole = len(common) == views.board.corners
+    orders = [places[order] for order in views.board.orders()] if whole else [places]
+    return SeenPair(points[common], left.of(common), tuple(orders))
+
+
+def _report(
+    views: BoardViews,
+    square_m: float,
+    seen: dict[int, SeenPair],
+    fit: JointFit,
+    reasons: list[LeftOut | None],
+    focal_error: float,
+) -> StereoCalibration:
+    """Return the calibration in metres, and what became of each pair."""
+    if focal_error > MOST_FOCAL_ERROR:
+        raise ValueError(
+            f"The focal length is uncertain by {100 * focal_error:.0f} %; allowed are {100 * MOST_FOCAL_ERROR:.0f} %. "
+            f"The board was held too much alike in {len(fit.used)} pairs: tilt it by 30° and more, up and down and to "
+            "both sides, and show it in every part of the picture."
+        )
+    rig = rig_of(fit, views.size, square_m)
+    calibration = replace(rectified_calibration(rig, views.size), rig=rig, rms=fit.rms)
+    errors_of_rows = row_errors(seen, fit, rig, views.size)
+    pairs = []
+    for number, reason in enumerate(reasons):
+        left, right, order = views.left[number], views.right[number], fit.orders.get(number, 0)
+        if order and reason is None and right is not None:
+            right = Corners(right.numbers, seen[number].right[order])
+        errors = fit.errors.get(number, (np.nan, np.nan))
+        pairs.append(
+            PairReport(left, right, reason, order > 0 and reason is None, *errors, errors_of_rows.get(number, np.nan))
+        )
+    used = [pair for pair in pairs if pair.left_out is None]
+    counts = [len(seen[number].points) for number in fit.used]
+    return StereoCalibration(
+        calibration,
+        views.board,
+        square_m,
+        tuple(pairs),
+        fit.rms,
+        float(np.average([pair.row_error for pair in used], weights=counts)),
+        coverage([pair.left for pair in used if pair.left is not None], views.size),
+        coverage([pair.right for pair in used if pair.right is not None], views.size),
+        focal_error,
+    )

@@ -1,0 +1,207 @@
+"""Pictures of a calibration board, drawn as a stereo camera of known geometry would take them."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.arrays import DoubleMap
+from stereolag.geometry.boards import MARGIN_SQUARES, Board, Grey8, board_picture
+from stereolag.geometry.rig import StereoRig
+
+FINER = 3
+"""Rays a pixel, each way."""
+
+FAR_OUTSIDE = 1e4
+"""Where a ray that misses the board is put, px of the board."""
+
+SQUARE_PX = 48
+"""Of the board that the rays meet."""
+
+BACKGROUND = 110
+BLACK, WHITE = 25, 225
+"""Grey levels: of what is beside the board, of its ink and of its paper."""
+
+TRIES = 200
+
+MOST_TILT = 0.6
+"""Radians about each axis: a board seen more from the side is hardly found."""
+
+
+class DrawnCamera:
+    """A camera whose pictures are drawn ray by ray, with its lens distortion.
+
+    Parameters
+    ----------
+    matrix, distortion
+        As :class:`stereolag.geometry.rig.StereoRig` holds them.
+    size
+        Width and height, px.
+    """
+
+    def __init__(self, matrix: DoubleMap, distortion: npt.NDArray[np.float64], size: tuple[int, int]) -> None:
+        self.size = size
+        places = np.stack(np.meshgrid(*(np.arange(side, dtype=np.float64) for side in size)), axis=-1).reshape(-1, 1, 2)
+        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
+        rays = cv2.undistortPoints(places, matrix, distortion, criteria=criteria)
+        self._rays = cv2.convertPointsToHomogeneous(rays)[:, 0].astype(np.float64)
+
+    def picture(self, board: Board, rotation: DoubleMap, translation: npt.NDArray[np.float64]) -> Grey8:
+        """Return the picture of a board, (height, width) uint8.
+
+        Parameters
+        ----------
+        board
+            Which; the unit of length is the side of a square.
+        rotation, translation
+            (3, 3) and (3,): a point at ``x`` on the board is at ``rotation @ x + translation`` before the camera.
+        """
+        onto = self._rays @ np.linalg.inv(np.column_stack((rotation[:, :2], translation))).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # The first inner corner is the origin; pixel centres are at whole numbers.
+            places = (onto[:, :2] / onto[:, 2:] + (1 + MARGIN_SQUARES)) * SQUARE_PX - 0.5
+        places[~(onto[:, 2] > 0)] = -FAR_OUTSIDE
+        width, height = self.size
+        maps = np.clip(places, -FAR_OUTSIDE, FAR_OUTSIDE).reshape(height, width, 2).astype(np.float32)
+        fine = (FINER * width, FINER * height)
+        across, down = (cv2.resize(one, fine, interpolation=cv2.INTER_LINEAR) for one in (maps[..., 0], maps[..., 1]))
+        finer = cv2.remap(
+            _printed(board),
+            across,
+            down,
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=BACKGROUND,
+        )
+        return np.asarray(cv2.resize(finer, self.size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+@functools.lru_cache(maxsize=4)
+def _printed(board: Board) -> Grey8:
+    """Return the board that the rays meet, in its ink and on its paper."""
+    return np.where(board_picture(board, SQUARE_PX) > 127, WHITE, BLACK).astype(np.uint8)
+
+
+@dataclass(frozen=True)
+class Look:
+    """How far from perfect the pictures are.
+
+    Attributes
+    ----------
+    blur
+        Standard deviation of the lens's blur, px.
+    noise
+        Standard deviation of the sensor's noise, grey levels.
+    """
+
+    blur: float = 0.6
+    noise: float = 2.0
+
+
+def drawn_pairs(
+    rig: StereoRig,
+    board: Board,
+    count: int,
+    *,
+    square_m: float,
+    seed: int = 0,
+    look: Look | None = None,
+    partly: bool = False,
+) -> Iterator[tuple[Grey8, Grey8]]:
+    """Draw pairs of a board held at various places and tilts before a stereo camera.
+
+    Parameters
+    ----------
+    rig
+        The cameras, with their ``width`` and ``height``.
+    board
+        What is held before them.
+    count
+        How many pairs.
+    square_m
+        Side of a square, metres.
+    seed
+        Of the places, tilts and noise.
+    look
+        Blur and noise.
+    partly
+        Whether up to half of the board may be beyond the edge of a picture.
+
+    Yields
+    ------
+    left, right
+        (height, width) uint8.
+
+    Raises
+    ------
+    ValueError
+        A rig without a size, or one whose two cameras hardly see the same.
+    """
+    if rig.width is None or rig.height is None:
+        raise ValueError("rig has no width and height; a picture needs its size.")
+    look = look or Look()
+    random = np.random.default_rng(seed)
+    size = rig.width, rig.height
+    left = DrawnCamera(rig.left_matrix, rig.left_distortion, size)
+    right = DrawnCamera(rig.right_matrix, rig.right_distortion, size)
+    for number in range(count):
+        rotation, translation = _pose(rig, board, square_m, random, number / max(1, count - 1), partly)
+        beside = rig.rotation @ translation + rig.translation / square_m
+        poses = ((left, rotation, translation), (right, rig.rotation @ rotation, beside))
+        first, second = (_taken(camera.picture(board, turn, place), look, random) for camera, turn, place in poses)
+        yield first, second
+
+
+def _pose(
+    rig: StereoRig, board: Board, square_m: float, random: np.random.Generator, part: float, partly: bool
+) -> tuple[DoubleMap, npt.NDArray[np.float64]]:
+    """Return a pose, in squares, at which both cameras see the board."""
+    assert rig.width is not None
+    assert rig.height is not None
+    points = board.points()
+    middle = points.mean(axis=0)
+    for attempt in range(TRIES):
+        turn = np.clip(random.normal(0, (0.35, 0.35, 0.2)), -MOST_TILT, MOST_TILT)
+        rotation = cv2.Rodrigues(turn)[0]
+        # The later the attempt, the farther away and the nearer to the middle.
+        ease = attempt / TRIES
+        share = random.uniform(0.3, 0.6) * (1 - 0.5 * ease)
+        distance = rig.left_matrix[0, 0] * board.columns / (share * rig.width)
+        corner = random.uniform(-1, 1, 2) * (1 - ease)
+        towards = corner * np.array([rig.width, rig.height]) / 2 / np.diag(rig.left_matrix)[:2]
+        between = -0.5 * rig.translation / square_m
+        translation = np.array([*(towards * distance * 0.8), distance]) + between - rotation @ middle
+        seen = []
+        for matrix, distortion, pose in (
+            (rig.left_matrix, rig.left_distortion, (rotation, translation)),
+            (
+                rig.right_matrix,
+                rig.right_distortion,
+                (rig.rotation @ rotation, rig.rotation @ translation + rig.translation / square_m),
+            ),
+        ):
+            places = cv2.projectPoints(points, cv2.Rodrigues(pose[0])[0], pose[1], matrix, distortion)[0][:, 0]
+            border = 0.01 * rig.width + 0.2 * distance**-1 * matrix[0, 0]
+            inside = ((places > border) & (places < np.array([rig.width, rig.height]) - border)).all(axis=1)
+            seen.append(float(inside.mean()))
+        if min(seen) >= (0.5 if partly else 1.0) and (not partly or part < 0.3 or max(seen) < 1):
+            return np.asarray(rotation, dtype=np.float64), translation
+    raise ValueError(
+        f"The two cameras hardly see the same: in {TRIES} places no board of {board.columns} × {board.rows} corners "
+        "was in both pictures."
+    )
+
+
+def _taken(picture: Grey8, look: Look, random: np.random.Generator) -> Grey8:
+    """Return a picture with light that falls off to one side, the blur of a lens and the noise of a sensor."""
+    start, end = 1 + random.uniform(-0.15, 0.15, 2)
+    real: DoubleMap = picture.astype(np.float64) * np.linspace(start, end, picture.shape[1])
+    if look.blur > 0:
+        real = np.asarray(cv2.GaussianBlur(real, (0, 0), look.blur), dtype=np.float64)
+    noisy = np.rint(real + random.normal(0, look.noise, real.shape))
+    return np.asarray(np.clip(noisy, 0, 255), dtype=np.uint8)

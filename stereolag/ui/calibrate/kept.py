@@ -1,0 +1,55 @@
+"""The calibration that a visitor made and wants to use on the depth page, for as long as the session lasts."""
+
+from __future__ import annotations
+
+import hashlib
+
+import streamlit as st
+
+from stereolag.export import calibration_json
+from stereolag.geometry.calibration import Calibration
+from stereolag.ui import keys
+from stereolag.ui.choices import OWN, no_files_yet
+from stereolag.ui.uploads import Upload
+
+KEPT = "calibrate.kept"
+"""In the session's state: the calibration, as an upload of it would be."""
+
+DEPTH_PAGE = "pages/3_Depth_maps.py"
+
+
+def keep_calibration(calibration: Calibration) -> None:
+    """Keep a calibration for this session."""
+    digest = hashlib.sha256(calibration_json(calibration).encode()).hexdigest()
+    st.session_state[KEPT] = Upload(digest, calibration)
+
+
+def kept_calibration() -> Upload[Calibration] | None:
+    """Return the calibration that was kept in this session; None where none was."""
+    kept: Upload[Calibration] | None = st.session_state.get(KEPT)
+    return kept
+
+
+def forget_calibration() -> None:
+    """Use the kept calibration no longer."""
+    st.session_state.pop(KEPT, None)
+
+
+def use_kept_calibration() -> Upload[Calibration] | None:
+    """Return the kept calibration, and say that it is in use, with a way to use it no longer."""
+    kept = kept_calibration()
+    if kept is not None:
+        error = "" if kept.content.rms is None else f", {kept.content.rms:.2f} px"
+        with st.container(horizontal=True, vertical_alignment="center"):
+            st.caption(f"In use: the calibration you made on the page Calibrate{error}.", width="content")
+            st.button("Remove", key=f"{KEPT}.remove", type="tertiary", on_click=forget_calibration)
+    return kept
+
+
+def open_depth_page(calibration: Calibration) -> None:
+    """Keep a calibration and open the depth page for files of the visitor's own, to which it belongs."""
+    keep_calibration(calibration)
+    st.session_state[keys.PAIR] = OWN
+    no_files_yet(keys.PAIR)
+    st.session_state[keys.FOLD] = True
+    st.switch_page(DEPTH_PAGE)

@@ -1,0 +1,167 @@
+"""The pairs one by one: which count, how far off each is, and its pictures with the corners that were found."""
+
+from __future__ import annotations
+
+import math
+
+import streamlit as st
+
+from stereolag.figures.boards import error_bars, with_corners, with_row_lines
+from stereolag.figures.pictures import jpeg
+from stereolag.geometry.board_views import BoardViews
+from stereolag.geometry.calibration_report import LeftOut, PairReport, StereoCalibration
+from stereolag.geometry.rectification import rectify
+from stereolag.inputs import as_image
+from stereolag.ui.calibrate.pictures import KEY, BoardPictures
+from stereolag.ui.elements import show_jpeg
+from stereolag.ui.results import computed
+
+WHY_LEFT_OUT = {
+    LeftOut.NOT_FOUND: "the board was not found in either picture",
+    LeftOut.NOT_FOUND_LEFT: "the board was not found in the left picture",
+    LeftOut.NOT_FOUND_RIGHT: "the board was not found in the right picture",
+    LeftOut.OTHER_SIZE: "its pictures have another size than most",
+    LeftOut.FEW_IN_COMMON: "both pictures share too few corners",
+    LeftOut.SAME_VIEW: "it shows the same as an earlier pair",
+    LeftOut.NOT_FLAT: "its corners are not those of a flat board",
+    LeftOut.CONTRADICTS: "it contradicts the others: not taken at one moment, or the board turned round in one picture",
+    LeftOut.BY_HAND: "you left it out",
+}
+
+
+def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
+    """Ask which of the pairs with a board in both pictures count; return the numbers of those that shall not."""
+    usable = [
+        number
+        for number, both in enumerate(zip(views.left, views.right, strict=True))
+        if both[0] is not None and both[1] is not None
+    ]
+    if not usable:
+        return frozenset()
+    counting = st.pills(
+        "Pairs that count: a click leaves one out, and takes it in again",
+        usable,
+        selection_mode="multi",
+        default=usable,
+        format_func=lambda number: pictures.names[number],
+        key=f"{KEY}.count.{pictures.digest}.{views.board!r}",
+        wrap=True,
+    )
+    return frozenset(usable) - frozenset(counting)
+
+
+def choose_shown(pictures: BoardPictures, result: StereoCalibration | None) -> int:
+    """Show how far off each pair is, and return which one to look at: by a click on its bar, or by name."""
+    key = f"{KEY}.shown.{pictures.digest}"
+    at_first = next((number for number in (result.used if result else ())), 0)
+    shown = int(st.session_state.setdefault(key, at_first))
+    if result is not None:
+        figure = error_bars(
+            pictures.names,
+            [pair.left_rms for pair in result.pairs],
+            [pair.right_rms for pair in result.pairs],
+            [pair.left_out is None for pair in result.pairs],
+            shown,
+        )
+        clicks = st.session_state.setdefault(f"{key}.clicks", 0)
+        event = st.plotly_chart(
+            figure,
+            key=f"{key}.bars.{clicks}",
+            on_select="rerun",
+            selection_mode="points",
+            config={"displayModeBar": False},
+        )
+        if event.selection.points:
+            # A chart keeps its selection; under a new name it begins without one.
+            st.session_state[f"{key}.clicks"] = clicks + 1
+            st.session_state[key] = int(event.selection.points[0]["x"])
+            st.rerun(scope="fragment")
+    return int(
+        st.selectbox(
+            "Pair shown",
+            range(len(pictures.names)),
+            format_func=lambda number: pictures.names[number],
+            key=key,
+            width=260,
+        )
+    )
+
+
+def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration | None) -> None:
+    """Show both pictures of a pair with their corners, and what became of it."""
+    report = result.pairs[number] if result else None
+    left, right = (report.left, report.right) if report else (views.left[number], views.right[number])
+
+    def drawn(_: object) -> bytes:
+        return b"".join(_with_length(_corners_jpeg(pictures, views, number)))
+
+    data = computed(
+        "corners drawn",
+        drawn,
+        inputs=pictures.digest,
+        settings=f"{views.board!r} {number}",
+        shared=pictures.shared,
+        label="Drawing the corners …",
+    )
+    cut = 4 + int.from_bytes(data[:4], "big")
+    for column, side, picture, corners in zip(
+        st.columns(2, gap="small"), ("Left", "Right"), (data[4:cut], data[cut:]), (left, right), strict=True
+    ):
+        with column:
+            show_jpeg(picture)
+            found = "not found" if corners is None else f"{len(corners)} of {views.board.corners} corners"
+            st.caption(f"{side}: {found}")
+    if report is not None:
+        st.markdown(_in_words(report))
+
+
+def show_rectified(pictures: BoardPictures, number: int, result: StereoCalibration) -> None:
+    """Show a pair rectified by the calibration, with lines along its rows."""
+
+    def drawn(_: object) -> bytes:
+        left, right = pictures.pairs[number]
+        rectified = rectify(left, right, result.calibration)
+        return jpeg(with_row_lines(rectified.left, rectified.right))
+
+    try:
+        data = computed(
+            "rectified",
+            drawn,
+            inputs=pictures.digest,
+            settings=f"{number} {result.board!r} {result.used} {result.square_m}",
+            shared=pictures.shared,
+            label="Rectifying the pair …",
+        )
+    except ValueError as error:
+        st.error(str(error))
+        return
+    show_jpeg(data)
+    st.caption(
+        f"Pair {pictures.names[number]}, rectified: a point on a line in the left picture lies on it in the right one."
+    )
+
+
+def _corners_jpeg(pictures: BoardPictures, views: BoardViews, number: int) -> tuple[bytes, bytes]:
+    left, right = (as_image(one, "The picture") for one in pictures.pairs[number])
+    return (
+        jpeg(with_corners(left, views.left[number], views.board)),
+        jpeg(with_corners(right, views.right[number], views.board)),
+    )
+
+
+def _with_length(both: tuple[bytes, bytes]) -> tuple[bytes, bytes, bytes]:
+    return len(both[0]).to_bytes(4, "big"), *both
+
+
+def _in_words(report: PairReport) -> str:
+    """Return what became of a pair."""
+    errors = (
+        ""
+        if math.isnan(report.left_rms)
+        else f"Reprojection error **{report.left_rms:.2f} px** left, **{report.right_rms:.2f} px** right; rows "
+        f"**{report.row_error:.2f} px** apart. "
+    )
+    if report.left_out is not None:
+        return f"{errors}Left out: {WHY_LEFT_OUT[report.left_out]}."
+    turned = " Its corners were counted from the other end in the right picture; put in order." if report.turned else ""
+    return f"{errors}It counts.{turned}"

@@ -1,0 +1,151 @@
+"""The pairs of pictures of a calibration board: an example, or files of the visitor's own matched by their names."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, overload
+
+from stereolag.estimates import Estimate
+from stereolag.geometry.board_views import MOST_PAIRS, Pairs
+from stereolag.inputs import Image
+from stereolag.reading import read_image
+from stereolag.reading.archives import is_archive, read_archive
+from stereolag.reading.pairing import PairFiles, matched_pairs
+from stereolag.reading.sources import MAX_BYTES, harmless, quoted
+from stereolag.ui.calibrate.examples import EXAMPLES, WRONG_PAIR, example_pairs
+from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui.uploads import PICTURE_TYPES, upload_named
+
+KEY = "calibrate"
+
+BYTES_PER_PIXEL = 24
+"""Of two decoded pictures, their grey versions and what looks for corners in them."""
+
+PICTURE_S, MEGAPIXEL_S = 0.15, 0.12
+"""What one picture takes, and each of its megapixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardPictures:
+    """Pairs of pictures of one board.
+
+    Attributes
+    ----------
+    names
+        What each pair is called.
+    pairs
+        Left and right pictures, decoded when they are asked for.
+    pixels
+        Of one picture.
+    description
+        What the page says of them.
+    digest
+        Tells them from all others.
+    shared
+        Whether they are an example.
+    example
+        Its name; None of the visitor's own.
+    """
+
+    names: tuple[str, ...]
+    pairs: Pairs
+    pixels: int
+    description: str
+    digest: str
+    shared: bool
+    example: str | None = None
+
+    def estimate(self, pairs: int) -> Estimate:
+        """Return what it takes to look for the board in so many of them."""
+        seconds = 2 * pairs * (PICTURE_S + MEGAPIXEL_S * self.pixels / 1e6)
+        return Estimate(BYTES_PER_PIXEL * self.pixels + 64 * 2**20, seconds)
+
+
+class PicturesOfFiles(Sequence[tuple[Image, Image]]):
+    """Pairs of pictures that are decoded anew each time they are asked for: all at once would take gigabytes."""
+
+    def __init__(self, files: Sequence[PairFiles], read: Callable[[str], bytes]) -> None:
+        self._files = files
+        self._read = read
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    @overload
+    def __getitem__(self, number: int) -> tuple[Image, Image]: ...
+    @overload
+    def __getitem__(self, number: slice) -> Sequence[tuple[Image, Image]]: ...
+    def __getitem__(self, number: Any) -> Any:
+        if isinstance(number, slice):
+            return PicturesOfFiles(self._files[number], self._read)
+        files = self._files[number]
+        return self._picture(files.left), self._picture(files.right)
+
+    def _picture(self, name: str) -> Image:
+        try:
+            return read_image(self._read(name))
+        except ValueError as error:
+            raise ValueError(f"{quoted(name)}: {error}") from error
+
+
+def choose_board_pictures() -> BoardPictures:
+    """Ask which pictures to calibrate from."""
+    chosen = choose(EXAMPLES, key=KEY)
+    return own_or_example(chosen, _own, _example, EXAMPLES, key=KEY, awaited="your pairs are")
+
+
+def _example(name: str) -> BoardPictures:
+    pairs = example_pairs(name)
+    names = tuple(str(number) for number in range(1, len(pairs) + 1))
+    description = (
+        f"{len(pairs)} pairs **drawn by this app** with a camera whose lens and position are known, so that the result "
+        f"can be checked. The right picture of pair {WRONG_PAIR + 1} is of another moment."
+    )
+    return BoardPictures(names, pairs, pairs[0][0].size, description, f"drawn {name}", True, name)
+
+
+def _own() -> BoardPictures | None:
+    given = upload_named(
+        "Pairs of pictures of a chessboard or ChArUco board, or a ZIP of them",
+        _matched,
+        key=f"{KEY}.files",
+        types=(*PICTURE_TYPES, "zip"),
+        note="8 to 40 pairs, each taken at one moment. Their names tell what belongs together: left01 and right01, "
+        "L_3 and R_3, or equal names in folders left and right of a ZIP.",
+    )
+    if given is None:
+        return None
+    names, pairs, pixels, alone = given.content
+    description = f"{len(names)} pairs, matched by name."
+    if alone:
+        description += f" {alone} more {'picture has' if alone == 1 else 'pictures have'} no partner."
+    digest = hashlib.sha256(given.digest.encode()).hexdigest()
+    return BoardPictures(names, pairs, pixels, description, digest, False)
+
+
+def _matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs, int, int]:
+    """Return what the pairs are called, the pairs, the pixels of a picture, and how many pictures have no partner."""
+    readers: dict[str, Callable[[], bytes]] = {}
+    for name, data in files:
+        if is_archive(data):
+            archive = read_archive(data)
+            readers |= {one: partial(archive.read, one) for one in archive.names}
+        else:
+            readers[name] = partial(bytes, data)
+    if sum(len(data) for _, data in files) > MAX_BYTES:
+        raise ValueError(f"The files hold more than {MAX_BYTES // 2**20} MB; give fewer, or the same as JPEG.")
+    pairs = matched_pairs([*readers])
+    if not pairs:
+        raise ValueError(
+            f"Among {len(readers)} files no left and right pictures belong together by their names; name them left01 "
+            "and right01, left02 and right02, and so on."
+        )
+    if len(pairs) > MOST_PAIRS:
+        raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")
+    pictures = PicturesOfFiles(pairs, lambda name: readers[name]())
+    pixels = max(image.shape[0] * image.shape[1] for image in pictures[0])
+    alone = len([name for name in readers if name.lower().endswith(PICTURE_TYPES)]) - 2 * len(pairs)
+    return tuple(harmless(pair.name) for pair in pairs), pictures, pixels, max(0, alone)

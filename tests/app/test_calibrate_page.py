@@ -1,0 +1,170 @@
+"""The page that calibrates a stereo camera: an example, files matched by name, corrections, and what is taken away."""
+
+from __future__ import annotations
+
+import io
+import time
+import zipfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereolag.geometry.boards import Board
+from stereolag.geometry.drawn_boards import drawn_pairs
+from stereolag.ui.calibrate import examples
+from stereolag.ui.calibrate.kept import KEPT
+from tests.app import uploads
+
+OpenPage = Callable[[str], AppTest]
+PATH = "pages/4_Calibrate.py"
+
+
+@cache
+def files(count: int = 4) -> dict[str, bytes]:
+    pairs = drawn_pairs(examples.drawn_rig(), Board(6, 4), count, square_m=0.03, seed=4)
+    return {
+        f"{side}{number:02}.png": uploads.png(picture)
+        for number, pair in enumerate(pairs, start=1)
+        for side, picture in zip(("left", "right"), pair, strict=True)
+    }
+
+
+def zipped(contents: dict[str, bytes]) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, data in contents.items():
+            archive.writestr(name, data)
+    return stream.getvalue()
+
+
+def finished(app: AppTest) -> AppTest:
+    """Run the page until no job is left."""
+    end = time.monotonic() + 120
+    while app.get("progress") or any(button.key and "cancel" in button.key for button in app.button):
+        assert time.monotonic() < end
+        time.sleep(0.2)
+        app.run()
+    assert not app.exception
+    return app
+
+
+def given(*contents: tuple[str, bytes]) -> AppTest:
+    app = opened_on_own_files()
+    app.run()
+    app.file_uploader(key="calibrate.files").set_value([(name, data, "image/png") for name, data in contents]).run()
+    return finished(app)
+
+
+def opened_on_own_files() -> AppTest:
+    app = AppTest.from_file(Path(__file__).resolve().parents[2] / "app.py", default_timeout=120)
+    app.session_state["calibrate"] = "own"
+    app.switch_page(PATH)
+    return app
+
+
+@pytest.fixture(autouse=True)
+def few_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(examples, "PAIRS", 6)
+    monkeypatch.setattr(examples, "WRONG_PAIR", 3)
+
+
+def numbers(app: AppTest) -> dict[str, str]:
+    return {metric.label: metric.value for metric in app.metric}
+
+
+def said(app: AppTest) -> str:
+    return " ".join(element.value for kind in (app.caption, app.warning, app.markdown) for element in kind)
+
+
+def test_the_example_is_calibrated_and_held_to_the_camera_that_drew_it(open_page: OpenPage) -> None:
+    app = finished(open_page(PATH))
+    assert not app.error
+    assert numbers(app)["Pairs that count"] == "5 of 6"
+    assert float(numbers(app)["Reprojection error"].split()[0]) < 0.1
+    assert "Left out: pair 4 – it contradicts the others" in said(app)
+    assert "drawn by this app" in said(app)
+    assert len(app.get("download_button")) == 4
+    assert len(app.get("image")) == 5
+    assert len(app.get("plotly_chart")) == 1
+
+
+def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_click() -> None:
+    app = given(*files().items(), ("left99.png", files()["left01.png"]))
+    assert "4 pairs, matched by name. 1 more picture has no partner." in said(app)
+    assert [box.value for box in app.number_input][:2] == [6, 4]
+    assert numbers(app)["Pairs that count"] == "4 of 4"
+    before = numbers(app)["Baseline"]
+    counting = next(group for group in app.button_group if group.key and group.key.startswith("calibrate.count"))
+    counting.set_value([0, 1, 3]).run()
+    assert numbers(app)["Pairs that count"] == "3 of 4"
+    app.number_input(key="calibrate.square.own").set_value(50.0).run()
+    assert float(numbers(app)["Baseline"].split()[0]) == pytest.approx(2 * float(before.split()[0]), rel=0.02)
+
+
+def test_folders_of_a_zip_are_left_and_right() -> None:
+    packed = {f"{name[:-6]}/{name[-6:]}": data for name, data in files().items()}
+    app = given(("pairs.zip", zipped(packed)))
+    assert not app.error
+    assert numbers(app)["Pairs that count"] == "4 of 4"
+
+
+def test_a_board_of_another_size_is_answered_with_what_to_check() -> None:
+    app = given(*files(3).items())
+    columns = next(box for box in app.number_input if box.label == "Inner corners across")
+    columns.set_value(12).run()
+    finished(app)
+    assert "0 of 3 pairs can be used" in app.error[0].value
+    assert "is that its size?" in app.error[0].value
+    assert not app.metric
+
+
+def test_pairs_that_contradict_each_other_give_no_calibration_and_are_shown() -> None:
+    mixed = dict(files())
+    rights = [mixed[f"right{number:02}.png"] for number in range(1, 5)]
+    mixed |= {f"right{number:02}.png": rights[number % 4] for number in range(1, 5)}
+    app = given(*mixed.items())
+    assert "contradict each other" in app.error[0].value
+    assert not app.metric
+    assert len(app.get("image")) == 2
+
+
+TEXTURE = uploads.png(uploads.texture(40, 60))
+
+
+@pytest.mark.parametrize(
+    ("contents", "sentence"),
+    [
+        ({"a.png": TEXTURE, "b.png": TEXTURE}, "by their names"),
+        ({"left1.png": uploads.huge_png(), "right1.png": uploads.huge_png()}, "megapixels are accepted"),
+        ({"left1.png": b"no picture", "right1.png": b"none"}, "accepted are"),
+        ({"pairs.zip": b"PK\x03\x04 cut short"}, "damaged or cut short"),
+    ],
+)
+def test_files_that_cannot_be_used_are_refused_with_a_sentence(contents: dict[str, bytes], sentence: str) -> None:
+    app = given(*contents.items())
+    assert sentence in app.error[0].value
+    assert not app.metric
+
+
+def test_pictures_without_a_board_ask_for_its_size() -> None:
+    noise = {name: uploads.png(uploads.texture(90, 120, seed)) for seed, name in enumerate(("left1.png", "right1.png"))}
+    app = given(*noise.items())
+    assert "No chessboard or ChArUco board is seen" in app.warning[0].value
+    assert not app.metric
+
+
+def test_the_calibration_is_kept_for_the_depth_page_in_this_session_alone() -> None:
+    app = given(*files().items())
+    app.button(key="calibrate.use").click().run()
+    kept = app.session_state[KEPT]
+    assert kept.content.rig is not None
+    np.testing.assert_allclose(kept.content.rig.translation, 25 / 30 * examples.drawn_rig().translation, atol=1e-3)
+    app.switch_page("pages/3_Depth_maps.py").run()
+    assert "the calibration you made on the page Calibrate" in said(app)
+    assert not any("gone" in warning.value for warning in app.warning)
+    app.button(key=f"{KEPT}.remove").click().run()
+    assert KEPT not in app.session_state

@@ -1,0 +1,313 @@
+"""A camera of known lens and pose sees a board: the calibration finds both, and tells which pairs are wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import stereolag as sl
+from stereolag.geometry.board_views import BoardViews, find_boards, guess_board
+from stereolag.geometry.boards import Board, Corners, Markers, board_picture
+from stereolag.geometry.calibrating import calibrate_boards
+from stereolag.geometry.calibration_report import LeftOut, StereoCalibration
+from stereolag.geometry.drawn_boards import Look, drawn_pairs
+from stereolag.geometry.rig import StereoRig
+
+SQUARE_M = 0.03
+CHESSBOARD = Board(9, 6)
+Pictures = list[tuple[np.ndarray, np.ndarray]]
+
+
+def rig(scale: float = 1.0) -> StereoRig:
+    return StereoRig(
+        left_matrix=np.array([[530, 0, 325], [0, 532, 237], [0, 0, 1.0]]),
+        left_distortion=np.array([-0.28, 0.09, 0.0005, -0.0004, 0]),
+        right_matrix=np.array([[533, 0, 313], [0, 534, 244], [0, 0, 1.0]]),
+        right_distortion=np.array([-0.27, 0.08, -0.0003, 0.0005, 0]),
+        rotation=cv2.Rodrigues(np.array([0.01, -0.02, 0.008]))[0],
+        translation=np.array([-0.1, 0.001, 0.002]),
+        width=640,
+        height=480,
+    ).scaled(scale)
+
+
+@pytest.fixture(scope="module")
+def pairs() -> Pictures:
+    return list(drawn_pairs(rig(), CHESSBOARD, 10, square_m=SQUARE_M, seed=3))
+
+
+@pytest.fixture(scope="module")
+def views(pairs: Pictures) -> BoardViews:
+    return find_boards(pairs, CHESSBOARD)
+
+
+def with_right(views: BoardViews, right: Sequence[Corners | None]) -> BoardViews:
+    return replace(views, right=tuple(right))
+
+
+def placed_views(true: StereoRig, poses: Sequence[tuple[np.ndarray, np.ndarray]], noise: float = 0.03) -> BoardViews:
+    """Where two cameras would see the corners of a chessboard in these poses (turn, place in squares)."""
+    random = np.random.default_rng(0)
+    left, right = [], []
+    for turn, place in poses:
+        rotation = cv2.Rodrigues(turn)[0]
+        beside = cv2.Rodrigues(true.rotation @ rotation)[0], true.rotation @ place + true.translation / SQUARE_M
+        for corners, pose, matrix, distortion in (
+            (left, (turn, place), true.left_matrix, true.left_distortion),
+            (right, beside, true.right_matrix, true.right_distortion),
+        ):
+            seen = cv2.projectPoints(CHESSBOARD.points(), *pose, matrix, distortion)[0][:, 0]
+            corners.append(Corners(np.arange(54), seen + random.normal(0, noise, seen.shape)))
+    return BoardViews(CHESSBOARD, (640, 480), tuple(left), tuple(right), (((640, 480), (640, 480)),) * len(poses))
+
+
+def check_rig(calibration: sl.Calibration, true: StereoRig, px: float = 1.0, turn: float = 1e-3) -> None:
+    found = calibration.rig
+    assert found is not None
+    np.testing.assert_allclose(found.left_matrix, true.left_matrix, atol=px)
+    np.testing.assert_allclose(found.right_matrix, true.right_matrix, atol=px)
+    np.testing.assert_allclose(found.rotation, true.rotation, atol=turn)
+    np.testing.assert_allclose(found.translation, true.translation, atol=3e-4)
+
+
+def test_the_rig_that_drew_the_pictures_is_found(pairs: Pictures) -> None:
+    told: list[float] = []
+    calibration = sl.calibrate(iter(pairs), square_m=SQUARE_M, progress=told.append)
+    check_rig(calibration, rig())
+    assert calibration.rms is not None
+    assert calibration.rms < 0.08
+    assert told[-1] == 1
+    assert told == sorted(told)
+    assert calibration.baseline_m == pytest.approx(0.1, rel=3e-3)
+
+
+def test_rows_match_and_depth_is_right_after_rectification(views: BoardViews, pairs: Pictures) -> None:
+    result = calibrate_boards(views, SQUARE_M)
+    assert result.row_error < 0.06
+    left, right, _ = sl.rectify(*pairs[0], result.calibration)
+    again = find_boards([(left, right)], CHESSBOARD)
+    assert again.left[0] is not None
+    assert again.right[0] is not None
+    assert np.abs(again.left[0].points[:, 1] - again.right[0].points[:, 1]).mean() < 0.1
+
+
+@pytest.mark.parametrize(
+    "board",
+    [
+        Board(7, 5, Markers("DICT_5X5_1000", 0.7)),
+        Board(8, 5, Markers("DICT_4X4_1000", 0.75, legacy=True)),
+        Board(5, 8, Markers("DICT_APRILTAG_36h11", 0.65)),
+    ],
+)
+def test_a_charuco_board_seen_in_part_is_known_and_enough(board: Board) -> None:
+    # An even number of rows of squares is where the old layout differs.
+    pairs = list(drawn_pairs(rig(1.4), board, 6, square_m=SQUARE_M, seed=1, partly=True))
+    views = find_boards(pairs)
+    known = views.board
+    assert known.markers is not None
+    assert (known.columns, known.rows) == (board.columns, board.rows)
+    assert board.markers is not None
+    assert (known.markers.dictionary, known.markers.legacy) == (board.markers.dictionary, board.markers.legacy)
+    assert known.markers.share == pytest.approx(board.markers.share, abs=0.04)
+    assert any(len(one) < board.corners for one in (*views.left, *views.right) if one is not None)
+    check_rig(calibrate_boards(views, SQUARE_M).calibration, rig(1.4), px=8, turn=3e-3)
+
+
+@pytest.mark.parametrize("size", [(9, 6), (7, 7), (8, 6), (11, 8), (6, 4)])
+def test_the_size_of_a_chessboard_is_guessed(size: tuple[int, int]) -> None:
+    pairs = list(drawn_pairs(rig(), Board(*size), 4, square_m=SQUARE_M, seed=2))
+    assert guess_board(pairs) == Board(*size)
+
+
+def test_large_pictures_in_colour_and_sixteen_bits_are_refined_in_full_size() -> None:
+    small = list(drawn_pairs(rig(2.2), CHESSBOARD, 3, square_m=SQUARE_M, seed=3, look=Look(1.2, 2)))
+    deep = [tuple(np.stack([one] * 3, axis=-1).astype(np.uint16) * 257 for one in pair) for pair in small]
+    result = calibrate_boards(find_boards(deep, (9, 6)), SQUARE_M)
+    assert len(result.used) == 3
+    assert result.rms < 0.15
+
+
+def test_corners_are_exact_to_a_few_hundredths_of_a_pixel(views: BoardViews) -> None:
+    """Held to the very places where the known cameras see a board at the pose that fits best."""
+    true = rig()
+    errors = []
+    for corners in views.left:
+        assert corners is not None
+        _, turn, place = cv2.solvePnP(CHESSBOARD.points(), corners.points, true.left_matrix, true.left_distortion)
+        places = cv2.projectPoints(CHESSBOARD.points(), turn, place, true.left_matrix, true.left_distortion)[0][:, 0]
+        errors.append(np.linalg.norm(places - corners.points, axis=1))
+    assert np.sqrt(np.mean(np.square(errors))) < 0.06
+
+
+@pytest.mark.parametrize("count", [4, 8])
+def test_a_wide_lens_is_given_the_coefficients_it_needs(count: int) -> None:
+    """By places alone, without drawing: 100° of view, whose distortion two coefficients do not describe."""
+    wide = replace(
+        rig(),
+        left_matrix=np.array([[270, 0, 322], [0, 271, 238], [0, 0, 1.0]]),
+        right_matrix=np.array([[271, 0, 317], [0, 272, 242], [0, 0, 1.0]]),
+        left_distortion=np.array([-0.3, 0.1, 0, 0, -0.015]),
+        right_distortion=np.array([-0.3, 0.1, 0, 0, -0.015]),
+    )
+    random = np.random.default_rng(5)
+    poses = [(random.normal(0, 0.3, 3), random.uniform((-8, -6, 8), (-0.5, 0.5, 11))) for _ in range(count)]
+    views = placed_views(wide, poses)
+    result = calibrate_boards(views, SQUARE_M)
+    assert result.rms < 0.1
+    assert result.row_error < 0.1
+    check_rig(result.calibration, wide, px=2)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.6, 0.65, 0.7, 0.72, 0.75, 0.8, 0.9])
+def test_a_charuco_board_is_drawn_whatever_the_size_of_its_markers(share: float) -> None:
+    picture = board_picture(Board(8, 5, Markers("DICT_5X5_1000", share)), 48)
+    assert picture.shape == (8 * 48, 11 * 48)
+
+
+def wrong_moment(pairs: Pictures) -> Pictures:
+    return [(left, pairs[3][1] if number == 2 else right) for number, (left, right) in enumerate(pairs)]
+
+
+def upside_down(pairs: Pictures) -> Pictures:
+    return [(left, right[::-1, ::-1] if number == 2 else right) for number, (left, right) in enumerate(pairs)]
+
+
+@pytest.mark.parametrize("spoil", [wrong_moment, upside_down])
+def test_a_pair_that_contradicts_the_others_is_left_out(pairs: Pictures, spoil: Callable[..., Pictures]) -> None:
+    result = calibrate_boards(find_boards(spoil(pairs), CHESSBOARD), SQUARE_M)
+    assert [pair.left_out for pair in result.pairs] == [
+        LeftOut.CONTRADICTS if number == 2 else None for number in range(len(pairs))
+    ]
+    assert max(result.pairs[2].left_rms, result.pairs[2].right_rms) > 5
+    check_rig(result.calibration, rig())
+
+
+def test_a_board_that_moved_a_little_in_between_is_left_out(views: BoardViews) -> None:
+    moved = views.right[4]
+    assert moved is not None
+    right = [
+        Corners(moved.numbers, moved.points + np.array([4, 0])) if number == 4 else one
+        for number, one in enumerate(views.right)
+    ]
+    result = calibrate_boards(with_right(views, right), SQUARE_M)
+    assert result.pairs[4].left_out == LeftOut.CONTRADICTS
+    assert len(result.used) == len(views) - 1
+
+
+@pytest.mark.parametrize("turned", [(1,), (0, 3, 5)])
+def test_corners_counted_from_the_other_end_are_put_in_order(views: BoardViews, turned: tuple[int, ...]) -> None:
+    right = [
+        Corners(one.numbers, one.points[::-1]) if one is not None and number in turned else one
+        for number, one in enumerate(views.right)
+    ]
+    result = calibrate_boards(with_right(views, right), SQUARE_M)
+    plain = calibrate_boards(views, SQUARE_M)
+    assert {number for number, pair in enumerate(result.pairs) if pair.turned} ^ set(turned) == {
+        number for number, pair in enumerate(plain.pairs) if pair.turned
+    }
+    assert result.rms == pytest.approx(plain.rms)
+
+
+def test_the_same_pair_twice_counts_once(pairs: Pictures) -> None:
+    result = calibrate_boards(find_boards([*pairs[:5], pairs[1]], CHESSBOARD), SQUARE_M)
+    assert [pair.left_out for pair in result.pairs] == [None] * 5 + [LeftOut.SAME_VIEW]
+
+
+def test_pairs_without_a_board_or_of_another_size_or_left_out_by_hand_say_so(pairs: Pictures) -> None:
+    blank = np.full_like(pairs[0][0], 128)
+    odd = tuple(image[:-40] for image in pairs[1])
+    given = [*pairs[:4], (blank, pairs[4][1]), (pairs[5][0], blank), (blank, blank), odd, pairs[6]]
+    result = calibrate_boards(find_boards(given, CHESSBOARD), SQUARE_M, leave_out={8})
+    assert [pair.left_out for pair in result.pairs[4:]] == [
+        LeftOut.NOT_FOUND_LEFT,
+        LeftOut.NOT_FOUND_RIGHT,
+        LeftOut.NOT_FOUND,
+        LeftOut.OTHER_SIZE,
+        LeftOut.BY_HAND,
+    ]
+    assert result.used == (0, 1, 2, 3)
+
+
+def refusal(views: BoardViews) -> str:
+    with pytest.raises(ValueError) as caught:
+        calibrate_boards(views, SQUARE_M)
+    return str(caught.value)
+
+
+def test_a_set_that_contradicts_itself_is_refused(views: BoardViews) -> None:
+    said = refusal(with_right(views, [*views.right[1:], views.right[0]]))
+    assert "contradict each other" in said
+    assert "of 10 agree" in said
+
+
+def test_left_and_right_exchanged_are_recognised(views: BoardViews) -> None:
+    assert "exchanged" in refusal(replace(views, left=views.right, right=views.left))
+
+
+def test_cameras_one_above_the_other_are_refused(views: BoardViews) -> None:
+    def turned(corners: Corners | None) -> Corners | None:
+        return (
+            None
+            if corners is None
+            else Corners(corners.numbers, corners.points[:, ::-1] * np.array([1, -1]) + np.array([0, 640]))
+        )
+
+    sideways = replace(
+        views, size=(480, 640), left=tuple(map(turned, views.left)), right=tuple(map(turned, views.right))
+    )
+    sideways = replace(sideways, sizes=tuple(((480, 640), (480, 640)) for _ in range(len(views))))
+    assert "above or below" in refusal(sideways)
+
+
+def test_too_few_pairs_are_refused_with_their_number(views: BoardViews) -> None:
+    said = refusal(with_right(views, [*views.right[:2], *[None] * (len(views) - 2)]))
+    assert said.startswith("2 of 10 pairs can be used, and at least 3 are needed")
+
+
+def test_a_board_always_held_alike_is_refused() -> None:
+    """Flat before the camera at one distance: any focal length would do."""
+    poses = [(np.zeros(3), np.array([shift - 5, -2.5, 18.0])) for shift in (-2.0, 0.0, 1.5, 3.0)]
+    assert "tilt" in refusal(placed_views(rig(), poses, noise=0.3))
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({"pairs": []}, "pairs holds 0"),
+        ({"board": (1, 6)}, "columns of the board is 1"),
+        ({"square_m": 0.0}, "square_m is 0"),
+        ({"square_m": float("nan")}, "square_m is nan"),
+    ],
+)
+def test_what_makes_no_sense_is_named(given: dict[str, object], word: str) -> None:
+    blank = np.zeros((60, 80), np.uint8)
+    with pytest.raises(ValueError, match=word):
+        sl.calibrate(**({"pairs": [(blank, blank)] * 3, "board": (9, 6)} | given))
+
+
+def test_pictures_without_a_board_are_refused_with_what_to_give() -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (120, 160), dtype=np.uint8)
+    with pytest.raises(ValueError, match="No chessboard or ChArUco board is seen in 4 pictures"):
+        sl.calibrate([(noise, noise)] * 2)
+
+
+def test_opencvs_own_pairs_reach_its_error(data_dir: Path) -> None:
+    folder = data_dir / "calibration" / "opencv_chessboard"
+    files = sorted(folder.glob("left*.jpg"))
+    if not files:
+        pytest.skip(f"no pairs in {folder}")
+    pairs = [(sl.read_image(file), sl.read_image(folder / file.name.replace("left", "right"))) for file in files]
+    result: StereoCalibration = calibrate_boards(find_boards(pairs))
+    assert result.board == Board(9, 6)
+    assert len(result.used) == 13
+    assert result.rms < 0.26
+    assert result.row_error < 0.105
+    rig = result.calibration.rig
+    assert rig is not None
+    # In squares; by OpenCV's sample 3.34, with its 14 coefficients and one focal length for both.
+    assert np.linalg.norm(rig.translation) == pytest.approx(3.34, abs=0.03)
