@@ -27,7 +27,7 @@ class ExampleKind(StrEnum):
     CLEAR = "clear"
     """One peak, well above every other score."""
     REPEATS = "repeats"
-    """Two peaks of the same height."""
+    """Two peaks of the same height with a valley between them."""
     BARE = "bare"
     """A window without texture."""
     HIDDEN = "hidden"
@@ -37,8 +37,12 @@ class ExampleKind(StrEnum):
 LOOKED_AT = 150
 """How many promising windows are examined, the most promising first."""
 
-CONFUSABLE = 0.05
-"""Windows whose two best scores are closer may be repeating patterns."""
+CONFUSABLE = 0.1
+"""Windows whose two best scores differ by a smaller share may be repeating patterns."""
+
+FLANK_FALL = 1.5
+"""On the flank of a parabola the best score farther than 1 px away is at least 2 times as far below the peak as its
+neighbours are on average; a second peak need not be."""
 
 NARROWEST_HIDDEN = 3
 """Px; a hidden area is a strip beside a near object, and narrower holes are rounding."""
@@ -97,9 +101,14 @@ def _surest(matches: WindowMatches) -> Iterator[int]:
 
 
 def _most_confusable(matches: WindowMatches) -> Iterator[int]:
-    """Yield windows of much texture first among those with two good places."""
-    confusable = matches.score - _runner_up(matches) < CONFUSABLE * np.abs(matches.score)
-    textured = matches.score * np.sqrt(matches.texture)
+    """Yield windows of much texture first among those with a second place as good, farther off than the peak's flank."""
+    behind = matches.score - _runner_up(matches)
+    middle = len(matches.around) // 2
+    falls = [matches.score - matches.around[middle, [0, 2]].mean(axis=0)]
+    if len(matches.around) > 1:
+        falls.append(matches.score - matches.around[[0, 2], 1].mean(axis=0))
+    confusable = (behind < CONFUSABLE * np.abs(matches.score)) & (behind < FLANK_FALL * np.minimum.reduce(falls))
+    textured = (CONFUSABLE * np.abs(matches.score) - behind) * np.sqrt(matches.texture)
     return _highest_first(np.where(confusable, textured, np.nan))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import FloatMap
+from stereolag.explaining.lobes import lobe, passes
 from stereolag.explaining.one_window import Lag, Surface, best_match, fitted_curve, window_start
 from stereolag.inputs import as_grey, as_stereo_pair, of_ordinary_size
 from stereolag.stereo.windows.matcher import CorrelationMatcher
@@ -24,9 +25,9 @@ class MatchKind(StrEnum):
     CLEAR = "clear"
     """One peak, well above every other score."""
     REPEATS = "repeats"
-    """Two separate peaks of nearly the same height: a repeating pattern."""
+    """Two separate peaks of nearly the same height, with a valley between them: a repeating pattern."""
     SMOOTH = "smooth"
-    """One broad peak: neighbouring places score nearly the same."""
+    """One broad peak: its own neighbours score nearly the same."""
     BARE = "bare"
     """A low score in a window with little contrast."""
     UNLIKE = "unlike"
@@ -64,9 +65,16 @@ class MatchExplanation:
     dy, dx
         The displacements of its rows and columns, right minus left, px.
     peak, runner_up
-        (dy, dx) of the best score, and of the best one farther than 1 px from it; None where there is none.
+        (dy, dx) of the best score, and of the best one outside the peak's own lobe
+        (:func:`stereolag.explaining.lobes.lobe`); None where there is none.
     peak_score, runner_up_score
         Their scores; NaN where there is none.
+    valley
+        The lowest score on the best way from the peak to the runner-up; NaN without a runner-up.
+    flank_score
+        The best score in the peak's own lobe farther than 1 px from it; NaN where there is none.
+    as_good
+        Two scores that differ by less are as good as equal, and a valley that is less deep is none.
     at_edge
         Whether the map refuses the peak: one pixel beyond the search area scores higher, or the window found touches
         the frame of the right image.
@@ -92,6 +100,9 @@ class MatchExplanation:
     runner_up: Lag | None
     peak_score: float
     runner_up_score: float
+    valley: float
+    flank_score: float
+    as_good: float
     at_edge: bool
     around: FloatMap
     offset: tuple[float, float]
@@ -139,25 +150,16 @@ class MatchExplanation:
             return MatchKind.AT_EDGE
         if self.score == "zncc" and self.peak_score < POOR_SCORE:
             return MatchKind.BARE if self.contrast < BARE_CONTRAST else MatchKind.UNLIKE
-        if self.peak_score - self.runner_up_score < AMBIGUOUS_MARGIN * abs(self.peak_score):
-            return MatchKind.REPEATS if self._valley_between else MatchKind.SMOOTH
-        return MatchKind.CLEAR
-
-    @property
-    def _valley_between(self) -> bool:
-        """Return whether the scores sink between the peak and the runner-up: two peaks, not one broad one."""
-        if self.peak is None or self.runner_up is None:
-            return False
-        first = np.array([self.dy[0], self.dx[0]])
-        ends = np.array([self.peak, self.runner_up]) - first
-        count = int(np.abs(ends[1] - ends[0]).max()) + 1
-        rows, cols = np.rint(np.linspace(ends[0], ends[1], count)).astype(np.intp).T
-        lowest = float(np.nanmin(self.surface[rows, cols]))
-        return self.runner_up_score - lowest > AMBIGUOUS_MARGIN * abs(self.peak_score)
+        if self.peak_score - self.runner_up_score < max(self.as_good, RIVAL_SHARE * (self.peak_score - self.valley)):
+            return MatchKind.REPEATS
+        return MatchKind.SMOOTH if self.peak_score - self.flank_score < self.as_good else MatchKind.CLEAR
 
 
 AMBIGUOUS_MARGIN = 0.03
-"""Two scores that differ by a smaller share are as good as equal."""
+"""Two scores that differ by a smaller share are as good as equal; of "ncc", a share of what is not the mean's."""
+
+RIVAL_SHARE = 0.1
+"""A second peak that falls short of the first by a smaller share of the depth of the valley between them is its equal."""
 
 BARE_CONTRAST = 0.1
 """A window with a smaller share of the image's contrast is a bare wall."""
@@ -209,14 +211,14 @@ def explain_match(
     )
     peak = best if inside else _highest(surface, asked)
     dy, dx = np.arange(asked.dy_first, asked.dy_last + 1), np.arange(asked.dx_first, asked.dx_last + 1)
-    elsewhere = surface.copy()
-    if peak:
-        elsewhere[(np.abs(dy - peak[0]) <= 1)[:, None] & (np.abs(dx - peak[1]) <= 1)] = np.nan
-    second = _highest(elsewhere, asked)
+    window = grey[0][top : top + size, start : start + size].astype(np.float64)
+    as_good = AMBIGUOUS_MARGIN * abs(_score_at(surface, asked, peak))
+    if matcher.score == "ncc":
+        as_good *= float(window.var() / (np.mean(window**2) or 1.0))
+    second, valley, flank = _beyond_lobe(surface, asked, peak, as_good, wrapped=query.circular)
     found = Box(top + peak[0], start + peak[1], size, size) if peak else None
     at_edge = not inside or (found is not None and not query.circular and _touches_frame(found, (height, width), asked))
     offset_dy, offset_dx = (0.0, 0.0) if at_edge else (float(one[0, 0]) for one in fit_peaks(around[:, :, None, None]))
-    window = grey[0][top : top + size, start : start + size]
     return MatchExplanation(
         window=Box(top, start, size, size),
         search=_reached(top, start, size, asked, (height, width)),
@@ -228,6 +230,9 @@ def explain_match(
         runner_up=second,
         peak_score=float(around[len(around) // 2, 1]) if inside else _score_at(surface, asked, peak),
         runner_up_score=_score_at(surface, asked, second),
+        valley=valley,
+        flank_score=flank,
+        as_good=as_good,
         at_edge=at_edge,
         around=around,
         offset=(offset_dy, offset_dx),
@@ -242,6 +247,21 @@ def with_rows_around(matcher: CorrelationMatcher, rows: int) -> CorrelationMatch
     if matcher.search.circular(matcher.window_size) or lags.dy_last >= rows:
         return matcher
     return matcher.model_copy(update={"search": matcher.search.model_copy(update={"vertical": rows})})
+
+
+def _beyond_lobe(
+    surface: Surface, lags: LagRange, peak: Lag | None, dip: float, *, wrapped: bool
+) -> tuple[Lag | None, float, float]:
+    """Return the best lag outside the peak's lobe, the valley before it, and the best score on the peak's flank."""
+    if peak is None:
+        return None, float("nan"), float("nan")
+    at = peak[0] - lags.dy_first, peak[1] - lags.dx_first
+    heights = passes(surface, at, wrapped=wrapped)
+    own = lobe(surface, heights, dip)
+    second = _highest(np.where(own, np.nan, surface), lags)
+    own[max(0, at[0] - 1) : at[0] + 2, max(0, at[1] - 1) : at[1] + 2] = False
+    flank = float(surface[own].max()) if own.any() else float("nan")
+    return second, _score_at(heights, lags, second), flank
 
 
 def _highest(surface: Surface, lags: LagRange) -> Lag | None:
