@@ -101,7 +101,7 @@ def _surest(matches: WindowMatches) -> Iterator[int]:
 
 
 def _most_confusable(matches: WindowMatches) -> Iterator[int]:
-    """Yield windows of much texture first among those with a second place as good, farther off than the peak's flank."""
+    """Yield windows of much texture and two equal places first, among those whose second place is not on a flank."""
     behind = matches.score - _runner_up(matches)
     middle = len(matches.around) // 2
     falls = [matches.score - matches.around[middle, [0, 2]].mean(axis=0)]

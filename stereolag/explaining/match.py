@@ -116,6 +116,12 @@ class MatchExplanation:
         scores: Surface = self.surface[dy - int(self.dy[0])]
         return scores
 
+    def score_at(self, lag: Lag) -> float:
+        """Return the score of a (dy, dx); NaN where it is not searched or is no candidate."""
+        row, col = lag[0] - int(self.dy[0]), lag[1] - int(self.dx[0])
+        inside = 0 <= row < self.dy.size and 0 <= col < self.dx.size
+        return float(self.surface[row, col]) if inside else float("nan")
+
     @property
     def disparity(self) -> float:
         """Return the disparity that the map takes from this window, px; NaN where it takes none."""
@@ -159,7 +165,7 @@ AMBIGUOUS_MARGIN = 0.03
 """Two scores that differ by a smaller share are as good as equal; of "ncc", a share of what is not the mean's."""
 
 RIVAL_SHARE = 0.1
-"""A second peak that falls short of the first by a smaller share of the depth of the valley between them is its equal."""
+"""A second peak is as good as the first if it falls short of it by a smaller share of the valley's depth."""
 
 BARE_CONTRAST = 0.1
 """A window with a smaller share of the image's contrast is a bare wall."""

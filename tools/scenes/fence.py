@@ -105,9 +105,9 @@ def _post(rng: np.random.Generator) -> dict[str, Any]:
     timber = textures.wood((512, 1024), rng, (0.70, 0.58, 0.43), (0.38, 0.28, 0.19), rings=6)
     post = box((0.115, 0.115, 1.75), radius=0.01, tile=0.7)
     cap = box((0.15, 0.15, 0.03), radius=0.008, tile=0.3)
-    place = np.array([-0.62, 3.05, 0.0])
+    place = (-0.62, 3.05)
     return {
-        "post": join([post.moved(place + [0, 0, 0.83]), cap.moved(place + [0, 0, 1.72])]).shape(matte(timber)),
+        "post": join([post.moved((*place, 0.83)), cap.moved((*place, 1.72))]).shape(matte(timber)),
     }
 
 

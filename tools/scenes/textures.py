@@ -132,7 +132,9 @@ def bricks(shape: Shape, rng: np.random.Generator, courses: int, across: int) ->
     to_joint = np.minimum(
         height * (0.5 - np.abs(up - np.floor(up) - 0.5)), width * (0.5 - np.abs(along - np.floor(along) - 0.5))
     )
-    clay = blend(rng.random((courses, across)), (0.40, 0.17, 0.12), (0.58, 0.27, 0.18), (0.68, 0.40, 0.28))[course, brick]
+    clay = blend(rng.random((courses, across)), (0.40, 0.17, 0.12), (0.58, 0.27, 0.18), (0.68, 0.40, 0.28))[
+        course, brick
+    ]
     grain = fractal_noise(shape, rng, slope=0.6, finest=3)
     mortar = mottle(shape, rng, (0.60, 0.57, 0.52), (0.74, 0.71, 0.65))
     joint = to_joint < 0.065 * height

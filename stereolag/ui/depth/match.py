@@ -9,10 +9,11 @@ import streamlit as st
 
 from stereolag.explaining.example_pixels import ExampleKind, example_pixel
 from stereolag.explaining.match import Box, MatchExplanation, MatchKind, explain_match, with_rows_around
-from stereolag.figures.linked_pictures import Picture, word_legend
+from stereolag.figures.linked_pictures import Legend, Picture, word_legend
 from stereolag.figures.match import (
     RUNNER_UP_COLOUR,
     SEARCH_COLOUR,
+    TRUTH_COLOUR,
     WINDOW_COLOUR,
     patch_png,
     score_landscape,
@@ -29,22 +30,22 @@ from stereolag.ui.depth.blanks import reasons_of
 from stereolag.ui.depth.maps import TRUTH
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import show_png, shown_progress
+from stereolag.ui.hovered_match import can_follow, hovered_match
 from stereolag.ui.linked_pictures import Mark, linked_pictures
-from stereolag.ui.navigation import fragment
-from stereolag.ui.sentences import (
+from stereolag.ui.match_sentences import (
     BEFORE_OPTIMISATION,
     EXAMPLE_LABELS,
-    HIDDEN_FROM_RIGHT,
     NO_CORRELATION,
     NO_EXAMPLE,
     NO_FIT,
-    REASON_WORDS,
     RIGHT_PX,
     ROW_FIT,
     SQUARE_FIT,
-    match_against_truth,
-    match_in_words,
+    TOO_MUCH_TO_FOLLOW,
+    verdict,
 )
+from stereolag.ui.navigation import fragment
+from stereolag.ui.sentences import REASON_WORDS
 
 KEY = "depth.inspection"
 ROWS_AROUND = 8
@@ -72,27 +73,26 @@ def show_inspection(view: DepthView) -> None:
     _offer_examples(view, matcher)
     row, col = _pixel(view)
     seen = explain_match(matcher, view.pair.left, view.pair.right, row, col)
+    # Above the pictures: on a phone and on a low screen they and what follows the pointer are then seen together.
+    if can_follow(view.pair, matcher):
+        hovered_match(view.pair, matcher, (row, col), pictures=KEY)
+    else:
+        st.caption(TOO_MUCH_TO_FOLLOW)
     linked_pictures(
         [
-            Picture("Left image: click a pixel", as_rgb(view.pair.left), photograph=True),
+            Picture("Left image: point at it, or click", as_rgb(view.pair.left), photograph=True),
             Picture("Right image: where it was looked for", as_rgb(view.pair.right), photograph=True, pickable=False),
         ],
         key=KEY,
         columns=2,
-        legends=[
-            word_legend(
-                "",
-                [WINDOW_COLOUR, RUNNER_UP_COLOUR, SEARCH_COLOUR],
-                ["the window, and where it was found", "the runner-up", "the search area"],
-            )
-        ],
-        marks=_marks(seen, (row, col)),
+        legends=[_legend(view)],
+        marks=_marks(view, seen, (row, col)),
         on_pick=lambda row, col: st.session_state.update({_pixel_key(view): (row, col)}),
     )
     _show_verdict(view, matcher, seen, (row, col))
     patches, hill = st.columns([1, 1.7], gap="medium")
     with patches:
-        _show_patches(view, seen)
+        _show_patches(view, seen, (row, col))
     with hill:
         _show_scores(view, matcher, seen, (row, col))
     _show_row(view, seen, (row, col))
@@ -136,17 +136,39 @@ def _offer_examples(view: DepthView, matcher: CorrelationMatcher) -> None:
         if pixel:
             st.session_state[_pixel_key(view)] = pixel
         else:
-            st.info(NO_EXAMPLE)
+            st.info(NO_EXAMPLE[kind])
 
 
-def _marks(seen: MatchExplanation, pixel: Pixel) -> list[Mark]:
-    """Return the frames: the window left, and right the search area, the runner-up and the place found."""
+def _legend(view: DepthView) -> Legend:
+    colours = [WINDOW_COLOUR, RUNNER_UP_COLOUR, SEARCH_COLOUR]
+    words = ["the window, and where it was found", "the runner-up", "the search area"]
+    if view.pair.truth is not None:
+        colours.insert(1, TRUTH_COLOUR)
+        words.insert(1, "the true place")
+    return word_legend("", colours, words)
+
+
+def _marks(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> list[Mark]:
+    """Return the frames: left the window, right the search area and the places: runner-up, true and found."""
     marks = [_frame(seen.search, SEARCH_COLOUR, 1, area=True), _frame(seen.window, WINDOW_COLOUR, 0)]
     if seen.runner_up:
         marks.append(_frame(_at(seen, seen.runner_up), RUNNER_UP_COLOUR, 1))
+    true_lag = _true_lag(view, pixel)
+    if true_lag:
+        marks.append(_frame(_at(seen, true_lag), TRUTH_COLOUR, 1))
     if seen.found:
         marks.append(_frame(seen.found, WINDOW_COLOUR, 1))
     return [*marks, Mark(*pixel, WINDOW_COLOUR, pictures=(0,))]
+
+
+def _truth(view: DepthView, pixel: Pixel) -> float:
+    return math.nan if view.pair.truth is None else float(view.pair.truth[pixel])
+
+
+def _true_lag(view: DepthView, pixel: Pixel) -> tuple[int, int] | None:
+    """Return the whole (dy, dx) nearest to the ground truth; None where it is not known."""
+    truth = _truth(view, pixel)
+    return None if math.isnan(truth) else (0, -round(truth))
 
 
 def _frame(box: Box, colour: str, picture: int, *, area: bool = False) -> Mark:
@@ -169,20 +191,18 @@ def _at(seen: MatchExplanation, lag: tuple[int, int]) -> Box:
 
 
 def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
-    said = f"**{match_in_words(seen)}**"
-    truth = math.nan if view.pair.truth is None else float(view.pair.truth[pixel])
-    error = abs(seen.disparity - truth)
-    if not math.isnan(error):
-        said += f" {match_against_truth(seen.disparity, truth)}"
-    if view.pair.visible is not None and not view.pair.visible[pixel]:
-        said += f" {HIDDEN_FROM_RIGHT}"
-    sure = seen.kind is MatchKind.CLEAR and not error > RIGHT_PX
-    (st.success if sure else st.warning)(said)
-    if all(result.settings != matcher for result in view.results.values()):
+    truth = _truth(view, pixel)
+    visible = view.pair.visible is None or bool(view.pair.visible[pixel])
+    own = next((result for result in view.results.values() if result.settings == matcher), None)
+    fate = (Reason(own.reason[pixel]), float(own.disparity[pixel])) if own else (None, math.nan)
+    said = verdict(seen, truth, visible=visible, reason=fate[0], disparity=fate[1])
+    wrong = abs(seen.disparity - truth) > RIGHT_PX
+    (st.success if seen.kind is MatchKind.CLEAR and not wrong else st.warning)(said)
+    if own is None:
         st.caption(BEFORE_OPTIMISATION)
 
 
-def _show_patches(view: DepthView, seen: MatchExplanation) -> None:
+def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the window beside the places found, enlarged."""
     st.markdown("##### The windows compared")
     places = [("Looked for", view.pair.left, seen.window, math.nan)]
@@ -190,11 +210,14 @@ def _show_patches(view: DepthView, seen: MatchExplanation) -> None:
         places.append(("Found", view.pair.right, seen.found, seen.peak_score))
     if seen.runner_up:
         places.append(("Runner-up", view.pair.right, _at(seen, seen.runner_up), seen.runner_up_score))
+    true_lag = _true_lag(view, pixel)
+    if true_lag and not math.isnan(score := seen.score_at(true_lag)):
+        places.append(("True place", view.pair.right, _at(seen, true_lag), score))
     with st.container(horizontal=True, gap="small"):
-        for name, image, box, score in places:
+        for name, image, box, its_score in places:
             with st.container(width=150):
                 show_png(patch_png(image, box))
-                st.caption(name if math.isnan(score) else f"{name}: **{score:.3f}**")
+                st.caption(name if math.isnan(its_score) else f"{name}: **{its_score:.3f}**")
     st.caption(
         "Enlarged, in grey as they are compared, each stretched from its darkest to its brightest. "
         f"The window actually has {seen.contrast:.0%} of the image’s contrast."
