@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import FloatMap
-from stereolag.explaining.lobes import lobe, passes
-from stereolag.explaining.one_window import Lag, Surface, best_match, fitted_curve, window_start
+from stereolag.explaining.lobes import beyond_lobe
+from stereolag.explaining.one_window import Lag, Surface, best_match, fitted_curve, highest, score_at, window_start
 from stereolag.inputs import as_grey, as_stereo_pair, of_ordinary_size
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.matches import Score
@@ -215,13 +215,13 @@ def explain_match(
     inside = (
         best is not None and asked.dy_first <= best[0] <= asked.dy_last and asked.dx_first <= best[1] <= asked.dx_last
     )
-    peak = best if inside else _highest(surface, asked)
+    peak = best if inside else highest(surface, asked)
     dy, dx = np.arange(asked.dy_first, asked.dy_last + 1), np.arange(asked.dx_first, asked.dx_last + 1)
     window = grey[0][top : top + size, start : start + size].astype(np.float64)
-    as_good = AMBIGUOUS_MARGIN * abs(_score_at(surface, asked, peak))
+    as_good = AMBIGUOUS_MARGIN * abs(score_at(surface, asked, peak))
     if matcher.score == "ncc":
         as_good *= float(window.var() / (np.mean(window**2) or 1.0))
-    second, valley, flank = _beyond_lobe(surface, asked, peak, as_good, wrapped=query.circular)
+    second, valley, flank = beyond_lobe(surface, asked, peak, as_good, wrapped=query.circular)
     found = Box(top + peak[0], start + peak[1], size, size) if peak else None
     at_edge = not inside or (found is not None and not query.circular and _touches_frame(found, (height, width), asked))
     offset_dy, offset_dx = (0.0, 0.0) if at_edge else (float(one[0, 0]) for one in fit_peaks(around[:, :, None, None]))
@@ -234,8 +234,8 @@ def explain_match(
         dx=dx,
         peak=peak,
         runner_up=second,
-        peak_score=float(around[len(around) // 2, 1]) if inside else _score_at(surface, asked, peak),
-        runner_up_score=_score_at(surface, asked, second),
+        peak_score=float(around[len(around) // 2, 1]) if inside else score_at(surface, asked, peak),
+        runner_up_score=score_at(surface, asked, second),
         valley=valley,
         flank_score=flank,
         as_good=as_good,
@@ -253,32 +253,6 @@ def with_rows_around(matcher: CorrelationMatcher, rows: int) -> CorrelationMatch
     if matcher.search.circular(matcher.window_size) or lags.dy_last >= rows:
         return matcher
     return matcher.model_copy(update={"search": matcher.search.model_copy(update={"vertical": rows})})
-
-
-def _beyond_lobe(
-    surface: Surface, lags: LagRange, peak: Lag | None, dip: float, *, wrapped: bool
-) -> tuple[Lag | None, float, float]:
-    """Return the best lag outside the peak's lobe, the valley before it, and the best score on the peak's flank."""
-    if peak is None:
-        return None, float("nan"), float("nan")
-    at = peak[0] - lags.dy_first, peak[1] - lags.dx_first
-    heights = passes(surface, at, wrapped=wrapped)
-    own = lobe(surface, heights, dip)
-    second = _highest(np.where(own, np.nan, surface), lags)
-    own[max(0, at[0] - 1) : at[0] + 2, max(0, at[1] - 1) : at[1] + 2] = False
-    flank = float(surface[own].max()) if own.any() else float("nan")
-    return second, _score_at(heights, lags, second), flank
-
-
-def _highest(surface: Surface, lags: LagRange) -> Lag | None:
-    if np.isnan(surface).all():
-        return None
-    row, col = divmod(int(np.nanargmax(surface)), surface.shape[1])
-    return row + lags.dy_first, col + lags.dx_first
-
-
-def _score_at(surface: Surface, lags: LagRange, lag: Lag | None) -> float:
-    return float("nan") if lag is None else float(surface[lag[0] - lags.dy_first, lag[1] - lags.dx_first])
 
 
 def _touches_frame(found: Box, shape: tuple[int, int], lags: LagRange) -> bool:

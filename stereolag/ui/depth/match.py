@@ -8,13 +8,9 @@ import numpy as np
 import streamlit as st
 
 from stereolag.explaining.example_pixels import ExampleKind, example_pixel
-from stereolag.explaining.match import Box, MatchExplanation, MatchKind, explain_match, with_rows_around
-from stereolag.figures.linked_pictures import Legend, Picture, word_legend
+from stereolag.explaining.match import MatchExplanation, MatchKind, explain_match, with_rows_around
+from stereolag.figures.linked_pictures import Picture
 from stereolag.figures.match import (
-    RUNNER_UP_COLOUR,
-    SEARCH_COLOUR,
-    TRUTH_COLOUR,
-    WINDOW_COLOUR,
     patch_png,
     score_landscape,
     score_map,
@@ -28,10 +24,11 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.blanks import reasons_of
 from stereolag.ui.depth.maps import TRUTH
+from stereolag.ui.depth.match_marks import Pixel, legend_of, marks_of, moved, true_lag, truth_at
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import show_png, shown_progress
 from stereolag.ui.hovered_match import can_follow, hovered_match
-from stereolag.ui.linked_pictures import Mark, linked_pictures
+from stereolag.ui.linked_pictures import linked_pictures
 from stereolag.ui.match_sentences import (
     BEFORE_OPTIMISATION,
     EXAMPLE_LABELS,
@@ -60,8 +57,6 @@ EXAMPLE_ICONS = {
     ExampleKind.HIDDEN: ":material/visibility_off:",
 }
 
-Pixel = tuple[int, int]
-
 
 @fragment
 def show_inspection(view: DepthView) -> None:
@@ -85,8 +80,8 @@ def show_inspection(view: DepthView) -> None:
         ],
         key=KEY,
         columns=2,
-        legends=[_legend(view)],
-        marks=_marks(view, seen, (row, col)),
+        legends=[legend_of(view)],
+        marks=marks_of(view, seen, (row, col)),
         on_pick=lambda row, col: st.session_state.update({_pixel_key(view): (row, col)}),
     )
     _show_verdict(view, matcher, seen, (row, col))
@@ -139,59 +134,8 @@ def _offer_examples(view: DepthView, matcher: CorrelationMatcher) -> None:
             st.info(NO_EXAMPLE[kind])
 
 
-def _legend(view: DepthView) -> Legend:
-    colours = [WINDOW_COLOUR, RUNNER_UP_COLOUR, SEARCH_COLOUR]
-    words = ["the window, and where it was found", "the runner-up", "the search area"]
-    if view.pair.truth is not None:
-        colours.insert(1, TRUTH_COLOUR)
-        words.insert(1, "the true place")
-    return word_legend("", colours, words)
-
-
-def _marks(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> list[Mark]:
-    """Return the frames: left the window, right the search area and the places: runner-up, true and found."""
-    marks = [_frame(seen.search, SEARCH_COLOUR, 1, area=True), _frame(seen.window, WINDOW_COLOUR, 0)]
-    if seen.runner_up:
-        marks.append(_frame(_at(seen, seen.runner_up), RUNNER_UP_COLOUR, 1))
-    true_lag = _true_lag(view, pixel)
-    if true_lag:
-        marks.append(_frame(_at(seen, true_lag), TRUTH_COLOUR, 1))
-    if seen.found:
-        marks.append(_frame(seen.found, WINDOW_COLOUR, 1))
-    return [*marks, Mark(*pixel, WINDOW_COLOUR, pictures=(0,))]
-
-
-def _truth(view: DepthView, pixel: Pixel) -> float:
-    return math.nan if view.pair.truth is None else float(view.pair.truth[pixel])
-
-
-def _true_lag(view: DepthView, pixel: Pixel) -> tuple[int, int] | None:
-    """Return the whole (dy, dx) nearest to the ground truth; None where it is not known."""
-    truth = _truth(view, pixel)
-    return None if math.isnan(truth) else (0, -round(truth))
-
-
-def _frame(box: Box, colour: str, picture: int, *, area: bool = False) -> Mark:
-    return Mark(
-        box.row,
-        box.col,
-        colour,
-        height=box.height,
-        width=box.width,
-        dashed=area,
-        filled=area,
-        pictures=(picture,),
-    )
-
-
-def _at(seen: MatchExplanation, lag: tuple[int, int]) -> Box:
-    """Return the window moved by (dy, dx)."""
-    window = seen.window
-    return Box(window.row + lag[0], window.col + lag[1], window.height, window.width)
-
-
 def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
-    truth = _truth(view, pixel)
+    truth = truth_at(view, pixel)
     visible = view.pair.visible is None or bool(view.pair.visible[pixel])
     own = next((result for result in view.results.values() if result.settings == matcher), None)
     fate = (Reason(own.reason[pixel]), float(own.disparity[pixel])) if own else (None, math.nan)
@@ -209,10 +153,10 @@ def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None
     if seen.found:
         places.append(("Found", view.pair.right, seen.found, seen.peak_score))
     if seen.runner_up:
-        places.append(("Runner-up", view.pair.right, _at(seen, seen.runner_up), seen.runner_up_score))
-    true_lag = _true_lag(view, pixel)
-    if true_lag and not math.isnan(score := seen.score_at(true_lag)):
-        places.append(("True place", view.pair.right, _at(seen, true_lag), score))
+        places.append(("Runner-up", view.pair.right, moved(seen, seen.runner_up), seen.runner_up_score))
+    true = true_lag(view, pixel)
+    if true and not math.isnan(score := seen.score_at(true)):
+        places.append(("True place", view.pair.right, moved(seen, true), score))
     with st.container(horizontal=True, gap="small"):
         for name, image, box, its_score in places:
             with st.container(width=150):
