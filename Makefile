@@ -8,7 +8,7 @@ PORT ?= 8501
 VENV := .venv
 BIN := $(VENV)/bin
 LOOPS := $(shell grep -rlE --include='*.py' '^(from|import) .*(numba|llvmlite|compilation)' stereolag) \
-  stereolag/commands/warming.py
+  stereolag/warming.py
 
 .PHONY: run setup setup-dev test check bench clean
 
@@ -47,5 +47,5 @@ $(VENV)/.dev-ready: requirements-dev.txt requirements.txt | $(VENV)/bin/python
 
 # Compiling here, once, spares the first visitor of the app the wait: the machine code is kept on disk.
 $(VENV)/.loops-warm: $(VENV)/.run-ready $(LOOPS)
-	$(BIN)/python -m stereolag.commands.warming
+	$(BIN)/python -m stereolag.warming
 	@touch $@

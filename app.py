@@ -76,7 +76,7 @@ def show_depth() -> None:
     show_png(image_into_map(pair.left, result.disparity, low, high))
     st.markdown(
         f"Two cameras look at a puzzle cube. **{result.valid.sum():,} windows** were each found again: those that "
-        "shifted most, in purple, are the nearest."
+        "shifted most, the bright ones, are the nearest."
     )
 
 

@@ -60,7 +60,7 @@ def stereo_rows() -> Iterator[Row]:
     """Yield the tasks of the depth engine."""
     left, right = road()
     ours = dense()
-    report = preset("report", num_disparities=64)
+    report = CorrelationMatcher(window_size=20, overlap=0.95, search=SearchArea.centred(40))
     accurate = preset("accurate", num_disparities=64)
     peer_block, peer_semi_global = StereoBM(num_disparities=64, block_size=21), StereoSGBM(num_disparities=64)
     seconds = interleaved(

@@ -114,6 +114,10 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
         if fault:
             print(f"stereolag cannot start: {fault}", file=sys.stderr)
             return 1
+        sys.path.insert(0, str(APP.parent))  # as Streamlit will
+        from stereolag.warming import warm
+
+        warm()  # the first visitor is not to wait for it, nor to read its time as that of a map
         from streamlit.web import cli
 
         cli.main(["run", str(APP), "--server.port", str(options.port), *others], prog_name="streamlit")

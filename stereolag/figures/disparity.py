@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
@@ -14,26 +13,24 @@ from PIL import Image as PillowImage
 from PIL import ImageDraw, ImageFont
 
 from stereolag.arrays import Rgb
+from stereolag.figures.legends import round_values
 from stereolag.figures.pictures import (
     NO_ANSWER,
     VIRIDIS,
     as_rgb,
-    colour_numbers,
-    colour_table,
     coloured,
-    indexed_png,
     palette,
     png,
     thinned,
 )
 from stereolag.inputs import Image
 
-FAR_TO_NEAR = VIRIDIS[::-1]
-"""Far yellow, near purple, as in the report."""
+FAR_TO_NEAR = VIRIDIS
+"""Near bright."""
 
 PALETTES: dict[str, Rgb] = {
     "viridis": FAR_TO_NEAR,
-    "plasma": palette(cv2.COLORMAP_PLASMA)[::-1],
+    "plasma": palette(cv2.COLORMAP_PLASMA),
     "turbo": palette(cv2.COLORMAP_TURBO),
 }
 """The colours a visitor may choose, from far to near; none holds the grey of no disparity."""
@@ -55,24 +52,12 @@ def disparity_range(maps: Sequence[npt.NDArray[np.float32]]) -> tuple[float, flo
     return float(first), float(max(np.ceil(high / ROUNDED_TO) * ROUNDED_TO, first + ROUNDED_TO))
 
 
-def disparity_png(disparity: npt.NDArray[np.float32], low: float, high: float, colours: Rgb = FAR_TO_NEAR) -> bytes:
-    """Return a disparity map as a PNG, thinned where it is wide: far yellow, near purple, no disparity grey."""
-    return indexed_png(colour_numbers(thinned(disparity), low, high), colour_table(colours))
-
-
 def image_into_map(image: Image, disparity: npt.NDArray[np.float32], low: float, high: float) -> bytes:
     """Return the image that turns into its disparity map two fifths of the way to the right, as a PNG."""
     picture = as_rgb(image).copy()
     seam = picture.shape[1] * 2 // 5
     picture[:, seam:] = coloured(disparity, low, high, FAR_TO_NEAR)[:, seam:]
     return png(picture)
-
-
-def disparity_legend(low: float, high: float, colours: Rgb = FAR_TO_NEAR) -> str:
-    """Return a strip of the colours with the disparities they stand for, as HTML."""
-    return strip(
-        low, high, colours, "far ← disparity, px → near", "One range of colours for all maps. Grey: no disparity."
-    )
 
 
 def legend(low: float, high: float, palette: Rgb, title: str, ticks: Mapping[float, str] | None = None) -> go.Figure:
@@ -104,34 +89,6 @@ def _legend(low: float, high: float, colours: bytes, title: str, ticks: tuple[tu
         figure.update_xaxes(tickvals=[value for value, _ in ticks], ticktext=[text for _, text in ticks])
     figure.update_yaxes(visible=False, fixedrange=True)
     return figure
-
-
-def strip(low: float, high: float, palette: Rgb, title: str, note: str) -> str:
-    """Return the colours of a (256, 3) palette, from `low` to `high`, over round values, a title and a note, as HTML.
-
-    It takes the text's colour and size from where it stands, and none of the time that Plotly takes.
-    """
-    colours = ", ".join("rgb({},{},{})".format(*colour) for colour in palette[::15])
-    marks = "".join(
-        f'<span style="position: absolute; left: {100 * (value - low) / (high - low):.2f}%; '
-        f'transform: translateX(-50%)">{value:g}</span>'.replace(">-", ">−")
-        for value in round_values(low, high)
-    )
-    return (
-        f'<div role="img" aria-label="Legend: {title}, {low:g} to {high:g}" style="padding: 0 0.75rem; '
-        f'font-size: 0.8rem; opacity: 0.85">'
-        f'<div style="height: 1.5rem; border-radius: 3px; background: linear-gradient(to right, {colours})"></div>'
-        f'<div style="position: relative; height: 1.4rem">{marks}</div>'
-        f'<div style="text-align: center; margin-bottom: 0.75rem">{title}</div><div>{note}</div></div>'
-    )
-
-
-def round_values(low: float, high: float, most_steps: int = 8) -> list[float]:
-    """Return the multiples of 1, 2 or 5 times a power of ten from low to high, in `most_steps` steps at the most."""
-    power = 10 ** math.floor(math.log10((high - low) / most_steps))
-    step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= most_steps)
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return [float(f"{number * step:.12g}") for number in range(first, last + 1)]
 
 
 NARROWEST = 360

@@ -8,19 +8,18 @@ import math
 import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import Rgb
-from stereolag.figures.pictures import png
+from stereolag.figures.legends import Legend, hexadecimal
+from stereolag.figures.pictures import NO_ANSWER, jpeg, png
 
 WIDEST = 1600
 """Px; of wider pictures every second, third … pixel is sent: no screen shows more of them side by side."""
 
-JPEG_QUALITY = 92
 NOTHING = -32768
 """The int16 that stands for NaN on the way to the browser."""
 
@@ -63,6 +62,14 @@ class Reading:
     depth: DepthScale | None = None
 
 
+class Figure(NamedTuple):
+    """A number that belongs to a whole picture, with its unit, what it is called, and what it means."""
+
+    label: str
+    value: str
+    meaning: str
+
+
 @dataclass(frozen=True, eq=False)
 class Picture:
     """One of several pictures of the same size.
@@ -72,80 +79,139 @@ class Picture:
     title
         Written above it.
     pixels
-        (rows, cols, 3) uint8 RGB.
+        (rows, cols, 3) uint8 RGB; None of a map, whose first reading the browser shows in the :class:`Colours` that
+        all maps share.
     readings
         What is written below it of the pixel under the crosshair.
+    figures
+        What is written below it of the whole.
     photograph
         Sent as JPEG, a fifth of the bytes; maps stay exact.
     pickable
         Whether a click on it picks a pixel.
+    thumbnail
+        Whether it is small at first, and grows when it is clicked.
     """
 
     title: str
-    pixels: Rgb
+    pixels: Rgb | None
     readings: tuple[Reading, ...] = ()
+    figures: tuple[Figure, ...] = ()
     photograph: bool = False
     pickable: bool = True
+    thumbnail: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Colours:
+    """The colours that maps share: a (256, 3) uint8 palette from `low` to `high`."""
+
+    low: float
+    high: float
+    palette: Rgb
 
 
 @dataclass(frozen=True)
-class Legend:
-    """What the colours mean: a strip from `low` to `high`, or, with those left out, one word for each colour."""
+class PackedPicture:
+    """The pixels and readings of a picture on their way to the browser.
 
-    title: str
-    colours: tuple[str, ...]
-    words: tuple[str, ...]
-    strip: bool
+    Attributes
+    ----------
+    data
+        After the 64 characters of the digest, four bytes (little-endian) give the length of a JSON header; the image
+        and the compressed readings follow it, and the header says where.
+    digest
+        Tells it from all others.
+    shape
+        Rows and columns of the whole picture.
+    step
+        Every so many pixels of it were sent.
+    """
 
-
-def strip_legend(title: str, low: float, high: float, palette: Rgb) -> Legend:
-    """Return the legend of a (256, 3) palette that runs from `low` to `high`."""
-    return Legend(title, tuple(hexadecimal(colour) for colour in palette[::17]), (f"{low:g}", f"{high:g}"), True)
-
-
-def word_legend(title: str, colours: Sequence[str], words: Sequence[str]) -> Legend:
-    """Return the legend of colours, as CSS writes them, that each stand for a word."""
-    return Legend(title, tuple(colours), tuple(words), False)
-
-
-def hexadecimal(colour: Sequence[int] | npt.NDArray[np.uint8]) -> str:
-    """Return an RGB colour as #rrggbb."""
-    return "#{:02x}{:02x}{:02x}".format(*(int(part) for part in colour))
+    data: bytes
+    digest: str
+    shape: tuple[int, int]
+    step: int
 
 
-def packed(
-    pictures: Sequence[Picture], *, name: str, legends: Sequence[Legend] = (), columns: int = 3, hint: str = ""
-) -> bytes:
-    """Return everything the browser needs as one run of bytes; `name` is what marks on the pictures call them.
+def packed(picture: Picture) -> PackedPicture:
+    """Return the pixels and the readings of a picture as one run of bytes.
 
-    Four bytes (little-endian) give the length of a JSON header; the images and the compressed readings follow it, and
-    the header says where. Readings travel as int16 in units of a power of two that is below their last decimal (or what
-    the largest of them needs), each as its difference from the one on its left: smooth maps then pack well.
+    Readings travel as int16 in units of a power of two that is below their last decimal (or what the largest of them
+    needs), each as its difference from the one on its left: smooth maps then pack well.
 
     Raises
     ------
     ValueError
-        Pictures or readings of different sizes.
+        Pixels and readings of different sizes, or neither.
     """
-    rows, cols = pictures[0].pixels.shape[:2]
-    sizes = {part.shape[:2] for one in pictures for part in (one.pixels, *(r.values for r in one.readings))}
-    if sizes != {(rows, cols)}:
-        raise ValueError(f"pictures and readings have the sizes {sorted(sizes)}; they must all have one.")
-    step = -(-cols // WIDEST)
+    arrays = [*([] if picture.pixels is None else [picture.pixels]), *(one.values for one in picture.readings)]
+    shapes = {array.shape[:2] for array in arrays}
+    if len(shapes) != 1:
+        raise ValueError(f"pixels and readings have the shapes {sorted(shapes)}; they must all have one.")
+    shape = shapes.pop()
+    step = -(-shape[1] // WIDEST)
     body = _Body()
-    header = {
+    header: dict[str, Any] = {"image": None, "readings": [_reading(one, step, body) for one in picture.readings]}
+    if picture.pixels is not None:
+        pixels = picture.pixels[::step, ::step]
+        header["image"] = body.add(jpeg(pixels) if picture.photograph else png(pixels))
+        header["type"] = "image/jpeg" if picture.photograph else "image/png"
+    text = json.dumps(header).encode()
+    content = len(text).to_bytes(4, "little") + text + bytes(body.bytes)
+    digest = hashlib.sha256(content).hexdigest()
+    return PackedPicture(digest.encode() + content, digest, shape, step)
+
+
+def described(
+    pictures: Sequence[Picture],
+    packs: Sequence[PackedPicture],
+    *,
+    name: str,
+    colours: Colours | None = None,
+    legends: Sequence[Legend] = (),
+    columns: int = 3,
+    hint: str = "",
+) -> dict[str, Any]:
+    """Return what the browser needs besides the packed pictures, ready for JSON; `name` is what they call the set.
+
+    Raises
+    ------
+    ValueError
+        Pictures of different sizes.
+    """
+    sizes = {pack.shape for pack in packs}
+    if len(sizes) != 1:
+        raise ValueError(f"pictures have the sizes {sorted(sizes)}; they must all have one.")
+    rows, cols = sizes.pop()
+    return {
         "name": name,
         "rows": rows,
         "cols": cols,
-        "step": step,
+        "step": packs[0].step,
         "columns": columns,
         "hint": hint,
-        "pictures": [_picture(one, step, body) for one in pictures],
+        "colours": None
+        if colours is None
+        else {
+            "low": colours.low,
+            "high": colours.high,
+            "palette": bytes(colours.palette.astype(np.uint8).tobytes()).hex(),
+            "none": hexadecimal(NO_ANSWER),
+        },
+        "pictures": [
+            {
+                "digest": pack.digest,
+                "title": one.title,
+                "pickable": one.pickable,
+                "thumbnail": one.thumbnail,
+                "figures": [figure._asdict() for figure in one.figures],
+                "depths": [asdict(reading.depth) if reading.depth else None for reading in one.readings],
+            }
+            for one, pack in zip(pictures, packs, strict=True)
+        ],
         "legends": [asdict(legend) for legend in legends],
     }
-    header["digest"] = hashlib.sha256(json.dumps(header).encode() + body.bytes).hexdigest()
-    text = json.dumps(header).encode()
-    return len(text).to_bytes(4, "little") + text + bytes(body.bytes)
 
 
 class _Body:
@@ -158,17 +224,6 @@ class _Body:
         start = len(self.bytes)
         self.bytes += data
         return start, len(data)
-
-
-def _picture(picture: Picture, step: int, body: _Body) -> dict[str, Any]:
-    pixels = picture.pixels[::step, ::step]
-    return {
-        "title": picture.title,
-        "pickable": picture.pickable,
-        "type": "image/jpeg" if picture.photograph else "image/png",
-        "image": body.add(_jpeg(pixels) if picture.photograph else png(pixels)),
-        "readings": [_reading(reading, step, body) for reading in picture.readings],
-    }
 
 
 def _reading(reading: Reading, step: int, body: _Body) -> dict[str, Any]:
@@ -189,11 +244,4 @@ def _reading(reading: Reading, step: int, body: _Body) -> dict[str, Any]:
         "unit": reading.unit,
         "digits": reading.digits,
         "words": reading.words,
-        "depth": asdict(reading.depth) if reading.depth else None,
     }
-
-
-def _jpeg(pixels: Rgb) -> bytes:
-    bgr = cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2BGR)
-    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return data.tobytes()

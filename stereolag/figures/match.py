@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from stereolag.explaining.match import Box, MatchExplanation
-from stereolag.figures.linked_pictures import hexadecimal
+from stereolag.figures.legends import hexadecimal
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, png
 from stereolag.inputs import Image, as_grey
 

@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from stereolag.arrays import ReasonMap, Rgb
-from stereolag.figures.linked_pictures import hexadecimal
+from stereolag.figures.legends import hexadecimal
 from stereolag.figures.pictures import as_rgb
 from stereolag.inputs import Image
 from stereolag.stereo.reasons import Reason

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.rig import StereoRig
+from stereolag.geometry.rig import Rectification, StereoRig
 from stereolag.inputs import Image, as_image
 
 MAX_ASPECT_ERROR_PX = 1.0
@@ -24,7 +24,9 @@ class Rectified(NamedTuple):
     calibration: Calibration
 
 
-def rectify(left: npt.ArrayLike, right: npt.ArrayLike, calibration: Calibration) -> Rectified:
+def rectify(
+    left: npt.ArrayLike, right: npt.ArrayLike, calibration: Calibration, *, alpha: float | None = None
+) -> Rectified:
     """Undistort a pair and rotate both images so that matching points lie in the same row.
 
     Parameters
@@ -34,17 +36,21 @@ def rectify(left: npt.ArrayLike, right: npt.ArrayLike, calibration: Calibration)
         than the calibration's, but of the same aspect ratio, scales the cameras.
     calibration
         With its ``rig``, the two cameras before rectification.
+    alpha
+        What is in the frame: 0 only pixels that the cameras took, 1 all of them, with black around. None rectifies as
+        the calibration's maker did (R1, R2, P1, P2), and as 0 where that is not known.
 
     Returns
     -------
     Rectified
-        ``left``, ``right`` and ``calibration``, in this order. Only pixels that both cameras can have seen are in the
-        frame (``alpha=0``); the calibration has neither distortion nor rig left, and ``doffs_px == 0``.
+        ``left``, ``right`` and ``calibration``, in this order. The calibration has neither distortion nor rig left;
+        ``doffs_px`` is 0 unless its maker rectified the pair otherwise.
 
     Raises
     ------
     ValueError
-        A calibration without a rig, images of different size, or of another aspect ratio than they were calibrated at.
+        A calibration without a rig, images of different size or of another aspect ratio than they were calibrated at,
+        or an alpha outside 0 to 1.
     """
     if calibration.rig is None:
         raise ValueError(
@@ -53,18 +59,21 @@ def rectify(left: npt.ArrayLike, right: npt.ArrayLike, calibration: Calibration)
     images = as_image(left, "left"), as_image(right, "right")
     size = _common_size(*images)
     rig = _fitted(calibration.rig, size)
-    rotations, projections = _rectification(rig, size)
-    cameras = (rig.left_matrix, rig.left_distortion), (rig.right_matrix, rig.right_distortion)
+    how = _rectification(rig, size, alpha)
+    cameras = (
+        (rig.left_matrix, rig.left_distortion, how.left_rotation, how.left_projection),
+        (rig.right_matrix, rig.right_distortion, how.right_rotation, how.right_projection),
+    )
     rectified = []
-    for image, (matrix, distortion), rotation, projection in zip(images, cameras, rotations, projections, strict=True):
-        maps = cv2.initUndistortRectifyMap(matrix, distortion, rotation, projection, size, cv2.CV_32FC1)
+    for image, camera in zip(images, cameras, strict=True):
+        maps = cv2.initUndistortRectifyMap(*camera, size, cv2.CV_32FC1)
         rectified.append(np.asarray(cv2.remap(image, *maps, cv2.INTER_LINEAR)))
-    return Rectified(rectified[0], rectified[1], _calibration(projections, size))
+    return Rectified(rectified[0], rectified[1], _calibration(how, size))
 
 
-def rectified_calibration(rig: StereoRig, size: tuple[int, int]) -> Calibration:
+def rectified_calibration(rig: StereoRig, size: tuple[int, int], *, alpha: float | None = None) -> Calibration:
     """Return the calibration of the pair that :func:`rectify` makes of images of `size` (width, height)."""
-    return _calibration(_rectification(_fitted(rig, size), size)[1], size)
+    return _calibration(_rectification(_fitted(rig, size), size, alpha), size)
 
 
 def _common_size(left: Image, right: Image) -> tuple[int, int]:
@@ -91,11 +100,12 @@ def _fitted(rig: StereoRig, size: tuple[int, int]) -> StereoRig:
     return rig.scaled(factor)
 
 
-_Matrices: TypeAlias = tuple[npt.NDArray[Any], npt.NDArray[Any]]
-
-
-def _rectification(rig: StereoRig, size: tuple[int, int]) -> tuple[_Matrices, _Matrices]:
-    """Return the rotations (3, 3) and the projections (3, 4) of both cameras."""
+def _rectification(rig: StereoRig, size: tuple[int, int], alpha: float | None) -> Rectification:
+    """Return how to rectify images of `size` (width, height): as the rig's maker did, or by Bouguet's method."""
+    if alpha is None and rig.rectification is not None:
+        return rig.rectification
+    if alpha is not None and not 0 <= alpha <= 1:
+        raise ValueError(f"alpha is {alpha}; allowed are numbers from 0 to 1.")
     try:
         matrices = cv2.stereoRectify(
             rig.left_matrix,
@@ -106,22 +116,20 @@ def _rectification(rig: StereoRig, size: tuple[int, int]) -> tuple[_Matrices, _M
             rig.rotation,
             rig.translation[:, None],
             flags=cv2.CALIB_ZERO_DISPARITY,
-            alpha=0,
+            alpha=alpha or 0.0,
         )
-    except cv2.error as error:
+        return Rectification(*(np.asarray(matrix, dtype=np.float64) for matrix in matrices[:4]))
+    except (cv2.error, ValueError) as error:
         raise ValueError(
             "The two cameras cannot be rectified: their matrices, distortion or pose are far from a stereo camera's."
         ) from error
-    left_rotation, right_rotation, left_projection, right_projection = (np.asarray(matrix) for matrix in matrices[:4])
-    return (left_rotation, right_rotation), (left_projection, right_projection)
 
 
-def _calibration(projections: _Matrices, size: tuple[int, int]) -> Calibration:
-    left, right = projections
-    focal = float(left[0, 0])
+def _calibration(how: Rectification, size: tuple[int, int]) -> Calibration:
+    left, right = how.left_projection, how.right_projection
     return Calibration(
-        focal_px=focal,
-        baseline_m=float(-right[0, 3]) / focal,
+        focal_px=float(left[0, 0]),
+        baseline_m=how.baseline_m,
         doffs_px=float(right[0, 2] - left[0, 2]),
         cx=float(left[0, 2]),
         cy=float(left[1, 2]),

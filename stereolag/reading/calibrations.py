@@ -1,53 +1,43 @@
-"""Calibrations of stereo cameras as Middlebury, KITTI, OpenCV, ROS and this project write them."""
+"""Calibrations as Middlebury, KITTI, OpenCV, ROS, Kalibr, stereodemo and this project write them."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectified_calibration
 from stereolag.geometry.rig import StereoRig
+from stereolag.reading.camera_names import Parts
 from stereolag.reading.entries import (
     Entries,
     Matrix,
-    image_size,
     matrix,
+    names_found,
     optional_count,
     optional_number,
     required_number,
-    vector,
 )
 from stereolag.reading.notations import parse_entries
-from stereolag.reading.sources import Source, read_bytes
+from stereolag.reading.rigs import PROJECTIONS, REPROJECTION, image_size, parts_together, projection, stereo_rig
+from stereolag.reading.sources import Source, quoted, read_bytes
 
-ACCEPTED = (
-    "Middlebury calib.txt, KITTI calib*.txt, YAML or JSON of OpenCV (both cameras, or Q), YAML of ROS (the right "
-    "camera, or both), and JSON with focal_px and baseline_m"
-)
-MAX_BYTES = 2**20
+ACCEPTED = "files of Middlebury, KITTI, OpenCV, ROS, Kalibr, NPZ, or JSON with focal_px and baseline_m"
 
-_KITTI_PAIRS = (("P_rect_02", "P_rect_03"), ("P2", "P3"), ("P_rect_00", "P_rect_01"), ("P0", "P1"))
-_RIG_NAMES = {
-    "left_matrix": ("M1", "K1", "cameraMatrix1", "camera_matrix_1", "cameraMatrixL", "left_camera_matrix", "K_left"),
-    "left_distortion": ("D1", "distCoeffs1", "dist_coeffs_1", "distCoeffsL", "left_distortion", "D_left"),
-    "right_matrix": ("M2", "K2", "cameraMatrix2", "camera_matrix_2", "cameraMatrixR", "right_camera_matrix", "K_right"),
-    "right_distortion": ("D2", "distCoeffs2", "dist_coeffs_2", "distCoeffsR", "right_distortion", "D_right"),
-    "rotation": ("R", "rotation"),
-    "translation": ("T", "translation"),
-}
+_KITTI_PAIRS = (("P_rect_02", "P_rect_03"), ("P2", "P3"), ("P_rect_00", "P_rect_01"), ("row0", "row1"))
+_FOCAL = ("focal_px", "fx", "focal_length_px")
+_BASELINE = ("baseline_m", "baseline_meters", "baseline_metres")
 
 
 def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibration:
     """Read the calibration of a stereo camera.
 
     Known are: Middlebury ``calib.txt``; KITTI ``calib*.txt`` (the colour cameras 2 and 3, which took the images of
-    its stereo benchmarks, before the grey 0 and 1) and bare projection rows of two cameras; OpenCV YAML or JSON with
-    both cameras (M1, D1, M2, D2, R, T and the usual other names) or of the rectified pair (Q, or P1 and P2); ROS
-    ``camera_info`` YAML of the right camera, or of both; JSON with ``focal_px`` and ``baseline_m`` and, if known,
-    ``doffs_px``, ``cx``, ``cy``, ``width``, ``height``, ``num_disparities``.
+    its stereo benchmarks, before the grey 0 and 1) and bare projection rows of two cameras; YAML, XML or JSON of
+    OpenCV and NPZ of NumPy with both cameras (M1, D1, M2, D2, R, T and the usual other names) or of the rectified pair
+    (Q, or P1 and P2); ROS ``camera_info`` YAML of the right camera, or of both; the camera chain of Kalibr; the JSON of
+    stereodemo; JSON with ``focal_px`` and ``baseline_m`` and, if known, ``doffs_px``, ``cx``, ``cy``, ``width``,
+    ``height``, ``num_disparities``.
 
     Parameters
     ----------
@@ -55,13 +45,14 @@ def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibratio
         Paths, bytes or binary file objects: one file, or several that belong together (``intrinsics.yml`` and
         ``extrinsics.yml`` of OpenCV, the two cameras of ROS).
     length_unit_m
-        The unit of length of OpenCV's files, which do not name it, in metres: 0.001 where the squares of the
-        chessboard were measured in millimetres. (Middlebury is in mm, ROS in m: not asked there.)
+        The unit of length of files with both cameras, which do not name it, in metres: 0.001 where the squares of the
+        chessboard were measured in millimetres. (Middlebury is in mm, ROS and Kalibr in m: not asked there.)
 
     Returns
     -------
     calibration
-        With its ``rig`` where the file holds both cameras before rectification.
+        With its ``rig`` where the file holds both cameras before rectification, and how to rectify them within that
+        where the file tells it (R1, R2 with P1, P2 or Q).
 
     Raises
     ------
@@ -72,40 +63,53 @@ def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibratio
         raise ValueError("No calibration was given; at least one file is needed.")
     if not (length_unit_m > 0 and math.isfinite(length_unit_m)):
         raise ValueError(f"length_unit_m is {length_unit_m}; allowed are numbers above 0.")
-    cameras = [_entries(source) for source in sources]
-    if all("projection_matrix" in camera for camera in cameras):
-        return _from_ros(cameras)
-    merged = {name: value for camera in cameras for name, value in camera.items()}
-    return _from_entries(merged, length_unit_m)
+    files = [parse_entries(read_bytes(source, "calibration")) for source in sources]
+    merged = {name: value for entries in files for name, value in entries.items()}
+    return _of_rectified_pair(merged) or _of_two_cameras(files, merged, length_unit_m)
 
 
-def _entries(source: Source) -> Entries:
-    data = read_bytes(source, "calibration")
-    if len(data) > MAX_BYTES:
-        raise ValueError(f"The calibration has {len(data):,} bytes; at most {MAX_BYTES:,} are accepted: {ACCEPTED}.")
-    return parse_entries(data)
-
-
-def _from_entries(entries: Entries, length_unit_m: float) -> Calibration:
-    if "focal_px" in entries:
+def _of_rectified_pair(entries: Entries) -> Calibration | None:
+    """Return the calibration in a format that knows rectified pairs alone, None where it is in none of them."""
+    if any(name in entries for name in _FOCAL):
         return _from_plain_numbers(entries)
     if "cam0" in entries:
         return _from_middlebury(entries)
     for left, right in _KITTI_PAIRS:
         if left in entries and right in entries:
-            return _from_projections(_projection(entries, left), _projection(entries, right), entries)
-    if "row0" in entries and "row1" in entries and set(entries) <= {"row0", "row1", "row2", "row3"}:
-        return _from_projections(_projection(entries, "row0"), _projection(entries, "row1"), entries)
-    return _from_opencv(entries, length_unit_m)
+            pair = {PROJECTIONS[0]: (left, entries[left]), PROJECTIONS[1]: (right, entries[right])}
+            return _from_projections(pair, *_size(entries))
+    return None
+
+
+def _of_two_cameras(files: list[Entries], entries: Entries, length_unit_m: float) -> Calibration:
+    """Return the calibration of cameras by their matrices, before rectification or after it."""
+    parts, metric = parts_together(files)
+    unit = 1.0 if metric else length_unit_m
+    rig = stereo_rig(files, parts, unit)
+    if rig is not None:
+        return _forecast(rig)
+    if REPROJECTION in parts:
+        return _from_reprojection(parts, unit)
+    if set(PROJECTIONS) <= set(parts):
+        return _from_projections(parts, *image_size(parts), unit)
+    raise ValueError(
+        f"The calibration holds {names_found(entries)}: it is in no known format, or lacks both cameras; accepted are "
+        f"{ACCEPTED}."
+    )
 
 
 def _from_plain_numbers(entries: Entries) -> Calibration:
-    width, height = image_size(entries)
+    """Read numbers by their names; stereodemo calls them ``fx``, ``baseline_meters``, ``cx0`` and ``cx1``."""
+    width, height = _size(entries)
+    cx, right_cx = optional_number(entries, "cx", "cx0"), optional_number(entries, "cx1")
+    doffs = optional_number(entries, "doffs_px", "doffs")
+    if doffs is None:
+        doffs = 0.0 if cx is None or right_cx is None else right_cx - cx
     return Calibration(
-        required_number(entries, "focal_px"),
-        required_number(entries, "baseline_m"),
-        optional_number(entries, "doffs_px", "doffs") or 0.0,
-        optional_number(entries, "cx"),
+        required_number(entries, *_FOCAL),
+        required_number(entries, *_BASELINE),
+        doffs,
+        cx,
         optional_number(entries, "cy"),
         width=width,
         height=height,
@@ -116,7 +120,7 @@ def _from_plain_numbers(entries: Entries) -> Calibration:
 def _from_middlebury(entries: Entries) -> Calibration:
     """Read lengths in mm and ``doffs = cx1 - cx0`` (https://vision.middlebury.edu/stereo/data/scenes2014/)."""
     left = matrix(entries, "cam0", (3, 3))
-    width, height = image_size(entries)
+    width, height = _size(entries)
     return Calibration(
         float(left[0, 0]),
         required_number(entries, "baseline") / 1000,
@@ -129,9 +133,9 @@ def _from_middlebury(entries: Entries) -> Calibration:
     )
 
 
-def _from_projections(left: Matrix, right: Matrix, entries: Entries, length_unit_m: float = 1.0) -> Calibration:
+def _from_projections(parts: Parts, width: int | None, height: int | None, length_unit_m: float = 1.0) -> Calibration:
     """Read the (3, 4) projections of a rectified pair, ``P[0, 3] = -focal * baseline`` (Geiger et al., IJRR 2013)."""
-    width, height = image_size(entries)
+    left, right = (projection(parts, part) for part in PROJECTIONS)
     focal = float(left[0, 0])
     return Calibration(
         focal,
@@ -144,22 +148,15 @@ def _from_projections(left: Matrix, right: Matrix, entries: Entries, length_unit
     )
 
 
-def _from_opencv(entries: Entries, length_unit_m: float) -> Calibration:
-    rig = _rig(entries, length_unit_m)
-    if rig is not None:
-        return _forecast(rig)
-    if "Q" in entries:
-        return _from_reprojection(matrix(entries, "Q", (4, 4)), entries, length_unit_m)
-    if "P1" in entries and "P2" in entries:
-        return _from_projections(_projection(entries, "P1"), _projection(entries, "P2"), entries, length_unit_m)
-    raise ValueError(f"The calibration is in no known format; accepted are {ACCEPTED}.")
-
-
-def _from_reprojection(q: Matrix, entries: Entries, length_unit_m: float) -> Calibration:
+def _from_reprojection(parts: Parts, length_unit_m: float) -> Calibration:
     """Read the matrix Q of OpenCV's ``stereoRectify``: Q[3, 2] is 1 / baseline and Q[3, 3] is doffs / baseline."""
+    name, value = parts[REPROJECTION]
+    q: Matrix = matrix({name: value}, name, (4, 4))
     if q[3, 2] == 0:
-        raise ValueError("Q in the calibration has 0 at row 3, column 2, which would be an infinite baseline.")
-    width, height = image_size(entries)
+        raise ValueError(
+            f"{quoted(name)} in the calibration has 0 at row 3, column 2, which would be an infinite baseline."
+        )
+    width, height = image_size(parts)
     return Calibration(
         float(q[2, 3]),
         length_unit_m / float(q[3, 2]),
@@ -169,26 +166,6 @@ def _from_reprojection(q: Matrix, entries: Entries, length_unit_m: float) -> Cal
         width=width,
         height=height,
     )
-
-
-def _rig(entries: Entries, length_unit_m: float) -> StereoRig | None:
-    """Return both cameras if all is there, None if there are no camera matrices at all."""
-    found = {part: name for part, names in _RIG_NAMES.items() for name in names if name in entries}
-    if not {"left_matrix", "right_matrix"} & set(found):
-        return None
-    missing = [part for part in _RIG_NAMES if part not in found and not part.endswith("distortion")]
-    if missing:
-        if "Q" in entries or {"P1", "P2"} <= set(entries):
-            return None
-        names = ", ".join(f"{part} ({_RIG_NAMES[part][0]})" for part in missing)
-        raise ValueError(
-            f"The calibration has camera matrices but lacks {names}; give the file that holds it, often "
-            "extrinsics.yml, together with this one."
-        )
-    width, height = image_size(entries)
-    parts = {part: vector(entries, found.get(part)) for part in _RIG_NAMES}
-    parts["translation"] = parts["translation"] * length_unit_m
-    return StereoRig(**parts, width=width, height=height)
 
 
 def _forecast(rig: StereoRig) -> Calibration:
@@ -202,51 +179,5 @@ def _forecast(rig: StereoRig) -> Calibration:
     return replace(rectified, width=rig.width, height=rig.height, rig=rig)
 
 
-def _from_ros(cameras: list[Entries]) -> Calibration:
-    """Read ``camera_info``: P of the right camera has ``Tx = -focal * baseline`` at [0, 3], metres (sensor_msgs)."""
-    cameras = sorted(cameras, key=lambda camera: -_projection(camera, "projection_matrix")[0, 3])
-    right = _projection(cameras[-1], "projection_matrix")
-    if right[0, 3] >= 0:
-        raise ValueError(
-            "The calibration (ROS) is of the left camera alone: its projection_matrix has no baseline; give the "
-            "file of the right camera, or both."
-        )
-    left = right * [[1, 1, 1, 0]] if len(cameras) == 1 else _projection(cameras[0], "projection_matrix")
-    calibration = _from_projections(left, right, cameras[-1])
-    if len(cameras) == 1:
-        return calibration
-    return replace(calibration, rig=_ros_rig(cameras[0], cameras[-1], calibration.baseline_m))
-
-
-def _ros_rig(left: Entries, right: Entries, baseline_m: float) -> StereoRig | None:
-    """Return both cameras; their pose follows from how ROS turns each into the rectified frame."""
-    needed = ("camera_matrix", "distortion_coefficients", "rectification_matrix")
-    if not all(name in camera for name in needed for camera in (left, right)):
-        return None
-    for camera in (left, right):
-        model = camera.get("distortion_model", "plumb_bob")
-        if model not in ("plumb_bob", "rational_polynomial"):
-            raise ValueError(
-                "The calibration (ROS) has a distortion_model that is not known here; allowed are plumb_bob and "
-                "rational_polynomial."
-            )
-    to_rectified, right_to_rectified = (matrix(camera, "rectification_matrix", (3, 3)) for camera in (left, right))
-    width, height = image_size(left)
-    return StereoRig(
-        matrix(left, "camera_matrix", (3, 3)),
-        vector(left, "distortion_coefficients"),
-        matrix(right, "camera_matrix", (3, 3)),
-        vector(right, "distortion_coefficients"),
-        right_to_rectified.T @ to_rectified,
-        right_to_rectified.T @ np.array([-baseline_m, 0.0, 0.0]),
-        width,
-        height,
-    )
-
-
-def _projection(entries: Entries, name: str) -> Matrix:
-    """Return a (3, 4) projection, whose focal length must be above 0."""
-    projection = matrix(entries, name, (3, 4))
-    if projection[0, 0] <= 0:
-        raise ValueError(f"{name} in the calibration has the focal length {projection[0, 0]:g} px; it must be above 0.")
-    return projection
+def _size(entries: Entries) -> tuple[int | None, int | None]:
+    return optional_count(entries, "width", "image_width"), optional_count(entries, "height", "image_height")

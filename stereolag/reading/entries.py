@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+import math
+import re
+from collections.abc import Iterator
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +16,94 @@ Matrix: TypeAlias = npt.NDArray[np.float64]
 Entries: TypeAlias = dict[str, Matrix | str]
 """Arrays of finite numbers (a number alone has shape (1,)), or text."""
 
+MAX_DEPTH = 16
 MAX_SIDE = 100_000
 MAX_NUMBER = 1e12
 """No focal length, length or coefficient of a camera comes near; what is computed from such numbers stays finite."""
+
+_MATRIX_KEYS = {"rows", "cols", "data"}
+_ARRAY_KEYS = {"sizes", "data"}
+"""OpenCV 5 writes an array of one row so."""
+_NO_NUMBERS = np.array([np.nan])
+"""Stands for a list that is no array of numbers: refused where it is used, and only there."""
+
+
+def flattened(tree: Any) -> Entries:
+    """Return what a tree of dictionaries and lists holds, each by the way to it: ``left.camera_matrix``.
+
+    Raises
+    ------
+    ValueError
+        More than 16 levels, or a matrix (rows, cols, data) that does not hold as many numbers as it announces.
+    """
+    return {name: value for name, value in _leaves("", tree, 0) if name}
+
+
+def value_of(text: str) -> Matrix | str:
+    """Return the numbers in a text, in a row; the text itself where there is anything else in it."""
+    tokens = re.split(r"[\s,]+", text.strip())
+    try:
+        return np.array([_float(token) for token in tokens])
+    except ValueError:
+        return text.strip()
+
+
+def names_found(entries: Entries) -> str:
+    """Return the first names in words, harmless where an error is shown as Markdown or HTML."""
+    shown = [re.sub(r"[^\w.+-]", "?", name[:24]) for name in list(entries)[:6]]
+    if not shown:
+        return "no names with values"
+    return ", ".join(shown) + (f" and {len(entries) - len(shown):,} more" if len(entries) > len(shown) else "")
+
+
+def _leaves(name: str, tree: Any, depth: int) -> Iterator[tuple[str, Matrix | str]]:
+    if depth > MAX_DEPTH:
+        raise ValueError(f"The calibration is nested more than {MAX_DEPTH} levels deep.")
+    if isinstance(tree, dict):
+        if set(tree) >= _MATRIX_KEYS:
+            yield name, _announced(name, tree["data"], [tree["rows"], tree["cols"]])
+            return
+        if set(tree) >= _ARRAY_KEYS:
+            yield name, _announced(name, tree["data"], tree["sizes"])
+            return
+        inside = {str(key): value for key, value in tree.items()}
+    elif isinstance(tree, list) and any(isinstance(item, dict) for item in tree):
+        inside = {str(number): item for number, item in enumerate(tree)}
+    else:
+        if tree is not None and not isinstance(tree, bool) and tree != "":
+            yield name, _value(tree)
+        return
+    for key, value in inside.items():
+        yield from _leaves(f"{name}.{key}" if name else key, value, depth + 1)
+
+
+def _array(value: Any) -> Matrix:
+    try:
+        return np.atleast_1d(np.array(value, dtype=np.float64))
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        return _NO_NUMBERS
+
+
+def _float(token: str) -> float:
+    """Return the number in a text, which may be one that YAML writes otherwise than Python."""
+    return float(token.replace(".", "", 1) if token.lower().lstrip("+-") in (".nan", ".inf") else token)
+
+
+def _value(leaf: Any) -> Matrix | str:
+    return value_of(leaf) if isinstance(leaf, str) else _array(leaf)
+
+
+def _announced(name: str, data: Any, sizes: Any) -> Matrix:
+    """Return an array of the sizes that its file announces for it."""
+    values, shape = _value(data), _value(sizes)
+    if isinstance(values, str) or isinstance(shape, str):
+        return _NO_NUMBERS
+    if not (np.isfinite(shape).all() and np.isfinite(values).all()):
+        return _NO_NUMBERS
+    if not ((shape >= 0) & (shape <= values.size)).all() or math.prod(map(int, shape.flat)) != values.size:
+        announced = " × ".join(f"{side:g}" for side in list(shape.flat)[:3])
+        raise ValueError(f"{quoted(name)} in the calibration announces {announced} numbers and holds {values.size}.")
+    return values.reshape([int(side) for side in shape.flat])
 
 
 def optional_number(entries: Entries, *names: str) -> float | None:
@@ -24,21 +112,27 @@ def optional_number(entries: Entries, *names: str) -> float | None:
     return None if name is None else float(_numbers(entries, name, 1)[0])
 
 
-def required_number(entries: Entries, name: str) -> float:
-    """Return the number under `name`, which must be there."""
-    number = optional_number(entries, name)
+def required_number(entries: Entries, *names: str) -> float:
+    """Return the number under the first of `names` that is there; one of them must be."""
+    number = optional_number(entries, *names)
     if number is None:
-        raise ValueError(f"The calibration has no {name}; it is needed to turn disparity into metres.")
+        raise ValueError(
+            f"The calibration has no {names[0]}; it is needed to turn disparity into metres. It has "
+            f"{names_found(entries)}."
+        )
     return number
 
 
 def optional_count(entries: Entries, *names: str) -> int | None:
     """Return the whole number from 1 under the first of `names` that is there, None where none is."""
     number = optional_number(entries, *names)
-    if number is None:
-        return None
+    return None if number is None else counted(number, names[0])
+
+
+def counted(number: float, name: str) -> int:
+    """Return a whole number from 1."""
     if not 1 <= number <= MAX_SIDE:
-        raise ValueError(f"The calibration has {number:g} for {names[0]}; allowed are 1 to {MAX_SIDE}.")
+        raise ValueError(f"The calibration has {number:g} for {quoted(name)}; allowed are 1 to {MAX_SIDE}.")
     return round(number)
 
 
@@ -47,21 +141,9 @@ def matrix(entries: Entries, name: str, shape: tuple[int, int]) -> Matrix:
     return _numbers(entries, name, shape[0] * shape[1]).reshape(shape)
 
 
-def vector(entries: Entries, name: str | None) -> Matrix:
-    """Return all the numbers under `name` in a row, none at all where there is no such name."""
-    return np.zeros(0) if name is None else _numbers(entries, name).ravel()
-
-
-def image_size(entries: Entries) -> tuple[int | None, int | None]:
-    """Return the width and the height of the images, px, under whichever of their usual names."""
-    for name in ("image_size", "imageSize"):
-        if name in entries:
-            width, height = _numbers(entries, name, 2)
-            entries = {"width": np.array([width]), "height": np.array([height])}
-    return (
-        optional_count(entries, "width", "image_width", "imageWidth"),
-        optional_count(entries, "height", "image_height", "imageHeight"),
-    )
+def vector(entries: Entries, name: str, count: int | None = None) -> Matrix:
+    """Return the numbers under `name` in a row, `count` of them if that is given."""
+    return _numbers(entries, name, count).ravel()
 
 
 def _numbers(entries: Entries, name: str, count: int | None = None) -> Matrix:

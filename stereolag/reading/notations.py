@@ -1,8 +1,7 @@
 """The notations calibrations are written in, from untrusted bytes, as one table: name → array of numbers, or text.
 
-Four are told apart: JSON; ``key=value`` with MATLAB matrices (Middlebury); bare rows of numbers; and ``key: value``,
-which covers KITTI and as much of YAML as OpenCV's FileStorage and ROS write. It is read here because OpenCV's own
-reader leaves the process in disorder on broken input, and a YAML library would be a dependency for numbers alone.
+Libraries read those that nest: JSON, YAML, XML and NPZ. Two are lines of text: ``name=value`` with the matrices of
+MATLAB (Middlebury), and rows of numbers, each with its name before it (KITTI) or without.
 """
 
 from __future__ import annotations
@@ -11,122 +10,105 @@ import json
 import re
 from typing import Any
 
-import numpy as np
+from stereolag.reading.entries import Entries, flattened, value_of
+from stereolag.reading.npz import ZIP_MAGIC, parse_npz
+from stereolag.reading.xml_trees import parse_xml
+from stereolag.reading.yaml_trees import parse_yaml
 
-from stereolag.reading.entries import Entries, Matrix
-from stereolag.reading.sources import quoted
+MAX_TEXT_BYTES = 2**20
+MAX_ARCHIVE_BYTES = 2**24
+MAX_NAMES = 2000
 
-_KEY_VALUE = re.compile(r"^[ \t]*(\w+)[ \t]*=[ \t]*(.+)$")
-_KEY = re.compile(r"^([ \t]*)\"?([A-Za-z_]\w*)\"?[ \t]*:(?:[ \t]+(.*))?$")
-_CONTINUATION = re.compile(r"^(?:[ \t]|-[ \t]|\])")
-_SEPARATORS = re.compile(r"[\s,;\[\]]+|(?<![^\s\[,])-(?=\s)")
-_MATRIX_KEYS = ("rows", "cols", "data")
+_WHAT = "calibration"
+_ASSIGNMENT = re.compile(r"^[ \t]*(\w+)[ \t]*=[ \t]*(\S.*)$")
+_NUMBER = r"(?:[-+]?[\d.][-+.\deE]*|nan|inf)"
+_NAMED_ROW = re.compile(rf"^[ \t]*(\w+):?[ \t]+({_NUMBER}(?:[ \t]+{_NUMBER})+)[ \t]*$")
 
 
 def parse_entries(data: bytes) -> Entries:
     """Return the entries of the file, by name.
 
     A matrix of OpenCV or ROS (rows, cols, data) and nested lists keep their shape; a number alone is an array of
-    shape (1,). Bare rows are named ``row0``, ``row1``, …
+    shape (1,). What lies within something else is named by the way to it, with dots: ``cam0.intrinsics``. Bare rows
+    are named ``row0``, ``row1``, …
 
     Raises
     ------
     ValueError
-        Not a text, JSON that cannot be parsed, or a matrix whose size is not what it announces.
+        Too large, of a notation that cannot be parsed, or a matrix whose size is not what it announces.
     """
+    if data.startswith(ZIP_MAGIC):
+        _check_size(data, MAX_ARCHIVE_BYTES)
+        arrays = parse_npz(data, _WHAT)
+        entries = flattened({name: "" if array is None else array.tolist() for name, array in arrays.items()})
+    else:
+        _check_size(data, MAX_TEXT_BYTES)
+        entries = _from_text(_text(data))
+    _check_names(len(entries))
+    return entries
+
+
+def _from_text(text: str) -> Entries:
+    start = text.lstrip()
+    if start.startswith("<"):
+        return flattened(parse_xml(start.encode(), _WHAT))
+    if start.startswith("{"):
+        return flattened(_json(start))
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if any(_ASSIGNMENT.match(line) for line in lines):
+        _check_names(len(lines))
+        return _from_assignments(lines)
+    if lines and len(lines) <= MAX_NAMES and not any(isinstance(value_of(line), str) for line in lines):
+        return {f"row{number}": value_of(line) for number, line in enumerate(lines)}
+    if any(line.lstrip().startswith("P") and _NAMED_ROW.match(line) for line in lines):
+        _check_names(len(lines))
+        return _from_named_rows(lines)
+    return flattened(parse_yaml(text, _WHAT))
+
+
+def _check_size(data: bytes, most: int) -> None:
+    if len(data) > most:
+        raise ValueError(
+            f"The {_WHAT} has {len(data):,} bytes; at most {most:,} are accepted: it holds the cameras alone, no maps "
+            "of pixels."
+        )
+
+
+def _text(data: bytes) -> str:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError("The calibration is not a text file (UTF-8).") from error
+        raise ValueError(
+            f"The {_WHAT} is not a text file (UTF-8) and no .npz of NumPy; save pickles and MATLAB’s files as one of "
+            "these."
+        ) from error
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
-        raise ValueError(f"Line {line} of the calibration holds a NUL byte; allowed is plain text.")
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith(("#", "%", "---"))]
-    if text.lstrip().startswith("{"):
-        return _from_json(text)
-    if any(_KEY_VALUE.match(line) for line in lines):
-        return _from_assignments(lines)
-    if lines and all(_numbers(line) is not None for line in lines):
-        return {f"row{index}": _as_value(line) for index, line in enumerate(lines)}
-    return _from_colons(lines)
+        raise ValueError(f"Line {line} of the {_WHAT} holds a NUL byte; allowed is plain text.")
+    return text
 
 
-def _from_json(text: str) -> Entries:
+def _json(text: str) -> Any:
+    """Return what a text in braces holds: JSON, or YAML on few lines."""
     try:
-        content = json.loads(text)
+        return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise ValueError("The calibration begins like JSON, but cannot be parsed as such.") from error
-    entries: Entries = {}
-    for name, value in content.items():
-        if isinstance(value, dict):
-            if not all(key in value for key in _MATRIX_KEYS):
-                continue
-            entries[name] = _matrix(name, *(_array(name, value[key]) for key in _MATRIX_KEYS))
-        elif isinstance(value, str):
-            entries[name] = value
-        elif isinstance(value, int | float | list) and not isinstance(value, bool):
-            entries[name] = _array(name, value)
-    return entries
+        try:
+            return parse_yaml(text, _WHAT)
+        except ValueError:
+            raise ValueError(f"The {_WHAT} begins like JSON, but cannot be parsed as such.") from error
 
 
 def _from_assignments(lines: list[str]) -> Entries:
-    matches = [match for line in lines if (match := _KEY_VALUE.match(line))]
-    return {match[1]: _as_value(match[2]) for match in matches}
+    matches = [match for line in lines if (match := _ASSIGNMENT.match(line))]
+    return {match[1]: value_of(re.sub(r"[\[\];]", " ", match[2])) for match in matches}
 
 
-def _from_colons(lines: list[str]) -> Entries:
-    """Read ``key: value``, the value reaching on over indented lines, and matrices whose parts are indented keys."""
-    values: dict[tuple[str, str], list[str]] = {}
-    owner, current = "", None
-    for line in lines:
-        if match := _KEY.match(line):
-            indent, key, value = match[1], match[2], match[3] or ""
-            if not indent:
-                owner = key
-            current = (owner, key if indent else "")
-            values[current] = [value]
-        elif current is not None and _CONTINUATION.match(line):
-            values[current].append(line)
-        else:
-            current = None
-    texts = {place: "\n".join(parts) for place, parts in values.items()}
-    entries: Entries = {}
-    for name in dict.fromkeys(owner for owner, _ in texts):
-        if all((name, key) in texts for key in _MATRIX_KEYS):
-            entries[name] = _matrix(name, *(_array(name, _numbers(texts[name, key])) for key in _MATRIX_KEYS))
-        elif texts.get((name, "")):
-            entries[name] = _as_value(texts[name, ""])
-    return entries
+def _from_named_rows(lines: list[str]) -> Entries:
+    matches = [match for line in lines if (match := _NAMED_ROW.match(line))]
+    return {match[1]: value_of(match[2]) for match in matches}
 
 
-def _as_value(text: str) -> Matrix | str:
-    numbers = _numbers(text)
-    return text.strip() if numbers is None else np.array(numbers)
-
-
-def _numbers(text: str) -> list[float] | None:
-    """Return the numbers of a list or matrix in any of the notations, None if there is anything else in it."""
-    try:
-        numbers = [float(token) for token in _SEPARATORS.split(text) if token]
-    except ValueError:
-        return None
-    return numbers or None
-
-
-def _array(name: str, value: Any) -> Matrix:
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        array = np.array(np.nan)
-    if not np.isfinite(array).all():
-        raise ValueError(f"{quoted(name)} in the calibration must hold finite numbers only.")
-    return np.atleast_1d(array)
-
-
-def _matrix(name: str, rows: Matrix, cols: Matrix, values: Matrix) -> Matrix:
-    height, width = (float(side.flat[0]) if side.size else 0.0 for side in (rows, cols))
-    if not (0 <= height <= values.size and 0 <= width <= values.size and int(height) * int(width) == values.size):
-        raise ValueError(
-            f"{quoted(name)} in the calibration announces {height:g} × {width:g} numbers and holds {values.size}."
-        )
-    return values.reshape(int(height), int(width))
+def _check_names(count: int) -> None:
+    if count > MAX_NAMES:
+        raise ValueError(f"The {_WHAT} has {count:,} names or lines; at most {MAX_NAMES:,} are accepted.")

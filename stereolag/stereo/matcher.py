@@ -41,6 +41,7 @@ NumDisparities = Annotated[
 MinDisparity = Annotated[
     int,
     Pixels(),
+    OfThePair(),
     Usual(-64, 64),
     Field(
         title="Smallest disparity",

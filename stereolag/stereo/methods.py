@@ -33,8 +33,8 @@ class Preset(NamedTuple):
 PRESETS: dict[PresetName, Preset] = {
     "report": Preset(
         "The report’s",
-        "The source report’s own: windows of 20 px in a square of 40 px around each.",
-        lambda first, count: CorrelationMatcher(window_size=20, overlap=0.95, search=SearchArea.centred(40)),
+        "The source report’s own: windows of 20 px, each looked for within its own 20 px; far things are bright.",
+        lambda first, count: CorrelationMatcher(window_size=20, overlap=0.9, search=SearchArea.centred(20)),
     ),
     "fast": Preset(
         "Fast",
@@ -70,10 +70,10 @@ def preset(name: PresetName, num_disparities: int = 64, min_disparity: int = 0) 
     Parameters
     ----------
     name
-        "report": the source report's depth map, windows of 20 px, overlap 0.95, search area 40 px centred (it reaches
-        ±10 px, whatever the range). "fast": every pixel by the best ZNCC of its window, checked, filled and smoothed,
-        in a few hundredths of a second. "accurate": correlation joined with census and gradient, semi-global
-        optimisation, checked, filled and smoothed.
+        "report": the source report's depth maps (Figs. 3.3, 3.5, 4.2), windows of 20 px, overlap 0.9, search area
+        20 px: unpadded, it wraps around and reaches ±10 px, whatever the range. "fast": every pixel by the best ZNCC
+        of its window, checked, filled and smoothed, in a few hundredths of a second. "accurate": correlation joined
+        with census and gradient, semi-global optimisation, checked, filled and smoothed.
     num_disparities, min_disparity
         The range searched, px.
 

@@ -172,7 +172,7 @@ class StereoBM(BlockMatcher):
     """OpenCV's ``StereoBM``: absolute differences over a block (Konolige 1997); defaults as OpenCV's own."""
 
     short_name = "bm"
-    first_shown = ("block_size", "num_disparities", "uniqueness_ratio", "texture_threshold")
+    first_shown = ("block_size", "num_disparities", "min_disparity", "uniqueness_ratio", "texture_threshold")
     seconds_of_a_cost = 2.0e-10
     bytes_of_a_cost = 1
 
@@ -217,7 +217,7 @@ class StereoSGBM(BlockMatcher):
     """OpenCV's ``StereoSGBM``: semi-global matching (Hirschmüller 2008) over Birchfield-Tomasi costs, 5 paths."""
 
     short_name = "sgbm"
-    first_shown = ("block_size", "num_disparities", "uniqueness_ratio", "p1", "p2")
+    first_shown = ("block_size", "num_disparities", "min_disparity", "uniqueness_ratio", "p1", "p2")
     seconds_of_a_cost = 2.0e-9
     bytes_of_a_cost = 2
 

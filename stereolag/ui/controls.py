@@ -10,6 +10,7 @@ from pydantic.fields import FieldInfo
 
 from stereolag.settings import Settings
 from stereolag.settings.fields import Bounds, Number, choices
+from stereolag.ui.keys import exact_key
 
 T = TypeVar("T")
 
@@ -32,8 +33,8 @@ def control(
 ) -> Any:
     """Draw the control of one field and return what it is set to.
 
-    A number with both bounds is a slider; with fewer, or where it may be left empty, a number box. A choice is a row of
-    buttons, a yes or no a switch.
+    A number with both bounds is a slider with a box for an exact value; with fewer, or where it may be left empty, a
+    number box. A choice is a row of buttons, a yes or no a switch.
 
     Parameters
     ----------
@@ -93,7 +94,38 @@ def control(
         bounds = Bounds(at_first, at_first + bounds.step, bounds.step)
         widget |= {"key": f"{key}.only", "disabled": True}
     widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": at_first}
-    return st.slider(**widget)
+    return _slider_and_box(widget, Bounds.of(field))
+
+
+EXACT_WIDTH = 76
+"""Px; of the box beside a slider, too narrow for buttons."""
+
+
+def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
+    """Draw a slider beside a box that shows its value and takes any other that the field allows."""
+    key, exact = widget["key"], exact_key(widget["key"])
+    with st.container(horizontal=True, gap="small", vertical_alignment="bottom"):
+        value = st.slider(**widget)
+        st.session_state[exact] = value
+        st.number_input(
+            widget["label"],
+            min_value=allowed.low,
+            max_value=allowed.high,
+            step=0.01 if isinstance(value, float) else 1,
+            format="%g" if isinstance(value, float) else "%d",
+            key=exact,
+            disabled=widget["disabled"],
+            label_visibility="collapsed",
+            width=EXACT_WIDTH,
+            on_change=_take_exact,
+            args=(key,),
+        )
+    return value
+
+
+def _take_exact(key: str) -> None:
+    """Set a slider to the value typed beside it, which may lie beyond its ends or between its steps."""
+    adopt_value(key, st.session_state[exact_key(key)])
 
 
 def _within(field: FieldInfo, value: Any, low: Number | None, high: Number | None) -> Any:

@@ -6,10 +6,10 @@ from typing import Final
 
 PAIR: Final = "pairs"
 SIZE: Final = f"{PAIR}.size"
-FIRST_METHOD: Final = "depth.method"
-SECOND_METHOD: Final = "depth.beside"
+FOLD: Final = "depth.head"
+SHOWN: Final = "depth.maps"
+TAB: Final = "depth.tab"
 PART: Final = "depth.part"
-VIEW: Final = "depth.view"
 COLOURS: Final = "depth.colours"
 
 
@@ -29,7 +29,7 @@ def setting_key(method: str, name: str, source: str | None = None) -> str:
         With dots where the setting lies within another; behind a choice of kinds stands the kind:
         "search.rectified.num_disparities".
     source
-        Of a setting that belongs to the pair, the :attr:`stereolag.ui.pairs.StereoPair.source`.
+        Of a setting that belongs to the pair, the :attr:`stereolag.ui.pairs.StereoPair.searched`.
     """
     key = f"{method_key(method)}.{name}"
     return key if source is None else f"{key}.{source}"
@@ -40,11 +40,11 @@ def more_key(method: str) -> str:
     return f"{method_key(method)}.more"
 
 
-def opened_key(method: str) -> str:
-    """Return the key of what holds a method that is compared besides the two shown."""
-    return f"{method_key(method)}.opened"
-
-
 def preset_key(name: str) -> str:
     """Return the key of the button of a preset."""
     return f"depth.preset.{name}"
+
+
+def exact_key(key: str) -> str:
+    """Return the key of the box for an exact value beside a slider."""
+    return f"{key}.exact"

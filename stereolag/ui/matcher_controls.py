@@ -10,6 +10,7 @@ from types import SimpleNamespace
 from typing import Any, TypeVar, cast
 
 import streamlit as st
+from streamlit.elements.lib.mutable_expander_container import ExpanderContainer
 
 from stereolag.settings import FitsImage, OfThePair, Settings, SettingsError, Usual, marker
 from stereolag.settings.fields import Number, choices, nested
@@ -93,8 +94,7 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
     top = st.container() if drawn else nullcontext()
     foldable = set(kind.model_fields) - set(_first_shown(kind))
     folds = bool(foldable) and drawn
-    # Folded away, they are not drawn: a rerun draws them when they are opened.
-    expander = st.expander("More settings", key=more_key(kind.short_name), on_change="rerun") if folds else None
+    expander = _more_settings(more_key(kind.short_name)) if folds else None
     first = first_settings(kind, pair)
     place = _Place(
         kind,
@@ -118,9 +118,21 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
     return last_valid(make, f"{method_key(kind.short_name)}.valid")
 
 
+def _more_settings(key: str) -> ExpanderContainer:
+    """Return the fold for settings that are seldom moved; it is as it was when its tab was left.
+
+    Folded away, they are not drawn: a rerun draws them when they are opened.
+    """
+    if key not in st.session_state:
+        st.session_state[key] = st.session_state.get(f"{key}.left", False)
+    expander = st.expander("More settings", key=key, on_change="rerun")
+    st.session_state[f"{key}.left"] = bool(expander.open)
+    return expander
+
+
 def first_settings(kind: type[Matcher], pair: StereoPair) -> Matcher:
     """Return the settings with which the page begins for a pair."""
-    return cast(Matcher, _first_settings(kind, pair.num_disparities or DISPARITIES_AT_FIRST))
+    return cast(Matcher, _first_settings(kind, pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST))
 
 
 def set_controls(matcher: StereoMatcher, pair: StereoPair) -> None:
@@ -135,9 +147,9 @@ def matchers_in_use() -> list[StereoMatcher]:
 
 
 @lru_cache(maxsize=256)
-def _first_settings(kind: type[StereoMatcher], disparities: int) -> StereoMatcher:
+def _first_settings(kind: type[StereoMatcher], first: int, count: int) -> StereoMatcher:
     """Return them; asked for by every control, they are validated once."""
-    return kind().with_search_range(0, disparities)
+    return kind().with_search_range(first, count)
 
 
 def _first_shown(kind: type[Settings]) -> tuple[str, ...]:
@@ -258,7 +270,7 @@ def _ends(place: _Place, name: str) -> dict[str, Any]:
 
 def _key(method: type[StereoMatcher], kind: type[Settings], path: str, name: str, pair: StereoPair) -> str:
     of_the_pair = marker(kind.model_fields[name], OfThePair) is not None
-    return setting_key(method.short_name, f"{path}{name}", pair.source if of_the_pair else None)
+    return setting_key(method.short_name, f"{path}{name}", pair.searched if of_the_pair else None)
 
 
 def _set(settings: Settings, method: type[StereoMatcher], path: str, pair: StereoPair) -> None:

@@ -16,6 +16,7 @@ from starlette.formparsers import MultiPartParser
 
 from stereolag.limits import set_defaults
 from stereolag.ui.visits import run_again_when_reconnected, this_visit
+from stereolag.warming import warm
 
 ICON = Path(__file__).with_name("icon.svg")
 
@@ -32,19 +33,21 @@ JOB_MEMORY_MB = 2048
 
 
 @contextmanager
-def page(title: str, introduction: str) -> Iterator[None]:
+def page(title: str, introduction: str = "") -> Iterator[None]:
     """Begin a page: browser title, links, heading and a paragraph that says what the page is for.
 
-    Its content goes inside; where that fails, the visitor is told so.
+    Its content goes inside; where that fails, the visitor is told so. A page without an introduction draws its heading
+    itself.
     """
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=ICON, layout="wide")
     _prepare_process()
     this_visit()
-    with st.container(horizontal=True, gap="medium", vertical_alignment="center"):
+    with st.container(horizontal=True, gap="medium", vertical_alignment="center", key="page-links"):
         for path, (label, icon) in PAGES.items():
             st.page_link(path, label=label, icon=icon)
-    st.title(title, anchor=False)
-    st.markdown(introduction, width=760)
+    if introduction:
+        st.title(title, anchor=False)
+        st.markdown(introduction, width=760)
     run_again_when_reconnected()
     with failures_answered():
         yield
@@ -54,6 +57,7 @@ def page(title: str, introduction: str) -> Iterator[None]:
 def _prepare_process() -> None:
     """Set, once per process, what a server needs that a script does not."""
     set_defaults(job_memory_mb=JOB_MEMORY_MB)
+    warm()
     # An upload above 1 MB would be put down in a temporary file on its way into memory.
     MultiPartParser.spool_max_size = st.get_option("server.maxUploadSize") * 2**20
     # With many sessions the pauses of garbage collection grow with what the imports left behind.

@@ -29,11 +29,14 @@ class Change:
         The same in words; "" where there is nothing to say.
     remedy
         Whether the input doctor did it at the visitor's wish, who can undo it.
+    resizes
+        Whether disparities are other numbers after it, as the images have another size.
     """
 
     name: str
     sentence: str
     remedy: bool = False
+    resizes: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +50,7 @@ class StereoPair:
     truth
         (H, W) px, the ground truth of the left image; None where it is not known.
     num_disparities
-        How many disparities the pair needs, px; None where it is not known.
+        How many disparities the pair needs, px, from `min_disparity` on; None where it is not known.
     description
         What the page says of it.
     files
@@ -60,6 +63,10 @@ class StereoPair:
         (H, W), True where the right camera sees what the left one does: the non-occluded pixels.
     changes
         What was done to it, in order.
+    min_disparity
+        The first disparity that the pair needs, px.
+    pictures
+        Tells its two images from all others: a digest of their files alone; `files` where it is empty.
     """
 
     left: Image
@@ -72,6 +79,8 @@ class StereoPair:
     calibration: Calibration | None = None
     visible: Mask | None = None
     changes: tuple[Change, ...] = ()
+    min_disparity: int = 0
+    pictures: str = ""
 
     @property
     def digest(self) -> str:
@@ -80,8 +89,14 @@ class StereoPair:
 
     @property
     def source(self) -> str:
-        """Return the digest of the pair before any remedy: controls that belong to the pair hang on it."""
+        """Return the digest of the pair before any remedy: the remedies chosen for it hang on it."""
         return " ".join((self.files, *(change.name for change in self.changes if change.name and not change.remedy)))
+
+    @property
+    def searched(self) -> str:
+        """Return what tells the two images and their size: the range in use hangs on it, whatever else is added."""
+        sizes = (change.name for change in self.changes if change.name and change.resizes)
+        return " ".join((self.pictures or self.files, *sizes))
 
     @property
     def remedies(self) -> tuple[Change, ...]:

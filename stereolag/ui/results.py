@@ -26,6 +26,8 @@ SHARED_BYTES = 512 * 2**20
 OWN_BYTES = 192 * 2**20
 ALL_OWN_BYTES = 1024 * 2**20
 
+NUMBER_BYTES = 8
+
 BETWEEN_LOOKS_S = 0.4
 """How often the page shows anew how far a job is."""
 
@@ -187,10 +189,15 @@ def computed_in_turn(
     result: T | None = results.get(key)
     refused = estimate.memory > limits().job_memory
     if job is None and (result is not None or refused or not is_heavy(estimate)):
+
+        def alone(progress: Progress) -> T:
+            with _alone:
+                return compute(progress)
+
         if estimate.seconds < PATIENCE_S:
             # Over before anybody could see that something is computed, and drawing that takes time too.
-            return remembered(task, lambda: compute(silent), inputs=inputs, settings=settings, shared=shared)
-        return computed(task, compute, inputs=inputs, settings=settings, shared=shared, label=label)
+            return remembered(task, lambda: alone(silent), inputs=inputs, settings=settings, shared=shared)
+        return computed(task, alone, inputs=inputs, settings=settings, shared=shared, label=label)
     place = st.empty()
     if job is None:
         job = Job(lambda job: compute(job.report_or_end), estimate)
@@ -208,6 +215,10 @@ def computed_in_turn(
     result = job.result()
     _keep(results, key, result)
     return result
+
+
+_alone = threading.Lock()
+"""Held by a light computation, which takes all cores: two at once would each take twice as long, and say so."""
 
 
 def _forget_job(task: str) -> None:
@@ -240,9 +251,11 @@ def _results(shared: bool) -> RecentResults:
 
 
 def _bytes_of(result: Any) -> int:
-    """Return the memory of a file, an array, or the arrays that a result holds as attributes."""
+    """Return the memory of a file, an array, a number, or the files and arrays that a result holds as attributes."""
     if isinstance(result, bytes):
         return len(result)
     if isinstance(result, np.ndarray):
         return result.nbytes
-    return sum(value.nbytes for value in vars(result).values() if isinstance(value, np.ndarray))
+    if isinstance(result, float):
+        return NUMBER_BYTES
+    return sum(_bytes_of(value) for value in vars(result).values() if isinstance(value, bytes | np.ndarray))

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 import numpy as np
 
 from stereolag.doctor import Finding, FindingCode, Remedy
+from stereolag.doctor.row_evidence import RowEvidence
 from stereolag.signals import SignalLag
 from stereolag.stereo.reasons import Reason
 from stereolag.templates import TemplateSearch
@@ -18,6 +22,15 @@ def duration(seconds: float) -> str:
 def percent(share: float) -> str:
     """Return a share, 0..1, as a percentage."""
     return f"{share * 100:.0f} %"
+
+
+# Maps
+
+
+def beyond_the_colours(shares: Mapping[str, float]) -> str:
+    """Return how much of which maps lies beyond the range of the colours; the shares are 0..1."""
+    said = " and ".join(f"**{percent(share)}** of {name}" for name, share in shares.items())
+    return f"{said} lies beyond the colours."
 
 
 # Recordings
@@ -61,6 +74,24 @@ REMEDIES_DONE = {
     Remedy.MATCH_EXPOSURE: "The right image was given the brightness and contrast of the left one.",
 }
 TRUTH_DROPPED = "The ground truth belongs to the other image and is left out."
+
+
+def rectification_in_words(evidence: RowEvidence, rectified: bool, asked: bool, drops_truth: bool) -> str:
+    """Return whether a pair was rectified with its calibration, with the rows as evidence."""
+    given = _rows_apart(evidence.given_px, evidence.given_matches)
+    after = _rows_apart(evidence.rectified_px, evidence.rectified_matches)
+    because = ", as you said" if asked else ""
+    if rectified:
+        dropped = " Its ground truth belongs to the image before that and is left out." if drops_truth else ""
+        done = f"The pair was undistorted and rectified with its calibration{because}"
+        return f"{done}: rows differ {after}, before {given}.{dropped}"
+    return f"The pair is rectified already{because}, and left so: rows differ {given}; rectified once more, {after}."
+
+
+def _rows_apart(median: float, matches: int) -> str:
+    if math.isnan(median):
+        return f"by what {matches} matched features are too few to tell"
+    return f"by {median:.2g} px (median of {matches} matched features)"
 
 
 def problems_in_words(count: int) -> str:

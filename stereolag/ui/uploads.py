@@ -17,7 +17,7 @@ T = TypeVar("T")
 PICTURE_TYPES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif")
 RECORDING_TYPES = ("wav", "flac", "ogg", "mp3", "aif", "aiff", "txt", "csv", "tsv", "dat", "npy")
 DISPARITY_TYPES = ("pfm", "png", "pgm", "npy")
-CALIBRATION_TYPES = ("txt", "yaml", "yml", "json")
+CALIBRATION_TYPES = ("txt", "yaml", "yml", "json", "xml", "npz")
 
 ARRIVAL_S = 2.0
 """How long an uploader may be empty before its file counts as removed: one dropped over another empties it first."""
@@ -92,7 +92,10 @@ def upload(
 def upload_together(
     label: str, read: Callable[[list[bytes]], T], *, key: str, types: Sequence[str], note: str = "", variant: str = ""
 ) -> Upload[T] | None:
-    """Ask for files that belong together and return what `read` makes of them all, as :func:`upload` does of one."""
+    """Ask for files that belong together and return what `read` makes of them all, as :func:`upload` does of one.
+
+    They are read by their names in order, whichever arrived first: left before right, camera 0 before camera 1.
+    """
     files = st.file_uploader(
         label,
         type=types,
@@ -102,7 +105,7 @@ def upload_together(
         on_change=_note_emptied,
         args=(key,),
     )
-    return _read_once(files, read, key, variant, True)
+    return _read_once(sorted(files, key=lambda file: file.name.lower()), read, key, variant, True)
 
 
 def put_together(make: Callable[[], T], key: str) -> T | None:

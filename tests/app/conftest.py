@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 import streamlit as st
@@ -69,14 +71,34 @@ def open_unfolded(open_page: OpenPage) -> OpenPage:
     return opened
 
 
+def viewers(app: AppTest) -> list[dict[str, Any]]:
+    """Return what the sets of linked pictures on a page are told about themselves."""
+    all_of_them = [element.proto for element in app.get("bidi_component")]
+    return [json.loads(one.json) for one in all_of_them if one.component_name == "stereolag.linked_pictures"]
+
+
+def figures(app: AppTest) -> dict[str, dict[str, str]]:
+    """Return the numbers below each map of the depth page, by title and label."""
+    bench = next(viewer for viewer in viewers(app) if viewer["name"] == "depth.bench")
+    return {
+        picture["title"]: {figure["label"]: figure["value"] for figure in picture["figures"]}
+        for picture in bench["pictures"]
+        if picture["figures"]
+    }
+
+
 @pytest.fixture
 def shown() -> Callable[[AppTest], str]:
-    """Return what makes a digest of every picture, chart and headline on a page."""
+    """Return what makes a digest of every picture, chart and headline on a page; times do not count."""
 
     def digest(app: AppTest) -> str:
         pictures = [picture.url for element in app.get("image") for picture in element.proto.imgs]
         charts = [element.proto.spec for element in app.get("plotly_chart")]
         headlines = [subheader.value for subheader in app.subheader]
-        return hashlib.sha256("\0".join((*pictures, *charts, *headlines)).encode()).hexdigest()
+        linked = viewers(app)
+        for picture in (picture for viewer in linked for picture in viewer["pictures"]):
+            picture["figures"] = [figure for figure in picture["figures"] if figure["label"] != "Took"]
+        all_shown = (*pictures, *charts, *headlines, json.dumps(linked))
+        return hashlib.sha256("\0".join(all_shown).encode()).hexdigest()
 
     return digest

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from stereolag.ui.keys import COLOURS, FIRST_METHOD, PART, SECOND_METHOD, VIEW, more_key, opened_key, preset_key
+from stereolag.ui.keys import COLOURS, PART, SHOWN, TAB, exact_key, more_key, preset_key
 from stereolag.ui.keys import more_key as more
 from stereolag.ui.keys import setting_key as setting
 
-__all__ = ["COLOURS", "FIRST_METHOD", "PART", "SECOND_METHOD", "VIEW", "more", "preset_key", "setting"]
+__all__ = ["COLOURS", "PART", "SHOWN", "TAB", "exact_key", "more", "preset_key", "setting"]
 
 CUBE = "pair cube"
 
@@ -14,7 +14,7 @@ WINDOW = setting("correlation", "window_size")
 OVERLAP = setting("correlation", "overlap")
 SEARCH = setting("correlation", "search.kind")
 DISPARITIES = setting("correlation", "search.rectified.num_disparities", CUBE)
-SMALLEST = setting("correlation", "search.rectified.min_disparity")
+SMALLEST = setting("correlation", "search.rectified.min_disparity", CUBE)
 VERTICAL = setting("correlation", "search.rectified.vertical")
 SEARCH_SIZE = setting("correlation", "search.centred.search_size", CUBE)
 REACH = setting("correlation", "search.centred.vertical")
@@ -22,19 +22,11 @@ LEFT_RIGHT = setting("correlation", "left_right")
 MEDIAN = setting("correlation", "median")
 
 BLOCK = setting("bm", "block_size")
-BLOCK_SMALLEST = setting("bm", "min_disparity")
+BLOCK_SMALLEST = setting("bm", "min_disparity", CUBE)
 BLOCK_UNIQUENESS = setting("bm", "uniqueness_ratio")
 BLOCK_SPECKLES = setting("bm", "speckle_window_size")
 BLOCK_SPECKLE_RANGE = setting("bm", "speckle_range")
 
 MORE, BLOCK_MORE = more_key("correlation"), more_key("bm")
-FOLDS = (
-    MORE,
-    BLOCK_MORE,
-    opened_key("sgbm"),
-    more_key("sgbm"),
-    opened_key("sgm"),
-    more_key("sgm"),
-    f"{COLOURS}.opened",
-)
+FOLDS = (MORE, BLOCK_MORE, more_key("sgbm"), more_key("sgm"), f"{COLOURS}.opened")
 """What is folded away on the depth page at first, and not drawn."""

@@ -10,6 +10,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from tests.app import keys, uploads
+from tests.app.conftest import viewers
 
 OpenPage = Callable[[str], AppTest]
 Shown = Callable[[AppTest], str]
@@ -119,14 +120,14 @@ def test_a_bad_first_recording_leaves_no_answer_of_the_example(open_page: OpenPa
 def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPage) -> None:
     app = open_page("pages/3_Depth_maps.py")
     app.button_group(key="pairs").set_value("own").run()
-    assert app.metric
+    assert viewers(app)
     put(app, "pairs.left", "left.png", b"no picture")
     assert_one_sentence(app, "accepted are")
-    assert not app.metric
+    assert not viewers(app)
     put(app, "pairs.left", "left.png", uploads.png(SCENE))
     put(app, "pairs.right", "right.png", uploads.png(SCENE[:30]))
     assert_one_sentence(app, "give or take 3 %")
-    assert not app.metric
+    assert not viewers(app)
 
 
 def test_a_csv_with_a_header_is_read(open_page: OpenPage) -> None:

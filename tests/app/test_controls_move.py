@@ -9,6 +9,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from tests.app import keys
+from tests.app.conftest import figures
 
 OpenPage = Callable[[str], AppTest]
 Shown = Callable[[AppTest], str]
@@ -34,7 +35,6 @@ MOVES: dict[str, dict[str, Any]] = {
     DEPTH: {
         "pairs": "square",
         "pairs.size": "1/2",
-        keys.VIEW: "Ground truth",
         keys.WINDOW: 9,
         keys.OVERLAP: 0.5,
         keys.SEARCH: "centred",
@@ -57,11 +57,13 @@ MOVES: dict[str, dict[str, Any]] = {
         keys.setting("bm", "disp12_max_diff"): 0,
         keys.setting("bm", "pre_filter_cap"): 3,
         keys.PART: "Scoreboard",
-        "depth.colours.range.pair cube": (10.0, 90.0),
+        "depth.colours.range.pair cube.far": 10.0,
+        "depth.colours.range.pair cube.near": 90.0,
+        "depth.colours.inverted": True,
         "depth.colours.palette": "turbo",
         keys.setting("sgbm", "block_size"): 9,
         keys.setting("sgbm", "num_disparities", keys.CUBE): 32,
-        keys.setting("sgbm", "min_disparity"): 20,
+        keys.setting("sgbm", "min_disparity", keys.CUBE): 20,
         keys.setting("sgbm", "uniqueness_ratio"): 60,
         keys.setting("sgbm", "p1"): 600,
         keys.setting("sgbm", "p2"): 3_000,
@@ -71,7 +73,7 @@ MOVES: dict[str, dict[str, Any]] = {
         keys.setting("sgbm", "pre_filter_cap"): 63,
         keys.setting("sgm", "window_size"): 15,
         keys.setting("sgm", "num_disparities", keys.CUBE): 32,
-        keys.setting("sgm", "min_disparity"): 20,
+        keys.setting("sgm", "min_disparity", keys.CUBE): 20,
         keys.setting("sgm", "cost.correlation"): 0,
         keys.setting("sgm", "cost.census"): 0,
         keys.setting("sgm", "cost.gradient"): 0,
@@ -86,8 +88,7 @@ MOVES: dict[str, dict[str, Any]] = {
         keys.setting("sgm", "speckle"): True,
         keys.setting("sgm", "filling"): True,
         keys.setting("sgm", "median"): True,
-        keys.FIRST_METHOD: "sgm",
-        keys.SECOND_METHOD: "sgbm",
+        keys.SHOWN: ["correlation", "sgbm"],
     },
 }
 # What must be set first: there is one exact copy, others count where more are wanted and less is enough.
@@ -99,20 +100,42 @@ FIRST: dict[str, dict[str, Any]] = {
     keys.setting("sgm", "texture"): {"pairs": "road"},
 }
 for one in MOVES[DEPTH]:
-    if one.startswith(("depth.sgbm.", "depth.sgm.")):  # shown there, beside the first two
-        FIRST[one] = FIRST.get(one, {}) | {keys.PART: "Scoreboard"}
+    for name in ("bm", "sgbm", "sgm"):
+        if one.startswith(f"depth.{name}."):  # its controls and its map
+            FIRST[one] = {keys.TAB: name, keys.SHOWN: ["correlation", name]} | FIRST.get(one, {})
 SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine")}
 ONLY_WITH_A_SQUARE_SEARCH: dict[str, Any] = {keys.SEARCH_SIZE: 60, keys.REACH: 0}
 
 
 def controls(app: AppTest) -> dict[str, Any]:
     widgets = [*app.slider, *app.number_input, *app.selectbox, *app.toggle, *app.get("button_group")]
-    return {widget.key: widget for widget in widgets if not widget.disabled}
+    boxes = {keys.exact_key(slider.key) for slider in app.slider}
+    return {widget.key: widget for widget in widgets if not widget.disabled and widget.key not in boxes}
 
 
 @pytest.mark.parametrize("page", MOVES)
 def test_every_control_of_the_page_is_tested_here(open_unfolded: OpenPage, page: str) -> None:
-    assert controls(open_unfolded(page)).keys() - SEEN_IN_THE_TIME_ALONE == MOVES[page].keys()
+    app = open_unfolded(page)
+    found = controls(app).keys()
+    for tab in ["bm", "sgbm", "sgm"] if page == DEPTH else []:
+        app.button_group(key=keys.TAB).set_value(tab).run()
+        found |= controls(app).keys()
+    assert found - SEEN_IN_THE_TIME_ALONE - {keys.TAB} == MOVES[page].keys()
+
+
+def test_the_box_beside_a_slider_takes_an_exact_value(open_page: OpenPage, shown: Shown) -> None:
+    app = open_page(DEPTH)
+    before = shown(app)
+    app.number_input(key=keys.exact_key(keys.WINDOW)).set_value(13).run()
+    assert app.slider(key=keys.WINDOW).value == 13
+    assert shown(app) != before
+    app.number_input(key=keys.exact_key(keys.DISPARITIES)).set_value(300).run()  # beyond the end of the slider
+    assert app.slider(key=keys.DISPARITIES).value == app.number_input(key=keys.exact_key(keys.DISPARITIES)).value == 300
+    assert not app.error
+    app.number_input(key=keys.exact_key(keys.DISPARITIES)).set_value(50).run()
+    assert app.slider(key=keys.DISPARITIES).value == 50
+    app.slider(key=keys.WINDOW).set_value(9).run()
+    assert app.number_input(key=keys.exact_key(keys.WINDOW)).value == 9
 
 
 @pytest.fixture(autouse=True)
@@ -160,10 +183,10 @@ def test_moving_a_control_of_the_square_search_changes_what_is_shown(
 
 def test_going_back_to_a_setting_shows_the_same_again(open_unfolded: OpenPage, shown: Shown) -> None:
     app = open_unfolded(DEPTH)
-    before = shown(app), [metric.value for metric in app.metric]
+    before = shown(app), figures(app)
     app.slider(key=keys.WINDOW).set_value(31).run()
     app.slider(key=keys.WINDOW).set_value(20).run()
-    assert (shown(app), [metric.value for metric in app.metric]) == before
+    assert (shown(app), figures(app)) == before
 
 
 def test_a_window_larger_than_its_search_area_is_refused_and_the_last_map_stays(
@@ -185,14 +208,17 @@ def test_a_window_larger_than_its_search_area_is_refused_and_the_last_map_stays(
 
 def test_folding_settings_away_changes_nothing(open_unfolded: OpenPage, shown: Shown) -> None:
     app = open_unfolded(DEPTH)
-    for key, value in {keys.LEFT_RIGHT: True, keys.SMALLEST: 20, keys.BLOCK_SMALLEST: 20}.items():
+    for key, value in {keys.LEFT_RIGHT: True, keys.SMALLEST: 20}.items():
         controls(app)[key].set_value(value).run()
     before = shown(app)
-    for fold in (keys.MORE, keys.BLOCK_MORE):
-        app.session_state[fold] = False
-        app.run()
-        assert shown(app) == before
+    app.session_state[keys.MORE] = False
+    app.run()
+    assert shown(app) == before
+    assert keys.LEFT_RIGHT not in controls(app)
+    app.button_group(key=keys.TAB).set_value("bm").run()
+    assert shown(app) == before
     assert keys.SMALLEST not in controls(app)
+    app.button_group(key=keys.TAB).set_value("correlation").run()
     app.session_state[keys.MORE] = True
     app.run()
     assert controls(app)[keys.SMALLEST].value == 20
@@ -201,9 +227,9 @@ def test_folding_settings_away_changes_nothing(open_unfolded: OpenPage, shown: S
 
 
 def test_an_adopted_value_beyond_the_page_s_own_bounds_is_kept_when_folded_away(open_page: OpenPage) -> None:
-    app = open_page(f"{DEPTH}")
+    app = open_page(DEPTH)
+    app.button_group(key=keys.TAB).set_value("bm").run()
     app.session_state[keys.SMALLEST] = app.session_state[f"{keys.SMALLEST}.adopted"] = -100
     app.run()
-    app.session_state[keys.MORE] = True
-    app.run()
+    app.button_group(key=keys.TAB).set_value("correlation").run()
     assert app.slider(key=keys.SMALLEST).value == -100

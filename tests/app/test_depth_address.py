@@ -8,7 +8,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from tests.app import keys
-from tests.app.conftest import PROJECT
+from tests.app.conftest import PROJECT, figures
 
 OpenPage = Callable[[str], AppTest]
 DEPTH = "pages/3_Depth_maps.py"
@@ -27,14 +27,19 @@ def address(app: AppTest) -> dict[str, str]:
     return {name: value if isinstance(value, str) else value[0] for name, value in app.query_params.items()}
 
 
+def tab(app: AppTest, method: str) -> AppTest:
+    """Turn to the controls of a method."""
+    return app.button_group(key=keys.TAB).set_value(method).run()
+
+
 def test_the_address_says_what_is_not_as_at_first() -> None:
     app = linked()
     assert address(app) == {}
     app.slider(key=keys.WINDOW).set_value(31)
-    app.slider(key=keys.BLOCK).set_value(9)
     app.button_group(key="pairs").set_value("square").run()
+    tab(app, "bm").slider(key=keys.BLOCK).set_value(9).run()
     assert address(app) == {"pair": "square", "window_size": "31", "bm.block_size": "9"}
-    app.slider(key=keys.WINDOW).set_value(20).run()
+    tab(app, "correlation").slider(key=keys.WINDOW).set_value(20).run()
     assert address(app) == {"pair": "square", "bm.block_size": "9"}
 
 
@@ -43,10 +48,10 @@ def test_a_link_opens_the_page_as_it_was() -> None:
     app = linked(**{name.replace(".", "__"): value for name, value in link.items()})
     assert app.button_group(key="pairs").value == "square"
     assert app.slider(key=keys.WINDOW).value == 31
-    assert app.slider(key=keys.BLOCK).value == 9
     assert (
         app.slider(key=keys.setting("correlation", "search.rectified.num_disparities", "pair square 1/2")).value == 40
     )
+    assert tab(app, "bm").slider(key=keys.BLOCK).value == 9
     assert address(app) == link
     assert not app.warning
 
@@ -58,7 +63,8 @@ def test_a_link_to_a_square_search() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("pair", "nowhere"), ("window_size", "1"), ("bm__block_size", "20"), ("size", "3"), ("x", "1")]
+    ("name", "value"),
+    [("pair", "nowhere"), ("window_size", "1"), ("bm__block_size", "20"), ("size", "3"), ("maps", "bm,x"), ("x", "1")],
 )
 def test_a_bad_link_is_answered_with_a_sentence_and_opens_the_page(name: str, value: str) -> None:
     app = linked(**{name: value})
@@ -73,28 +79,31 @@ def test_presets_set_the_controls_and_reset_takes_them_back(open_unfolded: OpenP
     app.button(key=keys.preset_key("report")).click().run()
     assert not app.exception
     assert app.button_group(key=keys.SEARCH).value == "centred"
-    assert app.slider(key=keys.SEARCH_SIZE).value == 40
+    assert app.slider(key=keys.SEARCH_SIZE).value == 20
     app.button(key=keys.preset_key("fast")).click().run()
     assert not app.exception
     assert app.slider(key=keys.WINDOW).value == 11
     assert app.slider(key=keys.DISPARITIES).value == 64
     assert app.toggle(key=keys.LEFT_RIGHT).value
-    app.slider(key=keys.BLOCK).set_value(9).run()
+    tab(app, "bm").slider(key=keys.BLOCK).set_value(9).run()
     app.button(key=keys.preset_key("reset")).click().run()
     assert not app.exception
-    assert app.slider(key=keys.WINDOW).value == 20
     assert app.slider(key=keys.BLOCK).value == 21
+    assert tab(app, "correlation").slider(key=keys.WINDOW).value == 20
     assert not app.toggle(key=keys.LEFT_RIGHT).value
 
 
 def test_what_does_not_apply_is_disabled_and_counts_for_nothing(open_unfolded: OpenPage) -> None:
     app = open_unfolded(DEPTH)
+    tab(app, "bm")
     assert app.slider(key=keys.BLOCK_SPECKLE_RANGE).disabled
     app.slider(key=keys.BLOCK_SPECKLES).set_value(50).run()
     assert not app.slider(key=keys.BLOCK_SPECKLE_RANGE).disabled
+    tab(app, "sgm")
     assert not app.slider(key=keys.setting("sgm", "cost.gradient_limit")).disabled
     app.slider(key=keys.setting("sgm", "cost.gradient")).set_value(0).run()
     assert app.slider(key=keys.setting("sgm", "cost.gradient_limit")).disabled
+    tab(app, "correlation")
     app.toggle(key=keys.MEDIAN).set_value(True).run()
     app.slider(key=keys.OVERLAP).set_value(0.5)
     app.button_group(key=keys.SEARCH).set_value("centred").run()
@@ -104,33 +113,32 @@ def test_what_does_not_apply_is_disabled_and_counts_for_nothing(open_unfolded: O
     assert app.toggle(key=keys.MEDIAN).value
 
 
-def test_the_methods_side_by_side_stand_in_the_address() -> None:
-    app = linked(method="sgm", beside="sgbm", sgm__window_size="15")
-    assert app.selectbox(key=keys.FIRST_METHOD).value == "sgm"
-    assert app.selectbox(key=keys.SECOND_METHOD).value == "sgbm"
+def test_the_maps_shown_stand_in_the_address() -> None:
+    app = linked(maps="sgm,sgbm", sgm__window_size="15")
+    assert list(figures(app)) == ["StereoSGBM", "Semi-global"]
     assert app.slider(key=keys.setting("sgm", "window_size")).value == 15
-    assert address(app) == {"method": "sgm", "beside": "sgbm", "sgm.window_size": "15"}
+    assert address(app) == {"maps": "sgbm,sgm", "sgm.window_size": "15"}
+    app.button_group(key=keys.SHOWN).set_value(["bm"]).run()
+    assert list(figures(app)) == ["StereoBM"]
+    assert address(app)["maps"] == "bm"
+    tab(app, "correlation")
+    assert list(figures(app)) == ["Convolution", "StereoBM"]
 
 
-def test_no_method_is_shown_beside_itself() -> None:
-    app = linked(method="bm")
-    assert app.selectbox(key=keys.FIRST_METHOD).value == "bm"
-    assert app.selectbox(key=keys.SECOND_METHOD).value == "correlation"
-
-
-def test_the_accurate_preset_shows_its_method_and_reset_brings_the_first_back(open_page: OpenPage) -> None:
+def test_the_accurate_preset_shows_its_map_and_reset_brings_the_first_back(open_page: OpenPage) -> None:
     app = open_page(DEPTH)
     app.button(key=keys.preset_key("accurate")).click().run()
     assert not app.exception
-    assert app.selectbox(key=keys.FIRST_METHOD).value == "sgm"
-    assert address(app)["method"] == "sgm"
+    assert app.button_group(key=keys.TAB).value == "sgm"
+    assert list(figures(app)) == ["StereoBM", "Semi-global"]
+    assert address(app)["maps"] == "bm,sgm"
     app.button(key=keys.preset_key("reset")).click().run()
-    assert app.selectbox(key=keys.FIRST_METHOD).value == "correlation"
+    assert list(figures(app)) == ["Convolution", "StereoBM"]
     assert address(app) == {}
 
 
 def test_settings_within_settings_that_do_not_fit_together_are_refused_with_a_sentence() -> None:
-    app = linked(method="sgm")
+    app = linked(maps="sgm")
     app.slider(key=keys.setting("sgm", "optimisation.penalty_small")).set_value(200).run()
     assert not app.exception
     assert [error.value for error in app.error] == [

@@ -4,6 +4,8 @@ import json
 
 from streamlit.testing.v1 import AppTest
 
+from tests.app.conftest import viewers
+
 
 def blanks() -> None:
     from stereolag.ui.depth.blanks import show_blanks
@@ -15,8 +17,7 @@ def blanks() -> None:
 def test_every_method_says_where_and_why_it_is_blank() -> None:
     app = AppTest.from_function(blanks, default_timeout=60).run()
     assert not app.exception
-    content = app.get("bidi_component")[0].proto.bytes
-    header = json.loads(content[4 : 4 + int.from_bytes(content[:4], "little")])
+    header = viewers(app)[0]
     assert [picture["title"] for picture in header["pictures"]] == ["Convolution", "StereoBM", "StereoSGBM"]
     words = header["legends"][0]["words"]
     assert {"out of frame", "ambiguous"} <= set(words)

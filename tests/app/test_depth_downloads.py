@@ -136,13 +136,16 @@ def test_every_file_has_a_button_and_those_that_cannot_be_had_are_disabled() -> 
 
 
 def test_settings_are_loaded_again_and_the_controls_can_be_moved_from_there() -> None:
-    app = opened(small_pair())
+    pair = small_pair()
+    app = opened(pair)
     app.session_state[keys.BLOCK_MORE] = True
     settings = StereoBM(min_disparity=-70, num_disparities=32, block_size=7, speckle_window_size=70, speckle_range=9)
     app.file_uploader[0].upload("settings.json", settings_json(settings).encode(), "application/json").run()
     assert not app.exception
     assert app.session_state["matcher"] == settings
-    assert app.slider(key=keys.BLOCK_SMALLEST).min == -70  # farther than the page goes of itself
+    assert (
+        app.slider(key=keys.setting("bm", "min_disparity", pair.source)).min == -70
+    )  # farther than the page goes of itself
     app.slider(key=keys.BLOCK_UNIQUENESS).set_value(40).run()
     assert app.session_state["matcher"].uniqueness_ratio == 40
     assert app.session_state["matcher"].speckle_window_size == 70

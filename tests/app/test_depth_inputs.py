@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 import pytest
+import straight_and_raw
 from PIL import Image
 from streamlit.testing.v1 import AppTest
 
@@ -103,7 +104,7 @@ def test_a_calibration_of_another_size_is_scaled_and_tells_the_range() -> None:
     assert (calibration.focal_px, calibration.doffs_px) == (200, 5)
     assert shown(app).num_disparities == 32
     assert (
-        app.slider(key=keys.setting("correlation", "search.rectified.num_disparities", shown(app).source)).value == 32
+        app.slider(key=keys.setting("correlation", "search.rectified.num_disparities", shown(app).searched)).value == 32
     )
     assert "The calibration was scaled to 200 × 120 pixels." in said(app)
 
@@ -120,6 +121,129 @@ def test_both_cameras_rectify_the_pair_and_drop_the_truth() -> None:
     assert pair.calibration.baseline_m == pytest.approx(0.1)
     assert "undistorted and rectified" in said(app)
     assert "Its ground truth belongs to the image before that" in said(app)
+
+
+STRAIGHT, UNDO = straight_and_raw.straight_pair(), "depth.rectifying.undo"
+
+
+def with_both_cameras(pictures: tuple[np.ndarray, np.ndarray], **more: np.ndarray) -> AppTest:
+    entries = straight_and_raw.ENTRIES | more
+    file = json.dumps({name: np.asarray(value).tolist() for name, value in entries.items()}).encode()
+    left, right = (("p.png", uploads.png(picture)) for picture in pictures)
+    return own(left=left, right=right, calibration=("both.json", file))
+
+
+def test_a_rectified_pair_is_left_so_with_the_calibration_of_both_cameras_and_that_can_be_undone() -> None:
+    app = with_both_cameras(STRAIGHT)
+    np.testing.assert_array_equal(shown(app).left, STRAIGHT[0])
+    calibration = shown(app).calibration
+    assert calibration is not None
+    assert calibration.rig is None
+    assert calibration.baseline_m == pytest.approx(np.linalg.norm(straight_and_raw.T))
+    assert "The pair is rectified already, and left so: rows differ by 0.0" in said(app)
+    app.button(key=UNDO).click().run()
+    assert not np.array_equal(shown(app).left, STRAIGHT[0])
+    assert "undistorted and rectified with its calibration, as you said: rows differ by " in said(app)
+    app.button(key=UNDO).click().run()
+    np.testing.assert_array_equal(shown(app).left, STRAIGHT[0])
+
+
+def test_a_raw_pair_is_rectified_and_that_can_be_undone() -> None:
+    raw = straight_and_raw.raw_pair()
+    app = with_both_cameras(raw)
+    middle = slice(60, -60), slice(60, -60)
+    difference = shown(app).left[middle].astype(float) - STRAIGHT[0][middle]
+    assert np.abs(difference).mean() < 3
+    app.button(key=UNDO).click().run()
+    np.testing.assert_array_equal(shown(app).left, raw[0])
+    app.button_group(key="pairs.pictures_are").set_value("raw").run()
+    assert np.abs(shown(app).left[middle].astype(float) - STRAIGHT[0][middle]).mean() < 3
+
+
+def test_alpha_is_asked_where_the_file_does_not_say_how_it_was_rectified() -> None:
+    raw = straight_and_raw.raw_pair()
+    app = with_both_cameras(raw)
+    at_first = shown(app)
+    app.slider(key="pairs.alpha").set_value(1.0).run()
+    assert (shown(app).left == 0).mean() > (at_first.left == 0).mean()
+    assert shown(app).calibration.focal_px < at_first.calibration.focal_px
+    told = with_both_cameras(raw, **straight_and_raw.RECTIFYING)
+    assert all(slider.key != "pairs.alpha" for slider in told.slider)
+    assert shown(told).calibration.focal_px == pytest.approx(straight_and_raw.P1[0, 0])
+
+
+def test_a_calibration_in_two_files_is_read_together() -> None:
+    entries = {name: np.asarray(value).tolist() for name, value in straight_and_raw.ENTRIES.items()}
+    first = {name: entries[name] for name in ("M1", "D1", "M2", "D2")}
+    parts = {"intrinsics": first, "extrinsics": {name: entries[name] for name in set(entries) - set(first)}}
+    app = own(left=("l.png", uploads.png(STRAIGHT[0])), right=("r.png", uploads.png(STRAIGHT[1])))
+    both = [(f"{name}.json", json.dumps(part).encode(), "application/json") for name, part in parts.items()]
+    app.file_uploader(key="pairs.calibration").set_value(both[:1]).run()
+    assert "lacks rotation (R), translation (T); give the file that holds it" in app.error[0].value
+    app.file_uploader(key="pairs.calibration").set_value(both).run()
+    assert not app.error
+    assert shown(app).calibration is not None
+
+
+def test_two_files_of_one_camera_each_are_told_apart_by_their_names() -> None:
+    def camera(number: int) -> bytes:
+        parts = {"mtx": straight_and_raw.ENTRIES[f"M{number}"], "dist": straight_and_raw.ENTRIES[f"D{number}"]}
+        return json.dumps({name: np.asarray(part).tolist() for name, part in parts.items()}).encode()
+
+    pose = json.dumps({"R": straight_and_raw.R.tolist(), "T": straight_and_raw.T.tolist()}).encode()
+    files = [("right.json", camera(2)), ("pose.json", pose), ("left.json", camera(1))]
+    app = own(left=("l.png", uploads.png(STRAIGHT[0])), right=("r.png", uploads.png(STRAIGHT[1])))
+    app.file_uploader(key="pairs.calibration").set_value([(*file, "application/json") for file in files]).run()
+    known = app.session_state["pairs.calibration.kept"].upload.content
+    np.testing.assert_array_equal(known.rig.left_matrix, straight_and_raw.M1)
+
+
+def test_a_smaller_pair_has_the_calibration_that_came_last() -> None:
+    app = own()
+    app.button_group(key="pairs.size").set_value("1/2").run()
+    given(app, calibration=("c.json", b'{"focal_px": 300, "baseline_m": 0.2}'))
+    assert shown(app).calibration is not None
+    assert shown(app).calibration.focal_px == 150
+    given(app, calibration=("c.json", b'{"focal_px": 500, "baseline_m": 0.2}'))
+    assert shown(app).calibration.focal_px == 250
+
+
+RANGE = "search.rectified.num_disparities"
+
+
+def disparities(app: AppTest) -> int:
+    assert not app.exception
+    matcher = app.session_state["shown"][2]
+    return int(matcher.search.num_disparities)
+
+
+def set_range(app: AppTest, count: int) -> None:
+    slider = next(one for one in app.slider if one.key and RANGE in one.key)
+    slider.set_value(count).run()
+    assert disparities(app) == count
+
+
+LATER = [
+    ("calibration", ("calib.txt", MIDDLEBURY.encode())),
+    ("calibration", ("rig.json", json.dumps(RIG).encode())),
+    ("calibration", ("plain.json", b'{"focal_px": 300, "baseline_m": 0.2, "num_disparities": 24}')),
+    ("truth", ("t.png", uploads.png(TRUTH))),
+]
+
+
+@pytest.mark.parametrize(("key", "file"), LATER, ids=[file[0] for _, file in LATER])
+@pytest.mark.parametrize("moved", [True, False])
+def test_what_is_added_later_leaves_the_range_in_use(key: str, file: tuple[str, bytes], moved: bool) -> None:
+    app = own()
+    if moved:
+        set_range(app, 112)
+    before = disparities(app)
+    given(app, **{key: file})
+    assert disparities(app) == before
+    app.button_group(key="pairs.size").set_value("1/2").run()
+    assert disparities(app) == before // 2
+    app.button_group(key="pairs.size").set_value("Full").run()
+    assert disparities(app) == before
 
 
 def test_two_typed_numbers_are_a_calibration() -> None:

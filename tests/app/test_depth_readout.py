@@ -1,10 +1,9 @@
 from __future__ import annotations
 
-import json
-
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from tests.app.conftest import viewers
 from tests.app.depth_view import small_view
 
 
@@ -31,9 +30,7 @@ def points_key(app: AppTest, points: list[tuple[int, int]], *, calibrated: bool 
 
 
 def depths_sent(app: AppTest) -> list[dict[str, float] | None]:
-    content = app.get("bidi_component")[0].proto.bytes
-    header = json.loads(content[4 : 4 + int.from_bytes(content[:4], "little")])
-    return [reading["depth"] for picture in header["pictures"] for reading in picture["readings"] if reading["unit"]]
+    return [picture["depths"][0] for picture in viewers(app)[0]["pictures"] if picture["depths"]]
 
 
 def table(app: AppTest) -> dict[str, list[str]]:

@@ -27,7 +27,7 @@ from stereolag.stereo.methods import METHODS
 from stereolag.stereo.reasons import Reason
 from stereolag.ui.depth.exports import EXPORTS, Export, Subject
 from tests.app import keys
-from tests.app.conftest import PROJECT
+from tests.app.conftest import PROJECT, figures, viewers
 
 DEPTH = "pages/3_Depth_maps.py"
 
@@ -87,17 +87,17 @@ def sides(app: AppTest) -> object:
 
 @pytest.mark.usefixtures("listed")
 def test_a_new_method_has_its_controls_and_its_address() -> None:
-    app = opened(method="sad", sad__side="15")
-    assert app.selectbox(key=keys.FIRST_METHOD).value == "sad"
-    assert "Absolute differences" in app.selectbox(key=keys.FIRST_METHOD).options
+    app = opened(maps="sad", sad__side="15")
+    assert app.button_group(key=keys.TAB).value == "sad"
+    assert list(figures(app)) == ["Absolute differences"]
     assert sides(app).value == 15  # type: ignore[attr-defined]
     assert app.slider(key=keys.setting("sad", "num_disparities", keys.CUBE)).value == 64
     assert not app.warning
-    before = [image.proto.imgs[0].url for image in app.get("image")]
+    before = viewers(app)[0]["pictures"][0]["digest"]
     sides(app).set_value(5).run()  # type: ignore[attr-defined]
-    assert [image.proto.imgs[0].url for image in app.get("image")] != before
+    assert viewers(app)[0]["pictures"][0]["digest"] != before
     address = {name: value if isinstance(value, str) else value[0] for name, value in app.query_params.items()}
-    assert address == {"method": "sad", "sad.side": "5"}
+    assert address == {"maps": "sad", "sad.side": "5"}
     app.session_state[keys.more("sad")] = True
     app.run()
     assert app.slider(key=keys.setting("sad", "slack")).disabled

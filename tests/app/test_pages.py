@@ -6,6 +6,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from tests.app import keys
+from tests.app.conftest import figures, viewers
 
 OpenPage = Callable[[str], AppTest]
 
@@ -74,9 +75,17 @@ def test_search_page_says_plainly_that_nothing_was_found_and_what_to_try(open_pa
 
 def test_depth_page_shows_both_methods_with_their_figures(open_page: OpenPage) -> None:
     app = open_page("pages/3_Depth_maps.py")
-    assert [metric.label for metric in app.metric] == 2 * ["Took", "Coverage", "Bad-2", "EPE"]
-    assert len(app.get("image")) == 3
-    assert "far ← disparity, px → near" in app.get("html")[0].proto.body
+    assert {name: [*numbers] for name, numbers in figures(app).items()} == {
+        "Convolution": ["Took", "Coverage", "Bad-2", "EPE"],
+        "StereoBM": ["Took", "Coverage", "Bad-2", "EPE"],
+    }
+    (bench,) = viewers(app)
+    assert [one["title"] for one in bench["pictures"] if one["thumbnail"]] == [
+        "Left image",
+        "Right image",
+        "Ground truth",
+    ]
+    assert bench["legends"][0]["words"] == ["FAR", "NEAR"]
 
 
 def test_settings_stay_when_another_page_is_visited(open_page: OpenPage) -> None:

@@ -66,14 +66,27 @@ class DepthPage:
     def with_files(cls, open_page: OpenPage, pair: OwnPair, *, scheme: str = "light") -> DepthPage:
         """Open the page and give it a pair, the truth and a calibration."""
         visit = cls(open_page("Depth_maps?pair=square", scheme=scheme))
+        visit.open_head()
         visit.choose("Your own files")
         visit.unfold("Calibration (optional)")
         visit.give("Left image", pair.left)
         visit.give("Right image", pair.right)
         visit.give("Ground truth (optional)", pair.truth)
         visit.give("Calibration files", pair.calibration)
-        expect(visit.page.get_by_text("Your own pair.")).to_be_visible()
+        expect(visit.page.get_by_text("Your own pair").first).to_be_visible()
         return visit
+
+    def open_head(self) -> None:
+        """Unfold the choice of the pair, where it is folded."""
+        head = self.page.locator("details", has=self.page.get_by_text("choose a pair or bring your own"))
+        if head.get_attribute("open") is None:
+            head.locator("summary").click()
+            self.settle()
+
+    def turn_to(self, method: str) -> None:
+        """Turn to the controls of a method."""
+        self.page.get_by_role("radio", name=method, exact=True).first.click()
+        self.settle()
 
     def settle(self) -> None:
         """Wait until the page has answered, and without an exception."""
@@ -132,22 +145,27 @@ class DepthPage:
             slider.press(key)
         self.settle()
 
-    def value(self, name: str, *, method: int = 0) -> float:
-        """Return what a slider is set to, of the first method that has one unless told."""
-        return float(self.slider(name).nth(method).input_value())
+    def value(self, name: str) -> float:
+        """Return what a slider is set to."""
+        return float(self.slider(name).first.input_value())
 
     def number(self, name: str, *, method: int = 0) -> float:
-        """Return a number under the maps, of the convolution unless told."""
-        metric = self.page.get_by_test_id("stMetric").filter(has_text=name).nth(method)
-        return number_in(metric.get_by_test_id("stMetricValue").inner_text())
+        """Return a number under the maps, of the first unless told."""
+        figure = self.page.locator(".linked").first.locator("figure").nth(method)
+        return number_in(figure.locator(".figures div").filter(has_text=name).locator("dd").inner_text())
+
+    @property
+    def pictures(self) -> Locator:
+        """Return the pictures of the part that is open."""
+        return self.page.locator(".linked").last
 
     def figure(self, title: str) -> Locator:
-        return self.page.locator("figure", has=self.page.locator("figcaption").get_by_text(title, exact=True))
+        return self.pictures.locator("figure", has=self.page.locator("figcaption").get_by_text(title, exact=True))
 
     def hover(self, title: str, row: int, col: int) -> None:
         """Point at a pixel of a picture that is shown whole."""
         self._viewport(title).hover(position=self._place(title, row, col))  # type: ignore[arg-type]
-        expect(self.page.locator(".where")).to_have_text(f"row {row}, column {col}")
+        expect(self.pictures.locator(".where")).to_have_text(f"row {row}, column {col}")
 
     def click(self, title: str, row: int, col: int) -> None:
         """Click a pixel of a picture that is shown whole."""

@@ -112,11 +112,11 @@ def test_a_session_with_uploads_stays_with_one_process(browser: Browser, proxy: 
             expect(page.get_by_text(name)).to_be_visible()
             settled(page)
         expect(page.get_by_text("Your own pair.")).to_be_visible()
-        expect(page.get_by_test_id("stImage").locator("img").first).to_be_visible()
+        expect(page.locator(".linked figure").first).to_be_visible()
         page.reload()
         settled(page)
         expect(page.get_by_test_id("stException")).to_have_count(0)
-        expect(page.get_by_test_id("stImage").locator("img").first).to_be_visible()
+        expect(page.locator(".linked figure").first).to_be_visible()
     end = time.monotonic() + 60
     while time.monotonic() < end and sum("/_stcore/stream" in visit for visit in proxy.visits()[before:]) < 2:
         time.sleep(0.1)  # a socket is written down when it has closed

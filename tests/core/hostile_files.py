@@ -6,6 +6,7 @@ import inspect
 import itertools
 
 import numpy as np
+from camera_files import RAW, RECTIFYING
 from hostile_cases import HostileFile
 from hostile_maps import disparities
 from hostile_pictures import images
@@ -71,6 +72,7 @@ def valid_files() -> dict[str, list[bytes]]:
         b"cam0=[400 0 100; 0 400 90; 0 0 1]\ncam1=[400 0 110; 0 400 90; 0 0 1]\ndoffs=10\nbaseline=193\nwidth=200\n"
     )
     files = [cameras, projections("720", "45", "-339"), rig(), plain(cx=3, width=640), reprojection(), ros]
+    files += [source for make in (*RAW.values(), *RECTIFYING.values()) for source in make() if len(make()) == 1]
     methods = [method() for method in METHODS if not inspect.isabstract(method)]
     written = [settings_json(method).encode() for method in methods]
     return {"image": pictures, "signal": sounds, "disparity": maps, "calibration": files, "matcher": written}

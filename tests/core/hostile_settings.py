@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import json
+import struct
+import zipfile
+import zlib
 
 import numpy as np
-from hostile_cases import MB, HostileFile
+from hostile_cases import MB, READ, HostileFile
+from recording_bytes import saved
 
 ROTATION = "1, 0, 0, 0, 1, 0, 0, 0, 1"
 
@@ -32,6 +37,147 @@ def reprojection(**changes: float) -> bytes:
     return json.dumps({"Q": q.tolist()}).encode()
 
 
+def laughs(merging: bool = False) -> bytes:
+    """Ten lists, each of ten aliases of the one before: 10^10 words to whoever follows them."""
+    first, more = ("{x: 1}", "{<<: [%s]}") if merging else ("[lol]", "[%s]")
+    lines = [f"a0: &a0 {first}"]
+    lines += [f"a{n}: &a{n} {more % ', '.join([f'*a{n - 1}'] * 10)}" for n in range(1, 11)]
+    return "\n".join(lines).encode()
+
+
+def xml(inside: str, before: str = "") -> bytes:
+    return f'<?xml version="1.0"?>\n{before}<opencv_storage>{inside}</opencv_storage>'.encode()
+
+
+def entities() -> bytes:
+    """Ten entities, each ten times the one before."""
+    first = '<!ENTITY a0 "lol">'
+    more = "".join(f'<!ENTITY a{n} "{f"&a{n - 1};" * 10}">' for n in range(1, 11))
+    return xml("<Q>&a10;</Q>", f"<!DOCTYPE opencv_storage [{first}{more}]>")
+
+
+def archive(packing: int = zipfile.ZIP_DEFLATED, **members: bytes) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", packing) as made:
+        for name, content in members.items():
+            made.writestr(f"{name}.npy", content)
+    return file.getvalue()
+
+
+def lying_archive(size: int, claimed: int) -> bytes:
+    """An archive of one array that claims another size than it unpacks to."""
+    whole = bytearray(archive(Q=saved(np.zeros(0)) + bytes(size)))
+    for mark, place in ((b"PK\x03\x04", 22), (b"PK\x01\x02", 24)):
+        start = whole.index(mark)
+        whole[start + place : start + place + 4] = struct.pack("<I", claimed)
+    return bytes(whole)
+
+
+def pickled() -> bytes:
+    """An archive whose arrays are objects, one of which would print as it is loaded."""
+
+    class Printing:
+        def __reduce__(self) -> tuple[object, ...]:
+            return print, ("unpickled",)
+
+    file = io.BytesIO()
+    np.savez(file, K1=np.array([Printing()], dtype=object), K2=np.array([None]))
+    return file.getvalue()
+
+
+def members(count: int) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as made:
+        for number in range(count):
+            made.writestr(f"{number}", b"")
+    return file.getvalue()
+
+
+def trees() -> dict[str, tuple[object, str]]:
+    """Return hostile YAML, XML and NPZ by name."""
+    q = saved(np.eye(4))
+    return {
+        "YAML, ten by ten aliases": (laughs, "more than 50,000 values, its aliases followed"),
+        "YAML, ten by ten merged keys": (lambda: laughs(True), "more than 50,000 values, its aliases followed"),
+        "YAML, a list that holds itself": (lambda: b"Q: &a [*a]", "an alias of something that is not there or holds"),
+        "YAML, an alias of nothing": (lambda: b"Q: *a", "an alias of something that is not there"),
+        "YAML, many aliases of a list": (
+            lambda: b"a: &a [1, 2]\nQ: [" + b"*a, " * 250_000 + b"]",
+            "more than 50,000 values",
+        ),
+        "YAML, lists within 500,000 lists": (lambda: b"Q: " + b"[" * 500_000, "more than 16 levels deep"),
+        "YAML, lists in lines within 400,000": (lambda: b"- " * 400_000 + b"1", "more than 16 levels deep"),
+        "YAML, keys within 1,000 keys": (
+            lambda: b"".join(b" " * n + b"a:\n" for n in range(1000)),
+            "more than 16 levels deep",
+        ),
+        "YAML, 500,000 question marks": (lambda: b"? " * 500_000, "more than 16 levels deep|YAML"),
+        "YAML, 900,000 exclamation marks": (lambda: b"a: !" + b"!" * 900_000, ""),
+        "YAML, a number to the base of 60": (lambda: b"Q: 1" + b":59" * 300_000, "must hold numbers, not"),
+        "YAML, a number of a megabyte": (lambda: b"Q: " + b"7" * 1_000_000, "finite numbers"),
+        "YAML, a text of a megabyte": (lambda: b"Q: |\n" + b" a\n" * 340_000, "must hold numbers, not"),
+        "YAML, an anchor of a megabyte": (lambda: b"Q: &" + b"a" * 1_000_000 + b" 1", "must hold 16 numbers"),
+        "YAML, 250,000 keys of one name": (lambda: b"{" + b"a: 1," * 200_000 + b"}", "YAML|JSON"),
+        "YAML, an object of Python": (
+            lambda: b"Q: !!python/object/apply:os.abort []",
+            "must hold 16 numbers|finite numbers",
+        ),
+        "YAML, a list for a key": (lambda: b"? [1, 2]\n: 3", "YAML"),
+        "YAML, quotes that do not end": (lambda: b'Q: "' + b"a" * 900_000, "YAML: it is broken or cut short"),
+        "YAML, 200,000 directives": (lambda: b"%TAG !a! b\n" * 80_000, "YAML"),
+        "XML, ten by ten entities": (entities, "defines types or entities"),
+        "XML, an entity of a megabyte": (
+            lambda: xml("&a;" * 9, f'<!DOCTYPE x [<!ENTITY a "{"a" * 900_000}">]>'),
+            "defines types or entities",
+        ),
+        "XML, a file of this machine": (
+            lambda: xml("<Q>&a;</Q>", '<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]>'),
+            "defines types or entities",
+        ),
+        "XML, a file of another machine": (
+            lambda: xml("<Q/>", '<!DOCTYPE x SYSTEM "http://localhost/x.dtd">'),
+            "defines types or entities",
+        ),
+        "XML, 140,000 elements within each other": (lambda: xml("<a>" * 300_000), "more than 16 levels deep"),
+        "XML, 200,000 elements": (lambda: xml("<a/>" * 200_000), "more than 20,000 elements"),
+        "XML, 60,000 attributes": (
+            lambda: xml("<a " + " ".join(f'a{n}="1"' for n in range(60_000)) + "/>"),
+            "no known format",
+        ),
+        "XML, a text of a megabyte": (lambda: xml("<Q>" + "1 " * 500_000 + "</Q>"), "must hold 16 numbers"),
+        "XML, a name of a megabyte": (lambda: xml(f"<{'a' * 900_000}>1"), "XML: it is broken or cut short"),
+        "XML, an encoding that is not known": (
+            lambda: b'<?xml version="1.0" encoding="lots"?><a>1</a>',
+            "encoding that is not known|XML",
+        ),
+        "XML, nothing but a mark": (lambda: b"<", "XML: it is broken or cut short"),
+        "NPZ, 8 arrays of 1 GB": (lambda: lying_archive(64 * MB, 2**30), "no known format"),
+        "NPZ, an array of 64 MB that claims 200 bytes": (lambda: lying_archive(64 * MB, 200), "damaged|no known"),
+        "NPZ, packed by bzip2": (
+            lambda: archive(zipfile.ZIP_BZIP2, Q=q + bytes(64 * MB)),
+            "no known format",
+        ),
+        "NPZ, packed by LZMA": (lambda: archive(zipfile.ZIP_LZMA, Q=q + bytes(MB)), "no known format"),
+        "NPZ, 900 arrays of 64 kB": (
+            lambda: archive(**{f"a{n}": q + bytes(60_000) for n in range(900)}),
+            "unpacks to more than 4 MB",
+        ),
+        "NPZ, 30,000 members": (lambda: members(30_000), "holds 30,000 arrays; at most 1,000 are read"),
+        "NPZ, of 17 MB": (lambda: b"PK\x03\x04" + bytes(17 * MB), "at most 16,777,216 are accepted"),
+        "NPZ, pickled objects": (pickled, "no known format"),
+        "NPZ, an array that claims 10^12 numbers": (
+            lambda: archive(Q=saved(np.eye(4)).replace(b"(4, 4)", b"(1000000, 1000000)")),
+            "no known format",
+        ),
+        "NPZ, cut short": (lambda: archive(Q=q)[:-30], "damaged, cut short or locked"),
+        "NPZ, a wrong checksum": (
+            lambda: archive(Q=q).replace(struct.pack("<I", zlib.crc32(q)), b"\0\1\2\3"),
+            "damaged, cut short or locked",
+        ),
+        "NPZ, whole": (lambda: archive(Q=saved(np.array(json.loads(reprojection())["Q"]))), READ),
+    }
+
+
 def calibrations() -> list[HostileFile]:
     far = "from -1e.12 to 1e.12"
     files = {
@@ -42,7 +188,7 @@ def calibrations() -> list[HostileFile]:
         "focal length true": (lambda: plain(focal_px=True), "no focal_px|no known format"),
         "focal length null": (lambda: plain(focal_px=None), "no known format"),
         "focal length of 4,000 digits": (lambda: plain().replace(b"700", b"7" * 4000), "finite numbers|1e.12"),
-        "focal length of 9,000 digits": (lambda: plain().replace(b"700", b"7" * 9000), "cannot be parsed"),
+        "focal length of 9,000 digits": (lambda: plain().replace(b"700", b"7" * 9000), "finite numbers"),
         "baseline of 1e308": (lambda: plain(baseline_m=1e308), far),
         "baseline of 1e-308": (lambda: plain(baseline_m=1e-308), "allowed are 1e-09 to 1e.09"),
         "doffs of -1e308": (lambda: plain(doffs_px=-1e308), far),
@@ -80,11 +226,15 @@ def calibrations() -> list[HostileFile]:
         "matrix of -3 rows": (lambda: rig().replace(b"rows: 3", b"rows: -3"), "announces -3 × 3"),
         "a name of 1 MB": (lambda: b"a" * MB, "no known format"),
         "spaces of 1 MB": (lambda: b"a" + b" " * (MB - 9) + b"=", ""),
-        "300,000 names": (lambda: b"a:\n" * 300_000, "no known format"),
-        "1 MB of brackets": (lambda: b"a: " + b"[" * (MB - 9), "no known format"),
-        "1 MB of dashes": (lambda: b"- " * (MB // 2 - 9), "no known format"),
-        "100,000 assignments": (lambda: b"".join(b"k%d=1\n" % i for i in range(80_000)), "no known format"),
+        "300,000 names": (lambda: b"a:\n" * 300_000, "more than 50,000 values"),
+        "1 MB of brackets": (lambda: b"a: " + b"[" * (MB - 9), "more than 16 levels deep"),
+        "1 MB of dashes": (lambda: b"- " * (MB // 2 - 9), "more than 16 levels deep"),
+        "100,000 assignments": (
+            lambda: b"".join(b"k%d=1\n" % i for i in range(80_000)),
+            "80,000 names or lines",
+        ),
         "60 MB": (lambda: b" " * (60 * MB), "at most 1,048,576 are accepted"),
+        **trees(),
         "NUL": (lambda: plain() + b"\0", "NUL byte"),
         "not UTF-8": (lambda: b"\xff" + plain(), "not a text file"),
     }

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.rig import StereoRig
+from stereolag.geometry.rig import Rectification, StereoRig
 
 sizes = st.floats(0.01, 1e4)
 
@@ -189,3 +189,41 @@ def test_a_calibration_is_a_value():
 def test_a_rig_that_makes_no_sense_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         rig(**changes)
+
+
+def rectification(**changes: object) -> Rectification:
+    projection = np.array([[500.0, 0, 160, 0], [0, 500, 120, 0], [0, 0, 1, 0]])
+    parts = {
+        "left_rotation": np.eye(3),
+        "right_rotation": np.eye(3),
+        "left_projection": projection,
+        "right_projection": projection - np.eye(3, 4, 3) * 50,
+    }
+    return Rectification(**(parts | changes))
+
+
+def test_the_baseline_is_that_of_the_projections():
+    assert rectification().baseline_m == pytest.approx(0.1)
+    assert rectification().scaled(0.5).baseline_m == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"left_rotation": np.eye(3) * 2}, "left_rotation is not a rotation"),
+        ({"right_rotation": np.eye(2)}, r"right_rotation has shape \(2, 2\)"),
+        ({"left_projection": np.zeros((3, 4))}, "The focal length in left_projection is 0"),
+        ({"left_projection": np.full((3, 4), np.nan)}, "finite"),
+        ({"right_projection": rectification().left_projection + np.eye(3, 4) * 3}, "the rows of such a pair"),
+    ],
+)
+def test_a_rectification_that_makes_no_sense_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        rectification(**changes)
+
+
+def test_a_rectification_of_other_cameras_is_refused():
+    turned = cv2.Rodrigues(np.array([0.0, 0.1, 0.0]))[0]
+    assert rig(rectification=rectification()).rectification is not None
+    with pytest.raises(ValueError, match=r"does not belong to the rotation \(R\).*turned by 5\.7°"):
+        rig(rectification=rectification(left_rotation=turned))

@@ -25,7 +25,7 @@ FLOORS = (
     {"tuning", "doctor", "reading"},
     {"explaining", "export"},
     {"stereolag"},
-    {"figures"},
+    {"figures", "warming"},
     {"ui", "commands"},
 )
 """From the ground up: a room imports from the floors below, and within itself."""

@@ -11,12 +11,23 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from stereolag.figures.linked_pictures import DepthScale, Picture, Reading, packed, strip_legend, word_legend
+from stereolag.figures.legends import strip_legend, word_legend
+from stereolag.figures.linked_pictures import (
+    Colours,
+    DepthScale,
+    Figure,
+    PackedPicture,
+    Picture,
+    Reading,
+    described,
+    packed,
+)
 
 GREY = np.full((6, 9, 3), 120, np.uint8)
 
 
-def unpacked(content: bytes) -> tuple[dict[str, Any], bytes]:
+def unpacked(pack: PackedPicture) -> tuple[dict[str, Any], bytes]:
+    content = pack.data.removeprefix(pack.digest.encode())
     length = int.from_bytes(content[:4], "little")
     return json.loads(content[4 : 4 + length]), content[4 + length :]
 
@@ -32,51 +43,74 @@ def values_of(reading: dict[str, Any], body: bytes) -> np.ndarray:
 def test_readings_arrive_to_their_last_decimal_or_as_fine_as_sixteen_bits_are(largest: float) -> None:
     values = np.linspace(-largest, largest, 54).reshape(6, 9).astype(np.float32)
     values[2, 3] = np.nan
-    header, body = unpacked(packed([Picture("map", GREY, (Reading(values, unit="px", digits=2),))], name="x"))
-    reading = header["pictures"][0]["readings"][0]
+    header, body = unpacked(packed(Picture("map", None, (Reading(values, unit="px", digits=2),))))
+    reading = header["readings"][0]
+    assert header["image"] is None
     np.testing.assert_allclose(values_of(reading, body), values, atol=max(0.005, largest / 32767))
     assert reading["unit"] == "px"
 
 
-def test_words_pictures_and_legends_arrive_whole() -> None:
+def test_words_and_pictures_arrive_whole() -> None:
     pixels = np.arange(6 * 9 * 3, dtype=np.uint8).reshape(6, 9, 3)
     codes = np.arange(54, dtype=np.uint8).reshape(6, 9) % 3
-    pictures = [
-        Picture("map", pixels, (Reading(codes, words=("a", "b", "c")),)),
-        Picture("photograph", pixels, photograph=True, pickable=False),
-    ]
-    palette = np.stack([np.arange(256, dtype=np.uint8)] * 3, axis=1)
-    legends = [strip_legend("px", 0, 12.5, palette), word_legend("why", ["#ff0000"], ["red"])]
-    header, body = unpacked(packed(pictures, name="grid", legends=legends, columns=2, hint="Look."))
-    assert (header["name"], header["rows"], header["cols"], header["columns"]) == ("grid", 6, 9, 2)
-    first, second = header["pictures"]
-    start, size = first["image"]
+    header, body = unpacked(packed(Picture("map", pixels, (Reading(codes, words=("a", "b", "c")),))))
+    start, size = header["image"]
     np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(body[start : start + size]))), pixels)
-    start, size = second["image"]
+    np.testing.assert_array_equal(values_of(header["readings"][0], body), codes)
+    header, body = unpacked(packed(Picture("photograph", pixels, photograph=True)))
+    start, size = header["image"]
     assert Image.open(io.BytesIO(body[start : start + size])).format == "JPEG"
-    np.testing.assert_array_equal(values_of(first["readings"][0], body), codes)
-    assert header["legends"][0]["colours"][:2] == ["#000000", "#111111"]
-    assert header["legends"][0]["words"] == ["0", "12.5"]
-    assert header["legends"][1]["words"] == ["red"]
+    assert header["type"] == "image/jpeg"
+
+
+def test_a_set_is_described_with_its_colours_its_legends_and_its_figures() -> None:
+    palette = np.stack([np.arange(256, dtype=np.uint8)] * 3, axis=1)
+    depth = DepthScale(10, 0, 0.1)
+    pictures = [
+        Picture("map", None, (Reading(np.zeros((6, 9)), depth=depth),), (Figure("EPE", "0.5 px", "Mean error."),)),
+        Picture("photograph", GREY, photograph=True, pickable=False, thumbnail=True),
+    ]
+    legends = [
+        strip_legend("px", 0, 20, palette, ends=("FAR", "NEAR"), below=lambda value: f"{value / 10:g} m"),
+        word_legend("why", ["#ff0000"], ["red"]),
+    ]
+    packs = [packed(picture) for picture in pictures]
+    header = described(
+        pictures, packs, name="grid", colours=Colours(0, 20, palette), legends=legends, columns=2, hint="Look."
+    )
+    assert json.dumps(header)
+    assert (header["name"], header["rows"], header["cols"], header["columns"]) == ("grid", 6, 9, 2)
+    assert [one["digest"] for one in header["pictures"]] == [pack.digest for pack in packs]
+    assert header["pictures"][0]["depths"] == [{"focal_times_baseline": 10, "doffs_px": 0, "disparity_error": 0.1}]
+    assert header["pictures"][0]["figures"] == [{"label": "EPE", "value": "0.5 px", "meaning": "Mean error."}]
+    assert [one["thumbnail"] for one in header["pictures"]] == [False, True]
+    assert bytes.fromhex(header["colours"]["palette"]) == palette.tobytes()
+    strip, words = header["legends"]
+    assert strip["colours"][:2] == ("#000000", "#111111")
+    assert strip["words"] == ("FAR", "NEAR")
+    assert [tick for tick in strip["ticks"] if tick[1] == "10"] == [(0.5, "10", "1 m")]
+    assert words["words"] == ("red",)
 
 
 def test_of_a_wide_picture_every_other_pixel_is_sent_and_rows_and_columns_stay_those_of_the_whole() -> None:
     values = np.arange(3 * 2001, dtype=np.float32).reshape(3, 2001)
-    pixels = np.zeros((3, 2001, 3), np.uint8)
-    header, body = unpacked(packed([Picture("wide", pixels, (Reading(values),))], name="x"))
-    assert (header["rows"], header["cols"], header["step"]) == (3, 2001, 2)
-    np.testing.assert_array_equal(values_of(header["pictures"][0]["readings"][0], body), values[::2, ::2])
+    pack = packed(Picture("wide", np.zeros((3, 2001, 3), np.uint8), (Reading(values),)))
+    header, body = unpacked(pack)
+    assert (pack.shape, pack.step) == ((3, 2001), 2)
+    np.testing.assert_array_equal(values_of(header["readings"][0], body), values[::2, ::2])
 
 
 def test_the_digest_changes_with_the_content_alone() -> None:
-    def digest(depth: DepthScale | None, value: float) -> str:
-        reading = Reading(np.full((6, 9), value), depth=depth)
-        return str(unpacked(packed([Picture("map", GREY, (reading,))], name="x"))[0]["digest"])
+    def digest(value: float) -> str:
+        return packed(Picture("map", None, (Reading(np.full((6, 9), value)),))).digest
 
-    assert digest(None, 1.5) == digest(None, 1.5)
-    assert len({digest(None, 1.5), digest(None, 1.25), digest(DepthScale(10, 0, 0.1), 1.5)}) == 3
+    assert digest(1.5) == digest(1.5)
+    assert digest(1.5) != digest(1.25)
 
 
 def test_pictures_of_different_size_are_refused() -> None:
     with pytest.raises(ValueError, match="must all have one"):
-        packed([Picture("map", GREY, (Reading(np.zeros((6, 8))),))], name="x")
+        packed(Picture("map", GREY, (Reading(np.zeros((6, 8))),)))
+    pictures = [Picture("map", GREY), Picture("other", GREY[1:])]
+    with pytest.raises(ValueError, match="must all have one"):
+        described(pictures, [packed(picture) for picture in pictures], name="x")

@@ -10,7 +10,8 @@ import pytest
 
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectified_calibration, rectify
-from stereolag.geometry.rig import StereoRig
+from stereolag.geometry.rig import Rectification, StereoRig
+from stereolag.reading import read_calibration
 
 WIDTH, HEIGHT = 480, 360
 MARKS = np.stack(np.meshgrid(np.linspace(-0.55, 0.65, 7), np.linspace(-0.4, 0.4, 5)), axis=-1).reshape(-1, 2)
@@ -139,3 +140,81 @@ def test_the_result_has_names_and_is_rectified_no_further(rig, pair):
     assert rectified.calibration.rig is None
     with pytest.raises(ValueError, match="calibration has no rig"):
         rectify(*rectified)
+
+
+def by_hand(rig: StereoRig, images, alpha: float, zero_disparity: bool = True):
+    """Rectify with OpenCV alone; return both images and what `stereoRectify` gave."""
+    cameras = (rig.left_matrix, rig.left_distortion), (rig.right_matrix, rig.right_distortion)
+    flags = cv2.CALIB_ZERO_DISPARITY if zero_disparity else 0
+    made = cv2.stereoRectify(
+        *cameras[0], *cameras[1], (WIDTH, HEIGHT), rig.rotation, rig.translation[:, None], flags=flags, alpha=alpha
+    )
+    maps = [
+        cv2.initUndistortRectifyMap(*camera, made[side], made[2 + side], (WIDTH, HEIGHT), cv2.CV_32FC1)
+        for side, camera in enumerate(cameras)
+    ]
+    return [cv2.remap(image, *one, cv2.INTER_LINEAR) for image, one in zip(images, maps, strict=True)], made
+
+
+@pytest.mark.parametrize("alpha", [None, 0.0, 0.4, 1.0])
+def test_alpha_is_that_of_opencv(rig, pair, alpha):
+    expected, made = by_hand(rig, pair, alpha or 0.0)
+    left, right, calibration = rectify(*pair, unrectified(rig), alpha=alpha)
+    np.testing.assert_array_equal(left, expected[0])
+    np.testing.assert_array_equal(right, expected[1])
+    assert calibration.focal_px == made[2][0, 0]
+    assert (calibration.cx, calibration.cy) == (made[2][0, 2], made[2][1, 2])
+    assert rectified_calibration(rig, (WIDTH, HEIGHT), alpha=alpha) == calibration
+
+
+@pytest.mark.parametrize("zero_disparity", [True, False])
+def test_how_its_maker_rectified_the_pair_is_used_unless_alpha_is_given(rig, pair, zero_disparity):
+    expected, made = by_hand(rig, pair, 0.6, zero_disparity)
+    known = replace(rig, rectification=Rectification(*made[:4]))
+    left, right, calibration = rectify(*pair, unrectified(known))
+    np.testing.assert_array_equal(left, expected[0])
+    np.testing.assert_array_equal(right, expected[1])
+    disparity = np.full((HEIGHT, WIDTH), 30, np.float32)
+    depth = cv2.reprojectImageTo3D(disparity, made[4])[:, :, 2]
+    np.testing.assert_allclose(calibration.depth(disparity), depth, rtol=1e-5)
+    np.testing.assert_array_equal(
+        rectify(*pair, unrectified(known), alpha=0).left, rectify(*pair, unrectified(rig)).left
+    )
+
+
+def test_resized_images_scale_how_its_maker_rectified_the_pair(rig, pair):
+    known = replace(rig, rectification=Rectification(*by_hand(rig, pair, 0.6)[1][:4]))
+    small = [cv2.resize(image, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA) for image in pair]
+    full, half = rectify(*pair, unrectified(known)), rectify(*small, unrectified(known))
+    assert half.calibration.focal_px == pytest.approx(full.calibration.focal_px / 2)
+    assert half.calibration.baseline_m == pytest.approx(full.calibration.baseline_m)
+    expected = cv2.resize(full.left, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA)
+    assert np.abs(half.left - expected)[4:-4, 4:-4].mean() < 0.01
+
+
+@pytest.mark.parametrize("alpha", [-0.1, 1.1, float("nan")])
+def test_an_alpha_that_makes_no_sense_is_refused(rig, pair, alpha):
+    with pytest.raises(ValueError, match=r"alpha is .*; allowed are numbers from 0 to 1"):
+        rectify(*pair, unrectified(rig), alpha=alpha)
+
+
+def test_the_chessboard_pairs_of_opencv_are_rectified_as_by_its_own_sample(data_dir):
+    folder = data_dir / "calibration" / "opencv_chessboard"
+    calibration = read_calibration(folder / "intrinsics.yml", folder / "extrinsics.yml")
+    files = {}
+    for name in ("intrinsics", "extrinsics"):
+        storage = cv2.FileStorage(str(folder / f"{name}.yml"), cv2.FILE_STORAGE_READ)
+        files |= {key: storage.getNode(key).mat() for key in storage.root().keys()}  # noqa: SIM118
+    images = [cv2.imread(str(folder / f"{side}01.jpg"), cv2.IMREAD_GRAYSCALE) for side in ("left", "right")]
+    rectified = rectify(*images, calibration)
+    corners = []
+    for side, image in enumerate(rectified[:2]):
+        parts = (files[f"{name}{side + 1}"] for name in "MDRP")
+        maps = cv2.initUndistortRectifyMap(*parts, (640, 480), cv2.CV_32FC1)
+        np.testing.assert_array_equal(image, cv2.remap(images[side], *maps, cv2.INTER_LINEAR))
+        found, where = cv2.findChessboardCorners(images[side], (9, 6))
+        assert found
+        how = calibration.rig.rectification
+        to_rows = (how.left_rotation, how.left_projection) if side == 0 else (how.right_rotation, how.right_projection)
+        corners.append(cv2.undistortPoints(where, files[f"M{side + 1}"], files[f"D{side + 1}"], None, *to_rows)[:, 0])
+    assert np.abs(corners[0][:, 1] - corners[1][:, 1]).mean() < 0.5

@@ -40,7 +40,7 @@ class SemiGlobalMatcher(StereoMatcher):
 
     title = "Semi-global"
     short_name = "sgm"
-    first_shown = ("window_size", "num_disparities", "optimisation")
+    first_shown = ("window_size", "num_disparities", "min_disparity", "optimisation")
 
     window_size: Annotated[int, Pixels(), FitsImage()] = Field(
         default=9,

@@ -112,7 +112,7 @@ class RectifiedSearch(SearchArea):
     """A one-sided strip along the row, as OpenCV searches a rectified pair, with an optional vertical reach."""
 
     title = "Strip along the row"
-    first_shown = ("num_disparities", "vertical")
+    first_shown = ("num_disparities", "min_disparity", "vertical")
 
     kind: Literal["rectified"] = "rectified"
     num_disparities: NumDisparities = 64

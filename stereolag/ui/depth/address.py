@@ -15,18 +15,22 @@ from stereolag.stereo.methods import METHODS
 from stereolag.ui import keys
 from stereolag.ui.addresses import parameters_of, recalled_settings
 from stereolag.ui.choices import OWN
+from stereolag.ui.depth.maps import SHOWN_AT_FIRST, show_method, shown_methods
 from stereolag.ui.matcher_controls import first_settings, set_controls
 from stereolag.ui.pairs import SIZES, StereoPair
 
 WRITTEN_KEY = "depth.address"
 """In the session's state: the parameters as this page wrote them last."""
 
+MAPS = "maps"
+"""The parameter that names the maps shown."""
+
 ADOPTED = "depth.adopt"
 """In the session's state: the settings to take over, as :func:`stereolag.reading.matchers.read_matcher` reads them."""
 
 
 def recall_choices() -> dict[str, str]:
-    """Choose the example, the size and the methods that a new address names; return its other parameters.
+    """Choose the example, the size and the maps that a new address names; return its other parameters.
 
     An address is new when it is not what this page wrote last: a link that was opened, or a step back.
     """
@@ -38,8 +42,26 @@ def recall_choices() -> dict[str, str]:
         if value in allowed:
             st.session_state[key] = value
         elif value is not None:
-            st.warning(f"{name} = {quoted(value)} in the address is ignored: allowed are {', '.join(allowed)}.")
+            _warn(name, value, allowed)
+    _recall_maps(found.pop(MAPS, None))
     return found
+
+
+def _recall_maps(value: str | None) -> None:
+    """Choose the maps that an address names."""
+    if value is None:
+        return
+    allowed = [method.short_name for method in METHODS]
+    named = value.split(",")
+    if set(named) <= set(allowed):
+        st.session_state[keys.SHOWN] = [name for name in allowed if name in named]
+        st.session_state[keys.TAB] = named[0]
+    else:
+        _warn(MAPS, value, allowed)
+
+
+def _warn(name: str, value: str, allowed: list[str]) -> None:
+    st.warning(f"{name} = {quoted(value)} in the address is ignored: allowed are {', '.join(allowed)}.")
 
 
 def recall_settings(parameters: Mapping[str, str], pair: StereoPair) -> None:
@@ -62,6 +84,9 @@ def write_address(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) ->
         value = st.session_state.get(key)
         if value in allowed and value != allowed[0]:
             parameters[name] = value
+    shown = [method.short_name for method in shown_methods()]
+    if shown != SHOWN_AT_FIRST:
+        parameters[MAPS] = ",".join(shown)
     for matcher in matchers:
         if matcher is not None:
             found = parameters_of(matcher, first_settings(type(matcher), pair))
@@ -85,16 +110,10 @@ def take_over(pair: StereoPair) -> None:
 
 
 def show_settings(matcher: StereoMatcher, pair: StereoPair) -> None:
-    """Set the controls of a method to these settings, and show the method if it is neither of the two shown."""
+    """Set the controls of a method to these settings, and show its controls and its map."""
     set_controls(matcher, pair)
-    shown = [st.session_state.get(key, first) for key, first in methods_at_first().items()]
-    if matcher.short_name not in shown:
-        st.session_state[keys.FIRST_METHOD] = matcher.short_name
-
-
-def methods_at_first() -> dict[str, str]:
-    """Return the key of each of the two methods shown side by side, and the short name of the method at first."""
-    return {keys.FIRST_METHOD: METHODS[0].short_name, keys.SECOND_METHOD: METHODS[1].short_name}
+    st.session_state[keys.TAB] = matcher.short_name
+    show_method(type(matcher))
 
 
 def _choices() -> dict[str, tuple[str, list[str]]]:
@@ -102,12 +121,9 @@ def _choices() -> dict[str, tuple[str, list[str]]]:
 
     Files of the visitor's own are no choice: an address does not hold them.
     """
-    names = [method.short_name for method in METHODS]
     return {
         "pair": (keys.PAIR, [name for name in samples.stereo_pairs() if name != OWN]),
         "size": (keys.SIZE, [*SIZES]),
-        "method": (keys.FIRST_METHOD, names),
-        "beside": (keys.SECOND_METHOD, [names[1], *(name for name in names if name != names[1])]),
     }
 
 

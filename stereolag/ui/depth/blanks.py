@@ -6,7 +6,8 @@ import streamlit as st
 
 from stereolag.arrays import ReasonMap
 from stereolag.explaining.blank_reasons import blank_reasons
-from stereolag.figures.linked_pictures import Picture, Reading, hexadecimal, word_legend
+from stereolag.figures.legends import hexadecimal, word_legend
+from stereolag.figures.linked_pictures import Picture, Reading
 from stereolag.figures.reasons import REASON_COLOURS, reasons_picture, share_of_reasons
 from stereolag.stereo.reasons import Reason
 from stereolag.ui.depth.maps import settings_key

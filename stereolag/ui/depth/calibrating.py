@@ -14,6 +14,7 @@ from stereolag.geometry.distances import DISPARITY_ERROR, typical_error
 from stereolag.reading import read_calibration
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.results import remembered
 from stereolag.ui.uploads import CALIBRATION_TYPES, Upload, upload_together
 
 Calibrated: TypeAlias = Upload[Calibration]
@@ -32,18 +33,20 @@ def ask_calibration(key: str) -> Calibrated | None:
                 lambda contents: read_calibration(*contents, length_unit_m=UNITS[unit]),
                 key=f"{key}.calibration",
                 types=CALIBRATION_TYPES,
-                note="Middlebury calib.txt, KITTI calib*.txt, YAML or JSON of OpenCV, YAML of ROS, or JSON with "
-                "focal_px and baseline_m. With both cameras’ matrices and distortion the pair is rectified.",
+                note="All that belong together, at once or one after another. OpenCV’s YAML, XML or JSON, NPZ, ROS, "
+                "Kalibr, Middlebury, KITTI, stereodemo, or JSON with focal_px and baseline_m. With both cameras’ "
+                "matrices and distortion the pair is rectified.",
                 variant=unit,
             )
             st.segmented_control(
-                "Lengths in OpenCV’s files are in",
+                "Lengths without a unit are in",
                 [*UNITS],
                 default="m",
                 required=True,
                 key=f"{key}.unit",
                 persist_state="session",
-                help="They do not state their unit: it is that of the chessboard’s squares.",
+                help="Files of OpenCV and NumPy do not state it: it is that of the chessboard’s squares. Others "
+                "state it, or are in metres by custom (ROS, Kalibr).",
             )
         focal = columns[1].number_input(
             "Focal length, px",
@@ -101,7 +104,14 @@ def disparity_error(view: DepthView, name: str) -> float:
     """Return the typical error of a method's disparities, px: measured where the ground truth is known."""
     if view.pair.truth is None:
         return DISPARITY_ERROR
-    error = typical_error(view.results[name].disparity, view.pair.truth)
+    truth, result = view.pair.truth, view.results[name]
+    error = remembered(
+        "typical error",
+        lambda: typical_error(result.disparity, truth),
+        inputs=view.pair.digest,
+        settings=f"{name} {result.settings.model_dump_json()}",
+        shared=view.pair.shared,
+    )
     return DISPARITY_ERROR if math.isnan(error) else error
 
 

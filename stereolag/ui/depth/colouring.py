@@ -1,72 +1,146 @@
-"""The colours of all maps of the depth page: one range that holds still, and one palette."""
+"""The colours of all maps of the depth page: one range and one palette, near bright unless they are inverted."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 import streamlit as st
 
+from stereolag.arrays import FloatMap
 from stereolag.figures.disparity import PALETTES, disparity_range
+from stereolag.figures.pictures import thinned
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.keys import COLOURS
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.results import remembered
+from stereolag.ui.sentences import beyond_the_colours
 
+PALETTE, INVERTED = f"{COLOURS}.palette", f"{COLOURS}.inverted"
 FIRST_PALETTE = "viridis"
-NEGATIVE_ROOM = 32.0
-"""How far below what is there the range may begin, px."""
+MOST_BEYOND = 0.02
+"""Share of a map beyond the colours from which on the page says so."""
 
 
 def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> DepthView:
     """Ask for the colours and return the view of all maps in them.
 
-    The range is fitted to the ground truth, or to the first maps where there is none, and then holds still for the pair
-    whatever the settings do, until the visitor moves it or fits it again.
+    The range is the one searched, of all maps shown together, until the visitor sets another.
     """
-    key = f"{COLOURS}.range.{pair.digest}"
-    if not {key, _ends_key(key)} <= set(st.session_state):
-        _fit(key, pair, results)
-    low, high = st.session_state[key]
-    palette = st.session_state.get(f"{COLOURS}.palette", FIRST_PALETTE)
-    colours = st.popover(
-        "Colours", icon=":material/palette:", width="stretch", key=f"{COLOURS}.opened", on_change="rerun"
-    )
+    key = _range_key(pair)
+    low, high = st.session_state.get(key) or _searched(results)
+    palette = st.session_state.get(PALETTE, FIRST_PALETTE)
+    inverted = st.session_state.get(INVERTED, False)
+    colours = st.popover("Colours", icon=":material/palette:", key=f"{COLOURS}.opened", on_change="rerun")
     if colours.open:  # drawing what nobody sees takes time at every move
         with colours:
-            # With ends that moved with the range, it would be another slider after every move.
-            lowest, highest = st.session_state[_ends_key(key)]
-            low, high = st.slider(
-                "Range of colours, px",
-                min_value=lowest,
-                max_value=highest,
-                step=1.0,
-                key=key,
-                persist_state="session",
-                help="Disparities at the ends of the colours, the same for all maps. It holds still when settings "
-                "change.",
-            )
-            st.button("Fit to what is shown", on_click=_fit, args=(key, pair, results), key=f"{COLOURS}.fit")
+            _ask_range(key, pair, results, (low, high))
             palette = st.segmented_control(
                 "Palette",
                 [*PALETTES],
                 default=FIRST_PALETTE,
                 format_func=str.capitalize,
                 required=True,
-                key=f"{COLOURS}.palette",
+                key=PALETTE,
                 persist_state="session",
             )
-    return DepthView(pair, results, low, max(high, low + 1), PALETTES[palette])
+            inverted = st.toggle(
+                "Invert: far is bright",
+                key=INVERTED,
+                persist_state="session",
+                help="As the source report shows its maps: near things dark. The report’s preset switches it on.",
+            )
+    colours_of = PALETTES[palette]
+    return DepthView(pair, results, low, max(high, low + 1), colours_of[::-1] if inverted else colours_of)
+
+
+def offer_fit(view: DepthView) -> None:
+    """Say which maps lie beyond the colours, where that is more than a little, and offer to fit the range to them."""
+    beyond = {name: _share_beyond(view, name) for name in view.results}
+    beyond = {name: share for name, share in beyond.items() if share > MOST_BEYOND}
+    if not beyond:
+        return
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        st.markdown(f":orange[:material/palette:] {beyond_the_colours(beyond)}", width="content")
+        fit = (_range_key(view.pair), view.pair, view.results)
+        st.button("Fit the colours", key=f"{COLOURS}.fit_beyond", on_click=_fit, args=fit)
+
+
+def set_inverted(inverted: bool) -> None:
+    """Let far things be bright, or near things; only while the switch is not drawn yet."""
+    st.session_state[INVERTED] = inverted
+
+
+def _ask_range(key: str, pair: StereoPair, results: Mapping[str, DisparityMap], shown: tuple[float, float]) -> None:
+    """Ask for the ends of the colours, and offer to fit them or to let them follow the search."""
+    low, high = shown
+    with st.container(horizontal=True, gap="small"):
+        for end, value in (("far", low), ("near", high)):
+            box = f"{key}.{end}"
+            st.session_state[box] = float(value)
+            st.number_input(
+                f"{end.capitalize()} end, px",
+                step=1.0,
+                format="%g",
+                key=box,
+                width=130,
+                on_change=_set_range,
+                args=(key,),
+            )
+    with st.container(horizontal=True, gap="small"):
+        st.button("Fit to what is shown", on_click=_fit, args=(key, pair, results), key=f"{COLOURS}.fit")
+        st.button(
+            "Follow the search",
+            on_click=st.session_state.pop,
+            args=(key, None),
+            key=f"{COLOURS}.follow",
+            disabled=key not in st.session_state,
+            help="The colours then span the disparities that are searched.",
+        )
+
+
+def _set_range(key: str) -> None:
+    low, high = st.session_state[f"{key}.far"], st.session_state[f"{key}.near"]
+    st.session_state[key] = min(low, high), max(low, high)
 
 
 def _fit(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> None:
-    """Set the range to what is shown, and the ends of its slider so that they leave room around it."""
-    low, high = st.session_state[key] = _fitted(pair, results)
-    st.session_state[_ends_key(key)] = min(low, 0.0) - NEGATIVE_ROOM, 2 * max(high, NEGATIVE_ROOM)
+    """Set the range so that it holds all but the outermost 1 % of every map shown, and of the truth."""
+    maps: list[FloatMap] = [one.disparity for one in results.values()]
+    ranges = [disparity_range([one]) for one in (maps if pair.truth is None else [*maps, pair.truth])]
+    st.session_state[key] = min(low for low, _ in ranges), max(high for _, high in ranges)
 
 
-def _ends_key(key: str) -> str:
-    return f"{key}.ends"
+def _searched(results: Mapping[str, DisparityMap]) -> tuple[float, float]:
+    """Return the first and the last disparity that any of the maps was searched over, px.
+
+    A search that wraps around has no ends: alone, what it found counts.
+    """
+    ranges = [found for one in results.values() if (found := one.settings.search_range()) is not None]
+    if not ranges:
+        return disparity_range([one.disparity for one in results.values()])
+    return float(min(first for first, _ in ranges)), float(max(first + count for first, count in ranges))
 
 
-def _fitted(pair: StereoPair, results: Mapping[str, DisparityMap]) -> tuple[float, float]:
-    return disparity_range([pair.truth] if pair.truth is not None else [one.disparity for one in results.values()])
+def _share_beyond(view: DepthView, name: str) -> float:
+    """Return the share of a map's disparities that lie beyond the colours, 0..1."""
+    result = view.results[name]
+
+    def share() -> float:
+        values = thinned(result.disparity)
+        known = np.isfinite(values)
+        outside = (values < view.low - 1) | (values > view.high + 1)
+        return float((outside & known).sum()) / max(1.0, float(known.sum()))
+
+    return remembered(
+        "share beyond the colours",
+        share,
+        inputs=view.pair.digest,
+        settings=f"{name} {result.settings.model_dump_json()} {view.low} {view.high}",
+        shared=view.pair.shared,
+    )
+
+
+def _range_key(pair: StereoPair) -> str:
+    return f"{COLOURS}.range.{pair.digest}"

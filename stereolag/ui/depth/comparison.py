@@ -15,7 +15,8 @@ from stereolag.figures.differences import (
     agreement_picture,
     difference_picture,
 )
-from stereolag.figures.linked_pictures import Legend, Picture, Reading, hexadecimal, strip_legend, word_legend
+from stereolag.figures.legends import Legend, hexadecimal, strip_legend, word_legend
+from stereolag.figures.linked_pictures import Picture, Reading
 from stereolag.stereo.evaluation import consensus, evaluate
 from stereolag.ui.depth.maps import TRUTH, left_picture, map_legends, map_picture, truth_picture
 from stereolag.ui.depth.view import DepthView

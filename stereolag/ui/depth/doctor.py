@@ -135,7 +135,7 @@ def _remedied(pair: StereoPair, remedy: Remedy) -> StereoPair:
         "remedy",
         lambda progress: _with_remedy(pair, remedy),
         inputs=pair.digest,
-        settings=remedy,
+        settings=f"{remedy} {pair.calibration}",
         shared=pair.shared,
         label="Correcting the pair …",
     )

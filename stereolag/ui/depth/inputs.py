@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import cv2
@@ -9,18 +10,20 @@ import numpy as np
 import streamlit as st
 
 from stereolag import samples
-from stereolag.geometry.rectification import rectify
 from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
 from stereolag.ui.choices import choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
+from stereolag.ui.depth.bench import head
 from stereolag.ui.depth.doctor import treated
 from stereolag.ui.depth.own_pair import ask_own_pair
+from stereolag.ui.depth.rectifying import ask_rectified, show_decision
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
 from stereolag.ui.results import computed
 
 KEY = "pairs"
+TITLE = "Depth maps"
 
 
 def choose_pair() -> StereoPair:
@@ -31,18 +34,41 @@ def choose_pair() -> StereoPair:
     """
     named = recall_choices()
     examples = samples.stereo_pairs()
-    choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
-    with choices:
-        chosen = choose(examples, key=KEY)
-    pair = own_or_example(chosen, lambda: ask_own_pair(KEY), example_pair, examples, key=KEY, awaited="both images are")
-    with choices:
-        pair = ask_size(pair, KEY)
-    pair = treated(rectified(pair))
-    told = [change.sentence for change in pair.changes if change.sentence and not change.remedy]
-    st.caption(" ".join((pair.description, *told)))
+    with head(TITLE, _name(examples)):
+        choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
+        with choices:
+            chosen = choose(examples, key=KEY)
+        pair = own_or_example(
+            chosen, lambda: ask_own_pair(KEY), example_pair, examples, key=KEY, awaited="both images are"
+        )
+        with choices:
+            pair = ask_size(pair, KEY)
+        pair, decision = ask_rectified(pair)
+        pair = _with_first_range(treated(pair))
+        shown = "" if decision is None else decision.sentence
+        told = [change.sentence for change in pair.changes if change.sentence != shown and not change.remedy]
+        st.caption(" ".join((pair.description, *filter(None, told))))
+    if decision is not None:
+        show_decision(decision)
     recall_settings(named, pair)
     take_over(pair)
     return pair
+
+
+def _with_first_range(pair: StereoPair) -> StereoPair:
+    """Return the pair with the range it began with: what is added to its images later leaves the range in use."""
+    if pair.shared:
+        return pair
+    first, count = st.session_state.setdefault(
+        f"{KEY}.range.{pair.searched}", (pair.min_disparity, pair.num_disparities)
+    )
+    return replace(pair, min_disparity=first, num_disparities=count)
+
+
+def _name(examples: Mapping[str, samples.StereoExample]) -> str:
+    """Return how the pair in use is called."""
+    chosen = st.session_state.get(KEY, next(iter(examples)))
+    return examples[chosen].title if chosen in examples else "Your own pair"
 
 
 def ask_size(pair: StereoPair, key: str) -> StereoPair:
@@ -66,7 +92,7 @@ def ask_size(pair: StereoPair, key: str) -> StereoPair:
 
 def _resized(pair: StereoPair, divisor: int) -> StereoPair:
     try:
-        return computed(
+        small = computed(
             "resized pair",
             lambda progress: _at(pair, divisor),
             inputs=pair.digest,
@@ -77,6 +103,13 @@ def _resized(pair: StereoPair, divisor: int) -> StereoPair:
     except ValueError as error:
         st.error(str(error))
         return pair
+    # What is known of the pair may be newer than its images that were kept.
+    return replace(
+        small,
+        num_disparities=None if pair.num_disparities is None else -(-pair.num_disparities // divisor),
+        calibration=None if pair.calibration is None else pair.calibration.scaled(1 / divisor),
+        changes=(*pair.changes, small.changes[-1]),
+    )
 
 
 def _at(pair: StereoPair, divisor: int) -> StereoPair:
@@ -90,13 +123,11 @@ def _at(pair: StereoPair, divisor: int) -> StereoPair:
     full = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
     shown = f"Shown at 1/{divisor} of its size: {size[0]} × {size[1]} of {full} pixels."
     return pair.after(
-        Change(f"1/{divisor}", shown),
+        Change(f"1/{divisor}", shown, resizes=True),
         left=left,
         right=right,
         truth=None if pair.truth is None else scaled_disparity(pair.truth, factor),
         visible=visible,
-        num_disparities=None if pair.num_disparities is None else -(-pair.num_disparities // divisor),
-        calibration=None if pair.calibration is None else pair.calibration.scaled(factor),
     )
 
 
@@ -111,41 +142,3 @@ def _scale_controls(pair: StereoPair, small: StereoPair, divisor: int, key: str)
             set_controls(scaled_settings(matcher, before[1] / divisor), small)
         except ValueError as error:
             st.error(f"The settings could not be scaled with the images. {error}")
-
-
-RECTIFIED = "The pair was undistorted and rectified with its calibration."
-
-
-def rectified(pair: StereoPair) -> StereoPair:
-    """Return the pair with its rows aligned, if its calibration tells how; as it is, and why, if that fails."""
-    if pair.calibration is None or pair.calibration.rig is None:
-        return pair
-    try:
-        return computed(
-            "rectified pair",
-            lambda progress: _rectified(pair),
-            inputs=pair.digest,
-            settings="",
-            shared=pair.shared,
-            label="Rectifying the pair …",
-        )
-    except ValueError as error:
-        st.error(str(error))
-        return replace(pair, calibration=None)
-
-
-def _rectified(pair: StereoPair) -> StereoPair:
-    assert pair.calibration is not None
-    assert pair.calibration.rig is not None
-    left, right, calibration = rectify(pair.left, pair.right, pair.calibration)
-    said = RECTIFIED
-    if pair.truth is not None:
-        said += " Its ground truth belongs to the image before that and is left out."
-    return pair.after(
-        Change("rectified", said),
-        left=left,
-        right=right,
-        truth=None,
-        visible=None,
-        calibration=calibration,
-    )

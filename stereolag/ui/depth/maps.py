@@ -1,31 +1,32 @@
-"""The maps of the depth page: computed, judged, coloured, and shown beside each other with their numbers."""
+"""The maps of the depth page: computed, judged, and shown beside each other with their numbers."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Sequence
+from functools import partial
 
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 
 from stereolag.arrays import FloatMap, ReasonMap
-from stereolag.figures.disparity import disparity_legend, disparity_png
-from stereolag.figures.linked_pictures import Legend, Picture, Reading, hexadecimal, strip_legend, word_legend
-from stereolag.figures.pictures import NO_ANSWER, as_rgb, coloured, fitted, jpeg
+from stereolag.figures.legends import Legend, hexadecimal, strip_legend, word_legend
+from stereolag.figures.linked_pictures import Figure, PackedPicture, Picture, Reading, packed
+from stereolag.figures.pictures import NO_ANSWER, as_rgb
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.reasons import Reason
 from stereolag.ui import keys
-from stereolag.ui.depth.address import methods_at_first
-from stereolag.ui.depth.calibrating import depth_scale, disparity_error
+from stereolag.ui.depth.calibrating import calibration_of, depth_scale, disparity_error
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.elements import Number, show_jpeg, show_numbers, show_png
+from stereolag.ui.linked_pictures import linked_pictures
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.results import computed_in_turn, remembered
 from stereolag.ui.sentences import REASON_WORDS, duration, percent
 
-LEFT, TRUTH = "Left image", "Ground truth"
+LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
+KEY = "depth.bench"
+
+COLUMNS = 2
+"""Maps side by side where there is room."""
 
 
 def map_task(matcher: StereoMatcher) -> str:
@@ -33,25 +34,37 @@ def map_task(matcher: StereoMatcher) -> str:
     return f"map {matcher.short_name}"
 
 
-def choose_methods(columns: Sequence[DeltaGenerator]) -> list[type[StereoMatcher]]:
-    """Ask which two methods are shown side by side, one above each column; never one and the same twice."""
-    by_name = {method.short_name: method for method in METHODS}
-    chosen: list[str] = []
-    for column, (key, first) in zip(columns, methods_at_first().items(), strict=True):
-        offered = [name for name in by_name if name not in chosen]
-        if st.session_state.get(key) not in offered:
-            st.session_state[key] = first if first in offered else offered[0]
-        chosen.append(
-            column.selectbox(
-                "Method",
-                offered,
-                format_func=lambda name: by_name[name].title,
-                key=key,
-                persist_state="session",
-                label_visibility="collapsed",
-            )
-        )
-    return [by_name[name] for name in chosen]
+def shown_methods() -> list[type[StereoMatcher]]:
+    """Return the methods whose maps are shown, in the order of the list of methods."""
+    names = st.session_state.get(keys.SHOWN) or SHOWN_AT_FIRST
+    return [method for method in METHODS if method.short_name in names]
+
+
+SHOWN_AT_FIRST = [method.short_name for method in METHODS[:COLUMNS]]
+
+
+def choose_maps() -> None:
+    """Ask which methods' maps are shown."""
+    st.pills(
+        "Maps",
+        [method.short_name for method in METHODS],
+        selection_mode="multi",
+        default=SHOWN_AT_FIRST,
+        format_func={method.short_name: method.title for method in METHODS}.__getitem__,
+        key=keys.SHOWN,
+        persist_state="session",
+        label_visibility="collapsed",
+    )
+
+
+def show_method(method: type[StereoMatcher], *, instead: bool = False) -> None:
+    """See to it that the map of a method is shown, beside the others or in place of the first.
+
+    Only before the choice of maps is drawn: in a callback, or above it.
+    """
+    shown = [one.short_name for one in shown_methods()]
+    if method.short_name not in shown:
+        st.session_state[keys.SHOWN] = [*shown[instead:], method.short_name]
 
 
 def measured(pair: StereoPair, matcher: StereoMatcher | None) -> dict[str, DisparityMap]:
@@ -69,60 +82,43 @@ def measured(pair: StereoPair, matcher: StereoMatcher | None) -> dict[str, Dispa
             label=f"{matcher.title} …",
         )
     except ValueError as error:
-        st.error(str(error))
+        st.error(f"{matcher.title}: {error}")
         return {}
     return {} if result is None else {matcher.title: result}
 
 
-def show_map(view: DepthView, name: str) -> None:
-    """Show the map of one method and what can be said of it in numbers."""
-    if name not in view.results:
-        return
-    result = view.results[name]
-    show_png(_coloured(view, result.disparity, settings_key(result)))
-    numbers = [
-        Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
-        Number("Coverage", percent(result.coverage), "Share of the pixels that have a disparity."),
-    ]
-    if view.pair.truth is not None:
-        figures = judged(view.pair, result, view.pair.truth)
-        numbers += [
-            Number("Bad-2", f"{figures.bad[2.0]:.1f} %", "Pixels that are off by more than 2 px, or have none."),
-            Number("EPE", f"{figures.epe:.2f} px", "Mean error of the pixels that have a disparity."),
-        ]
-    show_numbers(numbers)
+def show_maps(view: DepthView) -> None:
+    """Show the maps of the view under one crosshair, with what can be said of each in numbers, and the images small."""
+    pictures = [_map_with_figures(view, name) for name in view.results]
+    pictures += [left_picture(view, small=True), right_picture(view, small=True), *truth_picture(view, small=True)]
 
-
-def show_images(view: DepthView) -> None:
-    """Show one of the images that went in, or the ground truth in the colours of the maps, above the legend."""
-    pair = view.pair
-    views = ["Left", "Right"] + ["Ground truth"] * (pair.truth is not None)
-    chosen = st.session_state.get(keys.VIEW, "Left")
-    if chosen == "Ground truth" and pair.truth is not None:
-        show_png(_coloured(view, pair.truth, chosen))
-    else:
-        show_jpeg(
-            remembered(
-                "photograph",
-                lambda: jpeg(fitted(pair.right if chosen == "Right" else pair.left)),
-                inputs=pair.digest,
-                settings=chosen,
-                shared=pair.shared,
-            )
+    def pack(picture: Picture) -> PackedPicture:
+        result = view.results.get(picture.title)
+        return remembered(
+            "packed picture",
+            partial(packed, picture),
+            inputs=view.pair.digest,
+            settings=picture.title if result is None else settings_key(result),
+            shared=view.pair.shared,
         )
-    st.segmented_control("View", views, default="Left", required=True, key=keys.VIEW, label_visibility="collapsed")
-    st.html(disparity_legend(view.low, view.high, view.palette))
+
+    linked_pictures(pictures, key=KEY, columns=COLUMNS, colours=view.colours, legends=map_legends(view), pack=pack)
 
 
-def _coloured(view: DepthView, disparity: FloatMap, name: str) -> bytes:
-    """Return a map of the view in its colours, from memory where it was coloured so before."""
-    colours = hashlib.sha256(view.palette.tobytes()).hexdigest()
-    return remembered(
-        "coloured map",
-        lambda: disparity_png(disparity, view.low, view.high, view.palette),
-        inputs=view.pair.digest,
-        settings=f"{name} {view.low} {view.high} {colours}",
-        shared=view.pair.shared,
+def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
+    """Return the numbers of a map."""
+    result = view.results[name]
+    figures = (
+        Figure("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
+        Figure("Coverage", percent(result.coverage), "Share of the pixels that have a disparity."),
+    )
+    if view.pair.truth is None:
+        return figures
+    judgement = judged(view.pair, result, view.pair.truth)
+    return (
+        *figures,
+        Figure("Bad-2", f"{judgement.bad[2.0]:.1f} %", "Pixels that are off by more than 2 px, or have none."),
+        Figure("EPE", f"{judgement.epe:.2f} px", "Mean error of the pixels that have a disparity."),
     )
 
 
@@ -142,39 +138,63 @@ def settings_key(result: DisparityMap) -> str:
     return f"{type(result.settings).__name__} {result.settings.model_dump_json()}"
 
 
-def left_picture(view: DepthView) -> Picture:
+def left_picture(view: DepthView, *, small: bool = False) -> Picture:
     """Return the left image."""
-    return Picture(LEFT, as_rgb(view.pair.left), photograph=True)
+    return Picture(LEFT, as_rgb(view.pair.left), photograph=True, thumbnail=small)
+
+
+def right_picture(view: DepthView, *, small: bool = False) -> Picture:
+    """Return the right image."""
+    return Picture(RIGHT, as_rgb(view.pair.right), photograph=True, thumbnail=small)
 
 
 def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None) -> Picture:
     """Return the map of a method; under it disparity, depth, score, and the reason where there is none."""
     result = view.results[name]
-    words = [_said(cause) for cause in Reason]
-    return Picture(
-        name,
-        coloured(result.disparity, view.low, view.high, view.palette),
-        (
-            Reading(result.disparity, unit="px", digits=2, depth=depth_scale(view.pair, disparity_error(view, name))),
-            Reading(result.reason if reason is None else reason, words=tuple(words)),
-            Reading(result.score, label="score", digits=2),
-        ),
+    score = Reading(result.score, label="score", digits=2)
+    return Picture(name, None, (*_readings(view, name, reason), score))
+
+
+def _map_with_figures(view: DepthView, name: str) -> Picture:
+    """Return the map of a method with its numbers below; without the scores, which are half of what is sent."""
+    return Picture(name, None, _readings(view, name), _figures(view, name))
+
+
+def _readings(view: DepthView, name: str, reason: ReasonMap | None = None) -> tuple[Reading, Reading]:
+    result = view.results[name]
+    depth = depth_scale(view.pair, disparity_error(view, name))
+    return (
+        Reading(result.disparity, unit="px", digits=2, depth=depth),
+        Reading(result.reason if reason is None else reason, words=tuple(_said(cause) for cause in Reason)),
     )
 
 
-def truth_picture(view: DepthView) -> list[Picture]:
+def truth_picture(view: DepthView, *, small: bool = False) -> list[Picture]:
     """Return the ground truth, or nothing where it is not known."""
     truth = view.pair.truth
     if truth is None:
         return []
     reading = Reading(truth, unit="px", digits=2, depth=depth_scale(view.pair, 0.0))
-    return [Picture(TRUTH, coloured(truth, view.low, view.high, view.palette), (reading,))]
+    return [Picture(TRUTH, None, (reading,), thumbnail=small)]
 
 
 def map_legends(view: DepthView) -> tuple[Legend, ...]:
-    """Return what the colours of the maps mean."""
+    """Return what the colours of the maps mean: disparity, metres where they are known, and none."""
+    calibration = calibration_of(view.pair)
+
+    def metres(disparity: float) -> str:
+        depth = float("nan") if calibration is None else float(calibration.depth(disparity))
+        return f"{depth:.3g} m" if depth == depth else "∞" if calibration else ""
+
     return (
-        strip_legend("disparity, px, far to near", view.low, view.high, view.palette),
+        strip_legend(
+            "disparity, px" + (", and distance" if calibration else ""),
+            view.low,
+            view.high,
+            view.palette,
+            ends=("FAR", "NEAR"),
+            below=metres if calibration else None,
+        ),
         word_legend("", [hexadecimal(NO_ANSWER)], ["no disparity"]),
     )
 

@@ -126,10 +126,11 @@ def _together(pictures: Pictures, truth: Upload[FloatMap] | None, calibration: C
         disparity,
         _disparities_of(fitted),
         "Your own pair.",
-        " ".join((pictures.digest, truth.digest if truth else "", _digest_of(calibration))),
+        " ".join((pictures.digest, truth.digest if truth else "")),
         False,
         fitted,
         changes=tuple(changes),
+        pictures=pictures.digest,
     )
 
 
@@ -145,8 +146,3 @@ def _fitting_truth(truth: FloatMap, left: Image) -> FloatMap:
 
 def _disparities_of(calibration: Calibration | None) -> int | None:
     return None if calibration is None else calibration.num_disparities
-
-
-def _digest_of(calibration: Calibrated | None) -> str:
-    """Return what of a calibration changes the images that are matched: the cameras before rectification."""
-    return calibration.digest if calibration is not None and calibration.content.rig is not None else ""

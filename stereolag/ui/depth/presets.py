@@ -7,16 +7,16 @@ from functools import partial
 import streamlit as st
 
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
-from stereolag.ui.depth.address import methods_at_first
-from stereolag.ui.keys import FIRST_METHOD, preset_key
+from stereolag.ui.depth.colouring import set_inverted
+from stereolag.ui.depth.maps import SHOWN_AT_FIRST, show_method
+from stereolag.ui.keys import SHOWN, TAB, preset_key
 from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST, first_settings, matchers_in_use, set_controls
 from stereolag.ui.pairs import StereoPair
 
 
 def show_presets(pair: StereoPair) -> None:
     """Offer the settings that serve a purpose, and those with which all methods began."""
-    with st.container(horizontal=True, gap="small", vertical_alignment="center"):
-        st.markdown("Presets", width="content")
+    with st.container(horizontal=True, gap="xxsmall", vertical_alignment="center"):
         for name, one in PRESETS.items():
             st.button(one.title, key=preset_key(name), help=one.meaning, on_click=partial(_set_preset, name, pair))
         st.button(
@@ -30,19 +30,21 @@ def show_presets(pair: StereoPair) -> None:
 
 
 def _set_preset(name: PresetName, pair: StereoPair) -> None:
-    """Show a preset as the first method, over the range that the first method searches now."""
-    shown = st.session_state.get(FIRST_METHOD, METHODS[0].short_name)
-    searched = [matcher.search_range() for matcher in matchers_in_use() if matcher.short_name == shown]
+    """Show a preset, over the range that the settings shown now search, in the colours that belong to it."""
+    tab = st.session_state.get(TAB, METHODS[0].short_name)
+    searched = [matcher.search_range() for matcher in matchers_in_use() if matcher.short_name == tab]
     # A square reaches as far to either side: that is no range for a strip.
     strips = [one for one in searched if one is not None and one[0] + one[1] - 1 != -one[0]]
-    first, count = strips[0] if strips else (0, None)
-    matcher = preset(name, count or pair.num_disparities or DISPARITIES_AT_FIRST, first)
+    first, count = strips[0] if strips else (pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST)
+    matcher = preset(name, count, first)
     set_controls(matcher, pair)
-    st.session_state[FIRST_METHOD] = matcher.short_name
+    show_method(type(matcher), instead=True)
+    set_inverted(name == "report")
+    st.session_state[TAB] = matcher.short_name
 
 
 def _reset(pair: StereoPair) -> None:
-    for key, method in methods_at_first().items():
-        st.session_state[key] = method
+    st.session_state[SHOWN] = SHOWN_AT_FIRST
+    set_inverted(False)
     for kind in METHODS:
         set_controls(first_settings(kind, pair), pair)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from stereolag.arrays import Rgb
 from stereolag.figures.disparity import FAR_TO_NEAR
+from stereolag.figures.linked_pictures import Colours
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui.pairs import StereoPair
 
@@ -32,3 +33,8 @@ class DepthView:
     low: float
     high: float
     palette: Rgb = field(default_factory=lambda: FAR_TO_NEAR)
+
+    @property
+    def colours(self) -> Colours:
+        """Return the colours that all maps share."""
+        return Colours(self.low, self.high, self.palette)

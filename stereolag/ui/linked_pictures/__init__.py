@@ -11,7 +11,8 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereolag.figures.linked_pictures import Legend, Picture, packed
+from stereolag.figures.legends import Legend
+from stereolag.figures.linked_pictures import Colours, PackedPicture, Picture, described, packed
 
 HERE = Path(__file__).parent
 
@@ -54,13 +55,14 @@ def _source(*names: str) -> str:
     return "\n".join((HERE / name).read_text(encoding="utf-8") for name in names)
 
 
-_pictures = st.components.v2.component(
+_viewer = st.components.v2.component(
     "stereolag.linked_pictures",
     html=_source("pictures.html"),
     css=_source("pictures.css"),
     js=_source("unpacking.js", "drawing.js", "pictures.js", "gestures.js"),
 )
-# The marks travel alone: a click then sends some bytes, and Streamlit finds the pictures unchanged and keeps them.
+# Each picture travels alone, and so do the marks: Streamlit finds those that did not change, and does not send them.
+_picture = st.components.v2.component("stereolag.picture", js=_source("picture.js"))
 _marks = st.components.v2.component("stereolag.marks", js=_source("marks.js"))
 
 
@@ -68,11 +70,13 @@ def linked_pictures(
     pictures: Sequence[Picture],
     *,
     key: str,
+    colours: Colours | None = None,
     legends: Sequence[Legend] = (),
     columns: int = 3,
     hint: str = "",
     marks: Sequence[Mark] = (),
     on_pick: Callable[[int, int], None] | None = None,
+    pack: Callable[[Picture], PackedPicture] = packed,
 ) -> None:
     """Show pictures of one size.
 
@@ -82,6 +86,8 @@ def linked_pictures(
         What is shown, and what its colours mean.
     key
         Of the component.
+    colours
+        Of the pictures that have no pixels of their own.
     columns
         How many stand side by side where there is room.
     hint
@@ -91,6 +97,8 @@ def linked_pictures(
     on_pick
         Called with the row and column of the pixel that was clicked, before the fragment runs again; without it a
         click does nothing.
+    pack
+        Packs a picture, for whoever remembers those that were packed before.
     """
 
     def picked() -> None:
@@ -100,10 +108,10 @@ def linked_pictures(
 
     if on_pick is None:
         pictures = [replace(picture, pickable=False) for picture in pictures]
+    packs = [pack(picture) for picture in pictures]
+    header = described(pictures, packs, name=key, colours=colours, legends=legends, columns=columns, hint=hint)
     with st.container(gap=None):
-        _pictures(
-            key=key,
-            data=packed(pictures, name=key, legends=legends, columns=columns, hint=hint),
-            on_picked_change=picked,
-        )
+        _viewer(key=key, data=header, on_picked_change=picked)
+        for number, one in enumerate(packs):
+            _picture(key=f"{key}.picture.{number}", data=one.data)
         _marks(key=f"{key}.marks", data={"name": key, "marks": [asdict(mark) for mark in marks]})

@@ -33,12 +33,50 @@ function metric(metres, error) {
   return metres.toFixed(clamp(1 - Math.floor(Math.log10(error)), 0, 4));
 }
 
-function legend({ title, colours, words, strip }) {
-  const box = element("div", "legend", ...(title ? [element("span", "title", title)] : []));
+function picture(described, { image, readings }, colours) {
+  const read = readings.map((reading, index) => ({ ...reading, depth: described.depths[index] }));
+  return { ...described, image, readings: read, map: image ? null : painted(readings[0], colours) };
+}
+
+// What is seen of a picture: one of its own for every place it is shown at.
+function surface({ title, image, map }) {
+  const made = element(map ? "canvas" : "img");
+  if (map) {
+    [made.width, made.height] = [map.width, map.height];
+    made.getContext("2d").drawImage(map, 0, 0);
+    made.setAttribute("role", "img");
+    made.setAttribute("aria-label", title);
+  } else Object.assign(made, { src: image.src, alt: title, draggable: false });
+  return made;
+}
+
+function forget({ image }) {
+  if (image) URL.revokeObjectURL(image.src);
+}
+
+function figures(all) {
+  if (!all.length) return [];
+  return [
+    element("dl", "figures", ...all.map(({ label, value, meaning }) => {
+      const one = element("div", "", element("dt", "", label), element("dd", "", value));
+      one.title = meaning;
+      return one;
+    })),
+  ];
+}
+
+function legend({ title, colours, words, strip, ticks }) {
+  const box = element("div", strip ? "legend along" : "legend", ...(title ? [element("span", "title", title)] : []));
   if (strip) {
     const bar = element("span", "strip");
     bar.style.background = `linear-gradient(to right, ${colours.join(", ")})`;
-    box.append(words[0], bar, words[1]);
+    const scale = element("span", "ticks", ...ticks.map(([share, word, below]) => {
+      const tick = element("span", "", word, ...(below ? [element("br"), below] : []));
+      tick.style.left = `${100 * share}%`;
+      return tick;
+    }));
+    if (ticks.some(([, , below]) => below)) scale.classList.add("two");
+    box.append(words[0], element("span", "scale", bar, scale), words[1]);
   } else {
     colours.forEach((colour, index) => {
       const swatch = element("span", "swatch");

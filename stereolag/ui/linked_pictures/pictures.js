@@ -17,32 +17,46 @@ class LinkedPictures {
     this.x = this.y = 0;
     this.at = null;
     this.marks = [];
-    this.urls = [];
+    this.enlarged = new Set();
+    this.decoded = new Map();
     this.onMarks = ({ detail }) => detail.name === this.header?.name && this.setMarks(detail.marks);
+    this.onPicture = () => this.load(this.data);
     window.addEventListener("stereolag-marks", this.onMarks);
+    window.addEventListener("stereolag-picture", this.onPicture);
     this.resized = new ResizeObserver(() => this.draw());
     this.resized.observe(this.stage);
   }
 
   close() {
     window.removeEventListener("stereolag-marks", this.onMarks);
+    window.removeEventListener("stereolag-picture", this.onPicture);
     this.resized.disconnect();
-    this.urls.forEach(URL.revokeObjectURL);
+    for (const one of this.decoded.values()) one.then(forget);
   }
 
+  // Shows what `data` describes as soon as all of its pictures are there.
   async load(data) {
-    const { header, part } = unpacked(data);
-    if (header.digest === this.loading) return;
-    this.loading = header.digest;
-    const pictures = await Promise.all(header.pictures.map((one) => decoded(one, part)));
-    if (header.digest !== this.loading) return; // a newer set overtook this one
-    const old = this.urls;
-    const sameScene = this.header?.rows === header.rows && this.header?.cols === header.cols;
-    Object.assign(this, { header, pictures, urls: pictures.map((one) => one.url) });
+    this.data = data;
+    if (!data || data === this.header) return;
+    const arrived = window.stereolagPictures ?? new Map();
+    if (!data.pictures.every(({ digest }) => this.decoded.has(digest) || arrived.has(digest))) return;
+    for (const { digest } of data.pictures) {
+      if (!this.decoded.has(digest)) this.decoded.set(digest, decoded(arrived.get(digest).data));
+    }
+    const contents = await Promise.all(data.pictures.map(({ digest }) => this.decoded.get(digest)));
+    if (data !== this.data) return; // a newer set overtook this one
+    const sameScene = this.header?.rows === data.rows && this.header?.cols === data.cols;
+    this.header = data;
+    this.pictures = data.pictures.map((one, index) => picture(one, contents[index], data.colours));
+    const shown = new Set(data.pictures.map(({ digest }) => digest));
+    for (const [digest, one] of this.decoded) {
+      if (shown.has(digest)) continue;
+      this.decoded.delete(digest);
+      one.then(forget);
+    }
     if (!sameScene) Object.assign(this, { zoom: 1, x: 0, y: 0, at: null });
-    this.marks = window.stereolagMarks?.get(header.name) ?? [];
+    this.marks = window.stereolagMarks?.get(data.name) ?? [];
     this.build();
-    old.forEach(URL.revokeObjectURL);
   }
 
   setMarks(marks) {
@@ -66,9 +80,12 @@ class LinkedPictures {
       button.setAttribute("aria-pressed", button.dataset.mode === this.mode);
     }
     this.stage.style.setProperty("--columns", this.header.columns);
-    this.cells =
-      this.mode === "slider" ? [this.cell(before, after)] : this.pictures.map((_, index) => this.cell(index));
+    const large = [...this.pictures.keys()].filter((index) => this.isLarge(this.pictures[index]));
+    this.cells = this.mode === "slider" ? [this.cell(before, after)] : large.map((index) => this.cell(index));
     this.stage.replaceChildren(...this.cells.map((cell) => cell.figure));
+    this.find(".thumbnails").replaceChildren(
+      ...this.pictures.filter((one) => one.thumbnail).map((one) => this.thumbnail(one)),
+    );
     const pickable = this.pictures.some((one) => one.pickable);
     this.find(".legends").replaceChildren(...this.header.legends.map(legend));
     this.find(".hint").textContent = [this.header.hint, `${HINT}${pickable ? ", Enter picks." : "."}`].filter(Boolean).join(" ");
@@ -76,22 +93,34 @@ class LinkedPictures {
   }
 
   cell(...indices) {
-    const layers = indices.map((index) => {
-      const image = element("img");
-      image.src = this.pictures[index].url;
-      image.alt = this.pictures[index].title;
-      image.draggable = false;
-      return element("div", "layer", image);
-    });
+    const layers = indices.map((index) => element("div", "layer", surface(this.pictures[index])));
     const viewport = element("div", "viewport", ...layers);
     viewport.style.aspectRatio = `${this.header.cols} / ${this.header.rows}`;
     const svg = drawn("svg", { preserveAspectRatio: "none" }, viewport);
     const readings = indices.map(() => element("p", "reading"));
     const caption = element("figcaption", "", ...indices.map((index) => element("span", "", this.pictures[index].title)));
-    const figure = element("figure", "", caption, viewport, element("div", "readings", ...readings));
+    const below = indices.length > 1 ? [] : figures(this.pictures[indices[0]].figures);
+    const figure = element("figure", "", caption, viewport, element("div", "readings", ...readings), ...below);
     const cell = { indices, figure, viewport, svg, layers, readings, pickable: this.pictures[indices[0]].pickable };
     if (indices.length > 1) this.addSplit(cell);
     return cell;
+  }
+
+  isLarge(one) {
+    return !one.thumbnail || this.enlarged.has(one.title);
+  }
+
+  // A small picture that joins the large ones when it is clicked, and leaves them again.
+  thumbnail(one) {
+    const button = element("button", "", surface(one), element("span", "", one.title));
+    const large = this.isLarge(one);
+    Object.assign(button, { type: "button", title: large ? "Make it small again" : "Enlarge" });
+    button.setAttribute("aria-pressed", large);
+    button.addEventListener("click", () => {
+      if (!this.enlarged.delete(one.title)) this.enlarged.add(one.title);
+      this.build();
+    });
+    return button;
   }
 
   addSplit(cell) {

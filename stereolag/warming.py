@@ -1,10 +1,12 @@
-"""``python -m stereolag.commands.warming``: compile every loop once and keep the machine code on disk.
+"""``python -m stereolag.warming``: make every measurement once, on little, for every type of image and recording.
 
-The first visitor of the app, or the first call of a script, then waits for nothing: each measurement is made once, on
-little, for every type of image and recording that a loop is compiled apart for.
+A loop that was never compiled is compiled by that, and its machine code kept on disk; one that was is loaded. Who comes
+afterwards waits for neither, and the times that are shown are those of the computation.
 """
 
 from __future__ import annotations
+
+from functools import cache
 
 import numpy as np
 
@@ -14,8 +16,9 @@ from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck
 IMAGE_TYPES = (np.uint8, np.uint16, np.float32, np.float64)
 
 
+@cache
 def warm() -> None:
-    """Make every measurement once, on images and recordings of a few samples."""
+    """Make every measurement once, on images and recordings of a few samples; once in a process is enough."""
     random = np.random.default_rng(0)
     _warm_recordings(random)
     _warm_templates(random)

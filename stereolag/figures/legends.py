@@ -1,0 +1,74 @@
+"""What the colours beside a picture mean."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.arrays import Rgb
+
+MOST_STEPS = 5
+"""Between the values along a legend."""
+
+Ticks = Callable[[float], str] | None
+
+
+@dataclass(frozen=True)
+class Legend:
+    """What the colours mean: a strip with words along it, or one word for each colour.
+
+    Attributes
+    ----------
+    title
+        What is shown, with its unit.
+    colours
+        As CSS writes them.
+    words
+        One for each colour; of a strip, those at its two ends.
+    strip
+        Whether the colours run into each other.
+    ticks
+        (share of the strip, word, word below it): values along it.
+    """
+
+    title: str
+    colours: tuple[str, ...]
+    words: tuple[str, ...]
+    strip: bool
+    ticks: tuple[tuple[float, str, str], ...] = ()
+
+
+def strip_legend(
+    title: str, low: float, high: float, palette: Rgb, *, ends: tuple[str, str] = ("", ""), below: Ticks = None
+) -> Legend:
+    """Return the legend of a (256, 3) palette that runs from `low` to `high`, over round values.
+
+    `ends` are written at its ends; `below` gives a second word for a value, such as metres for a disparity.
+    """
+    ticks = tuple(
+        ((value - low) / (high - low), f"{value:g}".replace("-", "−"), below(value) if below else "")
+        for value in round_values(low, high, MOST_STEPS)
+    )
+    return Legend(title, tuple(hexadecimal(colour) for colour in palette[::17]), ends, True, ticks)
+
+
+def word_legend(title: str, colours: Sequence[str], words: Sequence[str]) -> Legend:
+    """Return the legend of colours, as CSS writes them, that each stand for a word."""
+    return Legend(title, tuple(colours), tuple(words), False)
+
+
+def hexadecimal(colour: Sequence[int] | npt.NDArray[np.uint8]) -> str:
+    """Return an RGB colour as #rrggbb."""
+    return "#{:02x}{:02x}{:02x}".format(*(int(part) for part in colour))
+
+
+def round_values(low: float, high: float, most_steps: int = 8) -> list[float]:
+    """Return the multiples of 1, 2 or 5 times a power of ten from low to high, in `most_steps` steps at the most."""
+    power = 10 ** math.floor(math.log10((high - low) / most_steps))
+    step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= most_steps)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [float(f"{number * step:.12g}") for number in range(first, last + 1)]

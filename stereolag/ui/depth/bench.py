@@ -1,0 +1,70 @@
+"""The frame of the depth page: a head of one line, and controls beside maps that stay in view."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
+
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS
+from stereolag.ui.depth.maps import show_method
+from stereolag.ui.keys import FOLD, TAB
+from stereolag.ui.matcher_controls import ask_matcher
+from stereolag.ui.pairs import StereoPair
+
+STYLE = Path(__file__).with_name("bench.css")
+CONTROLS_WIDTH = 320
+"""Px."""
+
+INTRODUCTION = (
+    "Near things shift more between the two cameras than far ones. Cut the left image into small windows and slide each"
+    " along the right image: the lag of the best match is its disparity, large for near things and small for far ones."
+)
+
+
+@contextmanager
+def head(title: str, pair: str) -> Iterator[None]:
+    """Draw the heading beside a line that names the pair and unfolds to the choice of it, which goes inside."""
+    st.html(STYLE)
+    with st.container(horizontal=True, vertical_alignment="center", gap="medium", key="depth-head"):
+        st.title(title, anchor=False, width="content")
+        with st.expander(
+            f"**{pair}** · choose a pair or bring your own",
+            key=FOLD,
+            icon=":material/photo_library:",
+            on_change="rerun",
+        ):
+            st.markdown(INTRODUCTION, width=760)
+            yield
+
+
+def bench() -> tuple[DeltaGenerator, DeltaGenerator]:
+    """Return where the controls go, and beside it where the maps go."""
+    both = st.container(horizontal=True, gap="medium", vertical_alignment="top", key="depth-bench")
+    controls = both.container(width=CONTROLS_WIDTH, gap="xsmall", key="depth-bench-controls")
+    return controls, both.container(key="depth-bench-maps")
+
+
+def ask_matchers(pair: StereoPair) -> dict[type[StereoMatcher], StereoMatcher | None]:
+    """Return the settings of every method; one at a time has its controls drawn, chosen by a row of tabs.
+
+    A method turned to has its map shown: its controls are to move something.
+    """
+    names = [kind.short_name for kind in METHODS]
+    by_name = dict(zip(names, METHODS, strict=True))
+    tab = st.segmented_control(
+        "Settings of",
+        names,
+        default=names[0],
+        required=True,
+        format_func=lambda name: by_name[name].title,
+        key=TAB,
+        persist_state="session",
+        label_visibility="collapsed",
+        on_change=lambda: show_method(by_name[st.session_state[TAB]]),
+    )
+    return {kind: ask_matcher(kind, pair, drawn=kind.short_name == tab) for kind in METHODS}

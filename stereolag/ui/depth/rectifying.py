@@ -1,0 +1,156 @@
+"""Whether a pair with the calibration of both cameras is rectified: as its rows tell, or as the visitor says."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from functools import partial
+
+import streamlit as st
+
+from stereolag.doctor.row_evidence import RowEvidence, row_evidence
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.rectification import rectify
+from stereolag.geometry.rig import StereoRig
+from stereolag.inputs import Image
+from stereolag.ui.pairs import Change, StereoPair
+from stereolag.ui.results import computed
+from stereolag.ui.sentences import rectification_in_words
+
+CHOICE_KEY = "pairs.pictures_are"
+ALPHA_KEY = "pairs.alpha"
+
+DECIDE, RAW, RECTIFIED = "decide", "raw", "rectified"
+CHOICES = {DECIDE: "Decide from the rows", RAW: "Raw", RECTIFIED: "Rectified already"}
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Whether a pair was rectified with its calibration, why, and whether the visitor said so."""
+
+    rectify: bool
+    asked: bool
+    sentence: str
+
+
+@dataclass(frozen=True, eq=False)
+class Straightened:
+    """A pair after rectification, as it is kept in memory."""
+
+    left: Image
+    right: Image
+    calibration: Calibration
+
+
+def ask_rectified(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
+    """Ask what the images of a pair are; return it as they should be matched, and what was decided.
+
+    There is nothing to decide, and None is returned, without the calibration of both cameras before rectification.
+    """
+    if pair.calibration is None or pair.calibration.rig is None:
+        return pair, None
+    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
+        st.segmented_control(
+            "The images are",
+            [*CHOICES],
+            default=DECIDE,
+            format_func=lambda choice: CHOICES[choice],
+            required=True,
+            key=CHOICE_KEY,
+            persist_state="session",
+            help="The calibration is of both cameras before rectification. Raw images are undistorted and rectified "
+            "with it; images that are rectified already are left as they are.",
+        )
+        if pair.calibration.rig.rectification is None:
+            st.slider(
+                "Frame (`alpha`)",
+                0.0,
+                1.0,
+                0.0,
+                0.05,
+                key=ALPHA_KEY,
+                persist_state="session",
+                width=220,
+                help="The calibration does not say how the pair is to be rectified (R1, R2, P1, P2). 0 keeps only what "
+                "the cameras took, 1 all of it, with black around.",
+            )
+    return _decided(pair)
+
+
+def rectified(pair: StereoPair) -> StereoPair:
+    """Return the pair as it should be matched, by what the visitor chose, and draw no control."""
+    return _decided(pair)[0]
+
+
+def show_decision(decision: Decision) -> None:
+    """Say what was decided, with a button that undoes it."""
+    opposite = RECTIFIED if decision.rectify else RAW
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        st.caption(f":material/straighten: {decision.sentence}", width="content")
+        label, choice = (CHOICES[DECIDE], DECIDE) if decision.asked else ("Undo", opposite)
+        st.button(label, key="depth.rectifying.undo", type="tertiary", on_click=partial(_choose, choice))
+
+
+def _choose(choice: str) -> None:
+    st.session_state[CHOICE_KEY] = choice
+
+
+def _decided(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
+    if pair.calibration is None or pair.calibration.rig is None:
+        return pair, None
+    rig, choice = pair.calibration.rig, st.session_state.get(CHOICE_KEY, DECIDE)
+    alpha = st.session_state.get(ALPHA_KEY, 0.0) if rig.rectification is None else None
+    try:
+        again = _rectified(pair, alpha)
+    except ValueError as error:
+        st.error(str(error))
+        return replace(pair, calibration=None), None
+    evidence = _evidence(pair, again, alpha)
+    rectify_it = choice == RAW or (choice == DECIDE and not evidence.already_rectified)
+    drops_truth = rectify_it and pair.truth is not None
+    sentence = rectification_in_words(evidence, rectify_it, choice != DECIDE, drops_truth)
+    decision = Decision(rectify_it, choice != DECIDE, sentence)
+    if not rectify_it:
+        return pair.after(Change("", sentence), calibration=again.calibration), decision
+    images = {"left": again.left, "right": again.right, "truth": None, "visible": None}
+    change = Change(f"rectified {_fingerprint(rig, alpha)}", sentence)
+    return pair.after(change, **images, calibration=again.calibration), decision
+
+
+def _rectified(pair: StereoPair, alpha: float | None) -> Straightened:
+    """Return the pair rectified with its calibration, from memory where that was done before."""
+    assert pair.calibration is not None
+    assert pair.calibration.rig is not None
+    calibration = pair.calibration
+    return computed(
+        "rectified pair",
+        lambda progress: Straightened(*rectify(pair.left, pair.right, calibration, alpha=alpha)),
+        inputs=pair.digest,
+        settings=_fingerprint(pair.calibration.rig, alpha),
+        shared=pair.shared,
+        label="Rectifying the pair …",
+    )
+
+
+def _evidence(pair: StereoPair, again: Straightened, alpha: float | None) -> RowEvidence:
+    assert pair.calibration is not None
+    assert pair.calibration.rig is not None
+    return computed(
+        "row evidence",
+        lambda progress: row_evidence((pair.left, pair.right), (again.left, again.right)),
+        inputs=pair.digest,
+        settings=_fingerprint(pair.calibration.rig, alpha),
+        shared=pair.shared,
+        label="Comparing the rows …",
+    )
+
+
+def _fingerprint(rig: StereoRig, alpha: float | None) -> str:
+    """Return what tells this way of rectifying a pair from all others."""
+    arrays = [rig.left_matrix, rig.left_distortion, rig.right_matrix, rig.right_distortion, rig.rotation]
+    arrays.append(rig.translation)
+    if rig.rectification is not None:
+        how = rig.rectification
+        arrays += [how.left_rotation, how.right_rotation, how.left_projection, how.right_projection]
+    numbers = b"".join(array.tobytes() for array in arrays)
+    return hashlib.sha256(numbers + repr((rig.width, rig.height, alpha)).encode()).hexdigest()[:16]
