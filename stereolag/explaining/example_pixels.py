@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.explaining.match import MatchKind, explain_match
+from stereolag.explaining.match import POOR_SCORE, MatchKind, explain_match
 from stereolag.inputs import Image, as_grey, as_stereo_pair
 from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.engines import cheaper_engine, find_matches
@@ -113,8 +113,10 @@ def _most_confusable(matches: WindowMatches) -> Iterator[int]:
 
 
 def _barest(matches: WindowMatches) -> Iterator[int]:
-    """Yield windows of little texture first, those in which everything is the same among them."""
-    return _highest_first(-matches.texture)
+    """Yield windows of little texture that fit nowhere, the barest first, and then those that fit: a smooth sky."""
+    fits = matches.score >= POOR_SCORE
+    yield from _highest_first(np.where(fits, np.nan, -matches.texture))
+    yield from _highest_first(np.where(fits, -matches.texture, np.nan))
 
 
 def _runner_up(matches: WindowMatches) -> npt.NDArray[np.float32]:

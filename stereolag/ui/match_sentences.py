@@ -47,7 +47,7 @@ HIDDEN_FROM_RIGHT = (
 
 HOVER_WORDS = {
     "title": "The match of the window under the pointer",
-    "window": "The window, left",
+    "window": "Window, left",
     "above": "Every score, from above",
     "axis": "The search in the right image, and its scores:  ← nearer    disparity, px    farther →",
     "row": "Row",

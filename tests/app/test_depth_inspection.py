@@ -80,3 +80,22 @@ def test_a_pixel_at_the_corner_is_explained_too() -> None:
     app = opened(0, 0)
     assert not app.exception
     assert verdict(app)
+
+
+def by_phase() -> None:
+    from dataclasses import replace
+
+    from stereolag.stereo.windows.matcher import CorrelationMatcher
+    from stereolag.ui.depth.match import show_inspection
+    from tests.app.depth_view import small_view
+
+    view = small_view()
+    result = CorrelationMatcher(window_size=16, overlap=0.5, score="phase").compute(view.pair.left, view.pair.right)
+    show_inspection(replace(view, results={"Convolution": result}))
+
+
+def test_the_browser_follows_the_pointer_where_it_can() -> None:
+    assert any(data.get("pictures") == "depth.inspection" for data in messages(opened()))
+    app = AppTest.from_function(by_phase, default_timeout=60).run()
+    assert not app.exception
+    assert any("Click a pixel instead" in caption.value for caption in app.caption)

@@ -78,6 +78,16 @@ def test_a_repeating_pattern_of_the_fence_is_its_pickets(search: SearchArea) -> 
     assert max(abs(np.subtract(seen.runner_up, seen.peak))) > 5
 
 
+def test_a_bare_wall_is_no_smooth_sky() -> None:
+    pair = stereo_pairs()["fence"]
+    left, right, truth = read_image(pair.left), read_image(pair.right), read_disparity(pair.disparity)
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(64))
+    pixel = example_pixel(ExampleKind.BARE, matcher, left, right)
+    assert pixel is not None
+    assert truth[pixel] == pytest.approx(15.1, abs=0.3)
+    assert explain_match(matcher, left, right, *pixel).kind is MatchKind.BARE
+
+
 @pytest.mark.parametrize("search", [SearchArea.rectified(40), SearchArea.centred(31)])
 def test_shifted_noise_repeats_nowhere(search: SearchArea) -> None:
     noise = np.random.default_rng(7).integers(0, 256, (120, 200), dtype=np.uint8)

@@ -68,7 +68,7 @@ class Panel {
   draw() {
     const pair = window.stereolagPairs?.get(this.settings.pictures);
     // What is on the page for a moment while a new pair is on its way belongs to the one before.
-    if (!pair || pair.digest !== this.settings.digest) return;
+    if (!pair || pair.digest !== this.settings.digest || !this.root.clientWidth) return;
     const { row, col } = this.at ?? this.settings.pixel;
     if (row >= pair.rows || col >= pair.cols) return;
     const seen = explained(pair, this.settings, row, col);
