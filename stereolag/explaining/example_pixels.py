@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.explaining.match import POOR_SCORE, MatchKind, explain_match
+from stereolag.explaining.match import BARE_CONTRAST, MatchKind, explain_match
 from stereolag.inputs import Image, as_grey, as_stereo_pair
 from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.engines import cheaper_engine, find_matches
@@ -39,6 +39,9 @@ LOOKED_AT = 150
 
 CONFUSABLE = 0.1
 """Windows whose two best scores differ by a smaller share may be repeating patterns."""
+
+DEEP_VALLEY = 0.5
+"""Of a pattern that repeats, the scores sink at least half the way down between one place and the next."""
 
 FLANK_FALL = 1.5
 """On the flank of a parabola the best score farther than 1 px away is at least 2 times as far below the peak as its
@@ -74,15 +77,20 @@ def example_pixel(
         return _hidden(matcher, *images, progress)
     step = max(2, matcher.window_size // 4)
     matches = _matches(matcher, *images, step, progress)
-    promising, wanted = {
-        ExampleKind.CLEAR: (_surest, {MatchKind.CLEAR}),
-        ExampleKind.REPEATS: (_most_confusable, {MatchKind.REPEATS}),
-        ExampleKind.BARE: (_barest, {MatchKind.BARE, MatchKind.SMOOTH, MatchKind.NOTHING}),
-    }[kind]
+    match kind:
+        case ExampleKind.CLEAR:
+            promising, wanted = _surest(matches), {MatchKind.CLEAR}
+        case ExampleKind.REPEATS:
+            promising, wanted = _most_confusable(matches), {MatchKind.REPEATS}
+        case ExampleKind.BARE:
+            promising = _barest(matches, float(as_grey(images[0]).std()))
+            wanted = {MatchKind.BARE, MatchKind.SMOOTH, MatchKind.NOTHING}
     middle = (matcher.window_size - 1) // 2
-    for window in promising(matches):
+    whole = _searched_whole(matcher, images[0].shape[1], step)
+    for window in sorted(promising, key=lambda window: not whole[window % whole.size]):
         row, col = (int(at) * step + middle for at in np.unravel_index(window, matches.score.shape))
-        if explain_match(matcher, *images, row, col).kind in wanted:
+        seen = explain_match(matcher, *images, row, col)
+        if seen.kind in wanted and (kind is not ExampleKind.REPEATS or seen.valley_depth > DEEP_VALLEY):
             return row, col
     return None
 
@@ -94,6 +102,13 @@ def _matches(matcher: CorrelationMatcher, left: Image, right: Image, step: int, 
     by_spectrum = query.circular or query.score == "phase"
     engine = "fft" if by_spectrum else cheaper_engine(shape, query.window_size, step, query.lags)
     return find_matches(query, engine, progress)
+
+
+def _searched_whole(matcher: CorrelationMatcher, width: int, step: int) -> npt.NDArray[np.bool_]:
+    """Return for every column of windows whether the search along the row lies within an image of that width."""
+    lags, size = matcher.search.lags(matcher.window_size), matcher.window_size
+    start = np.arange(0, width - size + 1, step)
+    return (start + lags.dx_first >= 0) & (start + size + lags.dx_last <= width)
 
 
 def _surest(matches: WindowMatches) -> Iterator[int]:
@@ -112,11 +127,11 @@ def _most_confusable(matches: WindowMatches) -> Iterator[int]:
     return _highest_first(np.where(confusable, textured, np.nan))
 
 
-def _barest(matches: WindowMatches) -> Iterator[int]:
-    """Yield windows of little texture that fit nowhere, the barest first, and then those that fit: a smooth sky."""
-    fits = matches.score >= POOR_SCORE
-    yield from _highest_first(np.where(fits, np.nan, -matches.texture))
-    yield from _highest_first(np.where(fits, -matches.texture, np.nan))
+def _barest(matches: WindowMatches, deviation: float) -> Iterator[int]:
+    """Yield bare windows, those that fit nowhere before those of a smooth sky, and then others of little texture."""
+    bare = matches.texture < BARE_CONTRAST * deviation
+    yield from _highest_first(np.where(bare, -np.nan_to_num(matches.score, nan=-1.0), np.nan))
+    yield from _highest_first(np.where(bare, np.nan, -matches.texture))
 
 
 def _runner_up(matches: WindowMatches) -> npt.NDArray[np.float32]:

@@ -148,6 +148,12 @@ class MatchExplanation:
         return np.full(at.shape, np.nan) if self.at_edge else fitted_curve(self.around, self.offset, at)
 
     @property
+    def valley_depth(self) -> float:
+        """Return how deep the valley before the runner-up is, 1 for down to the lowest score; NaN without one."""
+        drop = self.peak_score - self.valley
+        return float("nan") if np.isnan(drop) else drop / max(self.peak_score - float(np.nanmin(self.surface)), 1e-30)
+
+    @property
     def kind(self) -> MatchKind:
         """Return what kind of match the scores show."""
         if self.peak is None:

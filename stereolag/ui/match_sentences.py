@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from stereolag.explaining.example_pixels import ExampleKind
+from stereolag.explaining.example_pixels import DEEP_VALLEY, ExampleKind
 from stereolag.explaining.match import MatchExplanation, MatchKind
 from stereolag.stereo.reasons import Reason
 from stereolag.ui.sentences import REASON_WORDS
@@ -59,7 +59,7 @@ HOVER_WORDS = {
     "truth": "true place",
     "kinds": {
         MatchKind.CLEAR: "one clear peak",
-        MatchKind.REPEATS: "two peaks as good as each other, a pattern that repeats",
+        MatchKind.REPEATS: "two peaks as good as each other",
         MatchKind.SMOOTH: "one broad peak, too smooth to tell neighbours apart",
         MatchKind.BARE: "a bare wall, mostly noise",
         MatchKind.UNLIKE: "nothing looks like this",
@@ -87,9 +87,10 @@ def match_in_words(seen: MatchExplanation) -> str:
         case MatchKind.UNLIKE:
             return f"Nothing looks like this: the best score is {seen.peak_score:.2f}."
         case MatchKind.REPEATS:
+            alike = "the pattern repeats, like a fence" if seen.valley_depth > DEEP_VALLEY else "they look alike"
             return (
                 f"Two places fit almost equally well ({seen.peak_score:.3f} and {seen.runner_up_score:.3f}), with "
-                "worse ones between them: the pattern repeats, like a fence."
+                f"worse ones between them: {alike}."
             )
         case MatchKind.SMOOTH:
             return (

@@ -46,7 +46,7 @@ def match_of(kind: MatchKind) -> MatchExplanation:
         runner_up=(0, -20),
         peak_score=0.3 if kind in (MatchKind.BARE, MatchKind.UNLIKE) else 0.9,
         runner_up_score=0.89 if kind is MatchKind.REPEATS else 0.5,
-        valley=0.1,
+        valley=0.0,
         flank_score=0.89 if kind is MatchKind.SMOOTH else 0.6,
         as_good=0.027,
         contrast=0.05 if kind is MatchKind.BARE else 0.8,
@@ -118,3 +118,8 @@ def test_a_match_is_compared_with_the_ground_truth(kind: MatchKind, truth: float
 def test_a_map_that_filtered_says_what_it_holds() -> None:
     said = verdict(match_of(MatchKind.CLEAR), 6.0, reason=Reason.MEASURED, disparity=7.5)
     assert said.endswith("After filtering, the map holds 7.50 px.")
+
+
+@pytest.mark.parametrize(("valley", "said"), [(-0.3, "the pattern repeats, like a fence"), (0.8, "they look alike")])
+def test_only_a_deep_valley_makes_a_repetition(valley: float, said: str) -> None:
+    assert said in match_in_words(replace(match_of(MatchKind.REPEATS), valley=valley))
