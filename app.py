@@ -12,7 +12,7 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.templates import match_template
 from stereolag.ui.depth.maps import map_task
 from stereolag.ui.elements import show_png
-from stereolag.ui.matcher_controls import first_settings
+from stereolag.ui.first_settings import first_settings
 from stereolag.ui.navigation import page
 from stereolag.ui.pairs import example_pair
 from stereolag.ui.pictures import example_pictures

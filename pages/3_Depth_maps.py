@@ -50,7 +50,8 @@ def workspace(pair: StereoPair) -> None:
         with st.container(horizontal=True, vertical_alignment="center"):
             choose_maps()
             colours = st.container(width="content")
-        for method in shown_methods():
+        shown = shown_methods()
+        for method in shown:
             results |= measured(pair, matchers[method])
         with colours:
             view = coloured_alike(pair, results)
@@ -66,7 +67,7 @@ def workspace(pair: StereoPair) -> None:
         show_doctor(view)
     if part:
         for method in METHODS:
-            if method.title not in results:
+            if method not in shown:
                 results |= measured(pair, matchers[method])
         view = replace(view, results=results)
     if part and results:

@@ -230,14 +230,19 @@ def _reading(reading: Reading, step: int, body: _Body) -> dict[str, Any]:
     values = reading.values[::step, ::step]
     quantum = 1.0
     if not reading.words:
-        known = np.isfinite(values)
-        largest = float(np.abs(values[known]).max(initial=0.0))
+        unknown = ~np.isfinite(values)
+        scaled = np.where(unknown, np.float32(0), values)
+        largest = float(np.abs(scaled).max(initial=0.0))
         fine_enough, to_reach = 10.0**-reading.digits, largest / -(NOTHING + 1)
         quantum = 2.0 ** max(math.floor(math.log2(fine_enough)), math.ceil(math.log2(max(to_reach, 1e-9))))
-        values = np.where(known, np.rint(np.where(known, values, 0) / quantum), NOTHING)
-    steps = np.diff(values.astype("<i2"), axis=1, prepend=np.int16(0))  # wraps around, and back when added up
+        scaled *= 1 / quantum
+        values = np.rint(scaled, out=scaled).astype("<i2")
+        values[unknown] = NOTHING
+    else:
+        values = values.astype("<i2")
+    steps = np.diff(values, axis=1, prepend=np.int16(0))  # wraps around, and back when added up
     return {
-        "values": body.add(zlib.compress(steps.tobytes(), FASTEST_COMPRESSION)),
+        "values": body.add(zlib.compress(steps.data, FASTEST_COMPRESSION)),
         "cols": values.shape[1],
         "quantum": quantum,
         "label": reading.label,

@@ -7,6 +7,7 @@ from typing import Final
 PAIR: Final = "pairs"
 SIZE: Final = f"{PAIR}.size"
 FOLD: Final = "depth.head"
+FOLD_NEXT: Final = f"{FOLD}.next"
 SHOWN: Final = "depth.maps"
 TAB: Final = "depth.tab"
 PART: Final = "depth.part"

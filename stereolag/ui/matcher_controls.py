@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any, TypeVar, cast
 
@@ -17,6 +16,7 @@ from stereolag.settings.fields import Number, choices, nested
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.controls import adopt_value, control, last_valid
+from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
 from stereolag.ui.keys import method_key, more_key, setting_key
 from stereolag.ui.pairs import StereoPair
 
@@ -30,7 +30,6 @@ CHOICE_NAMES = {
     "fft": "FFT",
 }
 LARGEST_WINDOW = 101
-DISPARITIES_AT_FIRST = 64
 
 KIND = "kind"
 """The field that tells the settings of one kind from those of another."""
@@ -115,7 +114,7 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
             raise refusal
         return kind(**values)
 
-    return last_valid(make, f"{method_key(kind.short_name)}.valid")
+    return last_valid(make, _in_use_key(kind))
 
 
 def _more_settings(key: str) -> ExpanderContainer:
@@ -130,26 +129,20 @@ def _more_settings(key: str) -> ExpanderContainer:
     return expander
 
 
-def first_settings(kind: type[Matcher], pair: StereoPair) -> Matcher:
-    """Return the settings with which the page begins for a pair."""
-    return cast(Matcher, _first_settings(kind, pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST))
-
-
 def set_controls(matcher: StereoMatcher, pair: StereoPair) -> None:
     """Set the controls of a method to these settings; they must not be drawn yet in this run."""
     _set(matcher, type(matcher), "", pair)
+    st.session_state[_in_use_key(type(matcher))] = matcher
 
 
 def matchers_in_use() -> list[StereoMatcher]:
-    """Return the settings of all methods whose controls were drawn before."""
-    kept = (st.session_state.get(f"{method_key(kind.short_name)}.valid") for kind in METHODS)
+    """Return the settings of all methods whose controls were drawn or set before."""
+    kept = (st.session_state.get(_in_use_key(kind)) for kind in METHODS)
     return [matcher for matcher in kept if isinstance(matcher, StereoMatcher)]
 
 
-@lru_cache(maxsize=256)
-def _first_settings(kind: type[StereoMatcher], first: int, count: int) -> StereoMatcher:
-    """Return them; asked for by every control, they are validated once."""
-    return kind().with_search_range(first, count)
+def _in_use_key(kind: type[StereoMatcher]) -> str:
+    return f"{method_key(kind.short_name)}.valid"
 
 
 def _first_shown(kind: type[Settings]) -> tuple[str, ...]:

@@ -155,6 +155,17 @@ def remembered(task: str, make: Callable[[], T], *, inputs: str, settings: str, 
     return result
 
 
+def computed_before(task: str, *, inputs: str, settings: str, shared: bool) -> Any:
+    """Return the result of a computation that is in memory, or None.
+
+    Parameters
+    ----------
+    task, inputs, settings, shared
+        As :func:`computed` takes them.
+    """
+    return _results(shared).get(_key(task, inputs, settings))
+
+
 def computed_in_turn(
     task: str,
     compute: Callable[[Progress], T],

@@ -33,6 +33,14 @@ def beyond_the_colours(shares: Mapping[str, float]) -> str:
     return f"{said} lies beyond the colours."
 
 
+def started_in_words(min_disparity: int, num_disparities: int) -> str:
+    """Return with which settings a pair of the visitor's own began."""
+    return (
+        f"Searched from {min_disparity} to {min_disparity + num_disparities - 1} px, the range found for this pair, "
+        "with the fast preset."
+    )
+
+
 # Recordings
 
 

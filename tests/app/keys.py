@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from stereolag.ui.keys import COLOURS, PART, SHOWN, TAB, exact_key, more_key, preset_key
+from stereolag.ui.keys import COLOURS, FOLD, PART, SHOWN, TAB, exact_key, more_key, preset_key
 from stereolag.ui.keys import more_key as more
 from stereolag.ui.keys import setting_key as setting
 
-__all__ = ["COLOURS", "PART", "SHOWN", "TAB", "exact_key", "more", "preset_key", "setting"]
+__all__ = ["COLOURS", "FOLD", "PART", "SHOWN", "TAB", "exact_key", "more", "preset_key", "setting"]
 
 CUBE = "pair cube"
 

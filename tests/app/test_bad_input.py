@@ -187,8 +187,8 @@ def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(
     app.button(key=keys.preset_key("report")).click().run()
     assert not app.exception
     assert any("px and the images are" in error.value for error in app.error)
-    app.button(key=keys.preset_key("reset")).click().run()
     app.button_group(key="pairs").set_value("cube").run()
+    app.button(key=keys.preset_key("reset")).click().run()
     assert not app.exception
     assert not app.error
     assert app.slider(key=keys.WINDOW).value == 20

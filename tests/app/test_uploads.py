@@ -9,7 +9,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.limits import limits
-from tests.app import uploads
+from tests.app import keys, uploads
 from tests.app.conftest import figures, viewers
 
 OpenPage = Callable[[str], AppTest]
@@ -161,6 +161,26 @@ def test_an_own_pair_is_matched_and_judged_by_its_truth(with_uploads: Callable[.
     errors = [float(one["EPE"].removesuffix(" px")) for one in figures(app).values()]
     assert len(errors) == 2
     assert max(errors) < 0.5
+
+
+def test_an_own_pair_begins_with_the_range_found_and_the_fast_preset_and_that_is_undone(
+    with_uploads: Callable[..., AppTest],
+) -> None:
+    scene = uploads.texture(200, 400)
+    app = with_uploads(
+        "pairs", left=("l.png", uploads.png(scene[:, :-90])), right=("r.png", uploads.png(scene[:, 90:]))
+    )
+    assert not app.error
+    slider = next(slider for slider in app.slider if slider.label == "Disparities searched")
+    first = next(slider for slider in app.slider if slider.label == "Smallest disparity")
+    assert first.value <= 90 < first.value + slider.value
+    assert app.slider(key=keys.WINDOW).value == 11
+    assert "range found for this pair" in " ".join(caption.value for caption in app.caption)
+    assert not app.session_state[keys.FOLD]
+    app.button(key="depth.start.undo").click().run()
+    assert app.slider(key=slider.key).value == 64
+    assert app.slider(key=keys.WINDOW).value == 20
+    assert "range found for this pair" not in " ".join(caption.value for caption in app.caption)
 
 
 def test_a_truth_of_8_bits_asks_for_its_divisor_and_takes_it(with_uploads: Callable[..., AppTest]) -> None:

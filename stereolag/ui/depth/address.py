@@ -16,7 +16,8 @@ from stereolag.ui import keys
 from stereolag.ui.addresses import parameters_of, recalled_settings
 from stereolag.ui.choices import OWN
 from stereolag.ui.depth.maps import SHOWN_AT_FIRST, show_method, shown_methods
-from stereolag.ui.matcher_controls import first_settings, set_controls
+from stereolag.ui.first_settings import first_settings
+from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.pairs import SIZES, StereoPair
 
 WRITTEN_KEY = "depth.address"

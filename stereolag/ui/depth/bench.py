@@ -12,7 +12,7 @@ from streamlit.delta_generator import DeltaGenerator
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.maps import show_method
-from stereolag.ui.keys import FOLD, TAB
+from stereolag.ui.keys import FOLD, FOLD_NEXT, TAB
 from stereolag.ui.matcher_controls import ask_matcher
 from stereolag.ui.pairs import StereoPair
 
@@ -27,9 +27,14 @@ INTRODUCTION = (
 
 
 @contextmanager
-def head(title: str, pair: str) -> Iterator[None]:
-    """Draw the heading beside a line that names the pair and unfolds to the choice of it, which goes inside."""
+def head(title: str, pair: str, *, awaited: bool) -> Iterator[None]:
+    """Draw the heading beside a line that names the pair and unfolds to the choice of it, which goes inside.
+
+    It stays unfolded while files are `awaited`, and folds when they are there.
+    """
     st.html(STYLE)
+    if awaited or st.session_state.pop(FOLD_NEXT, False):
+        st.session_state[FOLD] = awaited
     with st.container(horizontal=True, vertical_alignment="center", gap="medium", key="depth-head"):
         st.title(title, anchor=False, width="content")
         with st.expander(

@@ -18,11 +18,13 @@ from stereolag.doctor import (
     estimate_diagnosis,
     judge_range,
 )
+from stereolag.estimates import Estimate
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.jobs import is_heavy
 from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.pairs import Change, StereoPair
-from stereolag.ui.results import computed, computed_in_turn
+from stereolag.ui.results import computed, computed_before, computed_in_turn
 from stereolag.ui.sentences import (
     DOCTOR_HEALTHY,
     REMEDIES_DONE,
@@ -32,6 +34,7 @@ from stereolag.ui.sentences import (
     remedy_in_words,
 )
 
+TASK = "diagnosis"
 REMEDIES_KEY = "depth.remedies"
 HEALTHY = f":green[:material/stethoscope: {DOCTOR_HEALTHY}]"
 
@@ -49,15 +52,7 @@ def treated(pair: StereoPair) -> StereoPair:
 def show_doctor(view: DepthView) -> None:
     """Show what the doctor finds on the pair and in the ranges searched, and a button for each remedy."""
     pair = view.pair
-    diagnosis = computed_in_turn(
-        "diagnosis",
-        lambda progress: diagnose(pair.left, pair.right),
-        estimate_diagnosis(pair.left.shape, pair.left.dtype),
-        inputs=pair.digest,
-        settings="",
-        shared=pair.shared,
-        label="Examining the pair …",
-    )
+    diagnosis = _diagnosis(pair)
     if diagnosis is None:
         return
     advice = _advice(diagnosis, view)
@@ -73,6 +68,31 @@ def show_doctor(view: DepthView) -> None:
         for number, change in enumerate(pair.remedies):
             _show_remedy(pair, number, change)
         _show_all(advice, "All checks" if ill else HEALTHY)
+
+
+def diagnosis_at_once(pair: StereoPair) -> Diagnosis | None:
+    """Return what the doctor finds, or None where that takes long and is not known yet: `show_doctor` finds it out."""
+    if is_heavy(_estimate(pair)):
+        found: Diagnosis | None = computed_before(TASK, inputs=pair.digest, settings="", shared=pair.shared)
+        return found
+    return _diagnosis(pair)
+
+
+def _diagnosis(pair: StereoPair) -> Diagnosis | None:
+    """Return what the doctor finds; None while the pair is examined."""
+    return computed_in_turn(
+        TASK,
+        lambda progress: diagnose(pair.left, pair.right),
+        _estimate(pair),
+        inputs=pair.digest,
+        settings="",
+        shared=pair.shared,
+        label="Examining the pair …",
+    )
+
+
+def _estimate(pair: StereoPair) -> Estimate:
+    return estimate_diagnosis(pair.left.shape, pair.left.dtype)
 
 
 class Advice(NamedTuple):

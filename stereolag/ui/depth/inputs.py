@@ -12,18 +12,21 @@ import streamlit as st
 from stereolag import samples
 from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
-from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui.choices import OWN, choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
 from stereolag.ui.depth.bench import head
 from stereolag.ui.depth.doctor import treated
 from stereolag.ui.depth.own_pair import ask_own_pair
 from stereolag.ui.depth.rectifying import ask_rectified, show_decision
+from stereolag.ui.depth.starting import show_start, started
+from stereolag.ui.keys import FOLD_NEXT
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
 from stereolag.ui.results import computed
 
 KEY = "pairs"
 TITLE = "Depth maps"
+OWN_PAIR_THERE = f"{KEY}.there"
 
 
 def choose_pair() -> StereoPair:
@@ -34,35 +37,30 @@ def choose_pair() -> StereoPair:
     """
     named = recall_choices()
     examples = samples.stereo_pairs()
-    with head(TITLE, _name(examples)):
+    awaited = st.session_state.get(KEY) == OWN and not st.session_state.get(OWN_PAIR_THERE)
+    with head(TITLE, _name(examples), awaited=awaited):
         choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
         with choices:
             chosen = choose(examples, key=KEY)
         pair = own_or_example(
             chosen, lambda: ask_own_pair(KEY), example_pair, examples, key=KEY, awaited="both images are"
         )
+        st.session_state[OWN_PAIR_THERE] = not pair.shared
         with choices:
             pair = ask_size(pair, KEY)
         pair, decision = ask_rectified(pair)
-        pair = _with_first_range(treated(pair))
+        pair = started(treated(pair))
         shown = "" if decision is None else decision.sentence
         told = [change.sentence for change in pair.changes if change.sentence != shown and not change.remedy]
         st.caption(" ".join((pair.description, *filter(None, told))))
+    if st.session_state.get(FOLD_NEXT):
+        st.rerun()
     if decision is not None:
         show_decision(decision)
+    show_start(pair)
     recall_settings(named, pair)
     take_over(pair)
     return pair
-
-
-def _with_first_range(pair: StereoPair) -> StereoPair:
-    """Return the pair with the range it began with: what is added to its images later leaves the range in use."""
-    if pair.shared:
-        return pair
-    first, count = st.session_state.setdefault(
-        f"{KEY}.range.{pair.searched}", (pair.min_disparity, pair.num_disparities)
-    )
-    return replace(pair, min_disparity=first, num_disparities=count)
 
 
 def _name(examples: Mapping[str, samples.StereoExample]) -> str:

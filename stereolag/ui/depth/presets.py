@@ -9,8 +9,9 @@ import streamlit as st
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
 from stereolag.ui.depth.colouring import set_inverted
 from stereolag.ui.depth.maps import SHOWN_AT_FIRST, show_method
+from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
 from stereolag.ui.keys import SHOWN, TAB, preset_key
-from stereolag.ui.matcher_controls import DISPARITIES_AT_FIRST, first_settings, matchers_in_use, set_controls
+from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import StereoPair
 
 

@@ -1,0 +1,90 @@
+"""The settings with which a pair of the visitor's own begins: the range that was found for it, and the fast preset."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+
+import streamlit as st
+
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS
+from stereolag.ui.depth.doctor import diagnosis_at_once
+from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
+from stereolag.ui.keys import FOLD_NEXT, PAIR
+from stereolag.ui.matcher_controls import matchers_in_use, set_controls
+from stereolag.ui.pairs import StereoPair
+from stereolag.ui.sentences import started_in_words
+
+
+@dataclass(frozen=True)
+class Start:
+    """The range of a pair, px, and the settings of all methods with which it began, in a size so many px wide."""
+
+    min_disparity: int
+    num_disparities: int
+    settings: tuple[StereoMatcher, ...]
+    width: int
+
+    def range_at(self, width: int) -> tuple[int, int]:
+        """Return the first disparity and how many in another size."""
+        share = width / self.width
+        return math.floor(self.min_disparity * share), math.ceil(self.num_disparities * share)
+
+
+def started(pair: StereoPair) -> StereoPair:
+    """Return a pair of the visitor's own with the range it began with; where it is new, set the controls to begin.
+
+    The range is that of its calibration, or what the doctor found. What is added to the images later leaves the range
+    in use. The controls must not be drawn yet.
+    """
+    if pair.shared:
+        return pair
+    start: Start | None = st.session_state.get(_key(pair))
+    width = int(pair.left.shape[1])
+    if start is None:
+        found = _range_of(pair)
+        if found is None:
+            return pair
+        begun = replace(pair, min_disparity=found[0], num_disparities=found[1])
+        settings = tuple(first_settings(kind, begun) for kind in METHODS)
+        _set_all(settings, begun)
+        st.session_state[_key(pair)] = start = Start(*found, settings, width)
+        st.session_state[FOLD_NEXT] = True
+    first, count = start.range_at(width)
+    return replace(pair, min_disparity=first, num_disparities=count)
+
+
+def show_start(pair: StereoPair) -> None:
+    """Say with which settings the pair began, while they are in use, and offer to undo that."""
+    start: Start | None = st.session_state.get(_key(pair))
+    if pair.shared or start is None or not set(matchers_in_use()) <= set(start.settings):
+        return
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        st.caption(
+            f":material/auto_fix_high: {started_in_words(start.min_disparity, start.num_disparities)}", width="content"
+        )
+        st.button("Undo", key="depth.start.undo", type="tertiary", on_click=partial(_undo, pair))
+
+
+def _undo(pair: StereoPair) -> None:
+    """Set the controls as they are for a pair of which nothing is known."""
+    _set_all(tuple(kind().with_search_range(0, DISPARITIES_AT_FIRST) for kind in METHODS), pair)
+
+
+def _set_all(settings: tuple[StereoMatcher, ...], pair: StereoPair) -> None:
+    for matcher in settings:
+        set_controls(matcher, pair)
+
+
+def _range_of(pair: StereoPair) -> tuple[int, int] | None:
+    """Return the first disparity and how many; None while the doctor still examines the pair, or found nothing."""
+    if pair.num_disparities is not None:
+        return pair.min_disparity, pair.num_disparities
+    diagnosis = diagnosis_at_once(pair)
+    return None if diagnosis is None else (diagnosis.suggested_min_disparity, diagnosis.suggested_num_disparities)
+
+
+def _key(pair: StereoPair) -> str:
+    return f"{PAIR}.start.{pair.pictures or pair.files}"
