@@ -90,7 +90,7 @@ class Panel {
       swatch.style.background = colour;
       const place = `${(-dx).toFixed(Number.isInteger(dx) ? 0 : 2)} px${dy ? `, ${Math.abs(dy)} px ${dy > 0 ? words.down : words.up}` : ""}`;
       const scored = Number.isNaN(score) ? "" : `: ${this.settings.score === "cross" ? score.toFixed(0) : score.toFixed(3)}`;
-      return [swatch, `${name} ${place.replace("-", "−")}${scored.replace("-", "−")}`];
+      return [" ", swatch, `${name} ${place.replace("-", "−")}${scored.replace("-", "−")}`];
     });
     const where = `${words.row} ${row}, ${words.column} ${col}: `;
     this.reading.replaceChildren(where, span("kind", words.kinds[seen.kind]), ...listed);
