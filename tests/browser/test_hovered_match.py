@@ -18,7 +18,7 @@ from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.hovered_match import browser_settings
 from stereolag.ui.pairs import example_pair
 from tests.browser.serving import served_app
-from tests.browser.visits import OpenPage, faultless_pages, screenshot
+from tests.browser.visits import OpenPage, faultless_pages, screenshot, settled
 
 SCORING = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "hovered_match" / "scoring.js"
 
@@ -111,11 +111,13 @@ def open_fence(browser: Browser, parts_address: str) -> Iterator[OpenPage]:
 
 def test_the_search_follows_the_pointer_the_keys_and_leaves_again(open_fence: OpenPage) -> None:
     page = open_fence()
+    reading, frames = page.locator(".hovered .reading"), page.locator(".viewport").nth(1).locator("svg path[stroke]")
+    expect(frames).not_to_have_count(0)
+    settled(page)
     page.evaluate(
         "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
         "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
     )
-    reading, frames = page.locator(".hovered .reading"), page.locator(".viewport").nth(1).locator("svg path[stroke]")
     chosen = reading.text_content()
     framed = [frame.get_attribute("d") for frame in frames.all()]
     picture = page.locator(".viewport").first
