@@ -16,6 +16,7 @@ import scipy
 
 from benchmarks.accuracy import accuracy_tables
 from benchmarks.browser import latency_table
+from benchmarks.doctor import doctor_tables
 from benchmarks.hostile import hostile_table
 from benchmarks.load import load_table
 from benchmarks.pairs import DATA
@@ -23,7 +24,7 @@ from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
 from benchmarks.timing import Row
 
 USUAL = ["speed", "accuracy", "browser"]
-TABLES = [*USUAL, "load", "hostile"]
+TABLES = [*USUAL, "doctor", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -97,6 +98,8 @@ def main() -> None:
             keep("browser", "In the browser", *latency)
         else:
             print("The latency is left out: there is no Chromium (set CHROMIUM).")
+    if "doctor" in wanted:
+        keep("doctor", "The input doctor", *doctor_tables())
     if "load" in wanted:
         keep("load", "Many visitors at once", *load_table())
     if "hostile" in wanted:
