@@ -21,10 +21,11 @@ from benchmarks.hostile import hostile_table
 from benchmarks.load import load_table
 from benchmarks.pairs import DATA
 from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
+from benchmarks.suggestion import suggestion_table
 from benchmarks.timing import Row
 
 USUAL = ["speed", "accuracy", "browser"]
-TABLES = [*USUAL, "doctor", "load", "hostile"]
+TABLES = [*USUAL, "doctor", "suggestion", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -100,6 +101,11 @@ def main() -> None:
             print("The latency is left out: there is no Chromium (set CHROMIUM).")
     if "doctor" in wanted:
         keep("doctor", "The input doctor", *doctor_tables())
+    if "suggestion" in wanted:
+        if DATA.is_dir():
+            keep("suggestion", "Suggested settings", *suggestion_table())
+        else:
+            print(f"Suggestions are left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
     if "load" in wanted:
         keep("load", "Many visitors at once", *load_table())
     if "hostile" in wanted:

@@ -21,7 +21,8 @@ from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
-from stereolag.tuning.suggestion import Suggestion, suggest
+from stereolag.tuning.search import Suggestion
+from stereolag.tuning.suggestion import suggest
 from stereolag.version import VERSION
 
 __version__ = VERSION

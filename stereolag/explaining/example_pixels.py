@@ -16,7 +16,6 @@ from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.engines import cheaper_engine, find_matches
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.matches import WindowMatches
-from stereolag.tuning.objective import seen_from_the_right
 
 Pixel = tuple[int, int]
 
@@ -145,7 +144,10 @@ def _highest_first(merit: npt.NDArray[np.floating]) -> Iterator[int]:
 
 def _hidden(matcher: CorrelationMatcher, left: Image, right: Image, progress: Progress) -> Pixel | None:
     """Return the middle of the widest strip that a nearer object hides from the right camera."""
-    mirrored = seen_from_the_right(matcher, left, right, progress=progress)
+    # Mirrored, the right image is a left one; its map, mirrored back, belongs to the pixels of the right image.
+    mirrored = matcher.compute(
+        np.ascontiguousarray(right[:, ::-1]), np.ascontiguousarray(left[:, ::-1]), progress=progress
+    )
     depth = cv2.distanceTransform(_hidden_strips(mirrored.disparity[:, ::-1]).astype(np.uint8), cv2.DIST_L2, 5)
     if 2 * float(depth.max()) < NARROWEST_HIDDEN:
         return None

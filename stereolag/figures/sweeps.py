@@ -1,4 +1,4 @@
-"""A sweep as two images of one grid: small disparity maps, and the objective of each cell."""
+"""A sweep as two images of one grid: small disparity maps, and the bad-2 of each cell."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.figures.disparity import FAR_TO_NEAR
+from stereolag.arrays import Mask
+from stereolag.figures.linked_pictures import Colours
 from stereolag.figures.pictures import PEAK, VIRIDIS, coloured
+from stereolag.tuning.objective import Criterion
 from stereolag.tuning.sweep import Sweep
 
 THUMBNAIL_WIDTH = 180
@@ -39,8 +41,14 @@ class ContactSheet:
         Of one small map, px.
     rows, cols
         The values of the two parameters.
-    objectives
-        (n_rows, n_cols), NaN where the settings do not fit.
+    bad
+        (n_rows, n_cols) bad-2, %; NaN where there is no map, or nothing to judge it by.
+    shown
+        (n_rows, n_cols) bool: where there is a map.
+    criterion
+        What `bad` is: true or estimated.
+    finished
+        Whether all combinations were tried.
     """
 
     maps: npt.NDArray[np.float32]
@@ -48,7 +56,15 @@ class ContactSheet:
     width: int
     rows: tuple[Any, ...]
     cols: tuple[Any, ...]
-    objectives: npt.NDArray[np.float64]
+    bad: npt.NDArray[np.float64]
+    shown: Mask
+    criterion: Criterion
+    finished: bool
+
+    @property
+    def judged(self) -> bool:
+        """Return whether there is anything to compare the maps by."""
+        return bool(np.isfinite(self.bad).any())
 
     @classmethod
     def of(cls, grid: Sweep, shape: Sequence[int]) -> ContactSheet:
@@ -63,11 +79,14 @@ class ContactSheet:
             ]
             for line in grid.maps
         ]
-        return cls(np.block(small), height, width, grid.rows[1], grid.cols[1], grid.objectives)
+        shown = np.array([[one is not None for one in line] for line in grid.maps])
+        return cls(
+            np.block(small), height, width, grid.rows[1], grid.cols[1], grid.bad, shown, grid.criterion, grid.finished
+        )
 
 
 def sweep_maps(
-    sheet: ContactSheet, names: tuple[str, str], low: float, high: float, current: tuple[int, int] | None
+    sheet: ContactSheet, names: tuple[str, str], colours: Colours, current: tuple[int, int] | None
 ) -> go.Figure:
     """Return the grid of small maps, in the colours of all maps; a click gives the number of the cell.
 
@@ -77,14 +96,14 @@ def sweep_maps(
         The maps.
     names
         What the two parameters are called, that of the rows first.
-    low, high
-        The range of colours, px.
+    colours
+        Those of all maps.
     current
         (row, col) of the cell whose settings are in use.
     """
     figure = go.Figure(
         go.Image(
-            source=_sheet_png(sheet, low, high),
+            source=_sheet_png(sheet, colours),
             x0=-0.5 + 0.5 / sheet.width,
             dx=1 / sheet.width,
             y0=-0.5 + 0.5 / sheet.height,
@@ -98,12 +117,12 @@ def sweep_maps(
     return figure
 
 
-def sweep_objectives(sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
-    """Return the heat map of the objective, in percent, over the same grid; a click gives the number of the cell."""
+def sweep_bad(sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
+    """Return the heat map of bad-2 over the same grid, low ones bright; a click gives the number of the cell."""
     figure = go.Figure(
         go.Heatmap(
-            z=(100 * sheet.objectives).astype(np.float32),
-            colorscale=[[share / 255, "rgb({},{},{})".format(*VIRIDIS[share])] for share in range(0, 256, 15)],
+            z=sheet.bad.astype(np.float32),
+            colorscale=[[share / 255, "rgb({},{},{})".format(*VIRIDIS[255 - share])] for share in range(0, 256, 15)],
             showscale=False,
             xgap=GAP,
             ygap=GAP,
@@ -114,12 +133,12 @@ def sweep_objectives(sheet: ContactSheet, names: tuple[str, str], current: tuple
     return _as_grid(figure, sheet, names, current)
 
 
-def _sheet_png(sheet: ContactSheet, low: float, high: float) -> str:
+def _sheet_png(sheet: ContactSheet, colours: Colours) -> str:
     """Return the maps as the data address of a PNG, transparent between them and where there is none."""
-    picture = coloured(sheet.maps, low, high, FAR_TO_NEAR)
+    picture = coloured(sheet.maps, colours.low, colours.high, colours.palette)
     rows, cols = np.ogrid[: picture.shape[0], : picture.shape[1]]
     opaque = (rows % sheet.height < sheet.height - GAP) & (cols % sheet.width < sheet.width - GAP)
-    opaque &= np.isfinite(sheet.objectives)[rows // sheet.height, cols // sheet.width]
+    opaque &= sheet.shown[rows // sheet.height, cols // sheet.width]
     shown = np.dstack([picture[:, :, ::-1], np.where(opaque, 255, 0).astype(np.uint8)])
     _, data = cv2.imencode(".png", shown)
     return f"data:image/png;base64,{base64.b64encode(data.tobytes()).decode()}"
@@ -129,8 +148,8 @@ def _as_grid(
     figure: go.Figure, sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None
 ) -> go.Figure:
     """Name the cells, frame the best and the current one, and make every cell a place to click."""
-    n_rows, n_cols = sheet.objectives.shape
-    rows, cols = np.indices(sheet.objectives.shape)
+    n_rows, n_cols = sheet.bad.shape
+    rows, cols = np.indices(sheet.bad.shape)
     figure.add_trace(
         go.Scatter(
             x=cols.ravel(),
@@ -138,17 +157,16 @@ def _as_grid(
             mode="markers",
             marker={"size": MARKER, "color": "rgba(0,0,0,0)", "symbol": "square"},
             text=[
-                f"{names[0]} {row}, {names[1]} {col}<br>"
-                + (_percent(objective) if np.isfinite(objective) else "does not fit")
-                for row, line in zip(sheet.rows, sheet.objectives, strict=True)
-                for col, objective in zip(sheet.cols, line, strict=True)
+                f"{names[0]} {row}, {names[1]} {col}<br>" + _of_cell(sheet, down, across)
+                for down, row in enumerate(sheet.rows)
+                for across, col in enumerate(sheet.cols)
             ],
             hovertemplate="%{text}<extra></extra>",
             showlegend=False,
         )
     )
-    if np.isfinite(sheet.objectives).any():
-        row, col = divmod(int(np.nanargmax(sheet.objectives)), n_cols)
+    if sheet.judged:
+        row, col = divmod(int(np.nanargmin(sheet.bad)), n_cols)
         figure.add_shape(_frame((row, col), "solid"))
     if current is not None:
         figure.add_shape(_frame(current, "dot"))
@@ -183,5 +201,7 @@ def _frame(cell: tuple[int, int], dash: str) -> dict[str, Any]:
     }
 
 
-def _percent(objective: float) -> str:
-    return f"{100 * objective:.1f} %"
+def _of_cell(sheet: ContactSheet, row: int, col: int) -> str:
+    if not sheet.shown[row, col]:
+        return "does not fit" if sheet.finished else "not tried, or does not fit"
+    return f"{sheet.criterion} {sheet.bad[row, col]:.1f} %" if sheet.judged else "not judged"

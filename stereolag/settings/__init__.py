@@ -1,6 +1,6 @@
 """Settings: one declaration makes the validation, the control, the flag and the JSON."""
 
-from stereolag.settings.fields import Applies, Bounds, FitsImage, Number, OfThePair, Pixels, Usual, marker
+from stereolag.settings.fields import Applies, Bounds, FitsImage, Number, OfThePair, Pixels, Usual, marker, title_of
 from stereolag.settings.model import Settings, changed, scaled_settings, setting
 from stereolag.settings.refusals import Problem, SettingsError
 
@@ -19,4 +19,5 @@ __all__ = [
     "marker",
     "scaled_settings",
     "setting",
+    "title_of",
 ]

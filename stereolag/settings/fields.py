@@ -138,6 +138,16 @@ def nested(field: FieldInfo) -> tuple[type[BaseModel], ...]:
     return tuple(kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel))
 
 
+def title_of(kind: type[BaseModel], name: str) -> str:
+    """Return what a page calls a setting; a name with dots reaches into the settings that one holds."""
+    first, _, inner = name.partition(".")
+    field = kind.model_fields[first]
+    if not inner:
+        return field.title or first
+    holder = next(one for one in nested(field) if inner.partition(".")[0] in one.model_fields)
+    return title_of(holder, inner)
+
+
 def _whole_steps(span: Number, step: Number) -> int:
     return math.floor(span / step + 1e-9)
 

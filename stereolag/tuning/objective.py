@@ -1,231 +1,241 @@
-"""How good settings are on a pair: one figure, with ground truth or without."""
+"""How wrong settings are on a pair: one figure, with ground truth or without."""
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import FloatMap
-from stereolag.estimates import Estimate, check_memory
-from stereolag.geometry.scaling import scaled_disparity, scaled_image
-from stereolag.inputs import Image, as_grey, as_stereo_pair
-from stereolag.progress import Progress, silent
-from stereolag.settings import scaled_settings
-from stereolag.stereo.estimates import ANSWER, fitting_pair
-from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+from stereolag.estimates import Estimate
+from stereolag.inputs import Image, as_stereo_pair
+from stereolag.progress import Progress
+from stereolag.stereo.estimates import ANSWER
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import preset
+from stereolag.stereo.reasons import Reason
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
+from stereolag.tuning.judgement import Judgement
 
-RIGHT_WITHIN_PX = 2.0
+LEAST_MEASURED = 0.25
+"""A reference that measured a smaller share of the pixels speaks for too little of the pair: two unrelated images, or
+left and right exchanged, leave 2 to 12 %, rows 10 px off 22 %, sound pairs more than half."""
 
-AGREEMENT = 120
-"""Bytes of a pixel while two maps are compared: both, the places to which they lead, and the patches there."""
+JUDGEMENT_BYTES = 80
+"""Of a pixel while a map is compared with its reference, in float64."""
 
-JUDGEMENT = 80
-"""Bytes of a pixel while a map is compared with the ground truth, in float64."""
+JUDGEMENT_SECONDS = 5e-8
+"""Per pixel."""
 
-AGREEMENT_SECONDS = 2e-7
-"""Seconds per pixel to compare two maps, or one with the ground truth."""
+STRIP_ROWS, SEAM_ROWS = 64, 12
+"""Rows of a strip of the images, and how many of them at either end are matched but not judged."""
 
-SCALES = (1.0, 0.75, 0.5, 0.35, 0.25)
-"""Sizes in which a pair is tuned on, full size first."""
+WHOLE_FROM = 0.75
+"""Strips that make up such a share of the images take as long as the whole."""
+
+
+class Unjudged(StrEnum):
+    """Why there is nothing to judge settings by where no ground truth is known."""
+
+    JUDGES_ITSELF = "judges itself"
+    """The reference would be their own map, or its near kin's: a figure from it means nothing."""
+    TOO_LITTLE_MEASURED = "too little measured"
+    """The accurate preset measured too little of the pair to speak for it."""
+
+
+class Criterion(StrEnum):
+    """What settings are judged by: the share of pixels, %, off by more than 2 px or missing, and of which pixels."""
+
+    TRUE_BAD_2 = "true bad-2"
+    """Of those with ground truth."""
+    ESTIMATED_BAD_2 = "estimated bad-2"
+    """Of those that the accurate preset measured, by what it measured."""
 
 
 @dataclass(frozen=True, eq=False)
 class TuningPair:
-    """A pair on which settings are tried, made smaller where trying takes too long in full.
+    """A pair on which settings are tried.
 
     Attributes
     ----------
     left, right
-        The images at their reduced size.
-    truth
-        (H, W) at that size, but in px of full size; None where unknown.
-    scale
-        Reduced size over full size.
+        The images.
+    reference
+        (H, W) px, the disparities against which maps are held; NaN where they are not judged.
+    criterion
+        What the reference is.
     """
 
     left: Image
     right: Image
-    truth: FloatMap | None
-    scale: float
+    reference: FloatMap
+    criterion: Criterion
 
     @classmethod
     def of(
-        cls, left: npt.ArrayLike, right: npt.ArrayLike, truth: npt.ArrayLike | None = None, *, scale: float = 1.0
+        cls,
+        left: npt.ArrayLike,
+        right: npt.ArrayLike,
+        truth: npt.ArrayLike | None = None,
+        *,
+        search_range: tuple[int, int] | None = None,
+        progress: Progress | None = None,
     ) -> TuningPair:
-        """Return a pair to tune on, `scale` times the size of the images.
+        """Return a pair judged by its ground truth or, without any, by :func:`measured_reference`.
+
+        Parameters
+        ----------
+        left, right
+            (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
+        truth
+            (H, W) disparity, px; NaN or infinite = unknown.
+        search_range
+            First disparity and how many, px, over which the reference is measured; the preset's own unless given.
+        progress
+            Called with the fraction of the reference that is computed.
 
         Raises
         ------
         ValueError
-            Images or a truth that do not fit together, or a scale that is not above 0 to 1.
+            Images or a truth that do not fit together, a truth without any disparity, or a reference that needs more
+            memory than one job may take.
         """
         images = as_stereo_pair(left, right)
-        known = None if truth is None else np.asarray(truth, dtype=np.float32)
-        if known is not None and known.shape != images[0].shape[:2]:
+        if truth is None:
+            reference = measured_reference(*images, search_range=search_range, progress=progress)
+            return cls(*images, reference, Criterion.ESTIMATED_BAD_2)
+        known = np.asarray(truth, dtype=np.float32)
+        if known.shape != images[0].shape[:2]:
             raise ValueError(
                 f"truth has shape {known.shape} and the images {images[0].shape[:2]}; both must be the same."
             )
-        if scale == 1:
-            return cls(*images, known, 1.0)
-        if known is not None:
-            known = scaled_disparity(known, scale) / np.float32(scale)
-        return cls(scaled_image(images[0], scale), scaled_image(images[1], scale), known, scale)
+        if not np.isfinite(known).any():
+            raise ValueError("truth holds no finite disparity to compare with.")
+        return cls(*images, known, Criterion.TRUE_BAD_2)
+
+    @classmethod
+    def unjudgeable(cls, left: npt.ArrayLike, right: npt.ArrayLike) -> TuningPair:
+        """Return a pair that judges nothing, for settings of which only the maps are wanted: every bad-2 is NaN."""
+        images = as_stereo_pair(left, right)
+        return cls(*images, np.full(images[0].shape[:2], np.nan, dtype=np.float32), Criterion.ESTIMATED_BAD_2)
+
+    def unjudged(self, matcher: StereoMatcher) -> Unjudged | None:
+        """Return why this pair cannot judge the settings of a matcher; None where it can."""
+        if self.criterion is Criterion.TRUE_BAD_2:
+            return None
+        if judges_itself(matcher):
+            return Unjudged.JUDGES_ITSELF
+        return Unjudged.TOO_LITTLE_MEASURED if np.isfinite(self.reference).mean() < LEAST_MEASURED else None
+
+    def strips(self, share: float) -> TuningPair:
+        """Return about a share of the rows, as strips of full width spread evenly over the images, stacked.
+
+        They are matched as the whole is, pixel for pixel, but for the rows beside their seams, which are not judged:
+        a reduced pair would mean other windows, other penalties and other errors. The whole is returned where strips
+        would not save much, or would hold nothing to judge.
+        """
+        height = len(self.reference)
+        count = max(1, round(share * height / STRIP_ROWS))
+        if count * STRIP_ROWS >= WHOLE_FROM * height:
+            return self
+        room = height / count
+        tops = [round(room * number + (room - STRIP_ROWS) / 2) for number in range(count)]
+        rows = np.concatenate([np.arange(top, top + STRIP_ROWS) for top in tops])
+        reference = self.reference[rows].reshape(count, STRIP_ROWS, -1)
+        reference[:, :SEAM_ROWS] = reference[:, -SEAM_ROWS:] = np.nan
+        if not np.isfinite(reference).any():
+            return self
+        stacked = reference.reshape(len(rows), -1)
+        return replace(self, left=self.left[rows], right=self.right[rows], reference=stacked)
 
     def estimate(self, matcher: StereoMatcher) -> Estimate:
-        """Return what :meth:`objective` will take.
+        """Return what :meth:`judge` will take."""
+        once = matcher.estimate(self.left.shape, self.left.dtype)
+        pixels = self.reference.size
+        return Estimate(
+            max(once.memory, (ANSWER + JUDGEMENT_BYTES) * pixels), once.seconds + JUDGEMENT_SECONDS * pixels
+        )
 
-        Without truth the pair is matched twice, and the first map waits for the second.
-        """
-        return self._estimate(matcher, self.left.shape)
-
-    def _estimate(self, matcher: StereoMatcher, shape: tuple[int, ...]) -> Estimate:
-        fitting = matcher if self.scale == 1 else scaled_settings(matcher, self.scale)
-        once = fitting.estimate(shape, self.left.dtype)
-        pixels, judged = shape[0] * shape[1], AGREEMENT_SECONDS * shape[0] * shape[1]
-        if self.truth is not None:
-            return Estimate(max(once.memory, (ANSWER + JUDGEMENT) * pixels), once.seconds + judged)
-        mirrored = 2 * int(np.prod(shape)) * self.left.dtype.itemsize
-        memory = max(once.memory + ANSWER * pixels, AGREEMENT * pixels) + mirrored
-        return Estimate(memory, 2 * once.seconds + judged)
-
-    def objective(self, matcher: StereoMatcher) -> tuple[float, FloatMap]:
-        """Return how good settings are, 0..1 and higher is better, and their disparity map.
-
-        With truth: the share of its pixels measured within 2 px, missing ones counted as wrong. Without: the
-        left-right-consistent photometric consistency.
-
-        Parameters
-        ----------
-        matcher
-            Settings meant for the full size.
-
-        Returns
-        -------
-        objective
-            Never NaN.
-        disparity
-            At the size of this pair, in px of full size.
+    def map_of(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> FloatMap:
+        """Return the disparity map of a matcher, (H, W) px; NaN = none.
 
         Raises
         ------
         ValueError
             Settings that do not fit the images, or that need more memory than one job may take.
         """
-        check_memory(
-            self.estimate(matcher),
-            partial(
-                fitting_pair, shape=self.left.shape, of_shape=partial(self._estimate, matcher), of_disparities=None
-            ),
-        )
-        fitting = matcher if self.scale == 1 else scaled_settings(matcher, self.scale)
-        result = fitting.compute(self.left, self.right)
-        disparity = result.disparity / np.float32(self.scale)
-        if self.truth is not None:
-            judged = evaluate(disparity, self.truth, thresholds=(RIGHT_WITHIN_PX,))
-            return 1 - judged.bad[RIGHT_WITHIN_PX] / 100, disparity
-        mirrored = seen_from_the_right(fitting, self.left, self.right)
-        return photometric_consistency(result, mirrored, self.left, self.right), disparity
+        return matcher.compute(self.left, self.right, progress=progress).disparity
+
+    def judge(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> Judgement:
+        """Return how wrong the map of a matcher is; raises as :meth:`map_of` does."""
+        return Judgement.of(self.map_of(matcher, progress=progress), self.reference)
 
 
-def affordable_pair(
-    matcher: StereoMatcher,
+def criterion_of(pairs: Sequence[TuningPair]) -> Criterion:
+    """Return what the mean over pairs is: an estimate where that of any pair is."""
+    estimated = any(pair.criterion is Criterion.ESTIMATED_BAD_2 for pair in pairs)
+    return Criterion.ESTIMATED_BAD_2 if estimated else Criterion.TRUE_BAD_2
+
+
+def measured_reference(
     left: npt.ArrayLike,
     right: npt.ArrayLike,
-    truth: npt.ArrayLike | None = None,
     *,
-    trials: int,
-    budget_s: float,
-) -> TuningPair:
-    """Return the largest pair on which so many trials should fit into a budget, judged by one trial in full size.
+    search_range: tuple[int, int] | None = None,
+    progress: Progress | None = None,
+) -> FloatMap:
+    """Return the disparities that the accurate preset measured: what maps are judged by where no truth is known.
 
-    Pixels times disparities make the cost, so it falls with the third power of the scale.
+    What it filled in, or gave no disparity, judges nothing. Its own errors are few, and those of settings to be
+    compared fall on them alike, so that an order by it is nearly the order by the truth.
+
+    Parameters
+    ----------
+    left, right
+        Images of one size and type.
+    search_range
+        First disparity and how many, px; the preset's own unless given.
+    progress
+        Called with the fraction done.
+
+    Returns
+    -------
+    ndarray
+        (H, W) float32 px; NaN where nothing was measured.
 
     Raises
     ------
     ValueError
-        Images that do not fit together, or settings that do not fit the images.
+        Images that do not fit together, or a range that needs more memory than one job may take.
     """
-    tuning_pair = TuningPair.of(left, right, truth)
-    start = time.perf_counter()
-    tuning_pair.objective(matcher)
-    expected_s = trials * (time.perf_counter() - start)
-    scale = next((scale for scale in SCALES if expected_s * scale**3 <= budget_s), SCALES[-1])
-    return tuning_pair if scale == 1 else TuningPair.of(left, right, truth, scale=scale)
+    found = _judge(search_range).compute(left, right, progress=progress)
+    return np.where(found.reason == Reason.MEASURED, found.disparity, np.float32(np.nan))
 
 
-TOLERANCE_PX = 1.0
-PATCH = 7
-"""Side of the patches whose correlation says whether two places look alike, px."""
+def estimate_reference(
+    search_range: tuple[int, int] | None, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8
+) -> Estimate:
+    """Return what :func:`measured_reference` will take for two images of a shape and a dtype."""
+    return _judge(search_range).estimate(shape, dtype)
 
 
-def seen_from_the_right(
-    matcher: StereoMatcher, left: npt.ArrayLike, right: npt.ArrayLike, *, progress: Progress = silent
-) -> DisparityMap:
-    """Return the disparity map of the *mirrored* pair: what the same settings find with the right image in charge.
-
-    Mirrored, the right image is a left one; its map, mirrored back, belongs to the pixels of the right image.
-    """
-    images = as_stereo_pair(left, right)
-    return matcher.compute(
-        np.ascontiguousarray(images[1][:, ::-1]), np.ascontiguousarray(images[0][:, ::-1]), progress=progress
-    )
+def _judge(search_range: tuple[int, int] | None) -> StereoMatcher:
+    judge = preset("accurate")
+    return judge if search_range is None else judge.with_search_range(*search_range)
 
 
-def consistent(result: DisparityMap, mirrored: DisparityMap) -> npt.NDArray[np.bool_]:
-    """Return (H, W) where the left image's match, followed to the right image, comes back within 1 px.
-
-    Parameters
-    ----------
-    result
-        The map of the left image.
-    mirrored
-        That of :func:`seen_from_the_right`.
-    """
-    height, width = result.disparity.shape
-    rows, cols = np.indices((height, width))
-    there_row = np.rint(rows + np.nan_to_num(result.dy)).astype(np.intp)
-    there_col = np.rint(cols + np.nan_to_num(result.dx)).astype(np.intp)
-    inside = result.valid & (there_row >= 0) & (there_row < height) & (there_col >= 0) & (there_col < width)
-    back = mirrored.disparity[:, ::-1][np.where(inside, there_row, 0), np.where(inside, there_col, 0)]
-    return np.asarray(inside & (np.abs(back - result.disparity) <= TOLERANCE_PX))
+def widest_range(matchers: Iterable[StereoMatcher]) -> tuple[int, int] | None:
+    """Return the first disparity and how many, px, of the range that holds those of all matchers; None of none."""
+    ranges = [found for found in (matcher.search_range() for matcher in matchers) if found is not None]
+    if not ranges:
+        return None
+    first = min(low for low, _ in ranges)
+    return first, max(low + count for low, count in ranges) - first
 
 
-def likeness(result: DisparityMap, left: Image, right: Image) -> FloatMap:
-    """Return (H, W) ZNCC, 0..1, of each 7 × 7 patch of the left image with the place the map sends it to.
-
-    0 where the map has no disparity, where nothing correlates, and where the patch is flat.
-    """
-    rows, cols = np.indices(result.disparity.shape, dtype=np.float32)
-    grey = [as_grey(image).astype(np.float32) for image in (left, right)]
-    moved = cv2.remap(grey[1], cols + np.nan_to_num(result.dx), rows + np.nan_to_num(result.dy), cv2.INTER_LINEAR)
-    mean = float(grey[0].mean())
-    first, second = grey[0] - mean, np.asarray(moved) - mean
-    means = cv2.blur(first, (PATCH, PATCH)), cv2.blur(second, (PATCH, PATCH))
-    covariance = cv2.blur(first * second, (PATCH, PATCH)) - means[0] * means[1]
-    variance = [
-        np.maximum(cv2.blur(image * image, (PATCH, PATCH)) - average * average, 0)
-        for image, average in zip((first, second), means, strict=True)
-    ]
-    norm = np.sqrt(variance[0] * variance[1])
-    flat = norm <= 1e-5 * float(np.var(first) + 1e-12)
-    score = np.divide(covariance, norm, where=~flat, out=np.zeros_like(norm))
-    return np.where(result.valid, np.clip(score, 0, 1), np.float32(0)).astype(np.float32)
-
-
-def photometric_consistency(
-    result: DisparityMap, mirrored: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike
-) -> float:
-    """Return how well the two images agree through a map, 0..1: a figure that needs no ground truth.
-
-    The mean over all pixels of :func:`likeness` where the map is :func:`consistent`, and 0 elsewhere: a map that is
-    wrong, blank, or sure of two different things scores low. Filled pixels count as blank: nothing was measured there.
-    """
-    images = as_stereo_pair(left, right)
-    sure = consistent(result, mirrored) & ~result.filled
-    return float(np.mean(np.where(sure, likeness(result, *images), 0)))
+def judges_itself(matcher: StereoMatcher) -> bool:
+    """Return whether a matcher is the judge of :func:`measured_reference`, or its near kin."""
+    return isinstance(matcher, SemiGlobalMatcher)

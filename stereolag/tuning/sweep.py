@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,11 @@ from stereolag.estimates import Estimate
 from stereolag.progress import Progress, silent
 from stereolag.settings import changed, setting
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.tuning.objective import TuningPair
+from stereolag.tuning.judgement import Judgement
+from stereolag.tuning.objective import Criterion, TuningPair, criterion_of, widest_range
+
+Axis = tuple[str, Sequence[Any]]
+"""The name of a parameter and its values."""
 
 Cell = tuple[StereoMatcher, float, FloatMap]
 
@@ -27,55 +33,69 @@ class Sweep:
     ----------
     rows, cols
         (name, values) of the two parameters.
-    objectives
-        (n_rows, n_cols) float, higher is better; NaN where the settings do not fit together or do not fit the images.
+    bad
+        (n_rows, n_cols) mean bad-2 over the pairs, %, lower is better; NaN where there is no map, or nothing to judge
+        it by.
+    criterion
+        What `bad` is: true or estimated bad-2.
     maps
-        The disparity maps, row by row, in px of full size; None where there is none.
+        The disparity maps of the first pair, row by row, px; None where the settings do not fit together, do not fit
+        the images, or were not tried.
     matchers
         The settings of each cell; None where there is no map.
+    finished
+        Whether all combinations were tried, and the sweep was not called off.
     """
 
     rows: tuple[str, tuple[Any, ...]]
     cols: tuple[str, tuple[Any, ...]]
-    objectives: npt.NDArray[np.float64]
+    bad: npt.NDArray[np.float64]
+    criterion: Criterion
     maps: tuple[tuple[FloatMap | None, ...], ...]
     matchers: tuple[tuple[StereoMatcher | None, ...], ...]
+    finished: bool
 
     @property
     def best(self) -> tuple[int, int] | None:
-        """Return (row, col) of the best cell; None where no cell could be computed."""
-        if np.isnan(self.objectives).all():
+        """Return (row, col) of the best cell; None where none could be judged."""
+        if np.isnan(self.bad).all():
             return None
-        row, col = divmod(int(np.nanargmax(self.objectives)), self.objectives.shape[1])
+        row, col = divmod(int(np.nanargmin(self.bad)), self.bad.shape[1])
         return row, col
 
 
 def sweep(
     matcher: StereoMatcher,
-    pair: TuningPair,
+    pairs: Sequence[TuningPair],
     *,
-    rows: tuple[str, Sequence[Any]],
-    cols: tuple[str, Sequence[Any]],
+    rows: Axis,
+    cols: Axis,
     progress: Progress | None = None,
+    cancelled: Callable[[], bool] = lambda: False,
 ) -> Sweep:
-    """Compute a pair at every combination of two parameters.
+    """Compute one or more pairs at every combination of two parameters.
 
     Parameters
     ----------
     matcher
         Gives all other settings.
-    pair
-        The pair.
+    pairs
+        At least one; they are judged together. Where one parameter is of the range searched, a reference in place of
+        the truth must have been measured over the widest of all (:func:`range_of_sweep`).
     rows, cols
         (name, values), named as in :func:`stereolag.settings.changed`.
     progress
-        Called with the fraction done after every cell.
+        Called with the fraction done.
+    cancelled
+        Asked before every cell; True ends the sweep with what there is.
 
     Raises
     ------
     ValueError
-        A parameter that does not exist, one and the same twice, or no values.
+        No pairs, a parameter that does not exist, one and the same twice, or no values.
     """
+    if not pairs:
+        raise ValueError("pairs is empty; give at least one.")
     if rows[0] == cols[0]:
         raise ValueError(f"both parameters are {rows[0]!r}; choose two different ones.")
     for name, values in (rows, cols):
@@ -83,46 +103,74 @@ def sweep(
         if not values:
             raise ValueError(f"no values to try for {name!r}; give at least one.")
     report = progress or silent
-    cells: list[list[Cell | None]] = []
-    for row_value in rows[1]:
-        cells.append([])
-        for col_value in cols[1]:
-            cells[-1].append(_cell(matcher, {rows[0]: row_value, cols[0]: col_value}, pair))
-            report(sum(map(len, cells)) / (len(rows[1]) * len(cols[1])))
+    tried = _combinations(rows, cols)
+    cells: list[Cell | None] = []
+    for number, changes in enumerate(tried):
+        if cancelled():
+            break
+        cells.append(_cell(matcher, changes, pairs, part(report, number, len(tried))))
+    finished = len(cells) == len(tried)
+    cells += [None] * (len(tried) - len(cells))
+    report(1.0)
+    grid = [cells[start : start + len(cols[1])] for start in range(0, len(cells), len(cols[1]))]
     return Sweep(
         rows=(rows[0], tuple(rows[1])),
         cols=(cols[0], tuple(cols[1])),
-        objectives=np.array([[np.nan if cell is None else cell[1] for cell in line] for line in cells]),
-        maps=tuple(tuple(None if cell is None else cell[2] for cell in line) for line in cells),
-        matchers=tuple(tuple(None if cell is None else cell[0] for cell in line) for line in cells),
+        bad=np.array([[np.nan if cell is None else cell[1] for cell in line] for line in grid]),
+        criterion=criterion_of(pairs),
+        maps=tuple(tuple(None if cell is None else cell[2] for cell in line) for line in grid),
+        matchers=tuple(tuple(None if cell is None else cell[0] for cell in line) for line in grid),
+        finished=finished,
     )
 
 
-def estimate_sweep(
-    matcher: StereoMatcher, pair: TuningPair, *, rows: tuple[str, Sequence[Any]], cols: tuple[str, Sequence[Any]]
-) -> Estimate:
-    """Return what :func:`sweep` will take: its largest cell, and the maps of all.
+def range_of_sweep(matcher: StereoMatcher, *, rows: Axis, cols: Axis) -> tuple[int, int] | None:
+    """Return the first disparity and how many, px, of the range that holds those of all combinations."""
+    return widest_range(_fitting(matcher, rows, cols))
+
+
+def estimate_sweep(matcher: StereoMatcher, pairs: Sequence[TuningPair], *, rows: Axis, cols: Axis) -> Estimate:
+    """Return what :func:`sweep` will take: its largest cell, and the first pair's maps of all.
 
     A cell that alone needs more than one job may take is a hole in the grid.
     """
-    cells = []
-    for row_value in rows[1]:
-        for col_value in cols[1]:
-            try:
-                cells.append(pair.estimate(changed(matcher, {rows[0]: row_value, cols[0]: col_value})))
-            except ValueError:  # a hole
-                continue
-    maps = len(cells) * pair.left.shape[0] * pair.left.shape[1] * np.dtype(np.float32).itemsize
-    return Estimate(maps + max((cell.memory for cell in cells), default=0), sum(cell.seconds for cell in cells))
+    cells = [[pair.estimate(settings) for pair in pairs] for settings in _fitting(matcher, rows, cols)]
+    maps = len(cells) * pairs[0].reference.size * np.dtype(np.float32).itemsize
+    every = [one for cell in cells for one in cell]
+    return Estimate(maps + max((one.memory for one in every), default=0), sum(one.seconds for one in every))
 
 
-def _cell(matcher: StereoMatcher, changes: dict[str, Any], pair: TuningPair) -> Cell | None:
-    """Return the settings of a cell, their objective and their map.
+def part(progress: Progress, number: int, count: int) -> Progress:
+    """Return the progress of one of several parts of a job."""
+    return lambda done: progress((number + done) / count)
+
+
+def _combinations(rows: Axis, cols: Axis) -> list[dict[str, Any]]:
+    return [{rows[0]: row, cols[0]: col} for row in rows[1] for col in cols[1]]
+
+
+def _fitting(matcher: StereoMatcher, rows: Axis, cols: Axis) -> Iterator[StereoMatcher]:
+    """Give the settings of all combinations that fit together."""
+    for changes in _combinations(rows, cols):
+        with suppress(ValueError):
+            yield changed(matcher, changes)
+
+
+def _cell(
+    matcher: StereoMatcher, changes: dict[str, Any], pairs: Sequence[TuningPair], progress: Progress
+) -> Cell | None:
+    """Return the settings of a cell, their mean bad-2 and the first pair's map.
 
     None is a hole in the grid, not an end of it: a window larger than its search area, or than the image.
     """
     try:
         settings = changed(matcher, changes)
-        return (settings, *pair.objective(settings))
+        maps = (pair.map_of(settings, progress=part(progress, number, len(pairs))) for number, pair in enumerate(pairs))
+        first = next(maps)
+        bad = [
+            Judgement.of(disparity, pair.reference).bad
+            for disparity, pair in zip(chain([first], maps), pairs, strict=True)
+        ]
     except ValueError:
         return None
+    return settings, sum(bad) / len(bad), first

@@ -12,6 +12,7 @@ from stereolag.figures.differences import ERROR_COLOURS, NO_TRUTH, error_png
 from stereolag.figures.pictures import NO_ANSWER
 from stereolag.reading import read_image
 from stereolag.stereo.evaluation import evaluate
+from stereolag.tuning.objective import measured_reference
 from tests.app.depth_view import small_view
 
 
@@ -36,10 +37,28 @@ def scoreboard_with_mask() -> None:
 
 
 def scoreboard_without_truth() -> None:
+    from dataclasses import replace
+
+    from stereolag.stereo.methods import preset
     from stereolag.ui.depth.scoreboard import show_scoreboard
     from tests.app.depth_view import small_view
 
-    show_scoreboard(small_view(truth=False))
+    view = small_view(truth=False)
+    judge = preset("accurate").compute(view.pair.left, view.pair.right)
+    show_scoreboard(replace(view, results={**view.results, "Semi-global": judge}))
+
+
+def scoreboard_of_unrelated_images() -> None:
+    from dataclasses import replace
+
+    import numpy as np
+
+    from stereolag.ui.depth.scoreboard import show_scoreboard
+    from tests.app.depth_view import small_view
+
+    view = small_view(truth=False)
+    noise = np.random.default_rng(0).integers(0, 256, view.pair.right.shape, dtype=np.uint8)
+    show_scoreboard(replace(view, pair=replace(view.pair, right=noise, files="unrelated")))
 
 
 def test_the_table_holds_the_figures_of_the_evaluation() -> None:
@@ -90,10 +109,29 @@ def test_the_curve_is_a_line_with_a_score_and_a_dot_without() -> None:
     assert [trace["mode"] for trace in traces] == ["lines", "markers", "markers"]
 
 
-def test_without_truth_it_says_what_is_needed() -> None:
+def test_without_truth_the_figures_are_estimates_and_say_by_what() -> None:
     app = AppTest.from_function(scoreboard_without_truth, default_timeout=60).run()
     assert not app.exception
-    assert "needs ground truth" in app.info[0].value
+    view = small_view(truth=False)
+    reference = measured_reference(view.pair.left, view.pair.right, search_range=(0, 64))
+    assert "**estimates**" in app.markdown[0].value
+    assert (
+        f"{100 * np.isfinite(reference).mean():.0f} % of the pixels that the accurate preset" in app.markdown[0].value
+    )
+    table = app.dataframe[0].value
+    for name, result in view.results.items():
+        judged = evaluate(result.disparity, reference, thresholds=(2.0,))
+        assert table.loc[name, "Estimated bad-2"] == pytest.approx(judged.bad[2.0])
+    assert table["Estimated bad-2"].is_monotonic_increasing
+    assert "Semi-global" not in table.index
+    assert "would judge itself" in app.caption[0].value
+    assert len(app.get("imgs") or app.get("image")) == len(view.results)
+
+
+def test_unrelated_images_are_not_judged() -> None:
+    app = AppTest.from_function(scoreboard_of_unrelated_images, default_timeout=60).run()
+    assert not app.exception
+    assert "nothing to judge by" in app.info[0].value
     assert not app.dataframe
 
 

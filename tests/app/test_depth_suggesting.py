@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +12,11 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.estimates import Estimate
 from stereolag.reading import read_matcher
+from stereolag.stereo.finishing.filters import MedianFilter
+from stereolag.stereo.opencv import StereoBM
+from stereolag.tuning.objective import Criterion, Unjudged
+from stereolag.tuning.search import Outcome, Suggestion, Trial
+from stereolag.ui.depth.judging import search_so_far, suggestion_in_words, value_in_words
 from stereolag.ui.jobs import Job
 
 LIGHT = Estimate(0, 0.0)
@@ -23,8 +29,20 @@ def suggesting() -> None:
     show_suggest(small_view())
 
 
-def begun(method: str = "StereoBM") -> AppTest:
-    app = AppTest.from_function(suggesting, default_timeout=60).run()
+def suggesting_blind() -> None:
+    from dataclasses import replace
+
+    from stereolag.stereo.methods import preset
+    from stereolag.ui.depth.suggesting import show_suggest
+    from tests.app.depth_view import small_view
+
+    view = small_view(truth=False)
+    judge = preset("accurate").compute(view.pair.left, view.pair.right)
+    show_suggest(replace(view, results={**view.results, "Semi-global": judge}))
+
+
+def begun(method: str = "StereoBM", script: Callable[[], None] = suggesting) -> AppTest:
+    app = AppTest.from_function(script, default_timeout=60).run()
     app.segmented_control[0].set_value(method)
     app.segmented_control[1].set_value(10)
     return app.button[0].click().run()
@@ -44,12 +62,61 @@ def test_a_search_ends_with_reasons_and_settings_to_use() -> None:
     app = ended(begun())
     found = app.session_state["depth.suggest"].job.result()
     assert found.changes
-    assert "these are the best" in app.success[0].value
-    table = app.dataframe[0].value
-    assert len(table) == len(found.changes)
-    assert (table["Gain"] > 0).all()
+    said = app.success[0].value
+    assert f"Bad-2 on the whole images: **{found.bad_before:.1f} % → {found.bad:.1f} %**" in said
+    assert list(app.dataframe[0].value.columns) == ["Setting", "Before", "Suggested"]
+    assert len(app.dataframe[0].value) == len(found.changes)
     app.button[1].click().run()
     assert read_matcher(app.session_state["depth.adopt"].encode()) == found.matcher
+
+
+def test_without_ground_truth_it_says_estimated_and_by_what() -> None:
+    app = begun("StereoBM", suggesting_blind)
+    assert "**estimated**: the accurate preset judges" in app.markdown[0].value
+    app = ended(app)
+    assert "Estimated bad-2" in app.success[0].value
+
+
+def test_nothing_judges_the_judge() -> None:
+    app = AppTest.from_function(suggesting_blind, default_timeout=60).run()
+    app.segmented_control[0].set_value("Semi-global").run()
+    assert not app.exception
+    assert "nothing to judge Semi-global by" in app.info[0].value
+    assert not app.button
+
+
+@pytest.mark.parametrize(
+    ("outcome", "said"),
+    [
+        (Outcome.AS_GOOD, "Yours are as good: of the 2 tried none is really better. Estimated bad-2: **30.0 %**."),
+        (Outcome.BETTER, "The best of 2 tried. Estimated bad-2 on the whole images: **30.0 % → 26.8 %**."),
+        (Unjudged.TOO_LITTLE_MEASURED, "nothing to judge by"),
+    ],
+)
+def test_what_came_of_it_in_words(outcome: Outcome | Unjudged, said: str) -> None:
+    start, other = StereoBM(), StereoBM(block_size=11)
+    trials = Trial(other, 26.8, whole=False), Trial(other, 26.8, whole=True), Trial(StereoBM(block_size=9), 31, True)
+    found = Suggestion(start, other, outcome, Criterion.ESTIMATED_BAD_2, 26.8, 30.0, trials)
+    assert said in suggestion_in_words(found)
+    none = Suggestion(start, start, Outcome.AS_GOOD, Criterion.TRUE_BAD_2, 30.0, 30.0)
+    assert suggestion_in_words(none) == "There are no others to try over the range of these. Bad-2: **30.0 %**."
+    assert search_so_far(none) == "Yours: bad-2 30.0 %."
+    assert search_so_far(found) == "2 tried. Yours: estimated bad-2 30.0 %; the lowest so far: 26.8 %."
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (None, "off"),
+        (True, "on"),
+        (0.95, "0.95"),
+        (9, "9"),
+        ("zncc", "zncc"),
+        (MedianFilter(), "Median radius 6, Median contrast 25"),
+    ],
+)
+def test_values_in_words(value: object, said: str) -> None:
+    assert value_in_words(value) == said
 
 
 def test_cancel_keeps_the_best_so_far() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_objectives
+from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps
 from stereolag.settings import changed
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
@@ -37,6 +37,23 @@ def blind_sweeping() -> None:
     from tests.app.depth_view import small_view
 
     show_sweep(small_view(truth=False))
+
+
+def sweeping_the_judge() -> None:
+    from dataclasses import replace
+
+    from stereolag.stereo.methods import preset
+    from stereolag.ui.depth.sweeping import show_sweep
+    from tests.app.depth_view import small_view
+
+    view = small_view(truth=False)
+    result = preset("accurate").compute(view.pair.left, view.pair.right)
+    show_sweep(replace(view, results={"Semi-global": result}))
+
+
+def ended(app: AppTest) -> AppTest:
+    app.session_state["depth.sweep"].job.result()
+    return app.run()
 
 
 def begun(values: tuple[str, str], script: Any = sweeping) -> AppTest:
@@ -83,29 +100,53 @@ def test_what_has_no_effect_is_not_offered() -> None:
     assert "speckle_range" in parameters(StereoBM(speckle_window_size=50))
 
 
-@pytest.mark.parametrize("script", [sweeping, blind_sweeping])
-def test_a_sweep_shows_a_map_and_a_figure_for_every_combination(script: Any) -> None:
+@pytest.mark.parametrize(("script", "named"), [(sweeping, "bad-2"), (blind_sweeping, "estimated bad-2")])
+def test_a_sweep_shows_a_map_and_a_figure_for_every_combination(script: Any, named: str) -> None:
     app = begun(("32, 64", "9 15;21"), script)
     assert not app.exception
     assert app.button[0].label == "Sweep 6 combinations"
-    app.button[0].click().run()
+    app = ended(app.button[0].click().run())
     assert not app.exception
-    maps, objectives = (json.loads(chart.proto.spec) for chart in app.get("plotly_chart"))
+    maps, bad = (json.loads(chart.proto.spec) for chart in app.get("plotly_chart"))
     assert maps["data"][0]["type"] == "image"
-    assert objectives["layout"]["xaxis"]["ticktext"] == ["9", "15", "21"]
-    assert objectives["layout"]["yaxis"]["ticktext"] == ["32", "64"]
+    assert bad["layout"]["xaxis"]["ticktext"] == ["9", "15", "21"]
+    assert bad["layout"]["yaxis"]["ticktext"] == ["32", "64"]
     assert len(maps["data"][1]["text"]) == 6
-    assert app.session_state["depth.sweep"].sheet.objectives.shape == (2, 3)
+    assert named in maps["data"][1]["text"][0]
+    assert app.session_state["depth.sweep"].job.result().bad.shape == (2, 3)
+    assert f"Right: {named}, %, lower is better." in app.caption[0].value
+    assert ("estimated" in app.markdown[0].value) == (script is blind_sweeping)
 
 
 def test_other_values_ask_for_another_sweep() -> None:
-    app = begun(("48, 64", "11, 15"))
-    app.button[0].click().run()
+    app = ended(begun(("48, 64", "11, 15")).button[0].click().run())
     assert len(app.get("plotly_chart")) == 2
     app.text_input[1].set_value("11").run()
     assert not app.get("plotly_chart")
     app.text_input[1].set_value("15, 11").run()
     assert len(app.get("plotly_chart")) == 2
+
+
+def test_a_sweep_can_be_called_off_and_keeps_its_maps() -> None:
+    app = begun(("32, 48, 64", "9, 11, 13, 15, 17, 19, 21, 23")).button[0].click().run()
+    assert app.button[0].disabled
+    cancel = next(button for button in app.button if button.label == "Cancel")
+    app = ended(cancel.click().run())
+    assert not app.exception
+    assert not app.button[0].disabled
+    assert not app.session_state["depth.sweep"].job.result().finished
+    assert "ended before" in app.caption[0].value
+
+
+def test_maps_of_the_judge_itself_have_no_figure() -> None:
+    app = AppTest.from_function(sweeping_the_judge, default_timeout=120).run()
+    assert "nothing to judge Semi-global by" in app.markdown[0].value
+    app.text_input[0].set_value("32, 64")
+    app.text_input[1].set_value("7, 9").run()
+    app = ended(app.button[0].click().run())
+    assert not app.exception
+    (maps,) = (json.loads(chart.proto.spec) for chart in app.get("plotly_chart"))
+    assert "not judged" in maps["data"][1]["text"][0]
 
 
 @pytest.mark.parametrize(
@@ -141,13 +182,13 @@ def test_the_figures_show_holes_and_frames() -> None:
     view = small_view()
     tuning_pair = TuningPair.of(view.pair.left, view.pair.right, view.pair.truth)
     centred = CorrelationMatcher(window_size=9, search=SearchArea.centred(33))
-    grid = sweep(centred, tuning_pair, rows=("window_size", [9, 41]), cols=("search.search_size", [33, 64]))
+    grid = sweep(centred, [tuning_pair], rows=("window_size", [9, 41]), cols=("search.search_size", [33, 64]))
     sheet = ContactSheet.of(grid, view.pair.left.shape)
     assert sheet.maps.shape == (2 * sheet.height, 2 * sheet.width)
     assert np.isnan(sheet.maps[sheet.height :, : sheet.width]).all()
     for figure in (
-        sweep_maps(sheet, ("Window", "Search area"), 0, 64, (0, 0)),
-        sweep_objectives(sheet, ("Window", "Search area"), (0, 0)),
+        sweep_maps(sheet, ("Window", "Search area"), view.colours, (0, 0)),
+        sweep_bad(sheet, ("Window", "Search area"), (0, 0)),
     ):
         assert [shape.line.dash for shape in figure.layout.shapes] == ["solid", "dot"]
         assert "does not fit" in figure.data[1].text[2]

@@ -85,7 +85,7 @@ def test_own_files_are_measured_in_metres_and_resized_with_all_that_belongs_to_t
     assert visit.number("EPE") < 0.75 * error
     expect(visit.paragraph("Metric")).to_contain_text(f"{known.focal_px / 2:.6g} px × {known.baseline_m:.4g} m")
     visit.choose("Automatic")
-    assert visit.number("EPE") == error
+    assert visit.number("EPE") == pytest.approx(error, rel=0.1)  # a window of 11 px comes back from 6 as 12
 
 
 def test_one_picture_with_both_views_is_split_down_the_middle(open_page: OpenPage) -> None:
@@ -266,7 +266,9 @@ def test_blank_pixels_have_a_reason_and_the_shares_add_up(visit: DepthPage) -> N
     visit.hover("StereoBM", 240, 8)
     assert visit.reading("StereoBM") == "out of frame"
     chart = visit.page.get_by_test_id("stPlotlyChart").last.locator(".js-plotly-plot")
-    shares = np.array(chart.evaluate("plot => plot._fullData.map(trace => [...trace.x])"))
+    shares = np.array(
+        chart.evaluate("plot => plot._fullData.filter(one => !one.name.includes('filled')).map(one => [...one.x])")
+    )
     assert 100 - shares.sum(axis=0)[:2] == pytest.approx(coverage, abs=0.51)
     visit.screenshot(f"blank-{visit.name}-light")
 
@@ -304,34 +306,37 @@ def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(visit: DepthPage
         box.press("Enter")
         visit.settle()
     visit.press("Sweep 6 combinations")
+    expect(visit.said("Right: bad-2, %, lower is better.")).to_be_visible()
     chart = visit.page.get_by_test_id("stPlotlyChart").last
-    objectives = chart.locator(".js-plotly-plot").evaluate("plot => [...plot._fullData[0].z].map(row => [...row])")
-    assert np.shape(objectives) in {(2, 3), (3, 2)}
+    bad = chart.locator(".js-plotly-plot").evaluate("plot => [...plot._fullData[0].z].map(row => [...row])")
+    assert np.shape(bad) in {(2, 3), (3, 2)}
     visit.screenshot(f"sweep-{visit.name}-light")
-    row, col = np.unravel_index(np.argmax(objectives), np.shape(objectives))
+    row, col = np.unravel_index(np.argmin(bad), np.shape(bad))
     choose_cell(chart, int(row), int(col))
     visit.settle()
-    assert 100 - visit.number("Bad-2", method=1) == pytest.approx(np.max(objectives), abs=0.06)
+    assert visit.number("Bad-2", method=1) == pytest.approx(np.min(bad), abs=0.06)
 
 
 def test_a_search_shows_its_progress_is_ended_and_taken_over(open_page: OpenPage) -> None:
-    visit = DepthPage(open_page(DEPTH_MAPS + "cube&sgbm.num_disparities=16"))
+    visit = DepthPage(open_page(DEPTH_MAPS + "cube&sgm.window_size=25"))
     visit.choose("Suggest")
-    visit.page.get_by_role("radio", name="StereoSGBM", exact=True).last.click()
+    visit.page.get_by_role("radio", name="Semi-global", exact=True).last.click()
     visit.settle()
     visit.choose("60 s")
     visit.page.get_by_role("button", name="Suggest settings").click()
-    expect(visit.page.get_by_test_id("stProgress")).to_contain_text(re.compile("[0-9.]+ % → [0-9.]+ %"))
+    expect(visit.page.get_by_test_id("stProgress")).to_contain_text(
+        re.compile("[1-9][0-9]* tried. Yours: bad-2 [0-9.]+ %")
+    )
     visit.page.screenshot(path="screenshots/journey-suggest-running-light.png")
     visit.page.get_by_role("button", name="Cancel").click()
-    said = visit.page.get_by_text("these are the best")
+    said = visit.page.get_by_text("Bad-2 on the whole images")
     expect(said).to_contain_text("ended before it had tried everything")
     visit.settle()
-    changes = {row[0]: float(row[2]) for row in visit.frame(4)}
+    changes = {row[0]: row[2] for row in visit.frame(3)}
     visit.screenshot("suggest-light")
     visit.press("Use these settings")
     expect(visit.page.get_by_role("button", name="In use")).to_be_disabled()
-    assert visit.value("Disparities searched") == changes["Disparities searched"] > 16
+    assert visit.value("Window") == float(changes.get("Window", 25))
 
 
 # 9 Depth in 3-D

@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pairs import shifted_pair
 
-from stereolag.geometry.scaling import scaled_disparity, scaled_image
+from stereolag.geometry.scaling import as_deep, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.methods import METHODS
+from stereolag.stereo.methods import METHODS, PresetName, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.tuning.objective import TuningPair
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
@@ -62,17 +60,37 @@ def test_every_method_stays_valid_at_every_size(kind: type[StereoMatcher], facto
     assert type(scaled_settings(matcher, factor)) is type(matcher)
 
 
-@pytest.mark.parametrize("with_truth", [True, False])
-def test_a_small_bench_judges_in_pixels_of_the_full_size(with_truth: bool) -> None:
-    pair = shifted_pair(120, 240, 0, -24, dtype=np.float32)
-    truth = np.full(pair[0].shape, 24.0) if with_truth else None
-    tuning_pair = TuningPair.of(*pair, truth, scale=0.5)
-    found, disparity = tuning_pair.objective(CorrelationMatcher(window_size=20, search=SearchArea.rectified(48)))
-    assert disparity.shape == (60, 120)
-    assert np.nanmedian(disparity) == pytest.approx(24, abs=0.2)
-    assert found > 0.6
+def test_settings_for_larger_images_stay_allowed_and_search_all_they_did() -> None:
+    large = scaled_settings(StereoSGBM(num_disparities=64, block_size=21, speckle_window_size=400), 4)
+    assert (large.num_disparities, large.block_size, large.speckle_window_size) == (256, 51, 5000)
+    with pytest.raises(ValueError, match="num_disparities is 2048"):
+        scaled_settings(StereoSGBM(num_disparities=512), 4)
 
 
-def test_a_truth_of_another_size_is_refused() -> None:
-    with pytest.raises(ValueError, match="truth has shape"):
-        TuningPair.of(*shifted_pair(20, 30, 0, -2), np.zeros((20, 31)))
+@pytest.mark.parametrize("name", ["report", "fast", "accurate"])
+@pytest.mark.parametrize("factor", [2, 3, 4, 6.25])
+def test_a_preset_is_allowed_on_larger_images_and_comes_back(name: PresetName, factor: float) -> None:
+    small = preset(name, 112)
+    large = scaled_settings(small, factor)
+    assert large.search_range() in (None, (0, 112 * factor), (0, -(-112 * factor // 1)))
+    if isinstance(large, CorrelationMatcher) and large.left_right is not None:
+        assert large.step == 1
+    back = scaled_settings(large, 1 / factor)
+    assert back.search_range() == small.search_range()
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+@pytest.mark.parametrize("deep_is_left", [True, False])
+def test_8_bits_beside_16_become_one_range(bits: int, deep_is_left: bool) -> None:
+    shallow = np.random.default_rng(0).integers(20, 230, (40, 60, 3), dtype=np.uint8)
+    deep = np.rint(shallow / 255 * (2**bits - 1)).astype(np.uint16)
+    found = as_deep(deep, shallow) if deep_is_left else as_deep(shallow, deep)
+    assert [image.dtype for image in found] == [np.uint16, np.uint16]
+    # Of a camera of so many bits, one level is what two of its numbers differ by.
+    assert np.abs(found[0].astype(float) - found[1]).max() <= 65535 / (2**bits - 1)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_images_of_one_type_stay_as_they_are(kind: type) -> None:
+    pair = np.ones((3, 4), kind), np.zeros((3, 4), kind)
+    assert all(one is other for one, other in zip(as_deep(*pair), pair, strict=True))

@@ -16,6 +16,8 @@ from stereolag.export import metrics_csv
 from stereolag.figures.differences import error_legend, error_over_coverage, error_png
 from stereolag.stereo.evaluation import CoverageCurve, Evaluation, error_against_coverage, evaluate
 from stereolag.stereo.matcher import DisparityMap
+from stereolag.ui.depth.estimates import show_estimates
+from stereolag.ui.depth.judging import known_truth
 from stereolag.ui.depth.maps import settings_key
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import show_png
@@ -47,14 +49,10 @@ class Judgement:
 
 @fragment
 def show_scoreboard(view: DepthView) -> None:
-    """Show how right every method is, where the ground truth is known."""
-    truth = view.pair.truth
-    if truth is None or not np.isfinite(truth).any():
-        st.info(
-            "The scoreboard needs ground truth: add a disparity map (PFM, PNG or NPY) beside the two images, or pick "
-            "one of the examples, which all come with theirs.",
-            icon=":material/scoreboard:",
-        )
+    """Show how right every method is; an estimate where the ground truth is not known."""
+    truth = known_truth(view.pair)
+    if truth is None:
+        show_estimates(view)
         return
     judgements = {name: _judged(view, result, truth) for name, result in view.results.items()}
     _show_tables(judgements)

@@ -4,39 +4,32 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from concurrent.futures import CancelledError
+from dataclasses import dataclass
 
 import streamlit as st
 
-from stereolag.figures.sweeps import ContactSheet, sweep_maps, sweep_objectives
-from stereolag.progress import Progress
+from stereolag.estimates import Estimate
+from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps
 from stereolag.settings import Number, changed
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.tuning.objective import affordable_pair
+from stereolag.tuning.objective import Criterion, TuningPair, Unjudged, estimate_reference, judges_itself
 from stereolag.tuning.parameters import Parameter, parameters
-from stereolag.tuning.sweep import sweep
+from stereolag.tuning.sweep import estimate_sweep, range_of_sweep, sweep
 from stereolag.ui.depth.address import adopt
+from stereolag.ui.depth.judging import JUDGED_BY, UNJUDGED, criterion_on, known_truth, sweep_in_words, tuning_pairs
+from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, forget_job, job_on, show_running
+from stereolag.ui.depth.pair_sets import JudgedPairs
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.jobs import Job
 from stereolag.ui.navigation import fragment
-from stereolag.ui.results import computed_in_turn
-from stereolag.ui.sentences import percent
+from stereolag.ui.pairs import StereoPair
 
 KEY = "depth.sweep"
-WANTED_KEY = f"{KEY}.wanted"
-BUDGET_S = 20.0
 FEWER, MORE = 5, 7
 """Values tried at first, down and across."""
 
 MOST_VALUES = 10
-
-
-@dataclass(frozen=True, eq=False)
-class SweepShown:
-    """A sweep that was computed: of what, at which size of the pair, and what came out."""
-
-    key: tuple[str, ...]
-    scale: float
-    sheet: ContactSheet
 
 
 @dataclass(frozen=True)
@@ -50,37 +43,35 @@ class Axis:
 @fragment
 def show_sweep(view: DepthView) -> None:
     """Ask for two parameters, try all their combinations, and show them; a click takes a cell's settings over."""
+    matcher = ask_method(view, key=f"{KEY}.method")
+    criterion = criterion_on(view.pair)
+    unjudged = criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher)
     st.markdown(
         "Two settings in all their combinations. A click on a cell takes its settings over. "
-        + objective_in_words(view),
+        + (UNJUDGED[Unjudged.JUDGES_ITSELF] if unjudged else JudgedPairs.of(view.pair).sentence + JUDGED_BY[criterion]),
         width=760,
     )
-    matcher = ask_method(view, key=f"{KEY}.method")
     axes = _ask_axes(matcher)
     if axes is None:
         return
-    key = _key(view, matcher, axes)
-    combinations = len(axes[0].values) * len(axes[1].values)
-    if st.button(f"Sweep {combinations} combinations", key=f"{KEY}.start", type="primary", icon=":material/grid_on:"):
-        st.session_state[WANTED_KEY] = key
-    if st.session_state.get(WANTED_KEY) == key:
-        _compute(view, matcher, axes, key)
-    shown: SweepShown | None = st.session_state.get(KEY)
-    if shown is not None and shown.key == key:
-        _show(view, matcher, axes, shown)
-
-
-def objective_in_words(view: DepthView) -> str:
-    """Return what settings are judged by on this pair."""
-    if view.pair.truth is not None:
-        return (
-            "The score is the share of the pixels with ground truth that are **right within 2 px**; missing ones "
-            "count as wrong."
-        )
-    return (
-        "Without ground truth the score is how well the two images **agree** through the map: the correlation of the "
-        "places matched, counted only where matching back from the right image returns to the same pixel."
+    asked = _asked(matcher, axes)
+    begun = job_on(view.pair, KEY)
+    if begun is not None and begun.asked != asked:
+        if begun.job.running:
+            forget_job(KEY)
+        begun = None
+    running = begun is not None and begun.job.running
+    st.button(
+        f"Sweep {len(axes[0].values) * len(axes[1].values)} combinations",
+        key=f"{KEY}.start",
+        on_click=_begin,
+        args=(view.pair, matcher, axes),
+        type="primary",
+        icon=":material/grid_on:",
+        disabled=running,
     )
+    if begun is not None:
+        st.fragment(_show_job, run_every=BETWEEN_LOOKS_S if running else None)(view, matcher, axes, begun, running)
 
 
 def ask_method(view: DepthView, *, key: str) -> StereoMatcher:
@@ -147,7 +138,7 @@ def _numbers(text: str, kind: type[Number]) -> tuple[Number, ...]:
     return values
 
 
-def _key(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tuple[str, ...]:
+def _asked(matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tuple[str, ...]:
     """Return what a sweep depends on: not on what the two parameters are set to, which every cell sets anew."""
     others = matcher.model_dump()
     for axis in axes:
@@ -157,52 +148,62 @@ def _key(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tu
             holder = holder[name]
         del holder[last]
     tried = [(axis.parameter.name, axis.values) for axis in axes]
-    return view.pair.digest, type(matcher).__name__, repr(others), repr(tried)
+    return type(matcher).__name__, repr(others), repr(tried)
 
 
-def _compute(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], key: tuple[str, ...]) -> None:
-    """Try all combinations and keep what comes out; of what was there before, nothing is lost if that fails."""
-    pair = view.pair
+def _begin(pair: StereoPair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> None:
+    """Start a sweep in a thread of its own."""
     rows, cols = ((axis.parameter.name, axis.values) for axis in axes)
-    trials = len(rows[1]) * len(cols[1])
-    once = matcher.estimate(pair.left.shape, pair.left.dtype)
+    truth = known_truth(pair)
+    searched = range_of_sweep(matcher, rows=rows, cols=cols)
+    pairs = JudgedPairs.of(pair)
 
-    def work(progress: Progress) -> SweepShown:
-        tuning_pair = affordable_pair(matcher, pair.left, pair.right, pair.truth, trials=trials, budget_s=BUDGET_S)
-        grid = sweep(matcher, tuning_pair, rows=rows, cols=cols, progress=progress)
-        return SweepShown(key, tuning_pair.scale, ContactSheet.of(grid, pair.left.shape))
+    def work(job: Job[ContactSheet]) -> ContactSheet:
+        if truth is None and judges_itself(matcher):
+            judging = [TuningPair.unjudgeable(pair.left, pair.right)]
+        else:
+            judging = list(tuning_pairs(pairs, searched, job))
+        grid = sweep(matcher, judging, rows=rows, cols=cols, progress=job.report, cancelled=lambda: job.cancelled)
+        return ContactSheet.of(grid, pair.left.shape)
 
+    about = TuningPair.unjudgeable(pair.left, pair.right)
+    estimate = estimate_sweep(matcher, [about] * len(pairs), rows=rows, cols=cols)
+    if truth is None:
+        reference = estimate_reference(searched, pair.left.shape, pair.left.dtype)
+        estimate = Estimate(max(estimate.memory, reference.memory), estimate.seconds + reference.seconds)
+    begin_job(pair, KEY, _asked(matcher, axes), work, estimate)
+
+
+def _show_job(
+    view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], begun: PairJob, was_running: bool
+) -> None:
+    """Show how far the sweep is, or what it found."""
+    if begun.job.running:
+        show_running(KEY, begun.job, "Trying all combinations …", ending="Ends the sweep; the maps made so far stay.")
+        return
+    if was_running:
+        st.rerun(scope="app")
     try:
-        shown = computed_in_turn(
-            "sweep",
-            work,
-            replace(once, seconds=min(BUDGET_S, trials * once.seconds)),
-            inputs=pair.digest,
-            settings=repr(key),
-            shared=pair.shared,
-            label="Trying all combinations …",
-        )
+        sheet: ContactSheet = begun.job.result()
+    except CancelledError:  # before its turn came
+        return
     except ValueError as error:
         st.error(str(error))
-        shown = None
-        del st.session_state[WANTED_KEY]
-    if shown is not None:
-        st.session_state[KEY] = shown
-        del st.session_state[WANTED_KEY]
+        return
+    _show(view, matcher, axes, sheet)
 
 
-def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shown: SweepShown) -> None:
+def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], sheet: ContactSheet) -> None:
     """Show a sweep, and take over the settings of a cell that was clicked."""
     titles = axes[0].parameter.title, axes[1].parameter.title
     cell = _cell_of(axes)
-    figures = (
-        ("maps", sweep_maps(shown.sheet, titles, view.low, view.high, cell)),
-        ("objectives", sweep_objectives(shown.sheet, titles, cell)),
-    )
+    figures = [("maps", sweep_maps(sheet, titles, view.colours, cell))]
+    if sheet.judged:
+        figures.append(("bad", sweep_bad(sheet, titles, cell)))
     clicked = None
     # A chart keeps its selection; under a new name it begins without one, and the same cell can be clicked again.
     clicks = st.session_state.setdefault(f"{KEY}.clicks", 0)
-    for column, (kind, figure) in zip(st.columns([3, 2], gap="medium"), figures, strict=True):
+    for column, (kind, figure) in zip(st.columns([3, 2], gap="medium"), figures, strict=False):
         event = column.plotly_chart(
             figure,
             key=f"{KEY}.{kind}.{clicks}",
@@ -212,10 +213,7 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], show
         )
         if event.selection.point_indices:
             clicked = int(event.selection.point_indices[0])
-    reduced = "" if shown.scale == 1 else f" Tried on the pair at {percent(shown.scale)} of its size, to keep it short."
-    st.caption(
-        f"Left: the maps. Right: their score, %. Solid frame: the best. Dotted frame: the settings in use.{reduced}"
-    )
+    st.caption(sweep_in_words(sheet.criterion, judged=sheet.judged, finished=sheet.finished))
     if clicked is not None:
         st.session_state[f"{KEY}.clicks"] = clicks + 1
         try:

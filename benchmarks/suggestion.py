@@ -1,0 +1,114 @@
+"""What suggested settings are worth: true bad-2 before, after, and of the best settings among those tried."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+
+from benchmarks.pairs import true_pairs
+from stereolag import StereoBM, StereoSGBM, preset, samples, suggest
+from stereolag.reading import read_disparity, read_image
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.tuning.candidates import candidates
+from stereolag.tuning.objective import TuningPair
+
+BUDGET_S = 10.0
+BLIND, SEEING = "blind", "with truth"
+WORST_ALLOWED, FROM_BEST_ALLOWED = 0.5, 1.0
+
+STARTS: dict[str, StereoMatcher] = {
+    "plain windows": CorrelationMatcher(),
+    "StereoBM": StereoBM(),
+    "StereoSGBM": StereoSGBM(),
+    "accurate": preset("accurate"),
+}
+
+
+@dataclass(frozen=True)
+class Suggested:
+    """One search: true bad-2 in %, and what the search itself said."""
+
+    pair: str
+    start: str
+    judged: str
+    before: float
+    after: float
+    best: float
+    said_before: float
+    said_after: float
+    outcome: str
+    tried: int
+
+
+def named_pairs() -> Iterator[tuple[str, TuningPair, int]]:
+    """Yield every pair with truth, those of others and the bundled ones: its name and how many disparities it needs."""
+    for pair in true_pairs():
+        yield pair.name, TuningPair.of(pair.left, pair.right, pair.truth), pair.num_disparities
+    for name, example in samples.stereo_pairs().items():
+        images = read_image(example.left), read_image(example.right)
+        count = -(-example.num_disparities // 16) * 16
+        yield f"example {name}", TuningPair.of(*images, read_disparity(example.disparity)), count
+
+
+def searches(name: str, pair: TuningPair, num_disparities: int) -> Iterator[Suggested]:
+    """Search from every start, blind and with the truth."""
+    for title, method in STARTS.items():
+        start = method.with_search_range(0, num_disparities)
+        before = pair.judge(start).bad
+        founds = {
+            judged: suggest(
+                start,
+                pair.left,
+                pair.right,
+                ground_truth=pair.reference if judged == SEEING else None,
+                budget_s=BUDGET_S,
+            )
+            for judged in (BLIND, SEEING)
+        }
+        known = {trial.matcher: trial.bad for trial in founds[SEEING].trials if trial.whole}
+        best = min(before, *(known[one] if one in known else pair.judge(one).bad for one in candidates(start)))
+        for judged, found in founds.items():
+            yield Suggested(
+                name, title, judged, before, pair.judge(found.matcher).bad, best,
+                found.bad_before, found.bad, str(found.outcome), found.tried,
+            )  # fmt: skip
+
+
+def suggestion_table() -> tuple[str, list[dict[str, object]]]:
+    """Return the tables as Markdown, and their figures."""
+    rows: list[Suggested] = []
+    for name, pair, count in named_pairs():
+        rows += searches(name, pair, count)
+        print(f"{name} done", flush=True)
+    lines = [
+        f"True bad-2, %, before → after {BUDGET_S:g} s; in brackets that of the best settings among those it may try.",
+        "",
+        "| start | judged | mean gain | worst change | mean distance from the best | must |",
+        "|---|---|---|---|---|---|",
+    ]
+    for title in STARTS:
+        for judged in (BLIND, SEEING):
+            those = [row for row in rows if (row.start, row.judged) == (title, judged)]
+            gain = math.fsum(row.before - row.after for row in those) / len(those)
+            distance = math.fsum(row.after - row.best for row in those) / len(those)
+            worst = max(row.after - row.before for row in those)
+            must = (
+                f"worst ≤ {WORST_ALLOWED}, gain > 0, distance ≤ {FROM_BEST_ALLOWED:g}"
+                if judged == BLIND
+                else "worst ≤ 0"
+            )
+            must = "unchanged: nothing to judge it by" if (title, judged) == ("accurate", BLIND) else must
+            lines.append(f"| {title} | {judged} | {gain:.2f} | {worst:+.2f} | {distance:.2f} | {must} |")
+    for judged in (BLIND, SEEING):
+        lines += ["", f"Searched {judged}:", "", f"| pair | {' | '.join(STARTS)} |", "|---" * (1 + len(STARTS)) + "|"]
+        for name in dict.fromkeys(row.pair for row in rows):
+            those = [row for row in rows if (row.pair, row.judged) == (name, judged)]
+            cells = (f"{row.before:.1f} → {row.after:.1f} ({row.best:.1f})" for row in those)
+            lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join(lines), [asdict(row) for row in rows]
+
+
+if __name__ == "__main__":
+    print(suggestion_table()[0])

@@ -1,0 +1,176 @@
+"""The settings among which a search looks for better ones: steps that go well together, all in combination.
+
+The range searched is the pair's and not a matter of taste, and what a check tolerates only says which matches are
+believed: neither is varied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import singledispatch
+from itertools import product
+from typing import Any
+
+from stereolag.settings import FitsImage, Settings, changed, marker
+from stereolag.stereo.finishing.checks import LeftRightCheck
+from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import CentredSearch
+from stereolag.tuning.parameters import parameters
+
+Step = dict[str, Any]
+"""Settings to change together, named as in :func:`stereolag.settings.changed`."""
+
+AS_SET: Step = {}
+SIZES = 7
+"""Values tried of a side of which nothing else is known."""
+
+WINDOW_SIZES = (9, 11, 7, 13, 15, 5, 21)
+EVERY_PIXEL = 0.95
+"""The overlap at which windows of up to 29 px stand at every pixel, as the left-right check needs them."""
+
+MEDIAN_RADII = (6, 10)
+BLOCK_SIZES = (11, 9, 13, 15, 17, 7, 21)
+GRADIENT_CAPS = (63, 31)
+SMALL_BLOCK_SIZES = (7, 5, 3, 9, 1, 11)
+JUMP_PENALTIES = (32, 16, 64, 128)
+"""P2 per pixel of the block: StereoSGBM's costs are sums over it. P1 is a quarter, as in OpenCV's own examples."""
+
+SLANT_SHARE = 4
+GRADIENT_CAP_SUMMED = 31
+SEMI_GLOBAL_SIZES = (9, 7, 11, 5)
+PENALTY_FACTORS = (1.0, 0.5, 2.0)
+
+
+def candidates(matcher: StereoMatcher) -> list[StereoMatcher]:
+    """Return the settings to try in place of a matcher's, those that are likely to be good first.
+
+    All search the same range as the matcher, which is not among them.
+    """
+    found: list[StereoMatcher] = []
+    axes = steps(matcher)
+    for choice in sorted(product(*map(enumerate, axes)), key=lambda choice: sum(rank for rank, _ in choice)):
+        try:
+            tried = changed(matcher, {name: value for _, step in choice for name, value in step.items()})
+        except ValueError:  # steps that do not fit together
+            continue
+        if tried != matcher and tried not in found and tried.search_range() == matcher.search_range():
+            found.append(tried)
+    return found
+
+
+@singledispatch
+def steps(matcher: StereoMatcher) -> Sequence[Sequence[Step]]:
+    """Return the steps that are tried in every combination: along each axis one, the likely ones first.
+
+    Of a method that is not known here: the sides that must fit into the image, and the stages that all share.
+    """
+    known = parameters(matcher)
+    sides = [
+        [AS_SET, *({name: value} for value in known[name].values(SIZES))]
+        for name, field in type(matcher).model_fields.items()
+        if name in known and marker(field, FitsImage) is not None
+    ]
+    return [*sides, _finishing(matcher)]
+
+
+@steps.register
+def _of_windows(matcher: CorrelationMatcher) -> Sequence[Sequence[Step]]:
+    finishing = [
+        {"overlap": max(matcher.overlap, EVERY_PIXEL), "score": "zncc", "engine": "auto"} | step if step else step
+        for step in _finishing(matcher)
+    ]
+    return [[*(_of_window(matcher, size) for size in WINDOW_SIZES), AS_SET], [*finishing, {"score": "zncc"}]]
+
+
+def _of_window(matcher: CorrelationMatcher, size: int) -> Step:
+    """Return the step to a window, with a square around it that reaches as far as before."""
+    search = matcher.search
+    if not isinstance(search, CentredSearch):
+        return {"window_size": size}
+    if search.circular(matcher.window_size):
+        return AS_SET
+    return {"window_size": size, "search.search_size": search.search_size - matcher.window_size + size}
+
+
+@steps.register
+def _of_bm(matcher: StereoBM) -> Sequence[Sequence[Step]]:
+    return [
+        [*({"block_size": size} for size in BLOCK_SIZES), AS_SET],
+        [*({"pre_filter_cap": cap} for cap in GRADIENT_CAPS), AS_SET],
+    ]
+
+
+@steps.register
+def _of_sgbm(matcher: StereoSGBM) -> Sequence[Sequence[Step]]:
+    def penalised(size: int, jump: int) -> Step:
+        large = jump * size**2
+        return {
+            "block_size": size,
+            "p1": large // SLANT_SHARE,
+            "p2": large,
+            "pre_filter_cap": GRADIENT_CAP_SUMMED,
+        }
+
+    return [[penalised(size, jump) for jump in JUMP_PENALTIES for size in SMALL_BLOCK_SIZES]]
+
+
+@steps.register
+def _of_semi_global(matcher: SemiGlobalMatcher) -> Sequence[Sequence[Step]]:
+    penalties = ("penalty_small", "penalty_at_edges", "penalty_large")
+    return [
+        [AS_SET, *({"window_size": size} for size in SEMI_GLOBAL_SIZES)],
+        [
+            {
+                f"optimisation.{name}": max(1, round(factor * getattr(matcher.optimisation, name)))
+                for name in penalties
+                if factor != 1
+            }
+            for factor in PENALTY_FACTORS
+        ],
+        _finishing(matcher),
+    ]
+
+
+def _finishing(matcher: StereoMatcher) -> list[Step]:
+    """Return all stages with medians of different reach, then what is set; checks that are set keep their tolerance.
+
+    A hole counts as wrong, so to check and then fill is better than either alone.
+    """
+    if not {"left_right", "speckle", "filling", "median"} <= set(type(matcher).model_fields):
+        return [AS_SET]
+    now = dict(matcher)
+    left_right: LeftRightCheck = now["left_right"] or LeftRightCheck()
+    speckle: SpeckleFilter = now["speckle"] or SpeckleFilter()
+    median: MedianFilter = now["median"] or MedianFilter()
+    return [
+        *(
+            {
+                "left_right": left_right,
+                "speckle": speckle,
+                "filling": True,
+                "median": changed(median, {"radius": radius}),
+            }
+            for radius in MEDIAN_RADII
+        ),
+        AS_SET,
+    ]
+
+
+def side_of(matcher: StereoMatcher) -> int:
+    """Return the side of a matcher's window or block, px; 0 of a method without any."""
+    fields = type(matcher).model_fields
+    return next((getattr(matcher, name) for name, field in fields.items() if marker(field, FitsImage) is not None), 0)
+
+
+def differences(before: Settings, after: Settings, path: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Give what differs between two settings of one class: the name, with dots, and the value of either."""
+    for name in type(before).model_fields:
+        old, new = getattr(before, name), getattr(after, name)
+        if isinstance(old, Settings) and type(old) is type(new):
+            yield from differences(old, new, f"{path}{name}.")
+        elif old != new:
+            yield f"{path}{name}", old, new

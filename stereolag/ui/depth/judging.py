@@ -1,0 +1,125 @@
+"""What settings are judged by on a pair, and what came of it, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from stereolag.arrays import FloatMap
+from stereolag.settings import Settings
+from stereolag.tuning.objective import Criterion, TuningPair, Unjudged
+from stereolag.tuning.search import Outcome, Suggestion
+from stereolag.ui.jobs import Job
+from stereolag.ui.pairs import StereoPair
+from stereolag.ui.sentences import percent
+
+JUDGED_BY = {
+    Criterion.TRUE_BAD_2: (
+        "They are judged by bad-2: the share of the pixels with ground truth that are **off by more than 2 px or "
+        "missing**."
+    ),
+    Criterion.ESTIMATED_BAD_2: (
+        "There is no ground truth, so bad-2 is **estimated**: the accurate preset judges, and counted is the share of "
+        "the pixels it measured (not those it filled) that are off by more than 2 px from it, or missing."
+    ),
+}
+
+UNJUDGED = {
+    Unjudged.JUDGES_ITSELF: (
+        "Without ground truth there is nothing to judge Semi-global by: the accurate preset, which judges the others, "
+        "is Semi-global itself. Add a ground truth to judge it too."
+    ),
+    Unjudged.TOO_LITTLE_MEASURED: (
+        "There is nothing to judge by: without ground truth the accurate preset is the judge, and it could measure too "
+        "little of this pair. See what the input doctor says of it, and whether the range searched is right."
+    ),
+}
+
+
+JUDGE_LEFT_OUT = "Semi-global is not in the table: the accurate preset is Semi-global, and would judge itself."
+
+
+def estimates_in_words(measured: float) -> str:
+    """Return what estimated figures rest on: the accurate preset, and the share of the pixels that it measured."""
+    return (
+        "There is no ground truth, so these figures are **estimates**: every method is held against the "
+        f"{percent(measured)} of the pixels that the accurate preset measured. They put methods in order; what is "
+        "hidden from one camera is not judged, so the true share of wrong pixels is higher."
+    )
+
+
+def bad_2(criterion: Criterion, *, first: bool = False) -> str:
+    """Return what the figure is called, at the beginning of a sentence or within one."""
+    name = "bad-2" if criterion is Criterion.TRUE_BAD_2 else "estimated bad-2"
+    return name[0].upper() + name[1:] if first else name
+
+
+def suggestion_in_words(found: Suggestion) -> str:
+    """Return what a search for settings came to, with its figures."""
+    if isinstance(found.outcome, Unjudged):
+        return UNJUDGED[found.outcome]
+    ended = "" if found.finished else " The search was ended before it had tried everything."
+    name, tried = bad_2(found.criterion, first=True), found.tried
+    if found.outcome is Outcome.AS_GOOD and found.finished and not found.tried:
+        return f"There are no others to try over the range of these. {name}: **{found.bad_before:.1f} %**."
+    if found.outcome is Outcome.AS_GOOD:
+        before = f"**{found.bad_before:.1f} %**"
+        return f"Yours are as good: of the {tried} tried none is really better. {name}: {before}.{ended}"
+    change = f"{found.bad_before:.1f} % → {found.bad:.1f} %"
+    return f"The best of {tried} tried. {name} on the whole images: **{change}**.{ended}"
+
+
+def search_so_far(found: Suggestion) -> str:
+    """Return how far a search for settings is."""
+    name = bad_2(found.criterion)
+    if not found.trials:
+        return f"Yours: {name} {found.bad_before:.1f} %."
+    best = min(trial.bad for trial in found.trials)
+    return f"{found.tried} tried. Yours: {name} {found.bad_before:.1f} %; the lowest so far: {best:.1f} %."
+
+
+def sweep_in_words(criterion: Criterion, *, judged: bool, finished: bool) -> str:
+    """Return what the pictures of a sweep show."""
+    ended = "" if finished else " The sweep was ended before it had tried everything."
+    if not judged:
+        return f"Dotted frame: the settings in use.{ended}"
+    figure = f"{bad_2(criterion)}, %, lower is better"
+    return f"Left: the maps. Right: {figure}. Solid frame: the best. Dotted frame: the settings in use.{ended}"
+
+
+def value_in_words(value: object) -> str:
+    """Return the value of a setting as a table shows it; stages that are given are on."""
+    if value is None or value is False:
+        return "off"
+    if value is True:
+        return "on"
+    if isinstance(value, Settings):
+        fields = type(value).model_fields
+        return ", ".join(f"{fields[name].title or name} {one}" for name, one in value)
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
+
+
+def known_truth(pair: StereoPair) -> FloatMap | None:
+    """Return the ground truth of a pair; None where it is not known of any pixel."""
+    return pair.truth if pair.truth is not None and np.isfinite(pair.truth).any() else None
+
+
+def criterion_on(pair: StereoPair) -> Criterion:
+    """Return what settings are judged by on a pair."""
+    return Criterion.ESTIMATED_BAD_2 if known_truth(pair) is None else Criterion.TRUE_BAD_2
+
+
+def tuning_pairs(
+    pairs: Iterable[StereoPair], search_range: tuple[int, int] | None, job: Job[Any]
+) -> Iterator[TuningPair]:
+    """Give pairs as settings are judged on them, each by its truth or by a reference, within a job."""
+    for pair in pairs:
+        yield TuningPair.of(
+            pair.left,
+            pair.right,
+            known_truth(pair),
+            search_range=search_range,
+            progress=lambda _: job.report_or_end(job.progress),
+        )
