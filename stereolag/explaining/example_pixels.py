@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.explaining.match import MatchKind, explain_match
+from stereolag.explaining.match import BARE_CONTRAST, MatchKind, explain_match
 from stereolag.inputs import Image, as_grey, as_stereo_pair
 from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.engines import cheaper_engine, find_matches
@@ -26,7 +26,7 @@ class ExampleKind(StrEnum):
     CLEAR = "clear"
     """One peak, well above every other score."""
     REPEATS = "repeats"
-    """Two peaks of the same height."""
+    """Two peaks of the same height with a valley between them."""
     BARE = "bare"
     """A window without texture."""
     HIDDEN = "hidden"
@@ -36,8 +36,15 @@ class ExampleKind(StrEnum):
 LOOKED_AT = 150
 """How many promising windows are examined, the most promising first."""
 
-CONFUSABLE = 0.05
-"""Windows whose two best scores are closer may be repeating patterns."""
+CONFUSABLE = 0.1
+"""Windows whose two best scores differ by a smaller share may be repeating patterns."""
+
+DEEP_VALLEY = 0.5
+"""Of a pattern that repeats, the scores sink at least half the way down between one place and the next."""
+
+FLANK_FALL = 1.5
+"""On the flank of a parabola the best score farther than 1 px away is at least 2 times as far below the peak as its
+neighbours are on average; a second peak need not be."""
 
 NARROWEST_HIDDEN = 3
 """Px; a hidden area is a strip beside a near object, and narrower holes are rounding."""
@@ -69,15 +76,20 @@ def example_pixel(
         return _hidden(matcher, *images, progress)
     step = max(2, matcher.window_size // 4)
     matches = _matches(matcher, *images, step, progress)
-    promising, wanted = {
-        ExampleKind.CLEAR: (_surest, {MatchKind.CLEAR}),
-        ExampleKind.REPEATS: (_most_confusable, {MatchKind.REPEATS}),
-        ExampleKind.BARE: (_barest, {MatchKind.BARE, MatchKind.SMOOTH, MatchKind.NOTHING}),
-    }[kind]
+    match kind:
+        case ExampleKind.CLEAR:
+            promising, wanted = _surest(matches), {MatchKind.CLEAR}
+        case ExampleKind.REPEATS:
+            promising, wanted = _most_confusable(matches), {MatchKind.REPEATS}
+        case ExampleKind.BARE:
+            promising = _barest(matches, float(as_grey(images[0]).std()))
+            wanted = {MatchKind.BARE, MatchKind.SMOOTH, MatchKind.NOTHING}
     middle = (matcher.window_size - 1) // 2
-    for window in promising(matches):
+    whole = _searched_whole(matcher, images[0].shape[1], step)
+    for window in sorted(promising, key=lambda window: not whole[window % whole.size]):
         row, col = (int(at) * step + middle for at in np.unravel_index(window, matches.score.shape))
-        if explain_match(matcher, *images, row, col).kind in wanted:
+        seen = explain_match(matcher, *images, row, col)
+        if seen.kind in wanted and (kind is not ExampleKind.REPEATS or seen.valley_depth > DEEP_VALLEY):
             return row, col
     return None
 
@@ -91,20 +103,34 @@ def _matches(matcher: CorrelationMatcher, left: Image, right: Image, step: int, 
     return find_matches(query, engine, progress)
 
 
+def _searched_whole(matcher: CorrelationMatcher, width: int, step: int) -> npt.NDArray[np.bool_]:
+    """Return for every column of windows whether the search along the row lies within an image of that width."""
+    lags, size = matcher.search.lags(matcher.window_size), matcher.window_size
+    start = np.arange(0, width - size + 1, step)
+    return (start + lags.dx_first >= 0) & (start + size + lags.dx_last <= width)
+
+
 def _surest(matches: WindowMatches) -> Iterator[int]:
     return _highest_first(matches.score - _runner_up(matches))
 
 
 def _most_confusable(matches: WindowMatches) -> Iterator[int]:
-    """Yield windows of much texture first among those with two good places."""
-    confusable = matches.score - _runner_up(matches) < CONFUSABLE * np.abs(matches.score)
-    textured = matches.score * np.sqrt(matches.texture)
+    """Yield windows of much texture and two equal places first, among those whose second place is not on a flank."""
+    behind = matches.score - _runner_up(matches)
+    middle = len(matches.around) // 2
+    falls = [matches.score - matches.around[middle, [0, 2]].mean(axis=0)]
+    if len(matches.around) > 1:
+        falls.append(matches.score - matches.around[[0, 2], 1].mean(axis=0))
+    confusable = (behind < CONFUSABLE * np.abs(matches.score)) & (behind < FLANK_FALL * np.minimum.reduce(falls))
+    textured = (CONFUSABLE * np.abs(matches.score) - behind) * np.sqrt(matches.texture)
     return _highest_first(np.where(confusable, textured, np.nan))
 
 
-def _barest(matches: WindowMatches) -> Iterator[int]:
-    """Yield windows of little texture first, those in which everything is the same among them."""
-    return _highest_first(-matches.texture)
+def _barest(matches: WindowMatches, deviation: float) -> Iterator[int]:
+    """Yield bare windows, those that fit nowhere before those of a smooth sky, and then others of little texture."""
+    bare = matches.texture < BARE_CONTRAST * deviation
+    yield from _highest_first(np.where(bare, -np.nan_to_num(matches.score, nan=-1.0), np.nan))
+    yield from _highest_first(np.where(bare, np.nan, -matches.texture))
 
 
 def _runner_up(matches: WindowMatches) -> npt.NDArray[np.float32]:

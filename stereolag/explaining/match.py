@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import FloatMap
-from stereolag.explaining.one_window import Lag, Surface, best_match, fitted_curve, window_start
+from stereolag.explaining.lobes import beyond_lobe
+from stereolag.explaining.one_window import Lag, Surface, best_match, fitted_curve, highest, score_at, window_start
 from stereolag.inputs import as_grey, as_stereo_pair, of_ordinary_size
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.matches import Score
@@ -24,9 +25,9 @@ class MatchKind(StrEnum):
     CLEAR = "clear"
     """One peak, well above every other score."""
     REPEATS = "repeats"
-    """Two separate peaks of nearly the same height: a repeating pattern."""
+    """Two separate peaks of nearly the same height, with a valley between them: a repeating pattern."""
     SMOOTH = "smooth"
-    """One broad peak: neighbouring places score nearly the same."""
+    """One broad peak: its own neighbours score nearly the same."""
     BARE = "bare"
     """A low score in a window with little contrast."""
     UNLIKE = "unlike"
@@ -64,9 +65,16 @@ class MatchExplanation:
     dy, dx
         The displacements of its rows and columns, right minus left, px.
     peak, runner_up
-        (dy, dx) of the best score, and of the best one farther than 1 px from it; None where there is none.
+        (dy, dx) of the best score, and of the best one outside the peak's own lobe
+        (:func:`stereolag.explaining.lobes.lobe`); None where there is none.
     peak_score, runner_up_score
         Their scores; NaN where there is none.
+    valley
+        The lowest score on the best way from the peak to the runner-up; NaN without a runner-up.
+    flank_score
+        The best score in the peak's own lobe farther than 1 px from it; NaN where there is none.
+    as_good
+        Two scores that differ by less are as good as equal, and a valley that is less deep is none.
     at_edge
         Whether the map refuses the peak: one pixel beyond the search area scores higher, or the window found touches
         the frame of the right image.
@@ -92,6 +100,9 @@ class MatchExplanation:
     runner_up: Lag | None
     peak_score: float
     runner_up_score: float
+    valley: float
+    flank_score: float
+    as_good: float
     at_edge: bool
     around: FloatMap
     offset: tuple[float, float]
@@ -104,6 +115,12 @@ class MatchExplanation:
         dy = self.peak[0] if self.peak else int(self.dy[np.argmin(np.abs(self.dy))])
         scores: Surface = self.surface[dy - int(self.dy[0])]
         return scores
+
+    def score_at(self, lag: Lag) -> float:
+        """Return the score of a (dy, dx); NaN where it is not searched or is no candidate."""
+        row, col = lag[0] - int(self.dy[0]), lag[1] - int(self.dx[0])
+        inside = 0 <= row < self.dy.size and 0 <= col < self.dx.size
+        return float(self.surface[row, col]) if inside else float("nan")
 
     @property
     def disparity(self) -> float:
@@ -131,6 +148,12 @@ class MatchExplanation:
         return np.full(at.shape, np.nan) if self.at_edge else fitted_curve(self.around, self.offset, at)
 
     @property
+    def valley_depth(self) -> float:
+        """Return how deep the valley before the runner-up is, 1 for down to the lowest score; NaN without one."""
+        drop = self.peak_score - self.valley
+        return float("nan") if np.isnan(drop) else drop / max(self.peak_score - float(np.nanmin(self.surface)), 1e-30)
+
+    @property
     def kind(self) -> MatchKind:
         """Return what kind of match the scores show."""
         if self.peak is None:
@@ -139,25 +162,16 @@ class MatchExplanation:
             return MatchKind.AT_EDGE
         if self.score == "zncc" and self.peak_score < POOR_SCORE:
             return MatchKind.BARE if self.contrast < BARE_CONTRAST else MatchKind.UNLIKE
-        if self.peak_score - self.runner_up_score < AMBIGUOUS_MARGIN * abs(self.peak_score):
-            return MatchKind.REPEATS if self._valley_between else MatchKind.SMOOTH
-        return MatchKind.CLEAR
-
-    @property
-    def _valley_between(self) -> bool:
-        """Return whether the scores sink between the peak and the runner-up: two peaks, not one broad one."""
-        if self.peak is None or self.runner_up is None:
-            return False
-        first = np.array([self.dy[0], self.dx[0]])
-        ends = np.array([self.peak, self.runner_up]) - first
-        count = int(np.abs(ends[1] - ends[0]).max()) + 1
-        rows, cols = np.rint(np.linspace(ends[0], ends[1], count)).astype(np.intp).T
-        lowest = float(np.nanmin(self.surface[rows, cols]))
-        return self.runner_up_score - lowest > AMBIGUOUS_MARGIN * abs(self.peak_score)
+        if self.peak_score - self.runner_up_score < max(self.as_good, RIVAL_SHARE * (self.peak_score - self.valley)):
+            return MatchKind.REPEATS
+        return MatchKind.SMOOTH if self.peak_score - self.flank_score < self.as_good else MatchKind.CLEAR
 
 
 AMBIGUOUS_MARGIN = 0.03
-"""Two scores that differ by a smaller share are as good as equal."""
+"""Two scores that differ by a smaller share are as good as equal; of "ncc", a share of what is not the mean's."""
+
+RIVAL_SHARE = 0.1
+"""A second peak is as good as the first if it falls short of it by a smaller share of the valley's depth."""
 
 BARE_CONTRAST = 0.1
 """A window with a smaller share of the image's contrast is a bare wall."""
@@ -207,16 +221,16 @@ def explain_match(
     inside = (
         best is not None and asked.dy_first <= best[0] <= asked.dy_last and asked.dx_first <= best[1] <= asked.dx_last
     )
-    peak = best if inside else _highest(surface, asked)
+    peak = best if inside else highest(surface, asked)
     dy, dx = np.arange(asked.dy_first, asked.dy_last + 1), np.arange(asked.dx_first, asked.dx_last + 1)
-    elsewhere = surface.copy()
-    if peak:
-        elsewhere[(np.abs(dy - peak[0]) <= 1)[:, None] & (np.abs(dx - peak[1]) <= 1)] = np.nan
-    second = _highest(elsewhere, asked)
+    window = grey[0][top : top + size, start : start + size].astype(np.float64)
+    as_good = AMBIGUOUS_MARGIN * abs(score_at(surface, asked, peak))
+    if matcher.score == "ncc":
+        as_good *= float(window.var() / (np.mean(window**2) or 1.0))
+    second, valley, flank = beyond_lobe(surface, asked, peak, as_good, wrapped=query.circular)
     found = Box(top + peak[0], start + peak[1], size, size) if peak else None
     at_edge = not inside or (found is not None and not query.circular and _touches_frame(found, (height, width), asked))
     offset_dy, offset_dx = (0.0, 0.0) if at_edge else (float(one[0, 0]) for one in fit_peaks(around[:, :, None, None]))
-    window = grey[0][top : top + size, start : start + size]
     return MatchExplanation(
         window=Box(top, start, size, size),
         search=_reached(top, start, size, asked, (height, width)),
@@ -226,8 +240,11 @@ def explain_match(
         dx=dx,
         peak=peak,
         runner_up=second,
-        peak_score=float(around[len(around) // 2, 1]) if inside else _score_at(surface, asked, peak),
-        runner_up_score=_score_at(surface, asked, second),
+        peak_score=float(around[len(around) // 2, 1]) if inside else score_at(surface, asked, peak),
+        runner_up_score=score_at(surface, asked, second),
+        valley=valley,
+        flank_score=flank,
+        as_good=as_good,
         at_edge=at_edge,
         around=around,
         offset=(offset_dy, offset_dx),
@@ -242,17 +259,6 @@ def with_rows_around(matcher: CorrelationMatcher, rows: int) -> CorrelationMatch
     if matcher.search.circular(matcher.window_size) or lags.dy_last >= rows:
         return matcher
     return matcher.model_copy(update={"search": matcher.search.model_copy(update={"vertical": rows})})
-
-
-def _highest(surface: Surface, lags: LagRange) -> Lag | None:
-    if np.isnan(surface).all():
-        return None
-    row, col = divmod(int(np.nanargmax(surface)), surface.shape[1])
-    return row + lags.dy_first, col + lags.dx_first
-
-
-def _score_at(surface: Surface, lags: LagRange, lag: Lag | None) -> float:
-    return float("nan") if lag is None else float(surface[lag[0] - lags.dy_first, lag[1] - lags.dx_first])
 
 
 def _touches_frame(found: Box, shape: tuple[int, int], lags: LagRange) -> bool:

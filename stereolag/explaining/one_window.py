@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from stereolag.arrays import FloatMap
 from stereolag.stereo.windows.matches import WindowQuery
+from stereolag.stereo.windows.search import LagRange
 
 Surface: TypeAlias = npt.NDArray[np.float64]
 """(n_dy, n_dx) scores; NaN = no candidate."""
@@ -38,6 +39,19 @@ def best_match(surface: Surface, query: WindowQuery) -> tuple[Lag | None, FloatM
     framed = np.pad(surface, 1, mode="wrap") if query.circular else np.pad(surface, 1, constant_values=np.nan)
     around = framed[row + 1 - vertical : row + 2 + vertical, col : col + 3].astype(np.float32)
     return (int(dy[first]), int(dx[first])), around
+
+
+def highest(surface: Surface, lags: LagRange) -> Lag | None:
+    """Return the first lag of the highest score; None where there is no candidate."""
+    if np.isnan(surface).all():
+        return None
+    row, col = divmod(int(np.nanargmax(surface)), surface.shape[1])
+    return row + lags.dy_first, col + lags.dx_first
+
+
+def score_at(surface: Surface, lags: LagRange, lag: Lag | None) -> float:
+    """Return the score of a lag of the search; NaN for none."""
+    return float("nan") if lag is None else float(surface[lag[0] - lags.dy_first, lag[1] - lags.dx_first])
 
 
 def fitted_curve(around: FloatMap, offset: tuple[float, float], at: npt.NDArray[np.float64]) -> Surface:

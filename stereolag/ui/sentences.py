@@ -8,8 +8,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from stereolag.doctor.row_evidence import RowEvidence
-from stereolag.explaining.example_pixels import ExampleKind
-from stereolag.explaining.match import MatchExplanation, MatchKind
 from stereolag.signals import SignalLag
 from stereolag.stereo.reasons import Reason
 from stereolag.templates import TemplateSearch
@@ -93,71 +91,6 @@ def rectification_in_words(evidence: RowEvidence, rectified: bool, asked: bool, 
 
 def _apart(median: float) -> str:
     return "by an unknown amount" if math.isnan(median) else f"by {median:.2g} px"
-
-
-# Why this match?
-
-EXAMPLE_LABELS = {
-    ExampleKind.CLEAR: "A clear match",
-    ExampleKind.REPEATS: "A repeating pattern",
-    ExampleKind.BARE: "A bare wall",
-    ExampleKind.HIDDEN: "Hidden from the right camera",
-}
-NO_CORRELATION = "Correlation has no result to explain yet."
-NO_EXAMPLE = "This pair has none with these window and search settings."
-
-BEFORE_OPTIMISATION = (
-    "These are the raw scores of the windowed correlation. Semi-global optimisation weighs them, together with its "
-    "other costs, against those of the neighbours along eight paths, and may choose another peak."
-)
-ROW_FIT = "A bell curve through the best score and its two neighbours: its peak is the disparity."
-SQUARE_FIT = "A section through the bell fitted to the best score and its eight neighbours: its peak is the disparity."
-NO_FIT = "A match at the edge has no sub-pixel position: its neighbour on one side is missing."
-HIDDEN_FROM_RIGHT = "The right camera cannot see this point: something nearer hides it."
-RIGHT_PX = 1.0
-"""A match is called right up to this error, px."""
-
-
-def match_in_words(seen: MatchExplanation) -> str:
-    """Return in a sentence what the scores show of the match."""
-    scores = f"{seen.peak_score:.3f} and {seen.runner_up_score:.3f}"
-    match seen.kind:
-        case MatchKind.NOTHING:
-            return "Nothing to correlate: the window is flat, or every place it could match lies outside the image."
-        case MatchKind.AT_EDGE:
-            return (
-                "The best score lies on the edge of the search area or of the image: the true match may be beyond it."
-            )
-        case MatchKind.BARE:
-            return (
-                f"A bare wall: the window has {seen.contrast:.0%} of the image’s contrast, and its best score is "
-                f"{seen.peak_score:.2f}. It compares mostly noise."
-            )
-        case MatchKind.UNLIKE:
-            return (
-                f"Nothing looks like this: the best score is {seen.peak_score:.2f}. Perhaps the other camera cannot "
-                "see it, or sees it in another light."
-            )
-        case MatchKind.REPEATS:
-            return (
-                f"Two places fit almost equally well ({scores}), with worse ones between them: the pattern repeats, "
-                "like a fence, and chance decides."
-            )
-        case MatchKind.SMOOTH:
-            return (
-                f"Two places fit almost equally well ({scores}), and so do those between them: the window is too "
-                "smooth to tell neighbours apart, and noise decides."
-            )
-    if math.isnan(seen.runner_up_score):
-        return f"One clear peak: {seen.peak_score:.3f}."
-    return f"One clear peak: {seen.peak_score:.3f}; the next best place scores {seen.runner_up_score:.3f}."
-
-
-def match_against_truth(disparity: float, truth: float) -> str:
-    """Return how far the disparity of a match is from the ground truth, both px and known."""
-    error = abs(disparity - truth)
-    verdict = "**right**" if error <= RIGHT_PX else f"**wrong** by {error:.1f} px"
-    return f"The match gives {disparity:.2f} px and the ground truth is {truth:.2f} px: it is {verdict}."
 
 
 # Why is it blank?

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import pytest
 from streamlit.testing.v1 import AppTest
@@ -30,15 +31,21 @@ def verdict(app: AppTest) -> str:
 
 
 def marks(app: AppTest) -> list[dict[str, int]]:
-    return list(json.loads(app.get("bidi_component")[-1].proto.json)["marks"])
+    return next(list(data["marks"]) for data in messages(app) if "marks" in data)
+
+
+def messages(app: AppTest) -> list[dict[str, Any]]:
+    """Return what the components of the page were given, but for those that got bytes."""
+    texts = [component.proto.json for component in app.get("bidi_component")]
+    return [json.loads(text) for text in texts if text]
 
 
 def test_a_pixel_has_its_window_its_scores_its_row_and_the_disparity_by_each_method() -> None:
     app = opened()
     assert not app.exception
     assert len(app.get("plotly_chart")) == 3
-    assert len(app.get("image")) == 3
-    assert [mark["width"] for mark in marks(app)] == [78, 15, 15, 15, 0]
+    assert len(app.get("image")) == 4
+    assert [mark["width"] for mark in marks(app)] == [78, 15, 15, 15, 15, 0]
     said = app.markdown[-1].value
     assert all(f"**{name}**" in said for name in ("Convolution", "StereoBM", "StereoSGBM", "Ground truth"))
 
@@ -49,7 +56,7 @@ def test_a_pixel_has_its_window_its_scores_its_row_and_the_disparity_by_each_met
         ("clear", "One clear peak"),
         ("repeats", "the pattern repeats"),
         ("bare", "bare wall"),
-        ("hidden", "wrong"),
+        ("hidden", "**wrong**"),
     ],
 )
 def test_the_buttons_show_what_they_promise(kind: str, says: str) -> None:
@@ -73,3 +80,22 @@ def test_a_pixel_at_the_corner_is_explained_too() -> None:
     app = opened(0, 0)
     assert not app.exception
     assert verdict(app)
+
+
+def by_phase() -> None:
+    from dataclasses import replace
+
+    from stereolag.stereo.windows.matcher import CorrelationMatcher
+    from stereolag.ui.depth.match import show_inspection
+    from tests.app.depth_view import small_view
+
+    view = small_view()
+    result = CorrelationMatcher(window_size=16, overlap=0.5, score="phase").compute(view.pair.left, view.pair.right)
+    show_inspection(replace(view, results={"Convolution": result}))
+
+
+def test_the_browser_follows_the_pointer_where_it_can() -> None:
+    assert any(data.get("pictures") == "depth.inspection" for data in messages(opened()))
+    app = AppTest.from_function(by_phase, default_timeout=60).run()
+    assert not app.exception
+    assert any("Click a pixel instead" in caption.value for caption in app.caption)

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
-from pairs import shifted_pair
 
 from stereolag.doctor import Finding, FindingCode, Remedy
 from stereolag.doctor.findings import (
@@ -22,18 +18,11 @@ from stereolag.doctor.findings import (
     judge_texture,
 )
 from stereolag.doctor.row_evidence import RowEvidence
-from stereolag.explaining.example_pixels import ExampleKind
-from stereolag.explaining.match import MatchKind, explain_match
 from stereolag.stereo.reasons import Reason
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.findings import REMEDIES_DONE, finding_in_words, problems_in_words, remedy_in_words
 from stereolag.ui.sentences import (
-    EXAMPLE_LABELS,
     REASON_WORDS,
     REASONS_EXPLAINED,
-    match_against_truth,
-    match_in_words,
     rectification_in_words,
 )
 
@@ -117,54 +106,8 @@ def test_every_code_has_words() -> None:
     assert {finding.code for finding, _ in HEALTHY} == {finding.code for finding, *_ in ILL} == {*FindingCode}
     assert {finding.remedy for finding, *_ in ILL} - {None} == {*Remedy}
     assert {*REMEDIES_DONE} == {*Remedy} - {Remedy.SET_RANGE}
-    assert {*EXAMPLE_LABELS} == {*ExampleKind}
     assert {*REASON_WORDS} == {*Reason}
     assert {*REASONS_EXPLAINED} == {*Reason} - {Reason.MEASURED}
-
-
-SAID = {
-    MatchKind.CLEAR: "One clear peak: 0.900; the next best place scores 0.500.",
-    MatchKind.REPEATS: "Two places fit almost equally well (0.900 and 0.890), with worse ones between them",
-    MatchKind.SMOOTH: "Two places fit almost equally well (0.900 and 0.890), and so do those between them",
-    MatchKind.BARE: "A bare wall: the window has 5% of the image’s contrast, and its best score is 0.30",
-    MatchKind.UNLIKE: "Nothing looks like this: the best score is 0.30",
-    MatchKind.AT_EDGE: "The best score lies on the edge",
-    MatchKind.NOTHING: "Nothing to correlate",
-}
-
-
-@pytest.mark.parametrize("kind", MatchKind)
-def test_every_kind_of_match_has_a_sentence(kind: MatchKind) -> None:
-    matcher = CorrelationMatcher(window_size=11, search=SearchArea.rectified(24))
-    seen = explain_match(matcher, *shifted_pair(60, 100, 0, -6), 30, 60)
-    surface = np.full((1, 24), 0.5 if kind is MatchKind.REPEATS else 0.9)
-    peak, runner_up = (0, -6), (0, -20)
-    seen = replace(
-        seen,
-        surface=surface,
-        peak=None if kind is MatchKind.NOTHING else peak,
-        runner_up=runner_up,
-        peak_score=0.3 if kind in (MatchKind.BARE, MatchKind.UNLIKE) else 0.9,
-        runner_up_score=0.89 if kind in (MatchKind.REPEATS, MatchKind.SMOOTH) else 0.5,
-        contrast=0.05 if kind is MatchKind.BARE else 0.8,
-        at_edge=kind is MatchKind.AT_EDGE,
-    )
-    assert seen.kind is kind
-    assert match_in_words(seen).startswith(SAID[kind])
-
-
-def test_a_match_without_a_runner_up_is_clear() -> None:
-    matcher = CorrelationMatcher(window_size=11, search=SearchArea.rectified(3, 5))
-    seen = explain_match(matcher, *shifted_pair(60, 100, 0, -6), 30, 60)
-    assert np.isnan(seen.runner_up_score)
-    assert match_in_words(seen) == f"One clear peak: {seen.peak_score:.3f}."
-
-
-def test_a_match_is_compared_with_the_ground_truth() -> None:
-    assert (
-        match_against_truth(12.5, 12.0) == "The match gives 12.50 px and the ground truth is 12.00 px: it is **right**."
-    )
-    assert match_against_truth(12.5, 20.0).endswith("it is **wrong** by 7.5 px.")
 
 
 @pytest.mark.parametrize(

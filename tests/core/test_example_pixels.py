@@ -8,6 +8,8 @@ from pairs import texture
 
 from stereolag.explaining.example_pixels import ExampleKind, example_pixel
 from stereolag.explaining.match import MatchKind, explain_match
+from stereolag.reading import read_disparity, read_image
+from stereolag.samples import stereo_pairs
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 
@@ -59,6 +61,38 @@ def test_the_hidden_strip_lies_left_of_the_near_square() -> None:
     rows, cols = SQUARE
     assert rows.start <= pixel[0] < rows.stop
     assert cols.start - (NEAR - BEHIND) <= pixel[1] < cols.start
+
+
+@pytest.mark.parametrize("search", [SearchArea.rectified(64), SearchArea.centred(60)])
+def test_a_repeating_pattern_of_the_fence_is_its_pickets(search: SearchArea) -> None:
+    pair = stereo_pairs()["fence"]
+    left, right, truth = read_image(pair.left), read_image(pair.right), read_disparity(pair.disparity)
+    pixel = example_pixel(ExampleKind.REPEATS, CorrelationMatcher(window_size=15, search=search), left, right)
+    assert pixel is not None
+    row, col = pixel
+    on_pickets = np.abs(truth[row, col - 8 : col + 8] - 26.5) < 0.3
+    assert on_pickets.any()
+    seen = explain_match(CorrelationMatcher(window_size=15, search=search), left, right, row, col)
+    assert seen.runner_up is not None
+    assert seen.peak is not None
+    assert max(abs(np.subtract(seen.runner_up, seen.peak))) > 5
+
+
+def test_a_bare_wall_is_no_smooth_sky() -> None:
+    pair = stereo_pairs()["fence"]
+    left, right, truth = read_image(pair.left), read_image(pair.right), read_disparity(pair.disparity)
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(64))
+    pixel = example_pixel(ExampleKind.BARE, matcher, left, right)
+    assert pixel is not None
+    assert truth[pixel] == pytest.approx(15.1, abs=0.3)
+    assert explain_match(matcher, left, right, *pixel).kind is MatchKind.BARE
+
+
+@pytest.mark.parametrize("search", [SearchArea.rectified(40), SearchArea.centred(31)])
+def test_shifted_noise_repeats_nowhere(search: SearchArea) -> None:
+    noise = np.random.default_rng(7).integers(0, 256, (120, 200), dtype=np.uint8)
+    matcher = CorrelationMatcher(window_size=11, search=search)
+    assert example_pixel(ExampleKind.REPEATS, matcher, noise, np.roll(noise, -7, axis=1)) is None
 
 
 @pytest.mark.parametrize("kind", [ExampleKind.REPEATS, ExampleKind.BARE, ExampleKind.HIDDEN])

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from pairs import shifted_pair, texture
 
 from stereolag.explaining.match import Box, MatchExplanation, MatchKind, explain_match, with_rows_around
-from stereolag.reading import read_image
+from stereolag.reading import read_disparity, read_image
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
@@ -76,12 +77,57 @@ def test_a_flat_wall_and_a_fence_are_explained() -> None:
     assert wall.peak is None
     assert wall.found is None
     assert wall.kind is MatchKind.NOTHING
+    assert wall.runner_up is None
     assert np.isnan(wall.disparity)
     stripes = np.tile((np.sin(np.arange(100) * 2 * np.pi / 8) * 90 + 128).astype(np.uint8), (60, 1))
     stripes = np.clip(stripes + np.random.default_rng(0).normal(0, 1, stripes.shape), 0, 255).astype(np.uint8)
     fence = explain_match(matcher, stripes, np.roll(stripes, -4, axis=1), 30, 60)
     assert fence.kind is MatchKind.REPEATS
     assert explain_match(matcher, *shifted_pair(60, 100, 0, -6), 30, 60).kind is MatchKind.CLEAR
+
+
+@pytest.mark.parametrize("pitch", [6.0, 9.5, 14.5, 21.0])
+@pytest.mark.parametrize("score", ["zncc", "ncc", "cross"])
+def test_the_runner_up_of_a_periodic_texture_is_one_period_away(pitch: float, score: str) -> None:
+    rng = np.random.default_rng(2)
+    pattern = 128 + 60 * np.sin(np.arange(160) * 2 * np.pi / pitch) + 10 * np.sin(np.arange(80) / 5)[:, None]
+    left, right = (pattern + rng.normal(0, 1, pattern.shape), np.roll(pattern, -26, axis=1))
+    matcher = CorrelationMatcher(window_size=13, search=SearchArea.rectified(48), score=score)
+    seen = explain_match(matcher, left, right + rng.normal(0, 1, pattern.shape), 40, 90)
+    assert seen.kind is MatchKind.REPEATS
+    assert seen.peak is not None
+    assert seen.runner_up is not None
+    apart = abs(seen.runner_up[1] - seen.peak[1]) / pitch
+    assert apart == pytest.approx(max(1, round(apart)), abs=0.6 / pitch)
+
+
+@pytest.mark.parametrize("search", [SearchArea.rectified(40), SearchArea.centred(51)])
+def test_the_flank_of_a_broad_peak_is_no_runner_up(search: SearchArea) -> None:
+    left, right = shifted_pair(90, 160, 0, -8, seed=6)
+    blurred = [cv2.GaussianBlur(image, (0, 0), 5) for image in (left, right)]
+    noise = np.random.default_rng(1).normal(0, 0.05, (2, *left.shape))
+    seen = explain_match(
+        CorrelationMatcher(window_size=21, search=search), *(blurred[at] + noise[at] for at in (0, 1)), 45, 90
+    )
+    assert seen.kind in (MatchKind.CLEAR, MatchKind.SMOOTH)
+    assert seen.peak is not None
+    if seen.runner_up:
+        assert seen.valley < seen.runner_up_score - seen.as_good
+        assert max(abs(np.subtract(seen.runner_up, seen.peak))) > 4
+
+
+def test_on_the_fence_a_wrong_match_is_called_a_repetition() -> None:
+    pair = stereo_pairs()["fence"]
+    left, right, truth = read_image(pair.left), read_image(pair.right), read_disparity(pair.disparity)
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(pair.num_disparities))
+    seen = [explain_match(matcher, left, right, row, col) for row in (310, 330) for col in range(190, 380, 2)]
+    pickets = [truth[row, col] for row in (310, 330) for col in range(190, 380, 2)]
+    wrong = [one for one, true in zip(seen, pickets, strict=True) if 26 < true < 27 and abs(one.disparity - true) > 1]
+    assert len(wrong) > 30
+    assert all(one.kind is MatchKind.REPEATS for one in wrong)
+    apart = [abs(one.runner_up[1] - one.peak[1]) / 14.5 for one in wrong if one.runner_up and one.peak]
+    np.testing.assert_allclose(apart, np.rint(apart), atol=0.1)
+    assert min(apart) > 0.9
 
 
 def test_smooth_windows_bare_walls_and_hidden_places_are_told_apart() -> None:

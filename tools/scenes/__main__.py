@@ -12,7 +12,7 @@ from .rendering import render
 from .scene import StereoScene
 from .truth import encode, trace
 
-NAMES = ("cube", "giraffes", "square", "road")
+NAMES = ("cube", "fence", "giraffes", "square", "road")
 DESTINATION = Path(__file__).parents[2] / "assets" / "stereo"
 SEEDS = {"left": 1, "right": 2}
 

@@ -118,3 +118,24 @@ def concrete(shape: Shape, rng: np.random.Generator) -> np.ndarray:
     grey = 0.60 + 0.045 * streaks + 0.05 * stains
     grey = grey + 0.03 * fractal_noise(shape, rng, slope=0.2)
     return np.where(holes, 0.34, grey)[..., None] * np.array([1.0, 0.98, 0.94])
+
+
+def bricks(shape: Shape, rng: np.random.Generator, courses: int, across: int) -> np.ndarray:
+    """A wall of `courses` by `across` bricks in stretcher bond, each fired to a tone of its own, in pale mortar."""
+    rows, columns = np.indices(shape)
+    wobble = 1.5 * fractal_noise(shape, rng, slope=1.4, coarsest=shape[0] / courses)
+    up = (rows + wobble) * courses / shape[0]
+    course = np.floor(up).astype(int) % courses
+    along = (columns + wobble) * across / shape[1] + 0.5 * (course % 2)
+    brick = np.floor(along).astype(int) % across
+    height, width = shape[0] / courses, shape[1] / across
+    to_joint = np.minimum(
+        height * (0.5 - np.abs(up - np.floor(up) - 0.5)), width * (0.5 - np.abs(along - np.floor(along) - 0.5))
+    )
+    clay = blend(rng.random((courses, across)), (0.40, 0.17, 0.12), (0.58, 0.27, 0.18), (0.68, 0.40, 0.28))[
+        course, brick
+    ]
+    grain = fractal_noise(shape, rng, slope=0.6, finest=3)
+    mortar = mottle(shape, rng, (0.60, 0.57, 0.52), (0.74, 0.71, 0.65))
+    joint = to_joint < 0.065 * height
+    return np.where(joint[..., None], mortar, clay * (1 + 0.10 * grain[..., None]))

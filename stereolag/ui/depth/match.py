@@ -8,13 +8,9 @@ import numpy as np
 import streamlit as st
 
 from stereolag.explaining.example_pixels import ExampleKind, example_pixel
-from stereolag.explaining.match import Box, MatchExplanation, MatchKind, explain_match, with_rows_around
-from stereolag.figures.legends import word_legend
+from stereolag.explaining.match import MatchExplanation, MatchKind, explain_match, with_rows_around
 from stereolag.figures.linked_pictures import Picture
 from stereolag.figures.match import (
-    RUNNER_UP_COLOUR,
-    SEARCH_COLOUR,
-    WINDOW_COLOUR,
     patch_png,
     score_landscape,
     score_map,
@@ -28,24 +24,25 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.blanks import reasons_of
 from stereolag.ui.depth.maps import TRUTH
+from stereolag.ui.depth.match_marks import Pixel, legend_of, marks_of, moved, true_lag, truth_at
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import show_png, shown_progress
-from stereolag.ui.linked_pictures import Mark, linked_pictures
-from stereolag.ui.navigation import fragment
-from stereolag.ui.sentences import (
+from stereolag.ui.hovered_match import can_follow, hovered_match
+from stereolag.ui.linked_pictures import linked_pictures
+from stereolag.ui.match_sentences import (
     BEFORE_OPTIMISATION,
     EXAMPLE_LABELS,
-    HIDDEN_FROM_RIGHT,
     NO_CORRELATION,
     NO_EXAMPLE,
     NO_FIT,
-    REASON_WORDS,
     RIGHT_PX,
     ROW_FIT,
     SQUARE_FIT,
-    match_against_truth,
-    match_in_words,
+    TOO_MUCH_TO_FOLLOW,
+    verdict,
 )
+from stereolag.ui.navigation import fragment
+from stereolag.ui.sentences import REASON_WORDS
 
 KEY = "depth.inspection"
 ROWS_AROUND = 8
@@ -60,8 +57,6 @@ EXAMPLE_ICONS = {
     ExampleKind.HIDDEN: ":material/visibility_off:",
 }
 
-Pixel = tuple[int, int]
-
 
 @fragment
 def show_inspection(view: DepthView) -> None:
@@ -73,27 +68,26 @@ def show_inspection(view: DepthView) -> None:
     _offer_examples(view, matcher)
     row, col = _pixel(view)
     seen = explain_match(matcher, view.pair.left, view.pair.right, row, col)
+    # Above the pictures: on a phone and on a low screen they and what follows the pointer are then seen together.
+    if can_follow(view.pair, matcher):
+        hovered_match(view.pair, matcher, (row, col), pictures=KEY)
+    else:
+        st.caption(TOO_MUCH_TO_FOLLOW)
     linked_pictures(
         [
-            Picture("Left image: click a pixel", as_rgb(view.pair.left), photograph=True),
+            Picture("Left image: point at it, or click", as_rgb(view.pair.left), photograph=True),
             Picture("Right image: where it was looked for", as_rgb(view.pair.right), photograph=True, pickable=False),
         ],
         key=KEY,
         columns=2,
-        legends=[
-            word_legend(
-                "",
-                [WINDOW_COLOUR, RUNNER_UP_COLOUR, SEARCH_COLOUR],
-                ["the window, and where it was found", "the runner-up", "the search area"],
-            )
-        ],
-        marks=_marks(seen, (row, col)),
+        legends=[legend_of(view)],
+        marks=marks_of(view, seen, (row, col)),
         on_pick=lambda row, col: st.session_state.update({_pixel_key(view): (row, col)}),
     )
     _show_verdict(view, matcher, seen, (row, col))
     patches, hill = st.columns([1, 1.7], gap="medium")
     with patches:
-        _show_patches(view, seen)
+        _show_patches(view, seen, (row, col))
     with hill:
         _show_scores(view, matcher, seen, (row, col))
     _show_row(view, seen, (row, col))
@@ -137,65 +131,37 @@ def _offer_examples(view: DepthView, matcher: CorrelationMatcher) -> None:
         if pixel:
             st.session_state[_pixel_key(view)] = pixel
         else:
-            st.info(NO_EXAMPLE)
-
-
-def _marks(seen: MatchExplanation, pixel: Pixel) -> list[Mark]:
-    """Return the frames: the window left, and right the search area, the runner-up and the place found."""
-    marks = [_frame(seen.search, SEARCH_COLOUR, 1, area=True), _frame(seen.window, WINDOW_COLOUR, 0)]
-    if seen.runner_up:
-        marks.append(_frame(_at(seen, seen.runner_up), RUNNER_UP_COLOUR, 1))
-    if seen.found:
-        marks.append(_frame(seen.found, WINDOW_COLOUR, 1))
-    return [*marks, Mark(*pixel, WINDOW_COLOUR, pictures=(0,))]
-
-
-def _frame(box: Box, colour: str, picture: int, *, area: bool = False) -> Mark:
-    return Mark(
-        box.row,
-        box.col,
-        colour,
-        height=box.height,
-        width=box.width,
-        dashed=area,
-        filled=area,
-        pictures=(picture,),
-    )
-
-
-def _at(seen: MatchExplanation, lag: tuple[int, int]) -> Box:
-    """Return the window moved by (dy, dx)."""
-    window = seen.window
-    return Box(window.row + lag[0], window.col + lag[1], window.height, window.width)
+            st.info(NO_EXAMPLE[kind])
 
 
 def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
-    said = f"**{match_in_words(seen)}**"
-    truth = math.nan if view.pair.truth is None else float(view.pair.truth[pixel])
-    error = abs(seen.disparity - truth)
-    if not math.isnan(error):
-        said += f" {match_against_truth(seen.disparity, truth)}"
-    if view.pair.visible is not None and not view.pair.visible[pixel]:
-        said += f" {HIDDEN_FROM_RIGHT}"
-    sure = seen.kind is MatchKind.CLEAR and not error > RIGHT_PX
-    (st.success if sure else st.warning)(said)
-    if all(result.settings != matcher for result in view.results.values()):
+    truth = truth_at(view, pixel)
+    visible = view.pair.visible is None or bool(view.pair.visible[pixel])
+    own = next((result for result in view.results.values() if result.settings == matcher), None)
+    fate = (Reason(own.reason[pixel]), float(own.disparity[pixel])) if own else (None, math.nan)
+    said = verdict(seen, truth, visible=visible, reason=fate[0], disparity=fate[1])
+    wrong = abs(seen.disparity - truth) > RIGHT_PX
+    (st.success if seen.kind is MatchKind.CLEAR and not wrong else st.warning)(said)
+    if own is None:
         st.caption(BEFORE_OPTIMISATION)
 
 
-def _show_patches(view: DepthView, seen: MatchExplanation) -> None:
+def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the window beside the places found, enlarged."""
     st.markdown("##### The windows compared")
     places = [("Looked for", view.pair.left, seen.window, math.nan)]
     if seen.found:
         places.append(("Found", view.pair.right, seen.found, seen.peak_score))
     if seen.runner_up:
-        places.append(("Runner-up", view.pair.right, _at(seen, seen.runner_up), seen.runner_up_score))
+        places.append(("Runner-up", view.pair.right, moved(seen, seen.runner_up), seen.runner_up_score))
+    true = true_lag(view, pixel)
+    if true and not math.isnan(score := seen.score_at(true)):
+        places.append(("True place", view.pair.right, moved(seen, true), score))
     with st.container(horizontal=True, gap="small"):
-        for name, image, box, score in places:
+        for name, image, box, its_score in places:
             with st.container(width=150):
                 show_png(patch_png(image, box))
-                st.caption(name if math.isnan(score) else f"{name}: **{score:.3f}**")
+                st.caption(name if math.isnan(its_score) else f"{name}: **{its_score:.3f}**")
     st.caption(
         "Enlarged, in grey as they are compared, each stretched from its darkest to its brightest. "
         f"The window actually has {seen.contrast:.0%} of the image’s contrast."

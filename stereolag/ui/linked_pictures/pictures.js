@@ -142,6 +142,7 @@ class LinkedPictures {
 
   draw() {
     if (!this.cells) return;
+    if (this.at !== this.told) this.tell((this.told = this.at));
     const { rows, cols } = this.header;
     this.zoom = clamp(this.zoom, 1, Math.max(1, cols / CLOSEST_PX));
     this.x = clamp(this.x, 0, cols - cols / this.zoom);
@@ -169,6 +170,11 @@ class LinkedPictures {
         cell.readings[side].replaceChildren(...(read ? this.readAt(this.pictures[index], read) : []));
       });
     }
+  }
+
+  // For whoever follows the crosshair: {row, col}, or null where there is none.
+  tell(at) {
+    window.dispatchEvent(new CustomEvent("stereolag-crosshair", { detail: { name: this.header.name, at } }));
   }
 
   drawCross(svg) {

@@ -1,0 +1,107 @@
+"""The match of the window under the pointer: the window, the strip it is looked for in, and the score of every place.
+
+It follows the crosshair of :func:`stereolag.ui.linked_pictures.linked_pictures` in the browser, where the scores are
+computed too (``scoring.js``); nothing is asked of the server.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import streamlit as st
+
+from stereolag.explaining.match import AMBIGUOUS_MARGIN, BARE_CONTRAST, POOR_SCORE, RIVAL_SHARE
+from stereolag.figures.grey_pair import packed_grey_pair
+from stereolag.figures.match import RUNNER_UP_COLOUR, SEARCH_COLOUR, TRUTH_COLOUR, WINDOW_COLOUR
+from stereolag.figures.pictures import CORRELATION, VIRIDIS
+from stereolag.inputs import Image, as_grey
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.ui.match_sentences import HOVER_WORDS
+from stereolag.ui.pairs import StereoPair
+
+HERE = Path(__file__).parent
+
+LARGEST_PIXELS = 6_000_000
+"""Pixels of an image up to which the pair is sent to the browser: some megabytes."""
+
+MOST_PRODUCTS = 30_000_000
+"""Products of pixels a window that the browser sums up within a frame or two."""
+
+
+def _source(*names: str) -> str:
+    return "\n".join((HERE / name).read_text(encoding="utf-8") for name in names)
+
+
+# The pair travels alone: what changes with a click is then some bytes, and Streamlit keeps the pair in the browser.
+_pair = st.components.v2.component("stereolag.grey_pair", js=_source("pair.js"))
+_panel = st.components.v2.component(
+    "stereolag.hovered_match",
+    html=_source("panel.html"),
+    css=_source("panel.css"),
+    js=_source("scoring.js", "drawing.js", "hovering.js"),
+)
+
+
+def can_follow(pair: StereoPair, matcher: CorrelationMatcher) -> bool:
+    """Return whether the browser can score windows as fast as a pointer moves."""
+    lags = matcher.search.lags(matcher.window_size)
+    height, width = pair.left.shape[:2]
+    small = height * width <= LARGEST_PIXELS and lags.count * matcher.window_size**2 <= MOST_PRODUCTS
+    return small and matcher.score != "phase" and matcher.window_size <= min(height, width)
+
+
+def hovered_match(pair: StereoPair, matcher: CorrelationMatcher, pixel: tuple[int, int], *, pictures: str) -> None:
+    """Show the match of the window under the crosshair of some linked pictures, and of a pixel while there is none.
+
+    Parameters
+    ----------
+    pair, matcher
+        What is matched, and how; see :func:`can_follow`.
+    pixel
+        (row, col) in the left image.
+    pictures
+        The key of the linked pictures, the left image first and then the right one.
+    """
+    settings = browser_settings(matcher, pair.left, pair.right)
+    with st.container(gap=None):
+        _pair(
+            key=f"{pictures}.pair",
+            data=packed_grey_pair(pair.left, pair.right, pair.truth, name=pictures, digest=pair.digest),
+        )
+        _panel(
+            key=f"{pictures}.hovered",
+            data={
+                **settings,
+                "pictures": pictures,
+                "digest": pair.digest,
+                "pixel": {"row": pixel[0], "col": pixel[1]},
+                "colours": {
+                    "peak": WINDOW_COLOUR,
+                    "runner_up": RUNNER_UP_COLOUR,
+                    "truth": TRUTH_COLOUR,
+                    "search": SEARCH_COLOUR,
+                    "curve": CORRELATION,
+                },
+                "palette": VIRIDIS[::17].tolist(),
+                "words": HOVER_WORDS,
+            },
+        )
+
+
+def browser_settings(matcher: CorrelationMatcher, left: Image, right: Image) -> dict[str, object]:
+    """Return what ``scoring.js`` needs to know of a matcher and of the constants of its explanation."""
+    size = matcher.window_size
+    tried = matcher.query(as_grey(left), as_grey(right)).lags
+    return {
+        "window_size": size,
+        "step": matcher.step,
+        "score": matcher.score,
+        "circular": matcher.search.circular(size),
+        "tried": asdict(tried),
+        "asked": asdict(matcher.search.lags(size)),
+        "ambiguous_margin": AMBIGUOUS_MARGIN,
+        "rival_share": RIVAL_SHARE,
+        "poor_score": POOR_SCORE,
+        "bare_contrast": BARE_CONTRAST,
+    }
