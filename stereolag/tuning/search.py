@@ -42,11 +42,15 @@ class Outcome(StrEnum):
 
 
 class Trial(NamedTuple):
-    """Settings that were tried, their bad-2 in %, and whether that is of the whole images or of strips of them."""
+    """Settings that were tried."""
 
     matcher: StereoMatcher
     bad: float
+    """Their bad-2, %."""
+    gain: float
+    """Points by which it is lower than that of the settings to begin with, on the same pixels."""
     whole: bool
+    """Whether on the whole images, or on strips of them."""
 
 
 @dataclass(frozen=True)
@@ -122,12 +126,13 @@ def search(
 ) -> Suggestion:
     """Try all candidates on the whole images; where the time is short, on strips of them, and the best ones whole.
 
-    Only whole images decide, and only a gain that is sure (:attr:`Gain.sure`) where bad-2 is an estimate.
+    Only whole images decide, and only a gain that is sure (:attr:`Gain.sure`) where bad-2 is an estimate. Pairs that
+    cannot judge are left out.
     """
-    for pair in pairs:
-        why = pair.unjudged(start)
-        if why is not None:
-            return nothing_to_judge_by(start, why, clock)
+    why = [pair.unjudged(start) for pair in pairs]
+    pairs = [pair for pair, reason in zip(pairs, why, strict=True) if reason is None]
+    if not pairs:
+        return nothing_to_judge_by(start, next(filter(None, why)), clock)
     run = _Run(start, pairs, clock, found, criterion_of(pairs))
     tried = candidates(start)
     total_s = sum(map(run.seconds, tried))
@@ -231,8 +236,9 @@ class _Run:
                 after = self._judged(matcher, pairs)
             except ValueError:  # settings that do not fit the images, or their memory
                 continue
-            results.append(_Found(matcher, after, Gain.between(before, after)))
-            self.trials.append(Trial(matcher, _mean_bad(after), whole))
+            gain = Gain.between(before, after)
+            results.append(_Found(matcher, after, gain))
+            self.trials.append(Trial(matcher, _mean_bad(after), gain.points, whole))
             self.clock.report(len(self.trials) / steps)
             self._tell()
         return True, self._ranked(results)
