@@ -178,8 +178,10 @@ def described(
     Raises
     ------
     ValueError
-        Pictures of different sizes.
+        Pictures of different sizes, or one without pixels and no colours.
     """
+    if colours is None and any(picture.pixels is None for picture in pictures):
+        raise ValueError("a picture has no pixels; give the colours that maps share.")
     sizes = {pack.shape for pack in packs}
     if len(sizes) != 1:
         raise ValueError(f"pictures have the sizes {sorted(sizes)}; they must all have one.")

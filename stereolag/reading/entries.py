@@ -78,6 +78,10 @@ def _leaves(name: str, tree: Any, depth: int) -> Iterator[tuple[str, Matrix | st
 
 
 def _array(value: Any) -> Matrix:
+    if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
+        # Of YAML and XML; where a comma was forgotten at the end of a line, two numbers are one item.
+        numbers = value_of(" ".join(value))
+        return _NO_NUMBERS if isinstance(numbers, str) else numbers
     try:
         return np.atleast_1d(np.array(value, dtype=np.float64))
     except (TypeError, ValueError, OverflowError, RecursionError):

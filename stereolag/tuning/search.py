@@ -18,9 +18,6 @@ from stereolag.tuning.objective import Criterion, TuningPair, Unjudged, criterio
 SMALLEST_GAIN = 0.1
 """Points of bad-2; a change that brings less is not worth making."""
 
-FINALISTS = 4
-"""So many are tried on the whole images where the time does not suffice for all; the best one is in any case."""
-
 FOR_ALL = 0.75
 """Whole images are used throughout where that should take no more of the time left; on a busy machine it takes more."""
 
@@ -124,7 +121,7 @@ class Clock:
 def search(
     start: StereoMatcher, pairs: Sequence[TuningPair], clock: Clock, found: Callable[[Suggestion], None] | None
 ) -> Suggestion:
-    """Try all candidates on the whole images; where the time is short, on strips of them, and the best ones whole.
+    """Try all candidates on the whole images; where the time is short, on strips first, and then the best of them.
 
     Only whole images decide, and only a gain that is sure (:attr:`Gain.sure`) where bad-2 is an estimate. Pairs that
     cannot judge are left out.
@@ -144,13 +141,13 @@ def search(
     finished, ranked = run.tried(
         strips,
         tried,
-        steps=len(tried) + FINALISTS,
+        steps=2 * len(tried),
         whole=False,
         reserved_s=max(map(run.seconds, tried)),
         at_least=LIKELIEST,
     )
-    finalists = [one.matcher for one in ranked[:FINALISTS]]
-    _, ranked = run.tried(pairs, finalists, steps=len(tried) + FINALISTS, at_least=1, despite_cancel=True)
+    finalists = [one.matcher for one in ranked if one.gain.points > 0]
+    _, ranked = run.tried(pairs, finalists, steps=2 * len(tried), at_least=1, despite_cancel=True)
     return run.outcome(ranked, finished=finished)
 
 

@@ -88,20 +88,22 @@ TRUTH_DROPPED = "The ground truth belongs to the other image and is left out."
 
 def rectification_in_words(evidence: RowEvidence, rectified: bool, asked: bool, drops_truth: bool) -> str:
     """Return whether a pair was rectified with its calibration, with the rows as evidence."""
-    given = _rows_apart(evidence.given_px, evidence.given_matches)
-    after = _rows_apart(evidence.rectified_px, evidence.rectified_matches)
+    given, after = (_apart(median) for median in (evidence.given_px, evidence.rectified_px))
     because = ", as you said" if asked else ""
     if rectified:
-        dropped = " Its ground truth belongs to the image before that and is left out." if drops_truth else ""
-        done = f"The pair was undistorted and rectified with its calibration{because}"
-        return f"{done}: rows differ {after}, before {given}.{dropped}"
-    return f"The pair is rectified already{because}, and left so: rows differ {given}; rectified once more, {after}."
+        said = (
+            f"The pair was undistorted and rectified with its calibration{because}: rows differ {after}, before {given}"
+        )
+        counts = evidence.rectified_matches, evidence.given_matches
+    else:
+        said = f"The pair is rectified already{because}: rows differ {given}, rectified once more {after}"
+        counts = evidence.given_matches, evidence.rectified_matches
+    dropped = " Its ground truth belongs to the image before that and is left out." if drops_truth else ""
+    return f"{said} (medians of {counts[0]} and {counts[1]} matched features).{dropped}"
 
 
-def _rows_apart(median: float, matches: int) -> str:
-    if math.isnan(median):
-        return f"by what {matches} matched features are too few to tell"
-    return f"by {median:.2g} px (median of {matches} matched features)"
+def _apart(median: float) -> str:
+    return "by an unknown amount" if math.isnan(median) else f"by {median:.2g} px"
 
 
 def problems_in_words(count: int) -> str:

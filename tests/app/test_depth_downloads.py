@@ -144,7 +144,7 @@ def test_settings_are_loaded_again_and_the_controls_can_be_moved_from_there() ->
     assert not app.exception
     assert app.session_state["matcher"] == settings
     assert (
-        app.slider(key=keys.setting("bm", "min_disparity", pair.source)).min == -70
+        app.slider(key=keys.setting("bm", "min_disparity", pair.searched)).min == -70
     )  # farther than the page goes of itself
     app.slider(key=keys.BLOCK_UNIQUENESS).set_value(40).run()
     assert app.session_state["matcher"].uniqueness_ratio == 40

@@ -18,6 +18,7 @@ from stereolag.doctor.findings import (
     judge_sides,
     judge_texture,
 )
+from stereolag.doctor.row_evidence import RowEvidence
 from stereolag.explaining.example_pixels import ExampleKind
 from stereolag.explaining.match import MatchKind, explain_match
 from stereolag.stereo.reasons import Reason
@@ -32,6 +33,7 @@ from stereolag.ui.sentences import (
     match_against_truth,
     match_in_words,
     problems_in_words,
+    rectification_in_words,
     remedy_in_words,
 )
 
@@ -147,3 +149,15 @@ def test_a_match_is_compared_with_the_ground_truth() -> None:
 )
 def test_problems_are_counted(count: int, said: str) -> None:
     assert said in problems_in_words(count)
+
+
+def test_the_rows_before_and_after_rectification_are_said():
+    raw, straight = RowEvidence(11.9, 0.19, 190, 157), RowEvidence(0.19, float("nan"), 157, 3)
+    assert rectification_in_words(raw, True, False, True) == (
+        "The pair was undistorted and rectified with its calibration: rows differ by 0.19 px, before by 12 px (medians "
+        "of 157 and 190 matched features). Its ground truth belongs to the image before that and is left out."
+    )
+    assert rectification_in_words(straight, False, True, False) == (
+        "The pair is rectified already, as you said: rows differ by 0.19 px, rectified once more by an unknown amount "
+        "(medians of 157 and 3 matched features)."
+    )

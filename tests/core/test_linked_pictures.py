@@ -114,3 +114,6 @@ def test_pictures_of_different_size_are_refused() -> None:
     pictures = [Picture("map", GREY), Picture("other", GREY[1:])]
     with pytest.raises(ValueError, match="must all have one"):
         described(pictures, [packed(picture) for picture in pictures], name="x")
+    maps = [Picture("map", None, (Reading(np.zeros((6, 9))),))]
+    with pytest.raises(ValueError, match="give the colours"):
+        described(maps, [packed(maps[0])], name="x")

@@ -39,7 +39,7 @@ def show_comparison(view: DepthView) -> None:
         pictures.append(_difference(maps, legends))
     if len(view.results) > 1:
         pictures.append(_agreement(view, legends))
-    linked_pictures(pictures, key=KEY, legends=legends)
+    linked_pictures(pictures, key=KEY, colours=view.colours, legends=legends)
 
 
 def _difference(maps: dict[str, FloatMap], legends: list[Legend]) -> Picture:

@@ -45,6 +45,7 @@ def show_readout(view: DepthView) -> None:
     linked_pictures(
         [*pictures, *truth_picture(view)],
         key=KEY,
+        colours=view.colours,
         legends=map_legends(view),
         hint="Click two points to measure the distance between them; a third click starts over.",
         marks=_marks(points),

@@ -72,22 +72,18 @@ def ask_rectified(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
                 persist_state="session",
                 width=220,
                 help="The calibration does not say how the pair is to be rectified (R1, R2, P1, P2). 0 keeps only what "
-                "the cameras took, 1 all of it, with black around.",
+                "the cameras took, 1 all of it, with black around. Of images that are rectified already: what they "
+                "were rectified with, for metres depend on it.",
             )
-    return _decided(pair)
-
-
-def rectified(pair: StereoPair) -> StereoPair:
-    """Return the pair as it should be matched, by what the visitor chose, and draw no control."""
-    return _decided(pair)[0]
+    return rectified(pair)
 
 
 def show_decision(decision: Decision) -> None:
     """Say what was decided, with a button that undoes it."""
-    opposite = RECTIFIED if decision.rectify else RAW
+    undo = ("Undo", RECTIFIED) if decision.rectify else ("Rectify it all the same", RAW)
+    label, choice = (CHOICES[DECIDE], DECIDE) if decision.asked else undo
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         st.caption(f":material/straighten: {decision.sentence}", width="content")
-        label, choice = (CHOICES[DECIDE], DECIDE) if decision.asked else ("Undo", opposite)
         st.button(label, key="depth.rectifying.undo", type="tertiary", on_click=partial(_choose, choice))
 
 
@@ -95,17 +91,18 @@ def _choose(choice: str) -> None:
     st.session_state[CHOICE_KEY] = choice
 
 
-def _decided(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
+def rectified(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
+    """Return a pair as it should be matched, and what was decided, by what the visitor chose; draw no control."""
     if pair.calibration is None or pair.calibration.rig is None:
         return pair, None
     rig, choice = pair.calibration.rig, st.session_state.get(CHOICE_KEY, DECIDE)
     alpha = st.session_state.get(ALPHA_KEY, 0.0) if rig.rectification is None else None
     try:
         again = _rectified(pair, alpha)
+        evidence = _evidence(pair, again)
     except ValueError as error:
         st.error(str(error))
         return replace(pair, calibration=None), None
-    evidence = _evidence(pair, again, alpha)
     rectify_it = choice == RAW or (choice == DECIDE and not evidence.already_rectified)
     drops_truth = rectify_it and pair.truth is not None
     sentence = rectification_in_words(evidence, rectify_it, choice != DECIDE, drops_truth)
@@ -132,14 +129,15 @@ def _rectified(pair: StereoPair, alpha: float | None) -> Straightened:
     )
 
 
-def _evidence(pair: StereoPair, again: Straightened, alpha: float | None) -> RowEvidence:
+def _evidence(pair: StereoPair, again: Straightened) -> RowEvidence:
+    """Return what the rows say; the frame, which changes their scale a little, does not change that."""
     assert pair.calibration is not None
     assert pair.calibration.rig is not None
     return computed(
         "row evidence",
         lambda progress: row_evidence((pair.left, pair.right), (again.left, again.right)),
         inputs=pair.digest,
-        settings=_fingerprint(pair.calibration.rig, alpha),
+        settings=_fingerprint(pair.calibration.rig, None),
         shared=pair.shared,
         label="Comparing the rows …",
     )
