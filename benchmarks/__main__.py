@@ -16,6 +16,7 @@ import scipy
 
 from benchmarks.accuracy import accuracy_tables
 from benchmarks.browser import latency_table
+from benchmarks.doctor import doctor_tables
 from benchmarks.hostile import hostile_table
 from benchmarks.load import load_table
 from benchmarks.pairs import DATA
@@ -24,7 +25,7 @@ from benchmarks.suggestion import suggestion_table
 from benchmarks.timing import Row
 
 USUAL = ["speed", "accuracy", "browser"]
-TABLES = [*USUAL, "suggestion", "load", "hostile"]
+TABLES = [*USUAL, "doctor", "suggestion", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -98,6 +99,8 @@ def main() -> None:
             keep("browser", "In the browser", *latency)
         else:
             print("The latency is left out: there is no Chromium (set CHROMIUM).")
+    if "doctor" in wanted:
+        keep("doctor", "The input doctor", *doctor_tables())
     if "suggestion" in wanted:
         if DATA.is_dir():
             keep("suggestion", "Suggested settings", *suggestion_table())

@@ -1,53 +1,51 @@
-"""A sparse set of reliable matches between two views, found without any assumption about rows, range or exposure."""
+"""Reliable matches between two views: correspondences that agree on how the views lie, rectified or not."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from stereolag.inputs import Image, as_grey
+from stereolag.doctor.features import (
+    Chosen,
+    Correspondences,
+    binary_candidates,
+    gradient_candidates,
+    reduced_pair,
+)
+from stereolag.doctor.rows import bend_of, centre_of, robust_fit, row_spread, row_terms
+from stereolag.doctor.uncalibrated import NOISE_PX, UncalibratedRectification, fit_rectification, robust_cost
+from stereolag.inputs import Image
 
-Points = npt.NDArray[np.float32]
+EPIPOLAR_PX = 1.0
+"""How far from its epipolar line a match may lie, px of the size in which it was matched."""
 
-FEATURES = 2000
-LARGEST_SIDE = 1000
-PATCH = 15
-"""Side of the window whose flow refines a match, px."""
+ENOUGH, EASY_SHARE, EVEN_PX = 100, 0.4, 0.4
+"""Of an easy pair: how many matches agree, what share of all, and how much their rows scatter, px."""
+
+UNBENT_PX = 0.3
+"""Bend of an easy pair from which on its matches are looked for again where a lens takes them, px."""
 
 AGREEMENT = 2.5
-"""A match whose dy is farther from the fitted plane of dy than this many robust standard deviations is dropped."""
+"""On an easy pair a match is dropped whose dy is off by more than this many standard deviations."""
 
-LARGEST_SPREAD = 0.03
-"""Matches that scatter more about their plane, as a share of the image's height, agree on nothing."""
+CHANCE_SHARE = 0.15
+"""Matches that agree are no evidence below this share of the distinct ones: chance finds some too."""
 
+PLANES, PLANE_SHARE, STEEPEST = 2000, 0.012, 0.2
+"""Planes of dy tried, how far from one a match may lie as a share of the rows, and the largest slope of one."""
 
-@dataclass(frozen=True)
-class Correspondences:
-    """Matched points: (n, 2) float32 (x, y) in the left and in the right image, px, and the images' (rows, cols)."""
-
-    left: Points
-    right: Points
-    shape: tuple[int, int]
-
-    @property
-    def dx(self) -> Points:
-        """Return the horizontal displacements, right minus left, px."""
-        return self.right[:, 0] - self.left[:, 0]
-
-    @property
-    def dy(self) -> Points:
-        """Return the vertical displacements, right minus left, px."""
-        return self.right[:, 1] - self.left[:, 1]
-
-    def __len__(self) -> int:
-        return len(self.left)
+TOLERANCES_PX = (7.0, 4.0, 2.0, 1.5, 1.5)
+"""Row errors up to which matches are kept while the model of the views is fitted to them again and again."""
 
 
 def find_correspondences(left: Image, right: Image) -> Correspondences:
-    """Match ORB features (Rublee et al. 2011) and refine them to a fraction of a pixel by Lucas-Kanade flow.
+    """Match features, and keep those that agree on how the views lie to each other.
+
+    On a pair that is nearly rectified, mutual ORB matches whose dy is what small turns and a lens make of it, begun
+    from those on the epipolar lines of one fundamental matrix (MAGSAC++, Barath et al. 2020). Where those are few, SIFT
+    matches are added, and those are kept that agree on two turned cameras with one lens coefficient.
+
+    Their ``dy`` are the differences of rows: about 0 on a rectified pair.
 
     Parameters
     ----------
@@ -57,75 +55,87 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     Returns
     -------
     Correspondences
-        The mutual best matches that agree on how dy varies over the image; possibly none.
+        Possibly none: matches that chance could have brought about are no evidence.
     """
-    shape = left.shape[0], left.shape[1]
-    scale = min(1.0, LARGEST_SIDE / max(shape))
-    detector = cv2.ORB.create(FEATURES, fastThreshold=8)
-    none = np.empty((0, 2), dtype=np.float32)
-    if min(shape) * scale < detector.getPatchSize():
-        return Correspondences(none, none, shape)
-    views = [_stretched(image, scale) for image in (left, right)]
-    (left_keys, left_codes), (right_keys, right_codes) = (detector.detectAndCompute(view, None) for view in views)
-    if left_codes is None or right_codes is None:
-        return Correspondences(none, none, shape)
-    pairs = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True).match(left_codes, right_codes)
-    start = np.array([left_keys[pair.queryIdx].pt for pair in pairs], dtype=np.float32).reshape(-1, 2)
-    guess = np.array([right_keys[pair.trainIdx].pt for pair in pairs], dtype=np.float32).reshape(-1, 2)
-    start, end = _refined(views[0], views[1], start, guess)
-    # A pixel of the small image is the centre of a block of the large one.
-    start, end = (start + 0.5) / scale - 0.5, (end + 0.5) / scale - 0.5
-    found = Correspondences(start, end, shape)
-    keep = _consistent(found)
-    return Correspondences(found.left[keep], found.right[keep], shape)
+    pair = reduced_pair(left, right)
+    quick = binary_candidates(pair)
+    easy = _nearly_rectified(quick.points)
+    if len(easy) >= ENOUGH:
+        return _followed(quick.points, easy) if np.std(bend_of(easy)) * pair.scale > UNBENT_PX else easy
+    thorough = gradient_candidates(pair)
+    every, distinct = quick.points.joined(thorough.points), quick.distinct.joined(thorough.distinct)
+    models = [_settled(distinct, seed) for seed in (_epipolar(distinct), _on_a_plane(distinct))]
+    best = min((model for model in models if model), key=lambda model: robust_cost(model, distinct), default=None)
+    if best is None or _agreeing(best, distinct).sum() < CHANCE_SHARE * len(distinct):
+        return every.chosen(np.zeros(len(every), dtype=np.bool_))
+    return _followed(every, every.chosen(_agreeing(best, every)))
 
 
-def vertical_plane(points: Correspondences) -> tuple[float, float, float]:
-    """Return (a, b, c) of ``right.y = a + b * (x - cx) + (1 + c) * (y - cy) + cy`` by least squares over the matches.
-
-    a is the row offset at the centre (px), b the sine of the rotation and c the difference of scale between the views.
-    """
-    centre = (np.array(points.shape[::-1]) - 1) / 2
-    offset = points.left - centre
-    plane = np.column_stack([np.ones(len(points)), offset])
-    fit, *_ = np.linalg.lstsq(plane, points.dy, rcond=None)
-    return float(fit[0]), float(fit[1]), float(fit[2])
-
-
-def _stretched(image: Image, scale: float) -> npt.NDArray[np.uint8]:
-    """Return scaled 8-bit grey over the image's own range, so that exposure does not affect the features."""
-    grey = np.asarray(cv2.resize(as_grey(image), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.float32)
-    low, high = np.percentile(grey[::4, ::4], (1, 99))
-    return np.asarray(np.clip((grey - low) * (255 / max(high - low, 1e-6)), 0, 255), dtype=np.uint8)
-
-
-def _refined(
-    left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8], start: Points, guess: Points
-) -> tuple[Points, Points]:
-    """Return the matches whose flow converges near the guess, ends refined to a fraction of a pixel."""
-    if not len(start):
-        return start, guess
-    end, ok, _ = cv2.calcOpticalFlowPyrLK(
-        left, right, start, guess.copy(), winSize=(PATCH, PATCH), maxLevel=0, flags=cv2.OPTFLOW_USE_INITIAL_FLOW
+def _epipolar(points: Correspondences) -> Chosen:
+    """Return which matches lie on the epipolar lines of the best fundamental matrix."""
+    if len(points) < 8:
+        return np.zeros(len(points), dtype=np.bool_)
+    _, agreeing = cv2.findFundamentalMat(
+        points.left, points.right, cv2.USAC_MAGSAC, EPIPOLAR_PX / points.scale, 0.999, 5000
     )
-    near = (ok.ravel() == 1) & (np.abs(end - guess).max(axis=1) < 3)
-    return start[near], end[near]
+    return np.zeros(len(points), dtype=np.bool_) if agreeing is None else np.asarray(agreeing.ravel() == 1)
 
 
-def _consistent(points: Correspondences) -> npt.NDArray[np.bool_]:
-    """Return which matches share one smooth field of dy: wrong ones lie anywhere, right ones on a plane."""
-    keep = np.ones(len(points), dtype=np.bool_)
-    spread = np.inf
-    for _ in range(12):
-        if keep.sum() < 8:
-            return np.zeros(len(points), dtype=np.bool_)
-        some = Correspondences(points.left[keep], points.right[keep], points.shape)
-        if np.isinf(spread):
-            residual = points.dy - np.median(points.dy)
-        else:
-            a, b, c = vertical_plane(some)
-            centre = (np.array(points.shape[::-1]) - 1) / 2
-            residual = points.dy - (a + (points.left - centre) @ np.array([b, c]))
-        spread = max(0.3, 1.4826 * float(np.median(np.abs(residual[keep]))))
-        keep = np.abs(residual) < AGREEMENT * spread
-    return keep & (spread <= LARGEST_SPREAD * points.shape[0])
+def _nearly_rectified(points: Correspondences) -> Correspondences:
+    """Return the matches of an easy pair, whose dy is what turns and a lens make of it; none of another pair."""
+    agreeing = _epipolar(points)
+    for _ in range(3):
+        if agreeing.sum() < ENOUGH:
+            return points.chosen(np.zeros(len(points), dtype=np.bool_))
+        terms = row_terms(points)
+        residuals = points.dy - terms @ robust_fit(terms[agreeing], points.dy[agreeing].astype(np.float64))
+        spread = row_spread(residuals[agreeing]) * points.scale
+        agreeing = np.abs(residuals) * points.scale < AGREEMENT * max(spread, NOISE_PX)
+    easy = spread < EVEN_PX and agreeing.mean() > EASY_SHARE
+    return points.chosen(agreeing if easy else np.zeros(len(points), dtype=np.bool_))
+
+
+def _on_a_plane(points: Correspondences) -> Chosen:
+    """Return which matches lie near the best plane of dy over the image (RANSAC): two cameras nearly side by side.
+
+    Where a pattern repeats, more matches may agree on an epipolar geometry that no such cameras have.
+    """
+    if len(points) < 8:
+        return np.zeros(len(points), dtype=np.bool_)
+    places = np.column_stack([np.ones(len(points)), (points.left - centre_of(points)) / points.shape[1]])
+    sample = np.random.default_rng(0).integers(0, len(points), (PLANES, 3))
+    corners, heights = places[sample], points.dy[sample].astype(np.float64)
+    wide = np.abs(np.linalg.det(corners)) > 0.01
+    planes = np.linalg.solve(corners[wide], heights[wide][..., None])[..., 0]
+    slopes = np.abs(planes[:, 1:]).max(axis=1, initial=0) / points.shape[1]
+    planes = planes[slopes < STEEPEST]
+    if not len(planes):
+        return np.zeros(len(points), dtype=np.bool_)
+    near = np.abs(points.dy - planes @ places.T) < PLANE_SHARE * points.shape[0]
+    return np.asarray(near[near.sum(axis=1).argmax()])
+
+
+def _settled(points: Correspondences, agreeing: Chosen) -> UncalibratedRectification | None:
+    """Return the model of the views that the most matches agree on, from some that should; None without enough."""
+    model = None
+    for tolerance in TOLERANCES_PX:
+        if agreeing.sum() < 8:
+            return None
+        model = fit_rectification(points.chosen(agreeing), lens=model is not None, start=model)
+        agreeing = np.abs(model.row_errors(points)) * points.scale < tolerance
+    return model
+
+
+def _followed(every: Correspondences, agreeing: Correspondences) -> Correspondences:
+    """Return all matches that agree on the turns and the lens of some: in the corners a lens takes them far."""
+    for _ in range(2):
+        model = fit_rectification(agreeing, lens=True)
+        errors = np.abs(model.row_errors(agreeing)) * every.scale
+        # Wrong matches lie on the right rows by chance, the fewer the closer one looks.
+        tolerance = max(2 * NOISE_PX, AGREEMENT * 1.4826 * float(np.median(errors)))
+        agreeing = every.chosen(np.abs(model.row_errors(every)) * every.scale < tolerance)
+    return agreeing
+
+
+def _agreeing(model: UncalibratedRectification, points: Correspondences) -> Chosen:
+    return np.asarray(np.abs(model.row_errors(points)) * points.scale < TOLERANCES_PX[-1])

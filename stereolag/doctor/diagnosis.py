@@ -5,18 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.doctor.correspondences import Correspondences, find_correspondences, vertical_plane
+from stereolag.doctor.correspondences import find_correspondences
+from stereolag.doctor.disparity_range import disparities_of, disparities_seen, range_for
+from stereolag.doctor.features import Correspondences
 from stereolag.doctor.findings import (
     FEWEST_MATCHES,
-    INFINITY_SLACK_PX,
     Finding,
     FindingCode,
+    judge_bent_rows,
     judge_exposure,
+    judge_identical,
     judge_matches,
+    judge_raw_sides,
     judge_rotation,
     judge_rows,
     judge_searched,
@@ -24,10 +27,11 @@ from stereolag.doctor.findings import (
     judge_texture,
 )
 from stereolag.doctor.remedies import exposed_alike, exposure
+from stereolag.doctor.rows import bend_of, match_noise, row_residuals, row_spread, straightened, vertical_plane
+from stereolag.doctor.uncalibrated import UncalibratedRectification
 from stereolag.estimates import OVERHEAD, Estimate, check_memory, kept_blocks
 from stereolag.inputs import Image, as_grey, as_stereo_pair, local_deviation
 from stereolag.stereo.estimates import fitting_pair
-from stereolag.stereo.opencv import StereoSGBM
 
 TEXTURE_WINDOW = 11
 """Side of the windows whose texture is judged, px."""
@@ -35,17 +39,17 @@ TEXTURE_WINDOW = 11
 FLAT_DEVIATION = 0.01
 """Standard deviation of such a window, as a share of the image's range of grey levels: less is hardly any texture."""
 
-RANGE_MARGIN = 0.1
-"""How far beyond the disparities seen the suggested range reaches, as a share of their span."""
-
 EXPOSED, TEXTURE = 9, 42
 """Bytes per value of the image while its exposure is fitted, and per pixel while its texture is judged."""
 
-COARSE_SECONDS, VALUE_SECONDS = 0.2, 4e-8
+COARSE_SECONDS, VALUE_SECONDS = 0.4, 4e-8
 """Seconds of the features and the coarse search, and per value of the image."""
 
-COARSE_WIDTH = 320
-"""Width to which a pair is reduced to look for its range of disparities, px."""
+DOUBTED_PX = 0.5
+"""Spread of rows from which it is asked whether they bend, px of the size in which features were matched."""
+
+SURELY = 2.0
+"""Standard deviations by which a disparity is surely on one side of 0."""
 
 
 @dataclass(frozen=True)
@@ -55,19 +59,20 @@ class Diagnosis:
     Attributes
     ----------
     findings
-        One per question, in the order in which they should be fixed. The geometry (SWAPPED, ROWS, ROTATION) is left
-        out with too few matched features, the range on a pair whose sides are swapped or whose views do not match.
+        One per question, in the order in which they should be fixed. The geometry (SWAPPED, ROWS, ROTATION, BENT_ROWS)
+        is left out with too few matched features, and with the range on a pair of identical pictures; the range also on
+        a pair whose sides are swapped or where nothing tells it.
     disparities
-        0.5th and 99.5th percentile of the disparities that a coarse semi-global search over 40 % of the width
-        measures, px.
-    suggested_min_disparity, suggested_num_disparities
-        The search range that covers them, px; the number is a multiple of 16.
+        The range of disparities in the pair as it is, px, from a coarse semi-global search over 40 % of the width and
+        from the matched features; None where nothing tells it.
+    suggested_range
+        First disparity and their number, a multiple of 16, of a search that covers them with a modest margin; None
+        where nothing tells it.
     """
 
     findings: tuple[Finding, ...]
-    disparities: tuple[float, float]
-    suggested_min_disparity: int
-    suggested_num_disparities: int
+    disparities: tuple[float, float] | None
+    suggested_range: tuple[int, int] | None
 
     @property
     def healthy(self) -> bool:
@@ -94,7 +99,8 @@ def diagnose(
     Returns
     -------
     Diagnosis
-        Findings on swapped sides, row offset, rotation and scale, exposure, texture and search range.
+        Findings on identical pictures, swapped sides, row offset, rotation and scale, bent rows, exposure, texture and
+        search range.
 
     Raises
     ------
@@ -103,9 +109,10 @@ def diagnose(
 
     Notes
     -----
-    The geometry rests on sparse feature matches: on a rectified pair ``dy`` is 0 and every disparity positive. A
-    rotation of the right view shows as a ``dy`` that grows across the image, a difference in scale as one that grows
-    down it.
+    The geometry rests on sparse feature matches, found without assuming rectified rows: on a rectified pair ``dy`` is 0
+    and every disparity positive. A rotation of the right view shows as a ``dy`` that grows across the image, a
+    difference in scale as one that grows down it; cameras turned towards each other and lenses that distort show as one
+    that bends.
     """
     images = as_stereo_pair(left, right)
     shape, dtype = images[0].shape, images[0].dtype
@@ -115,16 +122,19 @@ def diagnose(
     )
     points = find_correspondences(*images)
     judged = len(points) >= FEWEST_MATCHES
-    seen = _disparities_seen(images[0], exposed_alike(*images))
-    suggested = _suggested_range(*seen)
     range_of_greys = _range_of_greys(images[0])
+    identical = _judge_identity(images, points if judged else None, range_of_greys)
+    geometry = _judge_geometry(points) if judged and identical.healthy else ()
+    sides_known = all(finding.healthy for finding in geometry if finding.code == FindingCode.SWAPPED)
+    seen = disparities_seen(images[0], exposed_alike(*images), points) if identical.healthy and sides_known else None
     findings = (
         judge_matches(len(points)),
-        *(_judge_geometry(points) if judged else ()),
+        identical,
+        *geometry,
         judge_exposure(*exposure(*images, points if judged else None), range_of_greys),
         judge_texture(_flat_share(images[0], range_of_greys)),
     )
-    examined = Diagnosis(findings, seen, *suggested)
+    examined = Diagnosis(findings, seen, None if seen is None else range_for(*seen))
     searched = judge_range(examined, min_disparity, num_disparities)
     return examined if searched is None else replace(examined, findings=(*findings, searched))
 
@@ -155,60 +165,54 @@ def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) 
     Returns
     -------
     finding
-        None for a pair that is swapped or whose views do not match: its range would be that of the wrong pair.
+        None where nothing tells the range of the pair, or its sides are swapped.
     """
-    doubtful = (FindingCode.MATCHES, FindingCode.SWAPPED)
-    if not all(finding.healthy for finding in diagnosis.findings if finding.code in doubtful):
+    if diagnosis.disparities is None or diagnosis.suggested_range is None:
         return None
-    suggested = diagnosis.suggested_min_disparity, diagnosis.suggested_num_disparities
-    return judge_searched(diagnosis.disparities, (min_disparity, num_disparities), suggested)
+    return judge_searched(diagnosis.disparities, (min_disparity, num_disparities), diagnosis.suggested_range)
+
+
+def _judge_identity(images: tuple[Image, Image], points: Correspondences | None, range_of_greys: float) -> Finding:
+    """Judge whether both images show one view."""
+    left, right = (as_grey(image).astype(np.float32) for image in images)
+    difference = float(np.mean(np.abs(right - left))) / range_of_greys
+    if points is None:
+        return judge_identical(difference, None, 1.0)
+    return judge_identical(difference, float(np.percentile(np.hypot(points.dx, points.dy), 95)), points.scale)
 
 
 def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
     """Judge how the views lie to each other."""
-    lowest, highest = np.percentile(-points.dx, (1, 99))
     offset = float(np.median(points.dy))
     spread = 1.4826 * float(np.median(np.abs(points.dy - offset)))
     _, sine, growth = vertical_plane(points)
-    return (
-        judge_sides(float(lowest), float(highest)),
-        judge_rows(offset, spread),
-        judge_rotation(float(np.degrees(sine)), 1 + growth),
+    turned = float(np.degrees(sine)), 1 + growth
+    residuals, bend = row_residuals(points), bend_of(points)
+    bent, noise, ends = row_spread(residuals), match_noise(points, residuals), np.percentile(residuals, (2, 98))
+    straight = straightened(points) if max(bent, float(np.std(bend))) * points.scale > DOUBTED_PX else None
+    if straight is not None and np.std(bend) > bent:
+        bent, ends = float(np.std(bend)), np.percentile(bend, (2, 98))
+    rows = judge_bent_rows(
+        bent,
+        noise if straight is None else min(noise, straight.spread_px),
+        (float(ends[0]), float(ends[1])),
+        points.scale,
+        None if straight is None else (straight.spread_px, straight.model.lens),
     )
+    if straight is None or rows.remedy is None:
+        sides = judge_sides(*disparities_of(points))
+        return sides, judge_rows(offset, spread), judge_rotation(*turned), rows
+    # The one remedy of bent rows takes offset and rotation too.
+    sides = _judge_raw_sides(straight.model, points)
+    return sides, judge_rows(offset, spread, remedy=None), judge_rotation(*turned, remedy=None), rows
 
 
-def _disparities_seen(left: Image, right: Image) -> tuple[float, float]:
-    """Return the range of disparities in the pair, px, from a coarse search far wider than any pair should need.
-
-    Sparse matches would miss near objects, which fill few but important pixels.
-    """
-    scale = min(1.0, COARSE_WIDTH / left.shape[1])
-    height, width = (max(1, round(side * scale)) for side in left.shape[:2])
-    coarse = [cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA) for image in (left, right)]
-    count, first = 16 * max(1, -(-int(0.4 * width) // 16)), -int(0.12 * width)
-    framed = [cv2.copyMakeBorder(image, 8, 8, count + 8, 8 - first, cv2.BORDER_REPLICATE) for image in coarse]
-    matcher = StereoSGBM(
-        num_disparities=count,
-        min_disparity=first,
-        p2=1600,
-        uniqueness_ratio=15,
-        speckle_window_size=60,
-        speckle_range=1,
-    )
-    found = matcher.compute(*framed).disparity[8:-8, count + 8 : count + 8 + width]
-    seen = found[np.isfinite(found)]
-    if seen.size < 0.02 * found.size:
-        return 0.0, 64.0
-    low, high = np.percentile(seen, (0.5, 99.5)) / scale
-    return float(low), float(high)
-
-
-def _suggested_range(low: float, high: float) -> tuple[int, int]:
-    """Return the range to search for the disparities seen, with a margin; from 0 (infinity) if they begin near it."""
-    margin = RANGE_MARGIN * max(high - low, 8.0)
-    first = 0 if -INFINITY_SLACK_PX <= low - margin <= 16 or -INFINITY_SLACK_PX <= low <= 16 else int(low - margin)
-    count = int(np.ceil(high + margin)) - first + 1
-    return first, max(16, 16 * -(-count // 16))
+def _judge_raw_sides(model: UncalibratedRectification, points: Correspondences) -> Finding:
+    """Judge whether left is left where the cameras are turned: by the disparities once they are turned back."""
+    disparities, deviations = model.disparities(points)
+    lowest, highest = np.percentile(disparities, (2, 98))
+    in_front, behind = (float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1))
+    return judge_raw_sides(float(lowest), float(highest), in_front, behind)
 
 
 def _flat_share(image: Image, range_of_greys: float) -> float:

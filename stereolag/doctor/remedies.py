@@ -6,16 +6,18 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.doctor.correspondences import Correspondences, find_correspondences
+from stereolag.doctor.correspondences import find_correspondences
+from stereolag.doctor.features import Correspondences
 from stereolag.doctor.findings import FEWEST_MATCHES, Remedy
+from stereolag.doctor.rows import centre_of, robust_fit, straightened
 from stereolag.inputs import Image, as_grey, as_stereo_pair
 
 
 def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> tuple[Image, Image]:
     """Return the pair after one remedy.
 
-    The left image stays as it is, except that swapped sides change places: everything known about its pixels still
-    holds. Only ``Remedy.LEVEL`` makes depth relative, for it warps the right image without regard to the cameras.
+    The left image stays as it is, so that everything known about its pixels still holds; but swapped sides change
+    places, and ``Remedy.RECTIFY`` warps both. That and ``Remedy.LEVEL`` make depth relative, for they know no cameras.
 
     Parameters
     ----------
@@ -32,8 +34,8 @@ def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> t
     Raises
     ------
     ValueError
-        ``Remedy.SET_RANGE``, which changes the settings of a matcher and no image; or too few matched features to tell
-        how the views lie.
+        ``Remedy.SET_RANGE``, which changes the settings of a matcher and no image; too few matched features to tell
+        how the views lie; or rows that no rectification from the images alone brings much closer.
     """
     images = as_stereo_pair(left, right)
     match Remedy(remedy):
@@ -43,6 +45,8 @@ def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> t
             return images[0], rows_aligned(*images)
         case Remedy.LEVEL:
             return images[0], levelled(*images)
+        case Remedy.RECTIFY:
+            return rectified(*images)
         case Remedy.MATCH_EXPOSURE:
             return images[0], exposed_alike(*images)
     raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher and no image.")
@@ -72,13 +76,33 @@ def levelled(left: Image, right: Image) -> Image:
         Too few matched features to tell how the views lie.
     """
     points = _enough_matches(left, right)
-    centre = (np.array(points.shape[::-1]) - 1) / 2
+    centre = centre_of(points)
     # Rows of the left image as a plane over the right one: y_left = p * x + q * y + t about the centre.
     plane = np.column_stack([points.right - centre, np.ones(len(points))])
-    (p, q, t), *_ = np.linalg.lstsq(plane, points.left[:, 1] - centre[1], rcond=None)
+    p, q, t = robust_fit(plane, points.left[:, 1] - centre[1])
     turn = np.array([[q, -p, 0.0], [p, q, t]])
     turn[:, 2] += centre - turn[:, :2] @ centre
     return _warped(right, turn)
+
+
+def rectified(left: Image, right: Image) -> tuple[Image, Image]:
+    """Return both images turned, and freed of a lens distortion where that helps, so that their rows match.
+
+    Fitted to sparse matches, and taken only where it brings matches that it was not fitted to much closer: see
+    :class:`~stereolag.doctor.uncalibrated.UncalibratedRectification`. Depth from such a pair is relative.
+
+    Raises
+    ------
+    ValueError
+        Too few matched features, or rows that do not come much closer.
+    """
+    found = straightened(_enough_matches(left, right))
+    if found is None:
+        raise ValueError(
+            "Turning the images and freeing them of one lens distortion brings their rows not much closer than moving, "
+            "rotating and scaling one of them; calibrate the camera."
+        )
+    return found.model.applied(left, right)
 
 
 def _enough_matches(left: Image, right: Image) -> Correspondences:

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from ailing_pairs import ILLS, REMEDIES
+from raw_views import barrel
 from streamlit.testing.v1 import AppTest
 
 from stereolag.doctor import FindingCode, Remedy
-from stereolag.ui.depth.doctor import HEALTHY
+from stereolag.ui.depth.doctor import CALIBRATE, HEALTHY
+from stereolag.ui.navigation import PAGES
 from stereolag.ui.pairs import StereoPair, example_pair
 from tests.app import keys
 
@@ -77,6 +79,31 @@ def test_each_problem_is_fixed_by_a_click_and_comes_back_with_undo(code: Finding
     app.button(key=f"depth.doctor.undo.{remedy}").click().run()
     assert app.session_state["shown"] is pair
     assert app.warning
+
+
+def test_bent_rows_are_rectified_by_a_click_and_come_back_with_undo(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(PAGES, CALIBRATE, raising=False)  # an app of one function has no other page to link to
+    cube = example_pair("cube")
+    pair = changed("bent", left=barrel(cube.left, -0.3), right=barrel(cube.right, -0.3))
+    app = opened(pair)
+    assert any("Rows bend" in text.value and "Calibrate" in text.value for text in app.markdown)
+    app.button(key="depth.doctor.rectify").click().run()
+    assert not app.exception
+    mended = app.session_state["shown"]
+    assert mended.truth is None
+    assert mended.visible is None
+    assert mended.calibration is None
+    assert any("depth is relative" in text.value and "left out" in text.value for text in app.markdown)
+    assert not any("Rows bend" in text.value for text in app.markdown)
+    app.button(key="depth.doctor.undo.rectify").click().run()
+    assert app.session_state["shown"] is pair
+
+
+def test_a_picture_given_twice_is_said() -> None:
+    cube = example_pair("cube")
+    app = opened(changed("twice", left=cube.left, right=cube.left))
+    assert not app.exception
+    assert any("one and the same view" in text.value for text in app.markdown)
 
 
 def test_swapping_a_swapped_pair_undoes_it() -> None:

@@ -10,8 +10,11 @@ from pairs import shifted_pair
 
 from stereolag.doctor import Finding, FindingCode, Remedy
 from stereolag.doctor.findings import (
+    judge_bent_rows,
     judge_exposure,
+    judge_identical,
     judge_matches,
+    judge_raw_sides,
     judge_rotation,
     judge_rows,
     judge_searched,
@@ -24,22 +27,24 @@ from stereolag.explaining.match import MatchKind, explain_match
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
+from stereolag.ui.depth.findings import REMEDIES_DONE, finding_in_words, problems_in_words, remedy_in_words
 from stereolag.ui.sentences import (
     EXAMPLE_LABELS,
     REASON_WORDS,
     REASONS_EXPLAINED,
-    REMEDIES_DONE,
-    finding_in_words,
     match_against_truth,
     match_in_words,
-    problems_in_words,
     rectification_in_words,
-    remedy_in_words,
 )
 
 HEALTHY = [
     (judge_matches(300), "300 features match between the images."),
     (judge_sides(3.2, 40.0), "Left is left: disparities run from 3 to 40 px."),
+    (judge_raw_sides(3.2, 40.0, 0.9, 0.0), "Left is left: disparities run from 3 to 40 px."),
+    (judge_raw_sides(-9.0, 8.0, 0.4, 0.5), "Which image is the left one cannot be told"),
+    (judge_identical(0.1, None, 1.0), "The pictures differ."),
+    (judge_identical(0.1, 12.3, 1.0), "The pictures differ: features move by up to 12 px."),
+    (judge_bent_rows(0.4, 0.2, (-0.5, 0.6), 1.0, None), "Rows do not bend (spread 0.4 px, of which 0.2 px are noise)."),
     (judge_rows(-0.31, 0.2), "Rows match to 0.3 px (spread 0.2 px)."),
     (judge_rotation(0.02, 1.001), "The right image is rotated by +0.02° and scaled by +0.1 %: close enough."),
     (judge_exposure(1.0, 2.0, 200.0), "1.00 times the left one’s contrast, offset by +2 grey levels: close enough."),
@@ -53,6 +58,24 @@ ILL = [
     (judge_matches(12), "Only 12 features match between the images", ""),
     (judge_matches(0), "No features match between the images", ""),
     (judge_sides(-40.0, -3.0), "run from -40 to -3 px, and they should be positive", "Swap left and right"),
+    (judge_raw_sides(-90.0, -3.0, 0.0, 0.9), "Left and right look swapped: disparities run from -90", "Swap left and"),
+    (judge_identical(0.0, None, 1.0), "Both pictures show one and the same view", ""),
+    (judge_identical(0.01, 0.1, 1.0), "Both pictures show one and the same view", ""),
+    (
+        judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, None),
+        "still off by -5.5 to +4.1 px (spread 3.5 px, of which 0.3 px are noise)",
+        "",
+    ),
+    (
+        judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, (0.4, -0.2)),
+        "with one coefficient for the lenses, 0.4 px remain on unused features.",
+        "Rectify both images",
+    ),
+    (
+        judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, (0.4, 0.0)),
+        "Rectified from the images alone, 0.4 px remain",
+        "Rectify both images",
+    ),
     (judge_rows(3.04, 0.2), "sits 3.0 px lower than the left (spread 0.2 px)", "Align the rows"),
     (judge_rows(-3.04, 0.2), "sits 3.0 px higher than the left", "Align the rows"),
     (judge_rotation(-1.0, 0.98), "rotated by -1.00° and scaled by -2.0 %: the pair is not rectified", "Rectify from"),

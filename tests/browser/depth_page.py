@@ -81,7 +81,7 @@ class DepthPage:
         """Unfold the choice of the pair, where it is folded."""
         head = self.page.locator("details", has=self.page.get_by_text("choose a pair or bring your own"))
         if head.get_attribute("open") is None:
-            head.locator("summary").click()
+            head.locator("summary").first.click()
             self.settle()
 
     def turn_to(self, method: str) -> None:

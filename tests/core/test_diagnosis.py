@@ -90,7 +90,8 @@ def test_the_range_is_judged_against_the_disparities_in_the_pair(pair: Pair) -> 
     assert finding is not None
     assert finding.remedy is Remedy.SET_RANGE
     assert finding.numbers["missing_px"] == 0
-    first, count = wide.suggested_min_disparity, wide.suggested_num_disparities
+    assert wide.suggested_range is not None
+    first, count = wide.suggested_range
     suggested = finding.numbers["suggested_min_disparity"], finding.numbers["suggested_num_disparities"]
     assert (first, count) == suggested
     assert count % 16 == 0
@@ -104,6 +105,7 @@ def test_a_range_is_judged_without_looking_again(pair: Pair) -> None:
     swapped = diagnose(pair[1], pair[0])
     assert judge_range(swapped, 0, 64) is None
     assert swapped.finding(FindingCode.RANGE) is None
+    assert swapped.suggested_range is None
 
 
 @pytest.mark.parametrize("code", ILLS)

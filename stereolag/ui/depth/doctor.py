@@ -20,12 +20,7 @@ from stereolag.doctor import (
 )
 from stereolag.estimates import Estimate
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui.depth.view import DepthView
-from stereolag.ui.jobs import is_heavy
-from stereolag.ui.matcher_controls import set_controls
-from stereolag.ui.pairs import Change, StereoPair
-from stereolag.ui.results import computed, computed_before, computed_in_turn
-from stereolag.ui.sentences import (
+from stereolag.ui.depth.findings import (
     DOCTOR_HEALTHY,
     REMEDIES_DONE,
     TRUTH_DROPPED,
@@ -33,6 +28,15 @@ from stereolag.ui.sentences import (
     problems_in_words,
     remedy_in_words,
 )
+from stereolag.ui.depth.view import DepthView
+from stereolag.ui.jobs import is_heavy
+from stereolag.ui.matcher_controls import set_controls
+from stereolag.ui.navigation import PAGES
+from stereolag.ui.pairs import Change, StereoPair
+from stereolag.ui.results import computed, computed_before, computed_in_turn
+
+CALIBRATE = "pages/4_Calibrate.py"
+"""The page that measures the lenses and how the cameras stand."""
 
 TASK = "diagnosis"
 REMEDIES_KEY = "depth.remedies"
@@ -123,9 +127,9 @@ def _advice(diagnosis: Diagnosis, view: DepthView) -> list[Advice]:
 
 
 def _set_ranges(diagnosis: Diagnosis, matchers: list[StereoMatcher], pair: StereoPair) -> None:
-    suggested = diagnosis.suggested_min_disparity, diagnosis.suggested_num_disparities
-    for matcher in matchers:
-        set_controls(matcher.with_search_range(*suggested), pair)
+    if diagnosis.suggested_range is not None:
+        for matcher in matchers:
+            set_controls(matcher.with_search_range(*diagnosis.suggested_range), pair)
 
 
 def _prescribe(pair: StereoPair, remedy: Remedy | None) -> None:
@@ -165,11 +169,13 @@ def _with_remedy(pair: StereoPair, remedy: Remedy) -> StereoPair:
     """Return the pair after one remedy; truth, mask and calibration are kept where they still hold."""
     left, right = apply_remedy(pair.left, pair.right, remedy)
     done = REMEDIES_DONE[remedy]
-    if remedy is Remedy.SWAP_SIDES and pair.truth is not None:
-        done += f" {TRUTH_DROPPED}"
+    if remedy in TRUTH_DROPPED and pair.truth is not None:
+        done += f" {TRUTH_DROPPED[remedy]}"
     change = Change(remedy, done, remedy=True)
     if remedy is Remedy.SWAP_SIDES:
         return pair.after(change, left=left, right=right, truth=None, visible=None)
+    if remedy is Remedy.RECTIFY:
+        return pair.after(change, left=left, right=right, truth=None, visible=None, calibration=None)
     if remedy is Remedy.LEVEL:
         return pair.after(change, left=left, right=right, calibration=None)
     return pair.after(change, left=left, right=right)
@@ -186,6 +192,9 @@ def _show(advice: Advice) -> None:
         st.markdown(f"{_mark(advice.finding)} {finding_in_words(advice.finding)}", width="stretch")
         if advice.finding.remedy:
             _button(remedy_in_words(advice.finding), f"depth.doctor.{advice.finding.remedy}", advice.apply)
+    if advice.finding.code == FindingCode.BENT_ROWS and CALIBRATE in PAGES:
+        label, icon = PAGES[CALIBRATE]
+        st.page_link(CALIBRATE, label=label, icon=icon)
 
 
 def _show_remedy(pair: StereoPair, number: int, change: Change) -> None:

@@ -83,7 +83,7 @@ def _range_of(pair: StereoPair) -> tuple[int, int] | None:
     if pair.num_disparities is not None:
         return pair.min_disparity, pair.num_disparities
     diagnosis = diagnosis_at_once(pair)
-    return None if diagnosis is None else (diagnosis.suggested_min_disparity, diagnosis.suggested_num_disparities)
+    return None if diagnosis is None else diagnosis.suggested_range
 
 
 def _key(pair: StereoPair) -> str:

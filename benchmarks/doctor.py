@@ -1,0 +1,168 @@
+"""The input doctor on raw pairs, on rectified ones and on lenses that distort by a known amount."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.pairs import DATA, true_pairs
+from stereolag.doctor import Diagnosis, FindingCode, diagnose
+from stereolag.doctor.correspondences import find_correspondences
+from stereolag.doctor.features import Correspondences
+from stereolag.doctor.rows import straightened
+from stereolag.inputs import as_grey
+from stereolag.reading import read_disparity, read_image
+from stereolag.samples import stereo_pairs
+
+Array = npt.NDArray[Any]
+
+BOARD = (9, 6)
+COEFFICIENTS = (-0.05, -0.1, -0.2, -0.3, 0.1)
+CORNER = 0.4
+"""Share of the image's diagonal from its centre from which on a point lies in a corner."""
+
+
+def doctor_tables() -> tuple[str, dict[str, object]]:
+    """Return the tables as Markdown, and their figures."""
+    tables = {"Raw pairs of a chessboard": raw_rows(), "Pairs": pair_rows(), "Synthetic lenses": lens_rows()}
+    body, values = [], {}
+    for heading, found in tables.items():
+        rows = list(found)
+        body += [f"{heading}:", "", f"| {' | '.join(rows[0])} |", "|---" * len(rows[0]) + "|"]
+        body += [f"| {' | '.join(str(value) for value in row.values())} |" for row in rows] + [""]
+        values[heading] = rows
+    return "\n".join(body).rstrip(), values
+
+
+def raw_rows() -> Iterator[dict[str, object]]:
+    """Yield what is found on each raw pair, judged by the corners of the board, which no feature was fitted to."""
+    for path in sorted((DATA / "calibration" / "opencv_chessboard").glob("left*.jpg")):
+        views = read_image(path), read_image(path.with_name(path.name.replace("left", "right")))
+        diagnosis, row = examined(path.stem, *views)
+        corners = board_corners(*views)
+        found = straightened(find_correspondences(*views))
+        swapped = diagnose(*views[::-1]).finding(FindingCode.SWAPPED)
+        row["swapped is told"] = "yes" if swapped is not None and not swapped.healthy else "no"
+        row["corners' rows off"] = f"{rms(corners.dy):.2f}"
+        row["after rectifying"] = "" if found is None else f"{rms(found.model.row_errors(corners)):.2f}"
+        nearest = float(np.max(-corners.dx))
+        row["nearest corner"] = f"{nearest:.0f} px, {'inside' if covered(diagnosis, -corners.dx) == 1 else 'OUTSIDE'}"
+        yield row
+
+
+def pair_rows() -> Iterator[dict[str, object]]:
+    """Yield what is found on each rectified pair, and how its range compares with the truth's."""
+    for name, left, right, truth in rectified_pairs():
+        diagnosis, row = examined(name, left, right)
+        known = truth[np.isfinite(truth)]
+        count = 0 if diagnosis.suggested_range is None else diagnosis.suggested_range[1]
+        row["truth"] = f"{known.min():.0f} to {known.max():.0f}"
+        row["truth inside"] = f"{covered(diagnosis, known):.2%}"
+        row["range / truth's"] = f"{count / (np.ceil(known.max()) - np.floor(known.min()) + 1):.2f}"
+        row["range / 0 to truth's end"] = f"{count / (np.ceil(known.max()) + 1):.2f}"
+        yield row
+
+
+def lens_rows() -> Iterator[dict[str, object]]:
+    """Yield what is found where a lens of known k1 bends both images of a rectified pair."""
+    for name, left, right, truth in rectified_pairs():
+        if name not in {"road", "cube", "giraffes", "motorcycle_q", "teddy", "kitti2015_000046"}:
+            continue
+        for k1 in COEFFICIENTS:
+            views = through_lens(left, k1), through_lens(right, k1)
+            diagnosis, row = examined(f"{name}, k1 {k1:+.2f}", *views)
+            true = true_matches(truth, k1)
+            found = straightened(find_correspondences(*views))
+            row["true spread"] = f"{float(np.std(true.dy)):.2f}"
+            errors = None if found is None else found.model.row_errors(true)
+            centre = (np.array(true.shape[::-1]) - 1) / 2
+            outer = np.linalg.norm(true.left - centre, axis=1) > CORNER * np.hypot(*true.shape)
+            row["after"] = "" if errors is None else f"{rms(errors):.2f}"
+            row["after, corners"] = "" if errors is None else f"{rms(errors[outer]):.2f}"
+            row["truth inside"] = f"{covered(diagnosis, -true.dx):.2%}"
+            yield row
+
+
+def examined(name: str, left: Array, right: Array) -> tuple[Diagnosis, dict[str, object]]:
+    """Return the diagnosis of a pair, and what it says in a few cells."""
+    began = time.process_time()
+    diagnosis = diagnose(left, right)
+    spent = time.process_time() - began
+    numbers = {found.code: found.numbers for found in diagnosis.findings}
+    bent = numbers.get(FindingCode.BENT_ROWS, {})
+    amber = [str(found.code) for found in diagnosis.findings if not found.healthy and found.code != FindingCode.RANGE]
+    first, count = diagnosis.suggested_range or (0, 0)
+    return diagnosis, {
+        "pair": name,
+        "matches": f"{numbers[FindingCode.MATCHES]['count']:.0f}",
+        "bent": f"{bent['spread_px']:.2f} (noise {bent['noise_px']:.2f})" if bent else "",
+        "amber": ", ".join(amber) or "none",
+        "range": f"{first} + {count}",
+        "CPU": f"{spent * 1e3:.0f} ms",
+    }
+
+
+def rectified_pairs() -> Iterator[tuple[str, Array, Array, Array]]:
+    """Yield name, images and truth of every rectified pair with truth."""
+    for pair in true_pairs():
+        yield pair.name, pair.left, pair.right, pair.truth
+    for name, sample in stereo_pairs().items():
+        yield name, read_image(sample.left), read_image(sample.right), read_disparity(sample.disparity)
+
+
+def board_corners(left: Array, right: Array) -> Correspondences:
+    """Return the inner corners of the board as matches."""
+    found = []
+    for image in (left, right):
+        seen, corners = cv2.findChessboardCorners(as_grey(image), BOARD)
+        if not seen:
+            raise ValueError("the board was not found")
+        stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 30, 0.01)
+        found.append(cv2.cornerSubPix(as_grey(image), corners, (5, 5), (-1, -1), stop).reshape(-1, 2))
+    turned = (found[0][-1] - found[0][0]) @ (found[1][-1] - found[1][0]) < 0
+    return Correspondences(found[0], found[1][::-1] if turned else found[1], (left.shape[0], left.shape[1]))
+
+
+def covered(diagnosis: Diagnosis, disparities: Array) -> float:
+    """Return the share of disparities inside the suggested range."""
+    first, count = diagnosis.suggested_range or (0, 0)
+    return float(np.mean((disparities >= first) & (disparities < first + count)))
+
+
+def rms(errors: Array) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def through_lens(image: Array, k1: float) -> Array:
+    """Return an image as a lens with OpenCV's k1 and a focal length of one width sees it."""
+    height, width = image.shape[:2]
+    rows, cols = np.indices((height, width))
+    centre = (np.array([width, height]) - 1) / 2
+    distorted = (np.column_stack([cols.ravel(), rows.ravel()]) - centre) / width
+    straight = distorted
+    for _ in range(60):
+        straight = distorted / (1 + k1 * (straight**2).sum(axis=1, keepdims=True))
+    where = (straight * width + centre).astype(np.float32).reshape(height, width, 2)
+    return np.asarray(cv2.remap(image, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+def true_matches(truth: Array, k1: float) -> Correspondences:
+    """Return where that lens puts matching points of a rectified pair, drawn evenly from its truth."""
+    rows, cols = np.nonzero(np.isfinite(truth))
+    drawn = np.random.default_rng(0).choice(len(rows), 4000, replace=False)
+    left = np.column_stack([cols[drawn], rows[drawn]]).astype(np.float64)
+    right = left - np.column_stack([truth[rows[drawn], cols[drawn]], np.zeros(len(drawn))])
+    size = np.array(truth.shape[::-1])
+    seen = []
+    for points in (left, right):
+        straight = (points - (size - 1) / 2) / size[0]
+        seen.append(straight * (1 + k1 * (straight**2).sum(axis=1, keepdims=True)) * size[0] + (size - 1) / 2)
+    inside = np.logical_and(*(((points >= 0) & (points < size)).all(axis=1) for points in seen))
+    places = [points[inside].astype(np.float32) for points in seen]
+    return Correspondences(places[0], places[1], (truth.shape[0], truth.shape[1]))

@@ -1,0 +1,47 @@
+"""Pairs as lenses and turned cameras see them, made of rectified ones, and what is true of them."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+
+def barrel(image: np.ndarray, k1: float) -> np.ndarray:
+    """Return an image as a lens with OpenCV's k1 and a focal length of one width sees it."""
+    height, width = image.shape[:2]
+    centre = np.array([width - 1, height - 1]) / 2
+    rows, cols = np.indices((height, width))
+    distorted = (np.column_stack([cols.ravel(), rows.ravel()]) - centre) / width
+    straight = distorted.copy()
+    for _ in range(60):
+        straight = distorted / (1 + k1 * (straight**2).sum(axis=1, keepdims=True))
+    where = (straight * width + centre).astype(np.float32).reshape(height, width, 2)
+    return cv2.remap(image, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def through_barrel(points: np.ndarray, shape: tuple[int, int], k1: float) -> np.ndarray:
+    """Return where that lens puts points, (n, 2) (x, y), px."""
+    centre = (np.array(shape[::-1]) - 1) / 2
+    straight = (points - centre) / shape[1]
+    return straight * (1 + k1 * (straight**2).sum(axis=1, keepdims=True)) * shape[1] + centre
+
+
+def turning(shape: tuple[int, int], turn: tuple[float, float, float]) -> np.ndarray:
+    """Return the homography of a camera with a focal length of one width that turns about x, y and z, radians."""
+    height, width = shape
+    camera = np.array([[width, 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1.0]])
+    return camera @ cv2.Rodrigues(np.array(turn, dtype=float))[0] @ np.linalg.inv(camera)
+
+
+def turned_camera(image: np.ndarray, turn: tuple[float, float, float]) -> np.ndarray:
+    """Return an image as a camera sees it that was turned about x, y and z, radians."""
+    height, width = image.shape[:2]
+    return cv2.warpPerspective(image, turning((height, width), turn), (width, height), borderMode=cv2.BORDER_REFLECT)
+
+
+def truth_points(disparity: np.ndarray, count: int = 4000) -> tuple[np.ndarray, np.ndarray]:
+    """Return matching points of a rectified pair, (n, 2) (x, y) each, px, drawn evenly from its ground truth."""
+    rows, cols = np.nonzero(np.isfinite(disparity))
+    drawn = np.random.default_rng(0).choice(len(rows), min(count, len(rows)), replace=False)
+    left = np.column_stack([cols[drawn], rows[drawn]]).astype(float)
+    return left, left - np.column_stack([disparity[rows[drawn], cols[drawn]], np.zeros(len(drawn))])
