@@ -6,12 +6,13 @@ import streamlit as st
 
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.address import write_address
+from stereolag.ui.depth.all_pairs import show_all_pairs
 from stereolag.ui.depth.bench import ask_matchers, bench
 from stereolag.ui.depth.blanks import show_blanks
 from stereolag.ui.depth.colouring import coloured_alike, offer_fit
 from stereolag.ui.depth.comparison import show_comparison
 from stereolag.ui.depth.doctor import show_doctor
-from stereolag.ui.depth.exports import show_downloads
+from stereolag.ui.depth.downloads import show_downloads
 from stereolag.ui.depth.inputs import choose_pair
 from stereolag.ui.depth.maps import choose_maps, measured, show_maps, shown_methods
 from stereolag.ui.depth.match import show_inspection
@@ -31,6 +32,7 @@ PARTS = {
     "Why this match?": show_inspection,
     "Why blank?": show_blanks,
     "Scoreboard": show_scoreboard,
+    "All pairs": show_all_pairs,
     "Sweep": show_sweep,
     "Suggest": show_suggest,
     "In 3-D": show_space,

@@ -5,6 +5,8 @@ disparity maps and settings back.
 """
 
 from stereolag.export.archives import bundle, file_name
+from stereolag.export.confidence import confidence, confidence_png, has_scores, measured_mask_png
+from stereolag.export.enlargement import enlarged
 from stereolag.export.maps import (
     check_kitti,
     image_png,
@@ -15,24 +17,34 @@ from stereolag.export.maps import (
     ply,
     valid_mask_png,
 )
+from stereolag.export.opencv_programs import opencv_script
 from stereolag.export.programs import script
+from stereolag.export.sessions import calibration_json, session_json
 from stereolag.export.settings import opencv_yaml, settings_json
 from stereolag.export.tables import metrics_csv, wav
 from stereolag.export.writing import write_disparity, write_matcher
 
 __all__ = [
     "bundle",
+    "calibration_json",
     "check_kitti",
+    "confidence",
+    "confidence_png",
+    "enlarged",
     "file_name",
+    "has_scores",
     "image_png",
     "image_tiff",
     "kitti_png",
+    "measured_mask_png",
     "metrics_csv",
     "npy",
+    "opencv_script",
     "opencv_yaml",
     "pfm",
     "ply",
     "script",
+    "session_json",
     "settings_json",
     "valid_mask_png",
     "wav",

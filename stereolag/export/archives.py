@@ -42,7 +42,9 @@ def bundle(files: Mapping[str, bytes | str]) -> bytes:
     with zipfile.ZipFile(stream, "w") as archive:
         for name, data in zip(names, files.values(), strict=True):
             entry = zipfile.ZipInfo(name, EARLIEST)
-            entry.compress_type, entry.external_attr, entry.create_system = zipfile.ZIP_DEFLATED, READABLE, UNIX
+            # A PNG is packed already.
+            entry.compress_type = zipfile.ZIP_STORED if name.endswith(".png") else zipfile.ZIP_DEFLATED
+            entry.external_attr, entry.create_system = READABLE, UNIX
             archive.writestr(entry, data)
     return stream.getvalue()
 

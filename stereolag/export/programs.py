@@ -88,8 +88,8 @@ def _imports(matcher: StereoMatcher, *, resized: bool) -> list[str]:
 
 def _images(left_name: str, right_name: str, crop: tuple[int, int] | None, scale: float) -> list[str]:
     lines = [
-        f"left = sl.read_image(FOLDER / {_file(left_name)})",
-        f"right = sl.read_image(FOLDER / {_file(right_name)})",
+        f"left = sl.read_image(FOLDER / {file_literal(left_name)})",
+        f"right = sl.read_image(FOLDER / {file_literal(right_name)})",
     ]
     if crop is not None:
         kept = f"[:{crop[0]}, :{crop[1]}]"
@@ -100,8 +100,8 @@ def _images(left_name: str, right_name: str, crop: tuple[int, int] | None, scale
     return lines
 
 
-def _file(name: str) -> str:
-    """Return the name without folders, as a literal that cannot be anything but a text."""
+def file_literal(name: str) -> str:
+    """Return a file's name without folders, as a literal that cannot be anything but a text."""
     return text_literal(re.split(r"[/\\]", name)[-1])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import cv2
 
@@ -16,12 +17,12 @@ def settings_json(matcher: StereoMatcher) -> str:
 
     :func:`stereolag.read_matcher` reads the same matcher from it.
     """
-    document = {
-        "method": type(matcher).__name__,
-        "settings": matcher.model_dump(mode="json"),
-        "stereolag": VERSION,
-    }
-    return json.dumps(document, indent=2) + "\n"
+    return json.dumps(settings_document(matcher) | {"stereolag": VERSION}, indent=2) + "\n"
+
+
+def settings_document(matcher: StereoMatcher) -> dict[str, Any]:
+    """Return what :func:`settings_json` writes of a matcher: its method and all its settings."""
+    return {"method": type(matcher).__name__, "settings": matcher.model_dump(mode="json")}
 
 
 def opencv_yaml(matcher: BlockMatcher) -> str:

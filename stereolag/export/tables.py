@@ -12,40 +12,64 @@ import numpy.typing as npt
 import soundfile
 
 from stereolag.stereo.evaluation import Evaluation
+from stereolag.stereo.matcher import DisparityMap
 
 
-def metrics_csv(evaluations: Mapping[str, Evaluation]) -> str:
-    """Return the figures of each method against ground truth as CSV: one line per method below a line of names.
+def metrics_csv(
+    evaluations: Mapping[str, Evaluation],
+    maps: Mapping[str, DisparityMap] | None = None,
+    estimated_bad: Mapping[str, float] | None = None,
+) -> str:
+    """Return the figures of each method as CSV: one line per method below a line of names.
 
     Parameters
     ----------
     evaluations
-        By the name of the method. A figure that a method lacks, or that is NaN, is left empty.
+        Against the ground truth, by the name of the method. A figure that a method lacks, or that is NaN, is left
+        empty.
+    maps
+        By the name of the method: then every line also tells what no ground truth is needed for, the share of pixels
+        that have a disparity, the share that was measured, and the seconds of the computation. Methods that have a map
+        alone come last.
+    estimated_bad
+        By the name of the method, % of pixels that are probably off by more than 2 px.
     """
+    maps, estimated = maps or {}, estimated_bad or {}
     thresholds = sorted({threshold for evaluation in evaluations.values() for threshold in evaluation.bad})
+    columns = ["truth_pixels", "density", "epe_px", "d1_all_percent"]
+    columns += [f"bad_{threshold:g}_percent" for threshold in thresholds]
+    columns += [f"bad_measured_{threshold:g}_percent" for threshold in thresholds]
+    columns += ["coverage", "measured", "elapsed_s"] if maps else []
+    columns += ["estimated_bad_2_percent"] if estimated else []
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(
-        [
-            "method",
-            "truth_pixels",
-            "density",
-            "epe_px",
-            "d1_all_percent",
-            *(f"bad_{threshold:g}_percent" for threshold in thresholds),
-            *(f"bad_measured_{threshold:g}_percent" for threshold in thresholds),
-        ]
-    )
-    for name, evaluation in evaluations.items():
-        figures = [
-            evaluation.density,
-            evaluation.epe,
-            evaluation.d1_all,
-            *(evaluation.bad.get(threshold, math.nan) for threshold in thresholds),
-            *(evaluation.bad_measured.get(threshold, math.nan) for threshold in thresholds),
-        ]
-        table.writerow([name, evaluation.truth_pixels, *("" if math.isnan(figure) else figure for figure in figures)])
+    table.writerow(["method", *columns])
+    for name in dict.fromkeys([*evaluations, *maps, *estimated]):
+        figures: dict[str, float] = {}
+        if name in evaluations:
+            figures |= _figures_of(evaluations[name])
+        if name in maps:
+            result = maps[name]
+            measured = float((result.valid & ~result.filled).mean())
+            figures |= {"coverage": result.coverage, "measured": measured, "elapsed_s": result.elapsed_s}
+        if name in estimated:
+            figures["estimated_bad_2_percent"] = estimated[name]
+        values = [figures.get(column, math.nan) for column in columns]
+        table.writerow([name, *("" if math.isnan(figure) else figure for figure in values)])
     return text.getvalue()
+
+
+def _figures_of(evaluation: Evaluation) -> dict[str, float]:
+    figures = {
+        "truth_pixels": evaluation.truth_pixels,
+        "density": evaluation.density,
+        "epe_px": evaluation.epe,
+        "d1_all_percent": evaluation.d1_all,
+    }
+    figures |= {f"bad_{threshold:g}_percent": share for threshold, share in evaluation.bad.items()}
+    return figures | {
+        f"bad_measured_{threshold:g}_percent": share for threshold, share in evaluation.bad_measured.items()
+    }
 
 
 def wav(signal: npt.ArrayLike, sampling_rate: float) -> bytes:

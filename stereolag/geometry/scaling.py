@@ -91,6 +91,33 @@ def cropped_alike(left: Image, right: Image) -> tuple[Image, Image]:
     return left[:rows, :cols], right[:rows, :cols]
 
 
+DEPTHS = (8, 10, 12, 14, 16)
+"""Bits that cameras use of the 16 in which their images are stored."""
+
+
+def as_deep(left: Image, right: Image) -> tuple[Image, Image]:
+    """Return both images in 16 bits, where one has 8 and the other 16; as they are otherwise.
+
+    Cameras of 10, 12 or 14 bits often leave the upper ones of 16 empty. Both images show one scene, so that number of
+    bits is taken for full range at which their means come closest.
+    """
+    if {left.dtype, right.dtype} != {np.dtype(np.uint8), np.dtype(np.uint16)}:
+        return left, right
+    deep, shallow = (left, right) if left.dtype == np.uint16 else (right, left)
+    brightest, mean, wanted = int(deep.max()), _mean(deep), _mean(shallow) / 255
+    bits = min(
+        (bits for bits in DEPTHS if brightest < 2**bits),
+        key=lambda bits: abs(math.log((mean / (2**bits - 1) + 1e-6) / (wanted + 1e-6))),
+    )
+    spread = np.minimum(np.rint(np.arange(2**16) * (65535 / (2**bits - 1))), 65535).astype(np.uint16)
+    deep, shallow = spread[deep], shallow.astype(np.uint16) * 257
+    return (deep, shallow) if left.dtype == np.uint16 else (shallow, deep)
+
+
+def _mean(image: Image) -> float:
+    return float((image if image.ndim == 2 else image[:, :, :3]).mean())
+
+
 def calibration_for(calibration: Calibration, width: int, height: int) -> Calibration:
     """Return the calibration for images of this size, which are those it was made for, resized or cropped a little.
 

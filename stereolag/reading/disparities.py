@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -45,17 +45,53 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
         An empty, damaged or unknown file, a colour image, more megapixels than the limit in force, no pixel with a
         disparity, 8-bit integers without a divisor, or a divisor that is not above 0.
     """
-    if divisor is not None and not (divisor > 0 and math.isfinite(divisor)):
-        raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0.")
+    found = read_stored_disparity(source)
+    divisor = found.divisor if divisor is None else divisor
+    if divisor is None:
+        raise ValueError(f"The {WHAT} has 8 bits per pixel: its divisor must be given, often 1, 2, 4 or 16.")
+    return found.divided(divisor)
+
+
+class StoredDisparity(NamedTuple):
+    """A disparity map as a file holds it.
+
+    Attributes
+    ----------
+    stored
+        (rows, cols) numbers of any type.
+    divisor
+        What divides them to give px, as :func:`read_disparity` takes it; None of 8 bits, which do not tell.
+    zero_is_unknown
+        Whether it is an image of integers.
+    """
+
+    stored: npt.NDArray[Any]
+    divisor: float | None
+    zero_is_unknown: bool
+
+    def divided(self, divisor: float) -> npt.NDArray[np.float32]:
+        """Return the disparities by a divisor, px, as :func:`read_disparity` does.
+
+        Raises
+        ------
+        ValueError
+            A divisor that is not above 0, or one that leaves no disparity at all.
+        """
+        if not (divisor > 0 and math.isfinite(divisor)):
+            raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0.")
+        disparity = _divided(self.stored, divisor, zero_is_unknown=self.zero_is_unknown)
+        if np.isnan(disparity).all():
+            raise ValueError(f"The {WHAT} holds no disparity at all: every pixel is marked as unknown.")
+        return disparity
+
+
+def read_stored_disparity(source: Source) -> StoredDisparity:
+    """Read a disparity map whose divisor may not be known yet; refused as by :func:`read_disparity`."""
     stored, is_image = _stored_values(read_bytes(source, WHAT))
     if stored.ndim != 2:
         raise ValueError(f"The {WHAT} has shape {stored.shape}; allowed is one channel, (rows, cols).")
-    if divisor is None:
-        divisor = _usual_divisor(stored.dtype) if is_image else 1.0
-    disparity = _divided(stored, divisor, zero_is_unknown=is_image)
-    if np.isnan(disparity).all():
-        raise ValueError(f"The {WHAT} holds no disparity at all: every pixel is marked as unknown.")
-    return disparity
+    divisor = 1.0 if not is_image else None if stored.dtype == np.uint8 else DIVISOR_OF_16_BITS
+    return StoredDisparity(stored, divisor, is_image)
 
 
 def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool) -> npt.NDArray[np.float32]:
@@ -71,12 +107,6 @@ def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool)
             part[band == 0] = np.nan
         disparity[first : first + step] = part
     return disparity
-
-
-def _usual_divisor(dtype: np.dtype[Any]) -> float:
-    if dtype == np.uint8:
-        raise ValueError(f"The {WHAT} has 8 bits per pixel: its divisor must be given, often 1, 2, 4 or 16.")
-    return DIVISOR_OF_16_BITS
 
 
 def _stored_values(data: bytes) -> tuple[npt.NDArray[Any], bool]:

@@ -35,23 +35,35 @@ def read_matcher(source: Source) -> StereoMatcher:
     data = read_bytes(source, WHAT)
     if len(data) > MAX_BYTES:
         raise ValueError(f"The {WHAT} has {len(data):,} bytes; at most {MAX_BYTES:,} are accepted.")
-    document = _parsed(data)
+    return matcher_from(parsed_json(data, WHAT), WHAT)
+
+
+def matcher_from(document: Any, what: str) -> StereoMatcher:
+    """Return the matcher that a parsed document, from untrusted bytes, describes; ValueError as :func:`read_matcher`.
+
+    Parameters
+    ----------
+    document
+        As :func:`stereolag.export.settings.settings_document` made it.
+    what
+        Where it was found, for the errors.
+    """
+    if not (isinstance(document, dict) and "method" in document and isinstance(document.get("settings"), dict)):
+        raise ValueError(f'The {what} must be a JSON object with "method", a name, and "settings", an object.')
     name = document["method"]
     method = next((one for one in METHODS if one.__name__ == name), None)
     if method is None:
         known = ", ".join(one.__name__ for one in METHODS)
-        raise ValueError(f"The {WHAT} names the method {quoted(str(name))}; known are {known}.")
+        raise ValueError(f"The {what} names the method {quoted(str(name))}; known are {known}.")
     try:
         return method.model_validate(document["settings"])
     except SettingsError as error:
-        raise ValueError(f"The {WHAT} for {name} is refused. {harmless(str(error))}") from error
+        raise ValueError(f"The {what} for {name} is refused. {harmless(str(error))}") from error
 
 
-def _parsed(data: bytes) -> dict[str, Any]:
+def parsed_json(data: bytes, what: str) -> Any:
+    """Return what untrusted JSON holds; ValueError where it is none."""
     try:
-        document = json.loads(data.decode("utf-8-sig"))
+        return json.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"The {WHAT} is not JSON, or it is damaged or cut short.") from error
-    if not (isinstance(document, dict) and "method" in document and isinstance(document.get("settings"), dict)):
-        raise ValueError(f'The {WHAT} must be a JSON object with "method", a name, and "settings", an object.')
-    return document
+        raise ValueError(f"The {what} is not JSON, or it is damaged or cut short.") from error

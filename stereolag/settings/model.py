@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Self, TypeVar
 
-from annotated_types import Ge, MultipleOf
+from annotated_types import Ge, Le, MultipleOf
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
@@ -49,6 +49,10 @@ class Settings(BaseModel):
         """Return what a setting needs to have an effect beside these values of the others; None where it has one."""
         rule = marker(cls.model_fields[name], Applies)
         return None if rule is None or rule.condition(values) else rule.reason
+
+    def after_scaling(self, document: dict[str, Any]) -> dict[str, Any]:
+        """Return a document that describes these settings for images of another size, made to fit together again."""
+        return document
 
     @model_validator(mode="after")
     def _nothing_is_ignored(self) -> Self:
@@ -108,11 +112,12 @@ def scaled_settings(settings: S, factor: float) -> S:
     """Return settings whose windows and search area cover the same part of images at `factor` times their size.
 
     Sizes are rounded to what their field allows, the number of disparities upwards: nothing drops out of the search.
+    What would be larger than allowed becomes as large as allowed, but for the search.
 
     Raises
     ------
     ValueError
-        So small that the settings no longer fit together.
+        So small that the settings no longer fit together, or a search that is larger than allowed.
     """
     return type(settings).model_validate(_scaled(settings, factor))
 
@@ -127,7 +132,7 @@ def _scaled(settings: Settings, factor: float) -> dict[str, Any]:
             document[name] = _rounded(value, value * factor**length.power, field, rounded_up=length.rounded_up)
         else:
             document[name] = value
-    return document
+    return settings.after_scaling(document)
 
 
 def _rounded(value: int, wanted: float, field: FieldInfo, *, rounded_up: bool) -> int:
@@ -138,6 +143,9 @@ def _rounded(value: int, wanted: float, field: FieldInfo, *, rounded_up: bool) -
         return max(multiple, int(-(-wanted // multiple)) * multiple)
     step = int(Bounds.of(field).step) if marker(field, FitsImage) else 1
     rounded = value - step * round((value - wanted) / step)
-    least = marker(field, Ge)
+    least, most = marker(field, Ge), marker(field, Le)
     low = int(least.ge) if least else rounded  # type: ignore[call-overload]
+    high = int(most.le) if most else rounded  # type: ignore[call-overload]
+    if rounded > high:
+        rounded = value + step * ((high - value) // step)
     return max(rounded, low) or (1 if value > 0 else -1)

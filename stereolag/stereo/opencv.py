@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import cv2
 import numpy as np
@@ -109,12 +109,15 @@ class BlockMatcher(StereoMatcher):
     def other_name(cls, name: str) -> str:
         """Return OpenCV's name of a setting: ``num_disparities`` is ``numDisparities``, ``p1`` is ``P1``."""
         first, *others = name.split("_")
-        return first + "".join(word.capitalize() for word in others) if others else name.capitalize()
+        return name.upper() if name in ("p1", "p2") else first + "".join(word.capitalize() for word in others)
+
+    def costs(self, rows: int, cols: int) -> Estimate:
+        """Return what comparing all pixels at all disparities takes on two cores, by the rows kept at a time."""
+        kept = (self.block_size + 6) * cols * self.num_disparities * self.bytes_of_a_cost
+        return Estimate(kept, self.seconds_of_a_cost * rows * cols * self.num_disparities)
 
     seconds_of_a_cost: ClassVar[float]
-    """What each pixel and disparity takes, two cores."""
     bytes_of_a_cost: ClassVar[int]
-    """What is kept for each column and disparity of the rows in work."""
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
         """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype."""
@@ -122,12 +125,9 @@ class BlockMatcher(StereoMatcher):
         grey = grey_bytes(shape, dtype)
         # Other types are stretched to 8 bits in float64, which is gone before the maps are made.
         stretched = 0 if np.dtype(dtype) == np.uint8 else 20 * pixels
-        costs = (self.block_size + 6) * shape[1] * self.num_disparities * self.bytes_of_a_cost
-        maps = max(stretched, 4 * pixels + costs, (ANSWER + 3) * pixels)
-        return Estimate(
-            grey + maps + kept_blocks(4 * pixels, 2) + OVERHEAD,
-            PIXEL_SECONDS / 2 * pixels + self.seconds_of_a_cost * pixels * self.num_disparities,
-        )
+        costs = self.costs(*shape[:2])
+        maps = max(stretched, 4 * pixels + costs.memory, (ANSWER + 3) * pixels)
+        return Estimate(grey + maps + kept_blocks(4 * pixels, 2) + OVERHEAD, PIXEL_SECONDS / 2 * pixels + costs.seconds)
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
         """Run OpenCV's matcher on the pair as 8-bit grey."""
@@ -213,8 +213,17 @@ class StereoBM(BlockMatcher):
         return matcher
 
 
+Mode = Literal["sgbm", "hh", "sgbm_3way", "hh4"]
+
+FULL_COSTS = ("hh", "hh4")
+"""The modes that keep the costs of the whole image, and add up both ways along each path."""
+
+
 class StereoSGBM(BlockMatcher):
-    """OpenCV's ``StereoSGBM``: semi-global matching (Hirschmüller 2008) over Birchfield-Tomasi costs, 5 paths."""
+    """OpenCV's ``StereoSGBM``: semi-global matching (Hirschmüller 2008) over Birchfield-Tomasi costs.
+
+    It is given grey images here, as all methods are that it is compared with; of its own it also takes colour.
+    """
 
     short_name = "sgbm"
     first_shown = ("block_size", "num_disparities", "min_disparity", "uniqueness_ratio", "p1", "p2")
@@ -222,6 +231,13 @@ class StereoSGBM(BlockMatcher):
     bytes_of_a_cost = 2
 
     block_size: BlockSize = 5
+    mode: Mode = Field(
+        default="sgbm",
+        title="Paths",
+        description="Along how many paths costs are added up (OpenCV's mode: SGBM 5, HH 8, SGBM_3WAY 3, HH4 4). HH and "
+        "HH4 keep the costs of all pixels and disparities, 4 bytes each. OpenCV's SGBM sees grey images here; of its "
+        "own it also takes colour.",
+    )
     p1: int = Field(
         default=200,
         title="Small-step penalty",
@@ -256,19 +272,25 @@ class StereoSGBM(BlockMatcher):
             raise ValueError(f"p2 is {self.p2} and p1 {self.p1}; OpenCV needs p2 > p1.")
         return self
 
+    def costs(self, rows: int, cols: int) -> Estimate:
+        """Return what the base does, and for some modes the costs of the whole image: one volume, and one of sums."""
+        few = super().costs(rows, cols)
+        if self.mode not in FULL_COSTS:
+            return few
+        return Estimate(few.memory + 4 * rows * cols * self.num_disparities, 2 * few.seconds)
+
+    def opencv_arguments(self) -> dict[str, Any]:
+        """Return the arguments of ``cv2.StereoSGBM.create``, under OpenCV's names."""
+        arguments = {self.other_name(name): value for name, value in self}
+        # OpenCV takes a negative limit for 1 here; only one beyond all disparities switches the check off.
+        arguments["disp12MaxDiff"] = self.disp12_max_diff if self.disp12_max_diff >= 0 else NO_LIMIT
+        return arguments | {"mode": getattr(cv2, self.opencv_mode)}
+
+    @property
+    def opencv_mode(self) -> str:
+        """Return the name of the mode's constant in ``cv2``."""
+        return f"STEREO_SGBM_MODE_{self.mode.upper()}"
+
     def opencv_matcher(self) -> Any:
         """Return a ``cv2.StereoSGBM`` with these settings."""
-        return cv2.StereoSGBM.create(
-            minDisparity=self.min_disparity,
-            numDisparities=self.num_disparities,
-            blockSize=self.block_size,
-            P1=self.p1,
-            P2=self.p2,
-            # OpenCV takes a negative limit for 1 here; only one beyond all disparities switches the check off.
-            disp12MaxDiff=self.disp12_max_diff if self.disp12_max_diff >= 0 else NO_LIMIT,
-            preFilterCap=self.pre_filter_cap,
-            uniquenessRatio=self.uniqueness_ratio,
-            speckleWindowSize=self.speckle_window_size,
-            speckleRange=self.speckle_range,
-            mode=cv2.STEREO_SGBM_MODE_SGBM,
-        )
+        return cv2.StereoSGBM.create(**self.opencv_arguments())

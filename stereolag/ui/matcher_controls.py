@@ -28,6 +28,10 @@ CHOICE_NAMES = {
     "auto": "Automatic",
     "window_sums": "Window sums",
     "fft": "FFT",
+    "sgbm": "5",
+    "hh": "8",
+    "sgbm_3way": "3",
+    "hh4": "4",
 }
 LARGEST_WINDOW = 101
 

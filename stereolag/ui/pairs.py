@@ -63,8 +63,12 @@ class StereoPair:
         (H, W), True where the right camera sees what the left one does: the non-occluded pixels.
     changes
         What was done to it, in order.
+    full
+        The pair before its sides were divided; None where they were not.
     min_disparity
         The first disparity that the pair needs, px.
+    collection
+        Tells the set of pairs to which it belongs, whose settings are one; "" of a pair alone.
     pictures
         Tells its two images from all others: a digest of their files alone; `files` where it is empty.
     """
@@ -79,7 +83,9 @@ class StereoPair:
     calibration: Calibration | None = None
     visible: Mask | None = None
     changes: tuple[Change, ...] = ()
+    full: StereoPair | None = None
     min_disparity: int = 0
+    collection: str = ""
     pictures: str = ""
 
     @property
@@ -97,6 +103,13 @@ class StereoPair:
         """Return what tells the two images and their size: the range in use hangs on it, whatever else is added."""
         sizes = (change.name for change in self.changes if change.name and change.resizes)
         return " ".join((self.pictures or self.files, *sizes))
+
+    @property
+    def judged(self) -> str:
+        """Return what tells the images that settings are judged on: these or, of a set, all of it in this size."""
+        if not self.collection:
+            return self.digest
+        return " ".join((self.collection, *(change.name for change in self.changes if change.resizes)))
 
     @property
     def remedies(self) -> tuple[Change, ...]:

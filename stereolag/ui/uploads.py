@@ -108,6 +108,28 @@ def upload_together(
     return _read_once(sorted(files, key=lambda file: file.name.lower()), read, key, variant, True)
 
 
+def upload_named(
+    label: str,
+    read: Callable[[Sequence[tuple[str, bytes]]], T],
+    *,
+    key: str,
+    types: Sequence[str],
+    note: str = "",
+) -> Upload[T] | None:
+    """Ask for files and return what `read` makes of them all, by their names, as :func:`upload` does of one."""
+    files = st.file_uploader(
+        label,
+        type=types,
+        key=key,
+        help=note or None,
+        accept_multiple_files=True,
+        on_change=_note_emptied,
+        args=(key,),
+    )
+    names = [file.name for file in files]
+    return _read_once(files, lambda contents: read([*zip(names, contents, strict=True)]), key, None, True)
+
+
 def put_together(make: Callable[[], T], key: str) -> T | None:
     """Return what `make` makes of several uploads; where they do not fit together say why, and return the last."""
     try:
@@ -129,6 +151,12 @@ def forget_together(key: str) -> None:
 def expect_uploads() -> None:
     """Begin a run: nothing is refused in it yet."""
     st.session_state[REFUSED_KEY] = False
+
+
+def refuse(sentence: str) -> None:
+    """Say why what was given cannot be used, in whose place nothing else is."""
+    st.error(sentence)
+    st.session_state[REFUSED_KEY] = True
 
 
 def refused() -> bool:

@@ -65,6 +65,7 @@ MOVES: dict[str, dict[str, Any]] = {
         keys.setting("sgbm", "num_disparities", keys.CUBE): 32,
         keys.setting("sgbm", "min_disparity", keys.CUBE): 20,
         keys.setting("sgbm", "uniqueness_ratio"): 60,
+        keys.setting("sgbm", "mode"): "hh",
         keys.setting("sgbm", "p1"): 600,
         keys.setting("sgbm", "p2"): 3_000,
         keys.setting("sgbm", "speckle_window_size"): 1_000,

@@ -10,16 +10,20 @@ import zipfile
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag import CorrelationMatcher, SearchArea, StereoBM, read_disparity, read_image
+from stereolag import CorrelationMatcher, SearchArea, StereoBM, read_disparity, read_image, read_matcher
+from stereolag.estimates import Estimate
 from stereolag.export import settings_json
 from stereolag.export.maps import VERTEX
 from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.exports import archive, files
+from stereolag.ui.depth.inputs import at_size
+from stereolag.ui.depth.subjects import Subject
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
 from tests.app import keys
@@ -45,7 +49,7 @@ def section() -> None:
 
     from stereolag import StereoBM
     from stereolag.ui.depth.address import take_over
-    from stereolag.ui.depth.exports import show_downloads
+    from stereolag.ui.depth.downloads import show_downloads
     from stereolag.ui.depth.view import DepthView
     from stereolag.ui.matcher_controls import ask_matcher
 
@@ -69,7 +73,7 @@ def opened(pair: StereoPair) -> AppTest:
 def test_the_zip_reproduces_the_result_in_a_fresh_process(matcher: StereoMatcher, dtype: type, tmp_path: Path) -> None:
     view = view_of(small_pair(dtype), matcher)
     result = view.results[type(matcher).__name__]
-    with zipfile.ZipFile(io.BytesIO(archive(files(view, type(matcher).__name__)))) as whole:
+    with zipfile.ZipFile(io.BytesIO(archive(Subject.of(view, type(matcher).__name__)))) as whole:
         whole.extractall(tmp_path)
     for name in ("disparity.pfm", "disparity.npy"):
         np.testing.assert_array_equal(read_disparity(tmp_path / name), result.disparity)
@@ -87,7 +91,8 @@ def test_the_zip_reproduces_the_result_in_a_fresh_process(matcher: StereoMatcher
 
 def test_metrics_are_of_every_method_and_apart_without_occlusion() -> None:
     pair = replace(small_pair(), visible=np.ones((60, 100), dtype=np.bool_))
-    metrics = next(file for file in files(view_of(pair, CORRELATION, BLOCK), "StereoBM") if file.name == "metrics.csv")
+    subject = Subject.of(view_of(pair, CORRELATION, BLOCK), "StereoBM")
+    metrics = next(file for file in files(subject) if file.name == "metrics.csv")
     lines = str(metrics.make()).splitlines()
     assert [line.split(",")[0].strip('"') for line in lines] == [
         "method",
@@ -99,13 +104,150 @@ def test_metrics_are_of_every_method_and_apart_without_occlusion() -> None:
 
 
 def test_what_cannot_be_had_says_why_and_is_left_out_of_the_zip() -> None:
-    pair = replace(small_pair(), truth=None)
+    pair = replace(small_pair(), truth=None, shared=True)
     backwards = StereoBM(num_disparities=16, block_size=9, min_disparity=-16)
-    view = view_of(replace(pair, left=pair.right, right=pair.left), backwards)
-    refusals = {file.name: file.refusal for file in files(view, "StereoBM") if file.refusal}
-    assert refusals.keys() == {"disparity_kitti.png", "cloud.ply", "metrics.csv"}
-    with zipfile.ZipFile(io.BytesIO(archive(files(view, "StereoBM")))) as whole:
+    subject = Subject.of(view_of(replace(pair, left=pair.right, right=pair.left), backwards), "StereoBM")
+    refusals = {file.name: file.refusal for file in files(subject) if file.refusal}
+    assert refusals.keys() == {"disparity_kitti.png", "cloud.ply"}
+    with zipfile.ZipFile(io.BytesIO(archive(subject))) as whole:
         assert not refusals.keys() & set(whole.namelist())
+        said = whole.read("README.txt").decode()
+        assert set(whole.namelist()) == {"README.txt"} | {
+            line.split(":")[0] for line in said.splitlines() if ": " in line
+        }
+        lines = whole.read("metrics.csv").decode().splitlines()
+    assert lines[0].endswith("coverage,measured,elapsed_s")
+    assert lines[1].startswith("StereoBM,")
+
+
+def estimating() -> None:
+    import streamlit as st
+
+    from stereolag.ui.depth.estimates import show_estimates
+    from stereolag.ui.depth.exports import files
+    from stereolag.ui.depth.subjects import Subject
+
+    view = st.session_state["view"]
+
+    def table() -> str:
+        return next(str(file.make()) for file in files(Subject.of(view, "StereoBM")) if file.name == "metrics.csv")
+
+    before = table()
+    show_estimates(view)
+    st.session_state["tables"] = before, table()
+
+
+def test_the_metrics_hold_the_estimates_once_there_are_any() -> None:
+    app = AppTest.from_function(estimating, default_timeout=60)
+    app.session_state["view"] = view_of(replace(small_pair(), truth=None), BLOCK, CORRELATION)
+    app.run()
+    assert not app.exception
+    before, after = app.session_state["tables"]
+    assert "estimated" not in before
+    heading, block, _ = after.splitlines()
+    assert heading.endswith("estimated_bad_2_percent")
+    assert 0 <= float(block.split(",")[-1]) <= 100
+
+
+def large_view(*matchers: StereoMatcher) -> DepthView:
+    """Return a pair of 800 × 480 shown at half its size."""
+    scene = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (480, 820)).astype(np.uint8), (0, 0), 2)
+    truth = np.full((480, 800), 20, np.float32)
+    calibration = Calibration(800.0, 0.1, width=800, height=480)
+    pair = StereoPair(scene[:, :-20], scene[:, 20:], truth, 64, "Noise.", "large noise", False, calibration)
+    small = at_size(pair, 2)
+    small = replace(small, full=pair, calibration=calibration.scaled(0.5), num_disparities=32)
+    view = view_of(small, *matchers)
+    return replace(view, high=32.0)
+
+
+@pytest.mark.parametrize("heavy", [False, True])
+def test_from_a_reduced_preview_all_is_for_the_pair_in_its_own_size(
+    heavy: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("stereolag.ui.depth.subjects.is_heavy", lambda estimate: heavy)
+    block = StereoBM(num_disparities=32, block_size=11)
+    subject = Subject.of(large_view(block, CORRELATION), "StereoBM")
+    full = subject.pair
+    assert full.left.shape == (480, 800)
+    with zipfile.ZipFile(io.BytesIO(archive(subject))) as whole:
+        whole.extractall(tmp_path)
+    enlarged = "_enlarged_2x" if heavy else ""
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {f"disparity{enlarged}.pfm", f"disparity{enlarged}.npy", f"disparity{enlarged}_coloured.png"} <= names
+    assert ("enlarged, its disparities multiplied by 2" in (tmp_path / "README.txt").read_text("utf-8")) == heavy
+    matcher = read_matcher(tmp_path / "settings.json")
+    assert isinstance(matcher, StereoBM)
+    assert (matcher.num_disparities, matcher.block_size) == (64, 23)
+    np.testing.assert_array_equal(read_image(tmp_path / "left.png"), full.left)
+    disparity = np.load(tmp_path / f"disparity{enlarged}.npy")
+    assert disparity.shape == full.left.shape
+    assert np.nanmedian(disparity) == pytest.approx(20, abs=0.3)
+    for name in ("valid.png", "measured.png", "confidence.png"):
+        assert read_image(tmp_path / name).shape == full.left.shape
+    expected = matcher.compute(full.left, full.right).disparity
+    assert np.array_equal(disparity, expected, equal_nan=True) != heavy
+    storage = cv2.FileStorage(str(tmp_path / "opencv.yml"), cv2.FILE_STORAGE_READ)
+    assert storage.getFirstTopLevelNode().getNode("numDisparities").real() == 64
+    points = np.frombuffer((tmp_path / "cloud.ply").read_bytes().partition(b"end_header\n")[2], VERTEX)
+    assert np.median(points["position"][:, 2]) == pytest.approx(800 * 0.1 / 20, rel=0.02)
+    for program in ("reproduce.py", "reproduce_opencv.py"):
+        done = subprocess.run(
+            [sys.executable, str(tmp_path / program)],
+            env=os.environ | {"PYTHONPATH": str(PROJECT)},
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), expected)
+    figures = {line.split(",")[0]: line.split(",") for line in (tmp_path / "metrics.csv").read_text().splitlines()}
+    assert figures["StereoBM"][1] == str(480 * 800)  # pixels with ground truth
+
+
+def test_settings_that_the_own_size_does_not_allow_are_refused_and_the_map_is_enlarged() -> None:
+    view = large_view(CORRELATION)
+    wide = StereoBM(num_disparities=128, block_size=9)
+    shown = replace(view.results["CorrelationMatcher"], settings=wide.model_copy(update={"num_disparities": 1024}))
+    subject = Subject.of(replace(view, results={"StereoBM": shown}), "StereoBM")
+    refusals = {file.name: file.refusal for file in files(subject) if file.refusal}
+    assert refusals.keys() >= {"settings.json", "opencv.yml", "reproduce.py", "reproduce_opencv.py"}
+    assert "num_disparities is 2048" in refusals["settings.json"]
+    assert subject.result.disparity.shape == (480, 800)
+
+
+def test_settings_for_the_own_size_come_back_for_the_one_shown() -> None:
+    pair = large_view().pair
+    app = opened(pair)
+    settings = StereoBM(num_disparities=96, block_size=17, speckle_window_size=400, speckle_range=9)
+    app.file_uploader[0].upload("settings.json", settings_json(settings).encode(), "application/json").run()
+    assert not app.exception
+    found = app.session_state["matcher"]
+    assert (found.num_disparities, found.block_size, found.speckle_window_size) == (48, 9, 100)
+
+
+def test_a_large_map_is_computed_in_its_own_size_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stereolag.ui.depth.subjects.is_heavy", lambda estimate: True)
+    app = opened(large_view().pair)
+    assert "disparity_enlarged_2x.pfm" in {key for key in offered(app)}
+    app.button(key="depth.take.compute").click().run()
+    assert not app.exception
+    assert not app.error
+    assert "disparity.pfm" in offered(app)
+    assert any("was computed in that size" in caption.value for caption in app.caption)
+
+
+def test_what_takes_too_much_memory_in_its_own_size_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stereolag.ui.depth.subjects.is_heavy", lambda estimate: True)
+    monkeypatch.setattr(StereoBM, "estimate", lambda self, shape, dtype=None: Estimate(10**15, 1.0))
+    monkeypatch.setattr(StereoBM, "_check_memory", lambda self, image: None)
+    app = opened(large_view().pair)
+    assert not [button for button in app.button if button.key == "depth.take.compute"]
+    assert any("one job may take" in caption.value for caption in app.caption)
+
+
+def offered(app: AppTest) -> set[str]:
+    """Return the names of the files that have buttons."""
+    return {button.key.removeprefix("depth.take.") for button in app.get("download_button")}
 
 
 def test_nothing_is_offered_until_it_is_opened() -> None:
@@ -120,16 +262,21 @@ def test_every_file_has_a_button_and_those_that_cannot_be_had_are_disabled() -> 
     buttons = {button.proto.label: button.proto.disabled for button in app.get("download_button")}
     assert buttons == {
         "All in one ZIP": False,
+        "Session ZIP": False,
         "PFM": False,
         "NPY": False,
         "KITTI PNG": False,
         "Coloured PNG": False,
         "Valid mask": False,
+        "Measured mask": False,
+        "Confidence PNG": False,
+        "Confidence NPY": False,
         "Point cloud PLY": True,
         "Metrics CSV": False,
         "Settings JSON": False,
         "OpenCV YAML": False,
         "Python script": False,
+        "OpenCV script": False,
         "Left PNG": False,
         "Right PNG": False,
     }
@@ -160,7 +307,8 @@ def test_a_settings_file_that_is_none_is_answered_with_a_sentence() -> None:
 
 def test_a_point_cloud_is_in_metres_once_there_is_a_calibration() -> None:
     pair = replace(small_pair(), calibration=Calibration(100.0, 0.1))
-    cloud = next(file for file in files(view_of(pair, CORRELATION), "CorrelationMatcher") if file.name == "cloud.ply")
+    subject = Subject.of(view_of(pair, CORRELATION), "CorrelationMatcher")
+    cloud = next(file for file in files(subject) if file.name == "cloud.ply")
     assert not cloud.refusal
     head, _, data = bytes(cloud.make()).partition(b"end_header\n")  # type: ignore[arg-type]
     points = np.frombuffer(data, VERTEX)

@@ -97,6 +97,15 @@ def test_a_few_pixels_of_difference_are_cropped_with_the_truth_and_said() -> Non
     assert "cropped to 199 × 118" in said(app)
 
 
+def test_16_bits_beside_8_are_brought_to_one_range_and_said() -> None:
+    grey = LEFT[:, :, 0].astype(np.uint16)
+    app = own(left=("l.png", uploads.png(grey * 16)), right=("r.png", uploads.png(RIGHT[:, :, 0])))
+    pair = shown(app)
+    assert pair.left.dtype == pair.right.dtype == np.uint16
+    assert np.abs(pair.left[:, 5:].astype(float) - pair.right[:, :-5]).max() <= 257
+    assert "One image has 8 bits per channel and the other 16" in said(app)
+
+
 def test_a_calibration_of_another_size_is_scaled_and_tells_the_range() -> None:
     app = own(calibration=("calib.txt", MIDDLEBURY.encode()))
     calibration = shown(app).calibration

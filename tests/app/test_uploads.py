@@ -183,15 +183,22 @@ def test_an_own_pair_begins_with_the_range_found_and_the_fast_preset_and_that_is
     assert "range found for this pair" not in " ".join(caption.value for caption in app.caption)
 
 
-def test_a_truth_of_8_bits_asks_for_its_divisor_and_takes_it(with_uploads: Callable[..., AppTest]) -> None:
+def test_the_divisor_of_a_truth_of_8_bits_is_told_from_the_pair_and_can_be_another(
+    with_uploads: Callable[..., AppTest],
+) -> None:
     truth = np.full((60, 85), 40, dtype=np.uint8)
     pair = {"left": ("l.png", uploads.png(SCENE[:, :-5])), "right": ("r.png", uploads.png(SCENE[:, 5:]))}
     app = with_uploads("pairs", **pair, truth=("t.png", uploads.png(truth)))
-    assert len(app.error) == 1
-    assert "divisor" in app.error[0].value
+    assert not app.error
+    divisors = next(group for group in app.button_group if "÷ divisor" in group.label)
+    assert divisors.value == 8
+    assert divisors.options == [f"÷ {by}: up to {40 / by:.4g} px" for by in (1, 2, 4, 8, 16)]
+    before = numbers(app)["EPE"]
+    divisors.set_value(4).run()
+    assert numbers(app)["EPE"] != before
     app.number_input(key="pairs.divisor").set_value(8.0).run()
     assert not app.error
-    assert "EPE" in numbers(app)
+    assert numbers(app)["EPE"] == before
 
 
 def test_the_same_pixels_under_other_names_are_not_computed_again(with_uploads: Callable[..., AppTest]) -> None:

@@ -113,9 +113,11 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
             ("CorrelationMatcher(window_size=32, overlap=0.5, score='phase')", 1500, 1500),
             ("preset('accurate')", 900, 1200),
             ("StereoBM()", 2500, 3500),
+            ("StereoSGBM(mode='hh')", 900, 1200),
+            ("StereoSGBM(mode='hh4', block_size=9)", 900, 1200),
         )
     ],
-    ids=["fft", "phat", "template", "fast", "window FFT", "phase", "accurate", "StereoBM"],
+    ids=["fft", "phat", "template", "fast", "window FFT", "phase", "accurate", "StereoBM", "HH", "HH4"],
 )
 def test_an_estimate_is_at_least_what_is_measured_and_at_most_twice_that(
     setup: str, warm: str, job: str, estimate: str

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from stereolag import Evaluation, evaluate, read_disparity
+from stereolag import Evaluation, StereoBM, evaluate, read_disparity
 from stereolag.export import bundle, file_name, image_png, kitti_png, metrics_csv, pfm
 
 names = st.dictionaries(st.text(max_size=300), st.binary(max_size=50), min_size=1, max_size=4)
@@ -121,3 +121,15 @@ def test_a_table_without_methods_has_its_heading():
 def test_evaluations_are_named_by_the_mapping():
     evaluation = Evaluation(1.0, 0.0, {}, {}, 0.0, 4)
     assert metrics_csv({"a": evaluation}).splitlines()[1] == "a,4,1.0,0.0,0.0"
+
+
+def test_coverage_and_time_need_no_ground_truth():
+    images = np.random.default_rng(0).integers(0, 255, (2, 40, 90), dtype=np.uint8)
+    maps = {"BM": StereoBM(num_disparities=16, block_size=9).compute(*images)}
+    truth = evaluate([[1.0]], [[1.0]])
+    rows = list(csv.DictReader(io.StringIO(metrics_csv({"BM (non-occluded)": truth}, maps, {"BM": 12.5}))))
+    assert [row["method"] for row in rows] == ["BM (non-occluded)", "BM"]
+    assert float(rows[1]["coverage"]) == float(rows[1]["measured"]) == maps["BM"].coverage
+    assert float(rows[1]["elapsed_s"]) == maps["BM"].elapsed_s
+    assert float(rows[1]["estimated_bad_2_percent"]) == 12.5
+    assert rows[1]["epe_px"] == rows[0]["coverage"] == ""

@@ -27,14 +27,41 @@ def test_block_matching_equals_opencv_and_its_invalid_code_is_nan(min_disparity:
     assert set(np.unique(ours.reason)) <= {Reason.MEASURED, Reason.AMBIGUOUS, Reason.OUT_OF_FRAME}
 
 
-def test_semi_global_equals_opencv() -> None:
+MODES = {
+    "sgbm": cv2.STEREO_SGBM_MODE_SGBM,
+    "hh": cv2.STEREO_SGBM_MODE_HH,
+    "sgbm_3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+    "hh4": cv2.STEREO_SGBM_MODE_HH4,
+}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_semi_global_equals_opencv(mode: str) -> None:
     left, right = shifted_pair(90, 160, 0, -9)
     theirs = cv2.StereoSGBM.create(
-        0, 32, 5, P1=200, P2=800, disp12MaxDiff=1, uniquenessRatio=10, speckleWindowSize=100, speckleRange=2
+        0,
+        32,
+        5,
+        P1=200,
+        P2=800,
+        disp12MaxDiff=1,
+        uniquenessRatio=10,
+        speckleWindowSize=100,
+        speckleRange=2,
+        mode=MODES[mode],
     )
     raw = theirs.compute(left, right)
-    ours = StereoSGBM(num_disparities=32).compute(left, right).disparity
+    ours = StereoSGBM(num_disparities=32, mode=mode).compute(left, right).disparity
     np.testing.assert_array_equal(np.nan_to_num(ours, nan=-1), np.where(raw < 0, -1, raw / 16))
+    assert np.isfinite(ours).mean() > 0.4
+
+
+def test_the_modes_are_all_of_opencv_and_its_own_is_the_first() -> None:
+    names = {name for name in dir(cv2) if name.startswith("STEREO_SGBM_MODE_")}
+    assert names == {f"STEREO_SGBM_MODE_{mode.upper()}" for mode in MODES}
+    assert StereoSGBM().mode == "sgbm"
+    with pytest.raises(SettingsError, match="mode is 'other'; allowed are 'sgbm', 'hh', 'sgbm_3way' and 'hh4'"):
+        StereoSGBM(mode="other")
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.geometry.scaling import scaled_disparity, scaled_image
+from stereolag.geometry.scaling import as_deep, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.methods import METHODS
+from stereolag.stereo.methods import METHODS, PresetName, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
@@ -58,3 +58,39 @@ def test_every_method_stays_valid_at_every_size(kind: type[StereoMatcher], facto
     matcher = kind()
     assert scaled_settings(matcher, 1.0) == matcher
     assert type(scaled_settings(matcher, factor)) is type(matcher)
+
+
+def test_settings_for_larger_images_stay_allowed_and_search_all_they_did() -> None:
+    large = scaled_settings(StereoSGBM(num_disparities=64, block_size=21, speckle_window_size=400), 4)
+    assert (large.num_disparities, large.block_size, large.speckle_window_size) == (256, 51, 5000)
+    with pytest.raises(ValueError, match="num_disparities is 2048"):
+        scaled_settings(StereoSGBM(num_disparities=512), 4)
+
+
+@pytest.mark.parametrize("name", ["report", "fast", "accurate"])
+@pytest.mark.parametrize("factor", [2, 3, 4, 6.25])
+def test_a_preset_is_allowed_on_larger_images_and_comes_back(name: PresetName, factor: float) -> None:
+    small = preset(name, 112)
+    large = scaled_settings(small, factor)
+    assert large.search_range() in (None, (0, 112 * factor), (0, -(-112 * factor // 1)))
+    if isinstance(large, CorrelationMatcher) and large.left_right is not None:
+        assert large.step == 1
+    back = scaled_settings(large, 1 / factor)
+    assert back.search_range() == small.search_range()
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+@pytest.mark.parametrize("deep_is_left", [True, False])
+def test_8_bits_beside_16_become_one_range(bits: int, deep_is_left: bool) -> None:
+    shallow = np.random.default_rng(0).integers(20, 230, (40, 60, 3), dtype=np.uint8)
+    deep = np.rint(shallow / 255 * (2**bits - 1)).astype(np.uint16)
+    found = as_deep(deep, shallow) if deep_is_left else as_deep(shallow, deep)
+    assert [image.dtype for image in found] == [np.uint16, np.uint16]
+    # Of a camera of so many bits, one level is what two of its numbers differ by.
+    assert np.abs(found[0].astype(float) - found[1]).max() <= 65535 / (2**bits - 1)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_images_of_one_type_stay_as_they_are(kind: type) -> None:
+    pair = np.ones((3, 4), kind), np.zeros((3, 4), kind)
+    assert all(one is other for one, other in zip(as_deep(*pair), pair, strict=True))

@@ -132,6 +132,13 @@ class CorrelationMatcher(StereoMatcher):
         """Return the distance between neighbouring windows, px."""
         return _step(self)
 
+    def after_scaling(self, document: dict[str, Any]) -> dict[str, Any]:
+        """Return the settings for another size, with windows at every pixel where these are checked at every pixel."""
+        window = document["window_size"]
+        if self.left_right is not None and window > self.window_size:
+            document["overlap"] = max(self.overlap, round(1 - 1 / window, 4))
+        return document
+
     def search_range(self) -> tuple[int, int] | None:
         """Return the first disparity searched and how many, px; None of a correlation that wraps around."""
         if self.search.circular(self.window_size):

@@ -28,7 +28,7 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
 
     The range is the one searched, of all maps shown together, until the visitor sets another.
     """
-    key = _range_key(pair)
+    key = range_key(pair)
     low, high = st.session_state.get(key) or _searched(results)
     palette = st.session_state.get(PALETTE, FIRST_PALETTE)
     inverted = st.session_state.get(INVERTED, False)
@@ -63,7 +63,7 @@ def offer_fit(view: DepthView) -> None:
         return
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         st.markdown(f":orange[:material/palette:] {beyond_the_colours(beyond)}", width="content")
-        fit = (_range_key(view.pair), view.pair, view.results)
+        fit = (range_key(view.pair), view.pair, view.results)
         st.button("Fit the colours", key=f"{COLOURS}.fit_beyond", on_click=_fit, args=fit)
 
 
@@ -142,5 +142,6 @@ def _share_beyond(view: DepthView, name: str) -> float:
     )
 
 
-def _range_key(pair: StereoPair) -> str:
+def range_key(pair: StereoPair) -> str:
+    """Return the key of the range that the visitor set for a pair; without it the range follows the search."""
     return f"{COLOURS}.range.{pair.digest}"

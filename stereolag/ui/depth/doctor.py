@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import NamedTuple
 
@@ -45,9 +45,14 @@ HEALTHY = f":green[:material/stethoscope: {DOCTOR_HEALTHY}]"
 
 def treated(pair: StereoPair) -> StereoPair:
     """Return the pair with the remedies that the visitor chose for it."""
-    for remedy in st.session_state.get(REMEDIES_KEY, {}).get(pair.source, ()):
+    return with_remedies(pair, [Remedy(one) for one in st.session_state.get(REMEDIES_KEY, {}).get(pair.source, ())])
+
+
+def with_remedies(pair: StereoPair, remedies: Iterable[Remedy]) -> StereoPair:
+    """Return the pair with these remedies; without those that cannot be applied, which is said."""
+    for remedy in remedies:
         try:
-            pair = _remedied(pair, Remedy(remedy))
+            pair = _remedied(pair, remedy)
         except ValueError as error:
             st.error(str(error))
     return pair

@@ -23,9 +23,10 @@ from stereolag.tuning.objective import (
 from stereolag.ui.depth.judging import JUDGE_LEFT_OUT, UNJUDGED, estimates_in_words
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import show_png
-from stereolag.ui.results import computed_in_turn
+from stereolag.ui.results import computed_before, computed_in_turn
 
 KEY = "depth.estimates"
+TASK = "reference"
 
 
 def show_estimates(view: DepthView) -> None:
@@ -57,12 +58,26 @@ def show_estimates(view: DepthView) -> None:
     st.caption("Grey: no disparity. Black: not judged.")
 
 
+def estimates_so_far(view: DepthView) -> dict[str, float]:
+    """Return the estimated bad-2 of every method, %, where what judges them is in memory already; else nothing."""
+    pair = view.pair
+    searched = widest_range(result.settings for result in view.results.values())
+    reference: FloatMap | None = computed_before(TASK, inputs=pair.digest, settings=repr(searched), shared=pair.shared)
+    if reference is None or float(np.isfinite(reference).mean()) < LEAST_MEASURED:
+        return {}
+    return {
+        name: Judgement.of(result.disparity, reference).bad
+        for name, result in view.results.items()
+        if not judges_itself(result.settings)
+    }
+
+
 def _reference(view: DepthView) -> FloatMap | None:
     """Return what the accurate preset measured over the ranges of all methods; None where that is not there yet."""
     pair = view.pair
     searched = widest_range(result.settings for result in view.results.values())
     return computed_in_turn(
-        "reference",
+        TASK,
         lambda progress: measured_reference(pair.left, pair.right, search_range=searched, progress=progress),
         estimate_reference(searched, pair.left.shape, pair.left.dtype),
         inputs=pair.digest,

@@ -1,22 +1,23 @@
-"""Take it away: everything about one result as files, one by one or in one ZIP, each made when it is asked for."""
+"""Take it away: everything about one result as files, each made when it is asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
 
-import streamlit as st
-
+from stereolag.arrays import FloatMap
 from stereolag.export import (
     bundle,
     check_kitti,
+    confidence,
+    confidence_png,
+    has_scores,
     image_png,
-    image_tiff,
     kitti_png,
+    measured_mask_png,
     metrics_csv,
     npy,
+    opencv_script,
     opencv_yaml,
     pfm,
     ply,
@@ -27,247 +28,189 @@ from stereolag.export import (
 from stereolag.figures.disparity import with_legend
 from stereolag.figures.pictures import as_rgb, coloured
 from stereolag.geometry.clouds import clean_point_cloud
-from stereolag.inputs import Image
-from stereolag.reading import read_matcher
+from stereolag.stereo.evaluation import Evaluation
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher
-from stereolag.ui.depth.address import adopt
-from stereolag.ui.depth.calibrating import calibration_of
+from stereolag.ui.depth.pair_exports import PAIR_EXPORTS, Export, File, Text, image_names
 from stereolag.ui.depth.scoreboard import evaluations
+from stereolag.ui.depth.subjects import Subject
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.private_files import download_button
-from stereolag.ui.uploads import upload
 
 LEGEND = "disparity, px: from far to near"
+README = "README.txt"
+MOST_POINTS = 2_000_000
 
 
-class Subject(NamedTuple):
-    """The result of which files are made: one map of a view."""
-
-    view: DepthView
-    result: DisparityMap
-
-
-Text = str | Callable[[Subject], str]
-
-
-@dataclass(frozen=True)
-class Export:
-    """A file on offer.
-
-    Attributes
-    ----------
-    label, meaning
-        The button, and its help.
-    name
-        Of the file, or what makes it.
-    make
-        Makes its bytes, or its text.
-    refusal
-        Returns why there is none where it cannot be had, "" where it can.
-    offered
-        Returns whether it makes sense at all for this result.
-    """
-
-    label: Text
-    name: Text
-    make: Callable[[Subject], bytes | str]
-    meaning: str
-    refusal: Callable[[Subject], str] = lambda subject: ""
-    offered: Callable[[Subject], bool] = lambda subject: True
-
-
-class File(NamedTuple):
-    """An export of one result: its bytes are made when they are asked for."""
-
-    label: str
-    name: str
-    make: Callable[[], bytes | str]
-    meaning: str
-    refusal: str
+def _of_map(ending: str) -> Callable[[Subject], str]:
+    """Return what names a file of the map: an enlarged one says so."""
+    return lambda it: f"disparity{f'_enlarged_{it.factor:.3g}x' if it.enlarged else ''}{ending}"
 
 
 def _coloured(subject: Subject) -> bytes:
-    view = subject.view
-    image = coloured(subject.result.disparity, view.low, view.high, view.palette)
-    return image_png(with_legend(image, view.low, view.high, view.palette, LEGEND))
+    low, high = subject.colour_range
+    image = coloured(subject.result.disparity, low, high, subject.view.palette)
+    return image_png(with_legend(image, low, high, subject.view.palette, LEGEND))
+
+
+def _confidence(subject: Subject) -> FloatMap:
+    return confidence(subject.result, subject.pair.left, subject.pair.right)
+
+
+def _confidence_in_words(form: str) -> Callable[[Subject], str]:
+    """Return what says in which form a file holds the confidence, and what that is of this map."""
+
+    def said(subject: Subject) -> str:
+        sure = "How sure each measured disparity is, 0 to 1: "
+        if has_scores(subject.shown):
+            return f"{sure}the method’s own score, and 0 where that is negative. {form}."
+        return (
+            f"{sure}how well the 7 × 7 pixels around it correlate (ZNCC) with those around its match, for the method "
+            f"gives no score from 0 to 1. {form}."
+        )
+
+    return said
 
 
 def _cloud(subject: Subject) -> bytes:
-    calibration, left = calibration_of(subject.view.pair), subject.view.pair.left
-    assert calibration is not None
-    return ply(*clean_point_cloud(calibration, subject.result.disparity, as_rgb(left), max_points=None))
+    assert subject.calibration is not None
+    left = as_rgb(subject.pair.left)
+    return ply(*clean_point_cloud(subject.calibration, subject.result.disparity, left, max_points=MOST_POINTS))
 
 
 def _metrics(subject: Subject) -> str:
     """Return the figures of every method on the page, so that they can be compared."""
-    return metrics_csv(evaluations(subject.view))
+    judged: dict[str, Evaluation] = {}
+    for name, result in subject.each_result():
+        judged |= evaluations(DepthView(subject.pair, {name: result}, *subject.colour_range))
+    maps: dict[str, DisparityMap] = {**subject.view.results}
+    if not subject.enlarged:
+        maps[subject.method] = subject.result
+    return metrics_csv(judged, maps, subject.estimated_bad)
 
 
 def _kitti_refusal(subject: Subject) -> str:
     try:
-        check_kitti(subject.result.disparity)
+        check_kitti(subject.shown.disparity * subject.factor)
     except ValueError as error:
         return str(error)
     return ""
 
 
-def _opencv_yaml(subject: Subject) -> str:
-    matcher = subject.result.settings
-    assert isinstance(matcher, BlockMatcher)
-    return opencv_yaml(matcher)
+def _block_matcher(subject: Subject) -> BlockMatcher:
+    assert isinstance(subject.settings, BlockMatcher)
+    return subject.settings
+
+
+def _settings(subject: Subject) -> str:
+    assert subject.settings is not None
+    return settings_json(subject.settings)
 
 
 def _script(subject: Subject) -> str:
-    names = (_image_name(side, image) for side, image in _images(subject))
-    return script(subject.result.settings, *names)
+    assert subject.settings is not None
+    return script(subject.settings, *image_names(subject))
 
 
-def _images(subject: Subject) -> tuple[tuple[str, Image], tuple[str, Image]]:
-    return ("left", subject.view.pair.left), ("right", subject.view.pair.right)
+def _settings_refusal(subject: Subject) -> str:
+    return subject.settings_refusal
 
 
-def _image_name(side: str, image: Image) -> str:
-    """Return the name of a file that keeps every value of an image."""
-    return f"{side}.tif" if image.dtype.kind == "f" else f"{side}.png"
-
-
-def _image_export(number: int) -> Export:
-    """Return the export of one image of the pair as it was matched."""
-
-    def name(subject: Subject) -> str:
-        return _image_name(*_images(subject)[number])
-
-    def label(subject: Subject) -> str:
-        side, image = _images(subject)[number]
-        return f"{side.capitalize()} {'TIFF' if image.dtype.kind == 'f' else 'PNG'}"
-
-    def make(subject: Subject) -> bytes:
-        image = _images(subject)[number][1]
-        return image_tiff(image) if image.dtype.kind == "f" else image_png(image)
-
-    return Export(label, name, make, f"The {('left', 'right')[number]} image as it was matched.")
+def _of_opencv(subject: Subject) -> bool:
+    return isinstance(subject.shown.settings, BlockMatcher)
 
 
 EXPORTS: list[Export] = [
-    Export("PFM", "disparity.pfm", lambda it: pfm(it.result.disparity), "Disparity in px as floats; infinite: none."),
-    Export("NPY", "disparity.npy", lambda it: npy(it.result.disparity), "Disparity in px for NumPy; NaN: none."),
+    Export("PFM", _of_map(".pfm"), lambda it: pfm(it.result.disparity), "Disparity in px as floats; infinite: none."),
+    Export("NPY", _of_map(".npy"), lambda it: npy(it.result.disparity), "Disparity in px for NumPy; NaN: none."),
     Export(
         "KITTI PNG",
-        "disparity_kitti.png",
+        _of_map("_kitti.png"),
         lambda it: kitti_png(it.result.disparity),
         "Disparity × 256 in 16 bits; 0: none.",
         _kitti_refusal,
     ),
-    Export("Coloured PNG", "disparity_coloured.png", _coloured, "As shown, with a legend."),
+    Export("Coloured PNG", _of_map("_coloured.png"), _coloured, "As shown, with a legend."),
     Export("Valid mask", "valid.png", lambda it: valid_mask_png(it.result), "White where there is a disparity."),
+    Export(
+        "Measured mask",
+        "measured.png",
+        lambda it: measured_mask_png(it.result),
+        "White where the disparity was measured, black where it was filled in or there is none.",
+    ),
+    Export(
+        "Confidence PNG",
+        "confidence.png",
+        lambda it: confidence_png(_confidence(it)),
+        _confidence_in_words("× 65535 in 16 bits; 0: none"),
+    ),
+    Export("Confidence NPY", "confidence.npy", lambda it: npy(_confidence(it)), _confidence_in_words("NaN: none")),
     Export(
         "Point cloud PLY",
         "cloud.ply",
         _cloud,
-        "Points in metres and true colour, flying pixels left out.",
-        lambda it: (
-            "Metres need a calibration, or one point whose distance is known."
-            if calibration_of(it.view.pair) is None
-            else ""
-        ),
+        "Points in metres and true colour, flying pixels left out; at most 2 million.",
+        lambda it: "Metres need a calibration, or one point whose distance is known." if it.calibration is None else "",
     ),
     Export(
         "Metrics CSV",
         "metrics.csv",
         _metrics,
-        "Every method against the ground truth; once more without occluded pixels where they are known.",
-        lambda it: "Metrics need a ground truth." if it.view.pair.truth is None else "",
+        "Coverage and time of every method, and its figures against the ground truth where that is known, once more "
+        "without occluded pixels; without a ground truth bad-2 as the scoreboard estimated it.",
     ),
-    Export(
-        "Settings JSON",
-        "settings.json",
-        lambda it: settings_json(it.result.settings),
-        "Can be loaded again below.",
-    ),
+    Export("Settings JSON", "settings.json", _settings, "Can be loaded again below.", _settings_refusal),
     Export(
         "OpenCV YAML",
         "opencv.yml",
-        _opencv_yaml,
+        lambda it: opencv_yaml(_block_matcher(it)),
         "For OpenCV’s Algorithm::load or read.",
-        offered=lambda it: isinstance(it.result.settings, BlockMatcher),
+        _settings_refusal,
+        _of_opencv,
     ),
-    Export("Python script", "reproduce.py", _script, "Makes the same map."),
-    _image_export(0),
-    _image_export(1),
+    Export("Python script", "reproduce.py", _script, "Makes the map of these images again.", _settings_refusal),
+    Export(
+        "OpenCV script",
+        "reproduce_opencv.py",
+        lambda it: opencv_script(_block_matcher(it), *image_names(it)),
+        "Makes the map of these images again with OpenCV alone.",
+        _settings_refusal,
+        _of_opencv,
+    ),
+    *PAIR_EXPORTS,
 ]
 """All files about a result, in the order in which they are offered: a new one is listed here and nowhere else."""
 
 
-def files(view: DepthView, method: str) -> list[File]:
-    """Return all files about the result of one method, in the order in which they are offered."""
-    subject = Subject(view, view.results[method])
+def files(subject: Subject, exports: Sequence[Export] | None = None) -> list[File]:
+    """Return files about a result, of all exports unless told, in the order in which they are offered."""
 
     def said(text: Text) -> str:
         return text if isinstance(text, str) else text(subject)
 
     return [
-        File(said(one.label), said(one.name), partial(one.make, subject), one.meaning, one.refusal(subject))
-        for one in EXPORTS
+        File(said(one.label), said(one.name), partial(one.make, subject), said(one.meaning), one.refusal(subject))
+        for one in exports or EXPORTS
         if one.offered(subject)
     ]
 
 
-KEY = "depth.take"
+def archive(subject: Subject, exports: Sequence[Export] | None = None) -> bytes:
+    """Return one ZIP of the files that can be had, of all exports unless told, and of what each holds."""
+    had = [file for file in files(subject, exports) if not file.refusal]
+    about = "".join(f"{file.name}: {file.meaning}\n" for file in had)
+    return bundle({README: f"{size_in_words(subject)}\n\n{about}"} | {file.name: file.make() for file in had})
 
 
-def show_downloads(view: DepthView) -> None:
-    """Offer the files of one result, and take settings back in."""
-    opened = st.expander("Take it away", icon=":material/download:", key=f"{KEY}.opened", on_change="rerun")
-    if not opened.open or not view.results:
-        return
-    with opened:
-        names = [*view.results]
-        chosen = st.segmented_control("Result of", names, default=names[0], required=True, key=f"{KEY}.result")
-        offered = files(view, chosen if chosen in view.results else names[0])
-        with st.container(horizontal=True, gap="small"):
-            download_button(
-                "All in one ZIP",
-                partial(archive, offered),
-                "stereolag.zip",
-                "application/zip",
-                key=f"{KEY}.zip",
-                meaning="All files on offer here, with the pair as it was matched.",
-                icon=":material/folder_zip:",
-                primary=True,
-            )
-            for file in offered:
-                download_button(
-                    file.label,
-                    file.make,
-                    file.name,
-                    key=f"{KEY}.{file.name}",
-                    meaning=file.refusal or file.meaning,
-                    disabled=bool(file.refusal),
-                )
-        if view.pair.changes:
-            done = " ".join(change.sentence for change in view.pair.changes)
-            st.caption(f"The pair in the ZIP is the one that was matched. {done}")
-        _load_settings()
-
-
-def archive(offered: list[File]) -> bytes:
-    """Return one ZIP of the files that can be had."""
-    return bundle({file.name: file.make() for file in offered if not file.refusal})
-
-
-def _load_settings() -> None:
-    """Ask for a settings file, and set the controls to what it says, once a file."""
-    loaded = upload(
-        "Load settings",
-        read_matcher,
-        key=f"{KEY}.load",
-        types=("json",),
-        note="A settings JSON from here.",
-        lasting=False,
+def size_in_words(subject: Subject) -> str:
+    """Return of which size the files are, and how their map came to it."""
+    rows, cols = subject.pair.left.shape[:2]
+    said = f"All files are for the images in their own size, {cols} × {rows} pixels."
+    if not subject.reduced:
+        return said
+    shown = f"{subject.view.pair.left.shape[1]} × {subject.view.pair.left.shape[0]}"
+    if not subject.enlarged:
+        return f"{said} The map was computed in that size; the page shows {shown}."
+    return (
+        f"{said} The map was computed at {shown} and enlarged, its disparities multiplied by {subject.factor:.4g}: it "
+        "is as exact as that smaller one. Settings and programs are scaled to the images’ own size."
     )
-    digest = loaded.digest if loaded else None
-    if loaded is not None and st.session_state.get(f"{KEY}.loaded") != digest:
-        st.session_state[f"{KEY}.loaded"] = digest
-        adopt(loaded.content)
-    st.session_state[f"{KEY}.loaded"] = digest

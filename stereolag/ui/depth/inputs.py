@@ -10,14 +10,17 @@ import numpy as np
 import streamlit as st
 
 from stereolag import samples
+from stereolag.doctor import Remedy
 from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
 from stereolag.ui.choices import OWN, choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
 from stereolag.ui.depth.bench import head
-from stereolag.ui.depth.doctor import treated
+from stereolag.ui.depth.doctor import treated, with_remedies
 from stereolag.ui.depth.own_pair import ask_own_pair
-from stereolag.ui.depth.rectifying import ask_rectified, show_decision
+from stereolag.ui.depth.rectifying import ask_rectified, rectified, show_decision
+from stereolag.ui.depth.restoring import restore_settings
+from stereolag.ui.depth.several import show_steps
 from stereolag.ui.depth.starting import show_start, started
 from stereolag.ui.keys import FOLD_NEXT
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
@@ -26,6 +29,8 @@ from stereolag.ui.results import computed
 
 KEY = "pairs"
 TITLE = "Depth maps"
+KEPT = f"{KEY}.kept_settings"
+"""In the session's state: for which images the settings in use are."""
 OWN_PAIR_THERE = f"{KEY}.there"
 
 
@@ -50,16 +55,21 @@ def choose_pair() -> StereoPair:
             pair = ask_size(pair, KEY)
         pair, decision = ask_rectified(pair)
         pair = started(treated(pair))
-        shown = "" if decision is None else decision.sentence
-        told = [change.sentence for change in pair.changes if change.sentence != shown and not change.remedy]
-        st.caption(" ".join((pair.description, *filter(None, told))))
+        _keep_settings(pair)
+        st.caption(pair.description)
     if st.session_state.get(FOLD_NEXT):
         st.rerun()
+    shown = "" if decision is None else decision.sentence
+    told = [change.sentence for change in pair.changes if change.sentence != shown and not change.remedy]
+    if any(told):
+        st.caption(" ".join(filter(None, told)))
     if decision is not None:
         show_decision(decision)
     show_start(pair)
+    show_steps(pair)
     recall_settings(named, pair)
     take_over(pair)
+    restore_settings(pair)
     return pair
 
 
@@ -83,16 +93,14 @@ def ask_size(pair: StereoPair, key: str) -> StereoPair:
         "with the images. Automatic is full size up to a megapixel.",
     )
     divisor = SIZES[chosen] or preview_divisor(cols, rows)
-    small = pair if divisor == 1 else _resized(pair, divisor)
-    _scale_controls(pair, small, divisor, key)
-    return small
+    return pair if divisor == 1 else _resized(pair, divisor)
 
 
 def _resized(pair: StereoPair, divisor: int) -> StereoPair:
     try:
         small = computed(
             "resized pair",
-            lambda progress: _at(pair, divisor),
+            lambda progress: at_size(pair, divisor),
             inputs=pair.digest,
             settings=str(divisor),
             shared=pair.shared,
@@ -102,15 +110,19 @@ def _resized(pair: StereoPair, divisor: int) -> StereoPair:
         st.error(str(error))
         return pair
     # What is known of the pair may be newer than its images that were kept.
+    first = pair.min_disparity // divisor
+    end = None if pair.num_disparities is None else -(-(pair.min_disparity + pair.num_disparities) // divisor)
     return replace(
         small,
-        num_disparities=None if pair.num_disparities is None else -(-pair.num_disparities // divisor),
+        full=pair,
+        min_disparity=first,
+        num_disparities=None if end is None else end - first,
         calibration=None if pair.calibration is None else pair.calibration.scaled(1 / divisor),
         changes=(*pair.changes, small.changes[-1]),
     )
 
 
-def _at(pair: StereoPair, divisor: int) -> StereoPair:
+def at_size(pair: StereoPair, divisor: int) -> StereoPair:
     """Return the pair with its sides divided."""
     factor = 1 / divisor
     left, right = scaled_image(pair.left, factor), scaled_image(pair.right, factor)
@@ -129,14 +141,27 @@ def _at(pair: StereoPair, divisor: int) -> StereoPair:
     )
 
 
-def _scale_controls(pair: StereoPair, small: StereoPair, divisor: int, key: str) -> None:
-    """Let the settings in use cover the same part of the images as before, if these are the same in another size."""
-    before = st.session_state.get(f"{key}.divided")
-    st.session_state[f"{key}.divided"] = pair.digest, divisor
-    if before is None or before[0] != pair.digest or before[1] == divisor:
+def original(pair: StereoPair) -> StereoPair:
+    """Return the pair in its own size, with all that was done to the smaller one."""
+    if pair.full is None:
+        return pair
+    full, _ = rectified(pair.full)
+    return with_remedies(full, [Remedy(change.name) for change in pair.remedies])
+
+
+def _keep_settings(pair: StereoPair) -> None:
+    """Let the settings in use stay where the images are the same in another size, or another pair of the same set.
+
+    They then cover the same part of the images as before.
+    """
+    full = pair.full or pair
+    now = pair.collection or full.searched, full.left.shape[1] / pair.left.shape[1], pair.searched
+    before = st.session_state.get(KEPT)
+    st.session_state[KEPT] = now
+    if before is None or before[0] != now[0] or before == now:
         return
     for matcher in matchers_in_use():
         try:
-            set_controls(scaled_settings(matcher, before[1] / divisor), small)
+            set_controls(scaled_settings(matcher, before[1] / now[1]), pair)
         except ValueError as error:
             st.error(f"The settings could not be scaled with the images. {error}")

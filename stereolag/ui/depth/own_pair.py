@@ -1,37 +1,32 @@
-"""A pair of the visitor's own: two images or one with both, and what is known of them."""
+"""A pair of the visitor's own: two images, one with both, or an archive, and what is known of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+import numpy as np
 import streamlit as st
 
-from stereolag.arrays import FloatMap
-from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.scaling import calibration_for, cropped_alike, halves
-from stereolag.inputs import Image, as_stereo_pair
-from stereolag.reading import read_disparity, read_image
-from stereolag.ui.depth.calibrating import Calibrated, ask_calibration
+from stereolag.doctor.truth_scale import DIVISORS, likely_divisor
+from stereolag.inputs import Image
+from stereolag.reading import read_image
+from stereolag.reading.archives import is_archive
+from stereolag.reading.disparities import StoredDisparity, read_stored_disparity
+from stereolag.ui.depth.assembling import SAME_PICTURE, Pictures, Truth, split_picture, together
+from stereolag.ui.depth.calibrating import ask_calibration
+from stereolag.ui.depth.several import Bundle, ask_bundle, forget_bundle, pair_of_bundle, read_bundle
 from stereolag.ui.pairs import Change, StereoPair
+from stereolag.ui.results import computed
 from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_together, put_together, upload
 
-SAME_PICTURE = "Left and right are one and the same image: every disparity is 0, and there is no depth to see."
-
-ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side image"}
-
-
-@dataclass(frozen=True, eq=False)
-class Pictures:
-    """Two images as they were given, a digest of their files, and what was done to them."""
-
-    left: Image
-    right: Image
-    digest: str
-    changes: tuple[Change, ...] = ()
+ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side image", "several": "ZIP or several pairs"}
 
 
 def ask_own_pair(key: str) -> StereoPair | None:
-    """Ask for images, truth and calibration; return the last that fitted together, or None while there are none."""
+    """Ask for images, truth and calibration; return the last that fitted together, or None while there are none.
+
+    An archive in place of the left image brings all of that with it: a session that was taken away, or many pairs.
+    """
     arrangement = st.segmented_control(
         "Images",
         [*ARRANGEMENTS],
@@ -42,34 +37,53 @@ def ask_own_pair(key: str) -> StereoPair | None:
         persist_state="session",
         label_visibility="collapsed",
     )
+    if arrangement == "several":
+        return pair_of_bundle(ask_bundle(key))
     columns = st.columns([2, 1], gap="medium")
     with columns[0]:
-        pictures = _ask_one_picture(key) if arrangement == "beside" else _ask_two_pictures(key)
+        found = _ask_one_picture(key) if arrangement == "beside" else _ask_two_pictures(key)
+    if isinstance(found, Upload):
+        return pair_of_bundle(found)
+    forget_bundle()
+    pictures = found
     with columns[1]:
-        truth = _ask_truth(key)
+        truth = _ask_truth(key, pictures)
     calibration = ask_calibration(key)
     if pictures is None:
         forget_together(f"{key}.own.{arrangement}")
         return None
-    return put_together(lambda: _together(pictures, truth, calibration), f"{key}.own.{arrangement}")
+    return put_together(lambda: together(pictures, truth, calibration), f"{key}.own.{arrangement}")
 
 
-def _ask_two_pictures(key: str) -> Pictures | None:
+def _ask_two_pictures(key: str) -> Pictures | Upload[Bundle] | None:
     columns = st.columns(2, gap="medium")
     with columns[0]:
-        left = upload("Left image", read_image, key=f"{key}.left", types=PICTURE_TYPES)
+        left = upload(
+            "Left image",
+            _picture_or_bundle,
+            key=f"{key}.left",
+            types=(*PICTURE_TYPES, "zip"),
+            note="Or a ZIP: one that was taken away from here, or several pairs.",
+        )
+    if left is not None and not isinstance(left.content, np.ndarray):
+        return Upload(left.digest, left.content)
     with columns[1]:
         right = upload("Right image", read_image, key=f"{key}.right", types=PICTURE_TYPES)
     if left is None or right is None:
         return None
+    assert isinstance(left.content, np.ndarray)
     changes = (Change("", SAME_PICTURE),) if left.digest == right.digest else ()
     return Pictures(left.content, right.content, f"{left.digest} {right.digest}", changes)
+
+
+def _picture_or_bundle(data: bytes) -> Image | Bundle:
+    return read_bundle([("", data)]) if is_archive(data) else read_image(data)
 
 
 def _ask_one_picture(key: str) -> Pictures | None:
     both = upload(
         "Both images side by side",
-        _split,
+        split_picture,
         key=f"{key}.beside",
         types=PICTURE_TYPES,
         note="The left image in the left half, as stereo cameras deliver them.",
@@ -77,72 +91,61 @@ def _ask_one_picture(key: str) -> Pictures | None:
     return None if both is None else replace(both.content, digest=both.digest)
 
 
-def _split(data: bytes) -> Pictures:
-    """Return both halves of a side-by-side image, without a digest; ValueError where it cannot be read or halved."""
-    both = read_image(data)
-    left, right = halves(both)
-    width = both.shape[1]
-    odd = f" Its width of {width} px is odd: the middle column is left out." if width % 2 else ""
-    return Pictures(left, right, "", (Change("", f"The image was split down the middle.{odd}"),))
-
-
-def _ask_truth(key: str) -> Upload[FloatMap] | None:
-    """Ask for the ground truth of the left image."""
-    divisor = st.session_state.get(f"{key}.divisor")
-    truth = upload(
+def _ask_truth(key: str, pictures: Pictures | None) -> Truth | None:
+    """Ask for the ground truth of the left image; one of 8 bits is read by the divisor that agrees with the pair."""
+    given = upload(
         "Ground truth (optional)",
-        lambda data: read_disparity(data, divisor=divisor),
+        read_stored_disparity,
         key=f"{key}.truth",
         types=DISPARITY_TYPES,
-        note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s) or of 8 bits with a divisor.",
-        variant=str(divisor),
+        note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s) or of 8 bits, whose divisor is told from the pair.",
     )
+    divisor = st.session_state.get(f"{key}.divisor")
+    unsure = given is not None and given.content.divisor is None and pictures is not None and divisor is None
+    if unsure:
+        assert given is not None
+        assert pictures is not None
+        divisor = _ask_divisor(given, pictures, key)
     st.number_input(
-        "Divisor of the ground truth",
+        "Another divisor" if unsure else "Divisor of the ground truth",
         min_value=0.001,
         value=None,
         key=f"{key}.divisor",
         persist_state="session",
-        placeholder="as the file says",
-        help="Stored value ÷ divisor = px. Only files of 8 bits need it, often 4 or 16.",
+        placeholder="as chosen" if unsure else "as the file says",
+        help="Stored value ÷ divisor = px.",
     )
-    return truth
+    if given is None or pictures is None:
+        return None
+    divisor = divisor or given.content.divisor or 1.0
+    try:
+        return Truth(given.content.divided(divisor), f"{given.digest} {divisor:g}")
+    except ValueError as error:
+        st.error(str(error))
+        return None
 
 
-def _together(pictures: Pictures, truth: Upload[FloatMap] | None, calibration: Calibrated | None) -> StereoPair:
-    """Return the pair; ValueError where the files do not belong together."""
-    left, right = as_stereo_pair(*cropped_alike(pictures.left, pictures.right))
-    rows, cols = left.shape[:2]
-    changes = list(pictures.changes)
-    if pictures.left.shape[:2] != pictures.right.shape[:2]:
-        changes.append(Change("", f"The images differ by a few pixels and were cropped to {cols} × {rows}."))
-    disparity = None if truth is None else _fitting_truth(truth.content, pictures.left)[:rows, :cols]
-    fitted = None if calibration is None else calibration_for(calibration.content, cols, rows)
-    if calibration is not None and fitted is not calibration.content:
-        changes.append(Change("", f"The calibration was scaled to {cols} × {rows} pixels."))
-    return StereoPair(
-        left,
-        right,
-        disparity,
-        _disparities_of(fitted),
-        "Your own pair.",
-        " ".join((pictures.digest, truth.digest if truth else "")),
-        False,
-        fitted,
-        changes=tuple(changes),
-        pictures=pictures.digest,
+def _ask_divisor(truth: Upload[StoredDisparity], pictures: Pictures, key: str) -> float:
+    """Ask for the divisor of 8-bit values, beginning with the one that agrees best with a quick map of the pair."""
+    stored = truth.content
+    likely = computed(
+        "divisor",
+        lambda progress: np.array(likely_divisor(stored.divided(1.0), pictures.left, pictures.right)),
+        inputs=f"{pictures.digest} {truth.digest}",
+        settings="",
+        shared=False,
+        label="Comparing the ground truth with the pair …",
     )
-
-
-def _fitting_truth(truth: FloatMap, left: Image) -> FloatMap:
-    if truth.shape != left.shape[:2]:
-        (height, width), (rows, cols) = truth.shape, left.shape[:2]
-        raise ValueError(
-            f"The ground truth is {width} × {height} and the left image is {cols} × {rows} pixels; "
-            "they must have the same size."
+    largest = int(stored.stored.max())
+    return float(
+        st.segmented_control(
+            "8 bits per pixel: stored value ÷ divisor = px",
+            DIVISORS,
+            default=int(likely),
+            format_func=lambda divisor: f"÷ {divisor}: up to {largest / divisor:.4g} px",
+            required=True,
+            key=f"{key}.divisor.{truth.digest[:16]}.{pictures.digest[:16]}",
+            persist_state="session",
+            help="The one chosen at first agrees best with a quick map of the pair.",
         )
-    return truth
-
-
-def _disparities_of(calibration: Calibration | None) -> int | None:
-    return None if calibration is None else calibration.num_disparities
+    )

@@ -18,7 +18,7 @@ BETWEEN_LOOKS_S = 0.3
 
 @dataclass(frozen=True, eq=False)
 class PairJob:
-    """A job on a pair: the pair's digest, what was asked for, and the job that does it."""
+    """A job on a pair, or on the set to which it belongs: its digest, what was asked for, and the job that does it."""
 
     digest: str
     asked: Any
@@ -28,7 +28,7 @@ class PairJob:
 def job_on(pair: StereoPair, key: str) -> PairJob | None:
     """Return the job of a part of the page on this pair; one on another pair is called off and forgotten."""
     begun: PairJob | None = st.session_state.get(key)
-    if begun is None or begun.digest == pair.digest:
+    if begun is None or begun.digest == pair.judged:
         return begun
     forget_job(key)
     return None
@@ -42,8 +42,8 @@ def forget_job(key: str) -> None:
 def begin_job(pair: StereoPair, key: str, asked: object, work: Callable[[Job[Any]], Any], estimate: Estimate) -> None:
     """Start the job of a part of the page in a thread of its own."""
     job = Job(work, estimate)
-    this_visit().jobs[key] = pair.digest, job
-    st.session_state[key] = PairJob(pair.digest, asked, job)
+    this_visit().jobs[key] = pair.judged, job
+    st.session_state[key] = PairJob(pair.judged, asked, job)
 
 
 def show_running(key: str, job: Job[Any], text: str, *, ending: str) -> None:

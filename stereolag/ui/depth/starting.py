@@ -87,4 +87,4 @@ def _range_of(pair: StereoPair) -> tuple[int, int] | None:
 
 
 def _key(pair: StereoPair) -> str:
-    return f"{PAIR}.start.{pair.pictures or pair.files}"
+    return f"{PAIR}.start.{pair.collection or pair.pictures or pair.files}"

@@ -24,6 +24,7 @@ from stereolag.ui.depth.judging import (
     value_in_words,
 )
 from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, job_on, show_running
+from stereolag.ui.depth.pair_sets import JudgedPairs
 from stereolag.ui.depth.sweeping import ask_method
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.jobs import Job
@@ -40,7 +41,9 @@ def show_suggest(view: DepthView) -> None:
     criterion = criterion_on(view.pair)
     st.markdown(
         "Settings that go well together are tried in combination, and the best of them on the whole images beside "
-        "yours. The range searched stays, and so does what the checks tolerate. " + JUDGED_BY[criterion],
+        "yours. The range searched stays, and so does what the checks tolerate. "
+        + JudgedPairs.of(view.pair).sentence
+        + JUDGED_BY[criterion],
         width=760,
     )
     matcher = ask_method(view, key=f"{KEY}.method")
@@ -72,11 +75,12 @@ def show_suggest(view: DepthView) -> None:
 
 def _begin(pair: StereoPair, matcher: StereoMatcher, budget_s: float) -> None:
     """Start a search in a thread of its own."""
+    pairs = JudgedPairs.of(pair)
 
     def work(job: Job[Suggestion]) -> Suggestion:
         return suggest_for_all(
             matcher,
-            tuning_pairs([pair], matcher.search_range(), job),
+            tuning_pairs(pairs, matcher.search_range(), job),
             budget_s=budget_s,
             progress=job.report,
             found=job.found,

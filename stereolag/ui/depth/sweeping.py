@@ -19,6 +19,7 @@ from stereolag.tuning.sweep import estimate_sweep, range_of_sweep, sweep
 from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.judging import JUDGED_BY, UNJUDGED, criterion_on, known_truth, sweep_in_words, tuning_pairs
 from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, forget_job, job_on, show_running
+from stereolag.ui.depth.pair_sets import JudgedPairs
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.jobs import Job
 from stereolag.ui.navigation import fragment
@@ -47,7 +48,7 @@ def show_sweep(view: DepthView) -> None:
     unjudged = criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher)
     st.markdown(
         "Two settings in all their combinations. A click on a cell takes its settings over. "
-        + (UNJUDGED[Unjudged.JUDGES_ITSELF] if unjudged else JUDGED_BY[criterion]),
+        + (UNJUDGED[Unjudged.JUDGES_ITSELF] if unjudged else JudgedPairs.of(view.pair).sentence + JUDGED_BY[criterion]),
         width=760,
     )
     axes = _ask_axes(matcher)
@@ -155,17 +156,18 @@ def _begin(pair: StereoPair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) ->
     rows, cols = ((axis.parameter.name, axis.values) for axis in axes)
     truth = known_truth(pair)
     searched = range_of_sweep(matcher, rows=rows, cols=cols)
+    pairs = JudgedPairs.of(pair)
 
     def work(job: Job[ContactSheet]) -> ContactSheet:
         if truth is None and judges_itself(matcher):
             judging = [TuningPair.unjudgeable(pair.left, pair.right)]
         else:
-            judging = list(tuning_pairs([pair], searched, job))
+            judging = list(tuning_pairs(pairs, searched, job))
         grid = sweep(matcher, judging, rows=rows, cols=cols, progress=job.report, cancelled=lambda: job.cancelled)
         return ContactSheet.of(grid, pair.left.shape)
 
     about = TuningPair.unjudgeable(pair.left, pair.right)
-    estimate = estimate_sweep(matcher, [about], rows=rows, cols=cols)
+    estimate = estimate_sweep(matcher, [about] * len(pairs), rows=rows, cols=cols)
     if truth is None:
         reference = estimate_reference(searched, pair.left.shape, pair.left.dtype)
         estimate = Estimate(max(estimate.memory, reference.memory), estimate.seconds + reference.seconds)

@@ -1,0 +1,164 @@
+"""ZIP archives from untrusted bytes: nothing is unpacked but what is asked for, within limits, and never to disk.
+
+What bounds it: the size of the directory, read before it is parsed; the number of files and their sizes together as the
+directory states them, before anything is decompressed; and while a file is decompressed, the size it stated. Names are
+texts that files are asked for by; no path is made of them.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+
+from stereolag.reading.sources import MAX_BYTES, Source, quoted, read_bytes
+
+WHAT = "archive"
+MAGIC = b"PK"
+MAX_FILES = 2000
+MAX_DIRECTORY_BYTES = 2**20
+MAX_NAME = 300
+MAX_DEPTH = 8
+
+_END = b"PK\x05\x06"
+_END_BYTES, _COMMENT_BYTES = 22, 65_535
+_END_OF_ZIP64 = b"PK\x06\x07"
+_ZIP64_LOCATOR_BYTES = 20
+_ENCRYPTED = 1
+_METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
+
+
+@dataclass(frozen=True, eq=False)
+class Archive:
+    """The files of an archive, still packed.
+
+    Attributes
+    ----------
+    names
+        Of all files, in the archive's order, folders with slashes: "scene/left.png". Untrusted text.
+    packed
+        The bytes of the archive.
+    """
+
+    names: tuple[str, ...]
+    packed: bytes
+
+    def read(self, name: str) -> bytes:
+        """Return the bytes of one file.
+
+        Raises
+        ------
+        ValueError
+            No such file, or one that is damaged.
+        """
+        if name not in self.names:
+            raise ValueError(f"The {WHAT} holds no {quoted(name)}.")
+        try:
+            with zipfile.ZipFile(io.BytesIO(self.packed)) as whole, whole.open(name) as file:
+                data = file.read()  # no more than the directory states, which was checked
+                stated = whole.getinfo(name).file_size
+        except Exception as error:  # zipfile and zlib raise whatever comes up on broken files
+            raise _damaged_file(name) from error
+        if len(data) != stated:
+            raise _damaged_file(name)
+        return data
+
+
+def is_archive(data: bytes) -> bool:
+    """Return whether these are the bytes of a ZIP archive, as far as their beginning tells."""
+    return data.startswith((b"PK\x03\x04", _END))
+
+
+def read_archive(source: Source) -> Archive:
+    """Read the directory of a ZIP archive.
+
+    Parameters
+    ----------
+    source
+        A path, the bytes of the file, or a binary file object.
+
+    Returns
+    -------
+    archive
+        Of its files without folders, hidden ones, and what macOS adds.
+
+    Raises
+    ------
+    ValueError
+        An archive that is damaged, encrypted or packed by another method than "deflate", holds more than 2000 files or
+        no file, two of one name, more than 256 MB unpacked, or names that are too long or lead elsewhere.
+    """
+    packed = read_bytes(source, WHAT)
+    _check_directory(packed)
+    try:
+        with zipfile.ZipFile(io.BytesIO(packed)) as whole:
+            members = whole.infolist()
+    except Exception as error:  # zipfile raises whatever comes up on broken files
+        raise _damaged() from error
+    kept = [member for member in members if not (member.is_dir() or _is_hidden(member.filename))]
+    if not kept:
+        raise ValueError(f"The {WHAT} holds no files.")
+    if len(kept) > MAX_FILES:
+        raise ValueError(f"The {WHAT} holds {len(kept):,} files; at most {MAX_FILES:,} are accepted.")
+    for member in kept:
+        _check_name(member.filename)
+        if member.flag_bits & _ENCRYPTED:
+            raise ValueError(f"{quoted(member.filename)} in the {WHAT} is encrypted; pack it without a password.")
+        if member.compress_type not in _METHODS:
+            raise ValueError(f"{quoted(member.filename)} in the {WHAT} is packed by another method than “deflate”.")
+    unpacked = sum(member.file_size for member in kept)
+    if unpacked > MAX_BYTES:
+        raise ValueError(
+            f"The {WHAT} holds {unpacked / 2**20:,.0f} MB unpacked; at most {MAX_BYTES // 2**20} MB are accepted."
+        )
+    names = tuple(member.filename for member in kept)
+    twin = next(_twins(names), None)
+    if twin is not None:
+        raise ValueError(f"The {WHAT} holds two files named {quoted(twin)}.")
+    return Archive(names, packed)
+
+
+def _check_directory(packed: bytes) -> None:
+    """Refuse a directory that is too long to be parsed: every entry takes ten times its bytes in memory."""
+    end = packed.rfind(_END, max(0, len(packed) - _END_BYTES - _COMMENT_BYTES))
+    if end < 0 or len(packed) - end < _END_BYTES:
+        raise _damaged()
+    if packed[max(0, end - _ZIP64_LOCATOR_BYTES) : end].startswith(_END_OF_ZIP64):
+        raise ValueError(f"The {WHAT} is in the format for more than 4 GB (ZIP64); pack fewer files.")
+    size = int.from_bytes(packed[end + 12 : end + 16], "little")
+    if size > MAX_DIRECTORY_BYTES:
+        raise ValueError(
+            f"The {WHAT} has a directory of {size / 2**20:,.0f} MB; at most {MAX_DIRECTORY_BYTES // 2**20} MB is "
+            "accepted: pack fewer files."
+        )
+
+
+def _check_name(name: str) -> None:
+    parts = PurePosixPath(name.replace("\\", "/")).parts
+    if len(name) > MAX_NAME or len(parts) > MAX_DEPTH:
+        raise ValueError(f"{quoted(name)} in the {WHAT} has too long a name.")
+    if ".." in parts or name.startswith(("/", "\\")) or "\0" in name or ":" in parts[0]:
+        raise ValueError(f"{quoted(name)} in the {WHAT} leads out of it; names of files within are accepted.")
+
+
+def _is_hidden(name: str) -> bool:
+    parts = name.replace("\\", "/").split("/")
+    return "__MACOSX" in parts or parts[-1].startswith(".") or parts[-1].casefold() in ("thumbs.db", "desktop.ini")
+
+
+def _twins(names: tuple[str, ...]) -> Iterator[str]:
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            yield name
+        seen.add(name)
+
+
+def _damaged_file(name: str) -> ValueError:
+    return ValueError(f"{quoted(name)} in the {WHAT} is damaged or cut short.")
+
+
+def _damaged() -> ValueError:
+    return ValueError(f"The {WHAT} is no ZIP file, or it is damaged or cut short.")

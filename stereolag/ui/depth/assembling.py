@@ -1,0 +1,151 @@
+"""A pair put together of what its files hold: images, ground truth and calibration that fit each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from stereolag.arrays import FloatMap
+from stereolag.doctor.truth_scale import likely_divisor
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.scaling import as_deep, calibration_for, cropped_alike, halves
+from stereolag.inputs import Image, as_stereo_pair
+from stereolag.reading import read_calibration, read_image
+from stereolag.reading.disparities import read_stored_disparity
+from stereolag.reading.pairing import PairFiles
+from stereolag.reading.sessions import Session
+from stereolag.reading.sources import harmless
+from stereolag.ui.depth.calibrating import Calibrated
+from stereolag.ui.pairs import Change, StereoPair
+from stereolag.ui.uploads import Upload
+
+ONE_DEPTH = (
+    "One image has 8 bits per channel and the other 16: both were brought to 16, black at 0 and white at 65535, by how "
+    "bright they are on the whole."
+)
+SAME_PICTURE = "Left and right are one and the same image: every disparity is 0, and there is no depth to see."
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """Two images as they were given, a digest of their files, and what was done to them."""
+
+    left: Image
+    right: Image
+    digest: str
+    changes: tuple[Change, ...] = ()
+
+
+def split_picture(data: bytes) -> Pictures:
+    """Return both halves of a side-by-side image, without a digest; ValueError where it cannot be read or halved."""
+    both = read_image(data)
+    left, right = halves(both)
+    width = both.shape[1]
+    odd = f" Its width of {width} px is odd: the middle column is left out." if width % 2 else ""
+    return Pictures(left, right, "", (Change("", f"The image was split down the middle.{odd}"),))
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """A ground truth, px, and a digest of its file and of what was made of its numbers."""
+
+    disparity: FloatMap
+    digest: str
+
+
+def together(pictures: Pictures, truth: Truth | None, calibration: Calibrated | None) -> StereoPair:
+    """Return the pair; ValueError where the files do not belong together."""
+    left, right = as_stereo_pair(*as_deep(*cropped_alike(pictures.left, pictures.right)))
+    rows, cols = left.shape[:2]
+    changes = list(pictures.changes)
+    if pictures.left.dtype != pictures.right.dtype:
+        changes.append(Change("", ONE_DEPTH))
+    if pictures.left.shape[:2] != pictures.right.shape[:2]:
+        changes.append(Change("", f"The images differ by a few pixels and were cropped to {cols} × {rows}."))
+    disparity = None if truth is None else _fitting_truth(truth.disparity, pictures.left)[:rows, :cols]
+    fitted = None if calibration is None else calibration_for(calibration.content, cols, rows)
+    if calibration is not None and fitted is not calibration.content:
+        changes.append(Change("", f"The calibration was scaled to {cols} × {rows} pixels."))
+    return StereoPair(
+        left,
+        right,
+        disparity,
+        _disparities_of(fitted),
+        "Your own pair.",
+        " ".join((pictures.digest, truth.digest if truth else "")),
+        False,
+        fitted,
+        changes=tuple(changes),
+        pictures=pictures.digest,
+    )
+
+
+def _fitting_truth(truth: FloatMap, left: Image) -> FloatMap:
+    if truth.shape != left.shape[:2]:
+        (height, width), (rows, cols) = truth.shape, left.shape[:2]
+        raise ValueError(
+            f"The ground truth is {width} × {height} and the left image is {cols} × {rows} pixels; "
+            "they must have the same size."
+        )
+    return truth
+
+
+def _disparities_of(calibration: Calibration | None) -> int | None:
+    return None if calibration is None else calibration.num_disparities
+
+
+def named_pair(files: PairFiles, read: Callable[[str], bytes], digest: str) -> StereoPair:
+    """Return a pair of files that were matched by name; nothing is asked, and what was decided is said.
+
+    Parameters
+    ----------
+    files
+        Their names.
+    read
+        Returns the bytes of a file by its name.
+    digest
+        Tells this pair from every other.
+
+    Raises
+    ------
+    ValueError
+        Images that cannot be read or do not fit together, or a ground truth that does not fit them.
+    """
+    left, right = read_image(read(files.left)), read_image(read(files.right))
+    changes: list[Change] = []
+    truth = None
+    if files.truth is not None:
+        stored = read_stored_disparity(read(files.truth))
+        divisor = stored.divisor or float(likely_divisor(stored.divided(1.0), left, right))
+        truth = Truth(stored.divided(divisor), "")
+        if stored.divisor is None:
+            changes.append(Change("", f"The ground truth has 8 bits: ÷ {divisor:g} agrees best with a quick map."))
+    calibration = None
+    if files.calibrations:
+        try:
+            calibration = Upload("", read_calibration(*map(read, files.calibrations)))
+        except ValueError as error:
+            changes.append(Change("", f"The calibration beside it is not used. {error}"))
+    pair = together(Pictures(left, right, digest, tuple(changes)), truth, calibration)
+    return replace(pair, description=f"Pair “{harmless(files.name)}”.")
+
+
+def session_pair(session: Session, digest: str) -> StereoPair:
+    """Return the pair of a session that was taken away from here; its range is known, and need not be found again."""
+    ranges = [found for matcher in session.matchers if (found := matcher.search_range()) is not None]
+    first, count = session.min_disparity, session.num_disparities
+    if count is None and ranges:
+        first, count = ranges[0]
+    return StereoPair(
+        session.left,
+        session.right,
+        session.truth,
+        count,
+        session.description or "Your own pair.",
+        digest,
+        False,
+        session.calibration,
+        session.visible,
+        tuple(Change("", sentence) for sentence in session.history),
+        min_disparity=first,
+    )

@@ -1,0 +1,149 @@
+"""Take it away and bring settings back: the buttons for all files about one result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import streamlit as st
+
+from stereolag.estimates import spoken
+from stereolag.limits import limits
+from stereolag.reading import read_matcher
+from stereolag.settings import scaled_settings
+from stereolag.stereo.matcher import DisparityMap
+from stereolag.ui.depth.address import adopt
+from stereolag.ui.depth.exports import archive, files, size_in_words
+from stereolag.ui.depth.maps import settings_key
+from stereolag.ui.depth.pair_exports import PAIR_EXPORTS
+from stereolag.ui.depth.subjects import Subject
+from stereolag.ui.depth.view import DepthView
+from stereolag.ui.jobs import HEAVY_MEMORY, Turn, limiter
+from stereolag.ui.private_files import download_button
+from stereolag.ui.results import computed_in_turn
+from stereolag.ui.sentences import duration
+from stereolag.ui.uploads import upload
+
+KEY = "depth.take"
+BYTES_OF_A_PIXEL = 100
+"""While files are made: the map in the pair's own size, its points and colours, and the file."""
+WANTED = f"{KEY}.wanted"
+"""In the session's state: the maps that the visitor wants computed in their pair's own size."""
+
+
+def show_downloads(view: DepthView) -> None:
+    """Offer the files of one result, and take settings back in."""
+    opened = st.expander("Take it away", icon=":material/download:", key=f"{KEY}.opened", on_change="rerun")
+    if not opened.open or not view.results:
+        return
+    with opened:
+        names = [*view.results]
+        chosen = st.segmented_control("Result of", names, default=names[0], required=True, key=f"{KEY}.result")
+        subject = Subject.of(view, chosen if chosen in view.results else names[0])
+        if subject.reduced:
+            _compute_in_own_size(subject)
+        with st.container(horizontal=True, gap="small"):
+            download_button(
+                "All in one ZIP",
+                partial(_in_turn, subject, partial(archive, subject)),
+                "stereolag.zip",
+                "application/zip",
+                key=f"{KEY}.zip",
+                meaning="All files on offer here. Given back in place of a left image, it opens the page as it is now.",
+                icon=":material/folder_zip:",
+                primary=True,
+            )
+            download_button(
+                "Session ZIP",
+                partial(_in_turn, subject, partial(archive, subject, PAIR_EXPORTS)),
+                "stereolag-session.zip",
+                "application/zip",
+                key=f"{KEY}.session",
+                meaning="The pair and what the page is set to, without the results: enough to continue from here.",
+                icon=":material/bookmark:",
+            )
+            for file in files(subject):
+                if file.label:
+                    download_button(
+                        file.label,
+                        partial(_in_turn, subject, file.make),
+                        file.name,
+                        key=f"{KEY}.{file.name}",
+                        meaning=file.refusal or file.meaning,
+                        disabled=bool(file.refusal),
+                    )
+        st.caption(" ".join([size_in_words(subject), *(change.sentence for change in subject.pair.changes)]))
+        _load_settings(subject)
+
+
+def _in_turn(subject: Subject, make: Callable[[], bytes | str]) -> bytes | str:
+    """Return a file that is asked for; one of large images is made when it is its turn."""
+    rows, cols = subject.pair.left.shape[:2]
+    memory = BYTES_OF_A_PIXEL * rows * cols
+    if memory < HEAVY_MEMORY:
+        return make()
+    with limiter().admitted(Turn(memory), lambda: False):
+        return make()
+
+
+def _compute_in_own_size(subject: Subject) -> None:
+    """Offer to compute the map in the pair's own size, where that takes long; note it in the subject once it is."""
+    matcher, pair = subject.settings, subject.pair
+    if matcher is None:
+        st.warning(subject.settings_refusal)
+        return
+    if subject.light:
+        return
+    wanted = f"{pair.digest} {settings_key(subject.shown)}"
+    size = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
+    if subject.estimate.memory > limits().job_memory:
+        st.caption(
+            f"Computed at {size}, this map would need about {spoken(subject.estimate.memory)} of memory, and one job "
+            f"may take {spoken(limits().job_memory)}: the map in the files is the one shown, enlarged."
+        )
+        return
+    if wanted not in st.session_state.get(WANTED, ()):
+        st.button(
+            f"Compute the map at {size}",
+            key=f"{KEY}.compute",
+            icon=":material/open_in_full:",
+            help=f"About {duration(subject.estimate.seconds)}. Until then, the map in the files is the one shown, "
+            "enlarged.",
+            on_click=_want,
+            args=(wanted,),
+        )
+        return
+    found: DisparityMap | None = computed_in_turn(
+        f"original map {matcher.short_name}",
+        lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
+        subject.estimate,
+        inputs=pair.digest,
+        settings=matcher.model_dump_json(),
+        shared=pair.shared,
+        label=f"{matcher.title} at {size} …",
+    )
+    subject.computed = found
+
+
+def _want(wanted: str) -> None:
+    st.session_state[WANTED] = {*st.session_state.get(WANTED, ()), wanted}
+
+
+def _load_settings(subject: Subject) -> None:
+    """Ask for a settings file, and set the controls to what it says for the size shown, once a file."""
+    loaded = upload(
+        "Load settings",
+        read_matcher,
+        key=f"{KEY}.load",
+        types=("json",),
+        note="A settings JSON from here: for the pair in its own size.",
+        lasting=False,
+    )
+    digest = loaded.digest if loaded else None
+    if loaded is not None and st.session_state.get(f"{KEY}.loaded") != digest:
+        st.session_state[f"{KEY}.loaded"] = digest
+        try:
+            adopt(scaled_settings(loaded.content, 1 / subject.factor) if subject.reduced else loaded.content)
+        except ValueError as error:
+            st.error(f"The settings could not be scaled with the images. {error}")
+    st.session_state[f"{KEY}.loaded"] = digest

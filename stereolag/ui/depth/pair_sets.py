@@ -1,0 +1,116 @@
+"""All pairs of a set, one after another, prepared as the page prepares the one that is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import streamlit as st
+
+from stereolag.doctor.row_evidence import row_evidence
+from stereolag.geometry.rectification import rectify
+from stereolag.geometry.scaling import preview_divisor
+from stereolag.ui.depth.inputs import at_size
+from stereolag.ui.depth.rectifying import ALPHA_KEY, CHOICE_KEY, DECIDE, RECTIFIED
+from stereolag.ui.depth.several import SET, STEP, PairSet
+from stereolag.ui.keys import SIZE
+from stereolag.ui.pairs import SIZES, StereoPair
+
+HELD_BYTES = 256 * 2**20
+"""What pairs may take that are judged together and held all at once."""
+HELD_BYTES_OF_A_PIXEL = 24
+"""Both images in colour, their reference, and one map."""
+
+
+def set_of(pair: StereoPair) -> PairSet | None:
+    """Return the set to which a pair belongs, None of a pair alone."""
+    pairs: PairSet | None = st.session_state.get(SET)
+    return pairs if pairs is not None and pairs.digest == pair.collection else None
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """How every pair of a set is prepared: the size, and what the visitor said of rectification."""
+
+    size: str
+    choice: str
+    alpha: float
+
+    @classmethod
+    def chosen(cls) -> Preparation:
+        """Return what is chosen on the page."""
+        state = st.session_state
+        return cls(state.get(SIZE, "Automatic"), state.get(CHOICE_KEY, DECIDE), state.get(ALPHA_KEY, 0.0))
+
+    def prepared(self, pair: StereoPair) -> StereoPair:
+        """Return a pair as the page would match it, without remedies; no part of Streamlit is called."""
+        rows, cols = pair.left.shape[:2]
+        divisor = SIZES.get(self.size) or preview_divisor(cols, rows)
+        if divisor > 1:
+            scaled = None if pair.calibration is None else pair.calibration.scaled(1 / divisor)
+            pair = replace(at_size(pair, divisor), calibration=scaled)
+        if pair.calibration is None or pair.calibration.rig is None or self.choice == RECTIFIED:
+            return pair
+        alpha = self.alpha if pair.calibration.rig.rectification is None else None
+        left, right, calibration = rectify(pair.left, pair.right, pair.calibration, alpha=alpha)
+        if self.choice == DECIDE and row_evidence((pair.left, pair.right), (left, right)).already_rectified:
+            return pair
+        return replace(pair, left=left, right=right, calibration=calibration, truth=None, visible=None)
+
+
+@dataclass(frozen=True)
+class JudgedPairs:
+    """The pairs on which settings are judged together: the one that is looked at first, then others of its set.
+
+    Attributes
+    ----------
+    current
+        The pair that is looked at.
+    pairs
+        Its set; None of a pair alone.
+    others
+        The numbers of the others, as many as may be held at once, spread evenly over the set.
+    preparation
+        Of the others.
+    """
+
+    current: StereoPair
+    pairs: PairSet | None
+    others: tuple[int, ...]
+    preparation: Preparation
+
+    @classmethod
+    def of(cls, pair: StereoPair) -> JudgedPairs:
+        """Return the pairs to judge on where this one is looked at."""
+        pairs = set_of(pair)
+        if pairs is None:
+            return cls(pair, None, (), Preparation.chosen())
+        number, count = st.session_state.get(STEP, 0), len(pairs.pairs)
+        pixels = pair.left.shape[0] * pair.left.shape[1]
+        held = min(count, max(1, HELD_BYTES // (HELD_BYTES_OF_A_PIXEL * pixels)))
+        spread = (round((step + 0.5) * count / held - 0.5) for step in range(held))
+        others = [one for one in dict.fromkeys(spread) if one != number][: held - 1]
+        return cls(pair, pairs, tuple(others), Preparation.chosen())
+
+    def __len__(self) -> int:
+        """Return how many pairs there are."""
+        return 1 + len(self.others)
+
+    def __iter__(self) -> Iterator[StereoPair]:
+        """Yield the pairs, each decoded when it is its turn; those whose files make no pair are left out."""
+        yield self.current
+        for number in self.others:
+            assert self.pairs is not None
+            try:
+                yield self.preparation.prepared(self.pairs.pair(number))
+            except ValueError:  # the table of all pairs says why
+                continue
+
+    @property
+    def sentence(self) -> str:
+        """Return on what settings are judged, where that is more than one pair."""
+        if self.pairs is None:
+            return ""
+        count = len(self.pairs.pairs)
+        which = f"all {count} pairs" if len(self) == count else f"{len(self)} of the {count} pairs, spread evenly,"
+        return f"They are judged on **{which} together**, by the mean. "

@@ -1,0 +1,72 @@
+"""What the depth page is set to besides its pair: written when it is taken away, set again when it comes back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import streamlit as st
+
+from stereolag.figures.disparity import PALETTES
+from stereolag.reading.sessions import Colours, Session
+from stereolag.settings import scaled_settings
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.ui import keys
+from stereolag.ui.depth.colouring import FIRST_PALETTE, INVERTED, PALETTE, range_key
+from stereolag.ui.depth.maps import shown_methods
+from stereolag.ui.matcher_controls import matchers_in_use, set_controls
+from stereolag.ui.pairs import SIZES, StereoPair
+
+RESTORED = "depth.restore"
+"""In the session's state: a session whose settings and colours are still to be set, for its pair in its own size."""
+
+
+@dataclass(frozen=True)
+class PageState:
+    """What the page is set to: settings for the size shown, colours for the pair's own."""
+
+    matchers: list[StereoMatcher]
+    shown: list[str]
+    size: str
+    colours: dict[str, Any]
+
+
+def page_state(pair: StereoPair, factor: float) -> PageState:
+    """Return what the page is set to; `factor` px of the pair's own size are one px of what is shown."""
+    colours: dict[str, Any] = {
+        "palette": st.session_state.get(PALETTE, FIRST_PALETTE),
+        "inverted": bool(st.session_state.get(INVERTED, False)),
+    }
+    ends = st.session_state.get(range_key(pair))
+    if ends is not None:
+        colours |= {end: value * factor for end, value in zip(("low", "high"), ends, strict=True)}
+    shown = [method.short_name for method in shown_methods()]
+    return PageState(matchers_in_use(), shown, st.session_state.get(keys.SIZE, "Automatic"), colours)
+
+
+def restore(session: Session) -> None:
+    """Set the page to a session whose pair is the one in use; before any of these controls is drawn in this run."""
+    st.session_state[keys.SIZE] = session.size if session.size in SIZES else "Automatic"
+    if session.shown:
+        st.session_state[keys.SHOWN] = [*session.shown]
+        st.session_state[keys.TAB] = session.shown[0]
+    if session.colours.palette in PALETTES:
+        st.session_state[PALETTE] = session.colours.palette
+    st.session_state[INVERTED] = session.colours.inverted
+    st.session_state[RESTORED] = session.left.shape[1], session.matchers, session.colours
+
+
+def restore_settings(pair: StereoPair) -> None:
+    """Set the controls, none of which must be drawn yet, to the settings of a session that :func:`restore` began."""
+    found: tuple[int, tuple[StereoMatcher, ...], Colours] | None = st.session_state.pop(RESTORED, None)
+    if found is None:
+        return
+    width, matchers, colours = found
+    factor = pair.left.shape[1] / width
+    for matcher in matchers:
+        try:
+            set_controls(scaled_settings(matcher, factor) if factor != 1 else matcher, pair)
+        except ValueError as error:
+            st.error(f"The settings of {matcher.title} could not be scaled with the images. {error}")
+    if colours.low is not None and colours.high is not None:
+        st.session_state[range_key(pair)] = colours.low * factor, colours.high * factor

@@ -1,0 +1,163 @@
+"""The result that is taken away: of the pair in its own size, whatever the size in which it is shown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from stereolag.estimates import Estimate
+from stereolag.export import enlarged
+from stereolag.geometry.calibration import Calibration
+from stereolag.limits import limits
+from stereolag.settings import scaled_settings
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+from stereolag.ui.depth.calibrating import known_distance
+from stereolag.ui.depth.estimates import estimates_so_far
+from stereolag.ui.depth.inputs import original
+from stereolag.ui.depth.restoring import page_state
+from stereolag.ui.depth.view import DepthView
+from stereolag.ui.jobs import is_heavy
+from stereolag.ui.pairs import StereoPair
+
+
+@dataclass(eq=False)
+class Subject:
+    """One map of a view, and all that its files are made of, for the pair in its own size.
+
+    Attributes
+    ----------
+    view, method
+        What the page shows, and the name of the map there.
+    pair
+        In its own size, with all that was done to it.
+    calibration
+        Of that pair, by a known distance where one was entered.
+    factor
+        How many px of the pair are one px of what is shown.
+    settings
+        Of the map, for that size; None, and why, where such settings are not allowed.
+    settings_refusal
+        The sentence, "" where there are such settings.
+    computed
+        The map computed in that size, where it was already.
+    session
+        What the page is set to, as :func:`stereolag.export.session_json` takes it.
+    estimated_bad
+        The estimated bad-2 of the maps that are shown, %, by the name of the method; nothing unless it was estimated.
+    """
+
+    view: DepthView
+    method: str
+    pair: StereoPair
+    calibration: Calibration | None
+    factor: float
+    settings: StereoMatcher | None
+    settings_refusal: str
+    computed: DisparityMap | None = None
+    session: Mapping[str, Any] = field(default_factory=dict)
+    estimated_bad: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, view: DepthView, method: str) -> Subject:
+        """Return one map of a view as a subject."""
+        pair = original(view.pair)
+        factor = pair.left.shape[1] / view.pair.left.shape[1]
+        known = known_distance(view.pair)
+        shown = view.results[method]
+        settings, refusal = _for_size(shown.settings, factor)
+        return cls(
+            view,
+            method,
+            pair,
+            pair.calibration if known is None else known.calibration.scaled(factor),
+            factor,
+            settings,
+            refusal,
+            shown if pair is view.pair else None,
+            _session(view, pair, factor),
+            estimates_so_far(view) if view.pair.truth is None else {},
+        )
+
+    @property
+    def shown(self) -> DisparityMap:
+        """Return the map as the page shows it."""
+        return self.view.results[self.method]
+
+    @property
+    def reduced(self) -> bool:
+        """Return whether the page shows the pair smaller than it is."""
+        return self.pair is not self.view.pair
+
+    @cached_property
+    def estimate(self) -> Estimate:
+        """Return what computing the map in the pair's own size takes."""
+        assert self.settings is not None
+        return self.settings.estimate(self.pair.left.shape, self.pair.left.dtype)
+
+    @property
+    def light(self) -> bool:
+        """Return whether the map in the pair's own size takes so little that it is computed with its file."""
+        return self.settings is not None and not is_heavy(self.estimate) and self.estimate.memory <= limits().job_memory
+
+    @property
+    def enlarged(self) -> bool:
+        """Return whether the map is the one shown, enlarged, and not computed in the pair's own size."""
+        return self.computed is None and not self.light
+
+    @cached_property
+    def result(self) -> DisparityMap:
+        """Return the map in the pair's own size; made when first asked for."""
+        if self.computed is not None:
+            return self.computed
+        if self.light:
+            assert self.settings is not None
+            return self.settings.compute(self.pair.left, self.pair.right)
+        return self._enlarged(self.method)
+
+    def each_result(self) -> Iterator[tuple[str, DisparityMap]]:
+        """Yield the maps of all methods in the pair's own size, one by one: all others than this one's enlarged."""
+        for name in self.view.results:
+            yield name, self.result if name == self.method else self._enlarged(name)
+
+    def _enlarged(self, method: str) -> DisparityMap:
+        shown = self.view.results[method]
+        if not self.reduced:
+            return shown
+        rows, cols = self.pair.left.shape[:2]
+        settings, _ = _for_size(shown.settings, self.factor)
+        return enlarged(shown, rows, cols, settings or shown.settings)
+
+    @property
+    def colour_range(self) -> tuple[float, float]:
+        """Return the range of colours, px of the pair's own size."""
+        return self.view.low * self.factor, self.view.high * self.factor
+
+
+def _session(view: DepthView, pair: StereoPair, factor: float) -> dict[str, Any]:
+    shown, state = view.pair, page_state(view.pair, factor)
+    used = {type(matcher): matcher for matcher in state.matchers}
+    used |= {type(one.settings): one.settings for one in view.results.values() if type(one.settings) not in used}
+    matchers = [scaled for matcher in used.values() if (scaled := _for_size(matcher, factor)[0]) is not None]
+    return {
+        "matchers": matchers,
+        "shown": state.shown,
+        "size": state.size,
+        "colours": state.colours,
+        "description": pair.description,
+        "history": [change.sentence for change in pair.changes if change.sentence],
+        "num_disparities": shown.num_disparities and math.ceil(shown.num_disparities * factor),
+        "min_disparity": math.floor(shown.min_disparity * factor),
+    }
+
+
+def _for_size(settings: StereoMatcher, factor: float) -> tuple[StereoMatcher | None, str]:
+    """Return settings for images that are so much larger, or None and why there are none."""
+    if factor == 1:
+        return settings, ""
+    try:
+        return scaled_settings(settings, factor), ""
+    except ValueError as error:
+        return None, f"At the size of the original, {error}"

@@ -1,0 +1,304 @@
+"""What was taken away comes back in one drop; many pairs are stepped through with the settings held."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
+from stereolag.export import image_png, pfm, settings_json
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.ui.depth.all_pairs import table_of
+from stereolag.ui.depth.pair_sets import Preparation
+from stereolag.ui.depth.several import PairSet, read_bundle
+from stereolag.ui.pairs import StereoPair
+from tests.app import keys, uploads
+
+SCENE = uploads.texture(120, 205)
+LEFT, RIGHT = SCENE[:, :-5], SCENE[:, 5:]
+
+
+def page() -> None:
+    import streamlit as st
+
+    from stereolag.stereo.methods import METHODS
+    from stereolag.ui.depth.colouring import coloured_alike
+    from stereolag.ui.depth.exports import archive
+    from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.depth.maps import measured, shown_methods
+    from stereolag.ui.depth.pair_exports import PAIR_EXPORTS
+    from stereolag.ui.depth.subjects import Subject
+    from stereolag.ui.matcher_controls import ask_matcher
+
+    pair = choose_pair()
+    matchers = {method: ask_matcher(method, pair) for method in METHODS}
+    results = {}
+    for method in shown_methods():
+        results |= measured(pair, matchers[method])
+    view = coloured_alike(pair, results)
+    st.session_state["shown"] = pair, [*matchers.values()], view
+    st.session_state["taken"] = archive(Subject.of(view, next(iter(results))), PAIR_EXPORTS)
+
+
+def opened(**state: Any) -> AppTest:
+    app = AppTest.from_function(page, default_timeout=120)
+    app.session_state["pairs"] = "own"
+    app.session_state["depth.head"] = True
+    for key, value in state.items():
+        app.session_state[key] = value
+    return app.run()
+
+
+def given(app: AppTest, key: str, *files: tuple[str, bytes]) -> AppTest:
+    box = app.file_uploader(key=f"pairs.{key}")
+    if len(files) == 1:
+        box.upload(files[0][0], files[0][1], "application/octet-stream")
+    else:
+        box.set_value([(name, data, "application/octet-stream") for name, data in files])
+    return app.run()
+
+
+def shown(app: AppTest) -> StereoPair:
+    assert not app.exception
+    assert not app.error, [error.value for error in app.error]
+    return app.session_state["shown"][0]
+
+
+def settings(app: AppTest) -> dict[type[StereoMatcher], StereoMatcher]:
+    return {type(matcher): matcher for matcher in app.session_state["shown"][1]}
+
+
+def entries(data: bytes) -> list[tuple[str, bytes]]:
+    with zipfile.ZipFile(io.BytesIO(data)) as whole:
+        return [(name, whole.read(name)) for name in whole.namelist()]
+
+
+def packed(files: dict[str, bytes]) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as whole:
+        for name, data in files.items():
+            whole.writestr(name, data)
+    return stream.getvalue()
+
+
+def session_zip(**changes: Any) -> bytes:
+    document = {
+        "pair": {
+            "files": {
+                "left": "left.png",
+                "right": "right.png",
+                "truth": "truth.pfm",
+                "calibration": "camera.json",
+            },
+            "description": "A desk. ![x](http://e.org)",
+            "history": ["It was rectified.", "<b>bold</b>"],
+        },
+        "methods": [
+            json.loads(settings_json(StereoBM(num_disparities=32, block_size=13, min_disparity=-4))),
+            json.loads(settings_json(StereoSGBM(num_disparities=16, mode="hh"))),
+        ],
+        "shown": ["bm", "sgbm"],
+        "size": "Full",
+        "colours": {"low": -3.0, "high": 21.5, "palette": "turbo", "inverted": True},
+    } | changes
+    for entry in document["methods"]:
+        entry.pop("stereolag", None)
+    files = {
+        "left.png": image_png(LEFT),
+        "right.png": image_png(RIGHT),
+        "truth.pfm": pfm(np.full((120, 200), 5.0, np.float32)),
+        "camera.json": b'{"focal_px": 400.5, "baseline_m": 0.25}',
+        "session.json": json.dumps(document).encode(),
+    }
+    return packed(files)
+
+
+@pytest.mark.parametrize("box", ["left", "several"])
+def test_a_session_opens_the_page_as_it_was(box: str) -> None:
+    app = opened(**({"pairs.arrangement": "several"} if box == "several" else {}))
+    given(app, box, ("stereolag-session.zip", session_zip()))
+    pair = shown(app)
+    np.testing.assert_array_equal(pair.left, LEFT)
+    np.testing.assert_array_equal(pair.right, RIGHT)
+    assert pair.truth is not None
+    assert (pair.truth == 5).all()
+    assert pair.calibration is not None
+    assert (pair.calibration.focal_px, pair.calibration.baseline_m) == (400.5, 0.25)
+    found = settings(app)
+    assert found[StereoBM] == StereoBM(num_disparities=32, block_size=13, min_disparity=-4)
+    assert found[StereoSGBM] == StereoSGBM(num_disparities=16, mode="hh")
+    view = app.session_state["shown"][2]
+    assert (view.low, view.high) == (-3.0, 21.5)
+    assert [*view.results] == ["StereoBM", "StereoSGBM"]
+    said = " ".join(caption.value for caption in app.caption)
+    assert "A desk. x" in said
+    assert "It was rectified. bbold/b" in said
+    # It is set once: what is moved afterwards stays.
+    app.slider(key=keys.setting("bm", "block_size")).set_value(21).run()
+    assert settings(app)[StereoBM].block_size == 21
+
+
+def test_what_is_taken_away_comes_back_from_a_reduced_preview_too() -> None:
+    large = cv2.resize(SCENE, (820, 480), interpolation=cv2.INTER_CUBIC)
+    app = opened()
+    app.file_uploader(key="pairs.left").upload("l.png", uploads.png(large[:, :-20]), "image/png")
+    app.file_uploader(key="pairs.right").upload("r.png", uploads.png(large[:, 20:]), "image/png")
+    app.run()
+    app.button_group(key="pairs.size").set_value("1/2").run()
+    app.slider(key=keys.BLOCK).set_value(13).run()
+    before, pair = settings(app), shown(app)
+    assert pair.left.shape == (240, 400, 3)
+    data = app.session_state["taken"]
+    again = given(opened(), "left", ("session.zip", data))
+    assert shown(again).left.shape == (240, 400, 3)
+    np.testing.assert_array_equal(shown(again).left, pair.left)
+    assert settings(again)[StereoBM].block_size == 13
+    assert settings(again)[SemiGlobalMatcher] == before[SemiGlobalMatcher]
+    files = dict(entries(data))
+    assert read_image(files["left.png"]).shape == (480, 800, 3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"pair": {"files": {"left": "left.png"}}}, "does not name the left and the right image"),
+        ({"pair": {"files": {"left": "left.png", "right": "../../etc/passwd"}}}, "holds no"),
+        ({"methods": [{"method": "evil", "settings": {}}]}, "names the method"),
+        ({"methods": [{"method": "StereoBM", "settings": {"block_size": 10**9}}]}, "block_size is 1000000000"),
+    ],
+)
+def test_a_session_that_is_none_is_answered_with_a_sentence(changes: dict[str, Any], sentence: str) -> None:
+    app = given(opened(), "left", ("session.zip", session_zip(**changes)))
+    assert not app.exception
+    assert len(app.error) == 1
+    assert sentence in app.error[0].value
+
+
+def test_what_a_session_does_not_say_is_as_at_first() -> None:
+    app = given(opened(), "left", ("s.zip", session_zip(methods=[], shown="x", size=3, colours=[])))
+    assert settings(app)[StereoBM].block_size == StereoBM().block_size
+    assert shown(app).left.shape == (120, 200, 3)
+
+
+def pair_of(number: int, shift: int) -> dict[str, bytes]:
+    scene = uploads.texture(120, 200 + shift, seed=number)
+    truth = np.full((120, 200), shift, np.float32)
+    return {
+        f"set/left{number}.png": uploads.png(scene[:, :200]),
+        f"set/right{number}.png": uploads.png(scene[:, shift:]),
+        f"set/disp{number}.pfm": pfm(truth),
+    }
+
+
+def test_pairs_are_stepped_through_with_the_settings_held() -> None:
+    data = packed(pair_of(1, 5) | pair_of(2, 9) | pair_of(10, 7))
+    app = given(opened(**{"pairs.arrangement": "several"}), "several", ("pairs.zip", data))
+    assert shown(app).truth is not None
+    assert (shown(app).truth == 5).all()
+    assert app.selectbox(key="pairs.step").options == ["1 of 3: 1", "2 of 3: 2", "3 of 3: 10"]
+    app.slider(key=keys.BLOCK).set_value(13)
+    app.slider(key=keys.setting("bm", "num_disparities", shown(app).searched)).set_value(32).run()
+    app.button(key="pairs.step.1").click().run()
+    assert (shown(app).truth == 9).all()
+    assert (settings(app)[StereoBM].block_size, settings(app)[StereoBM].num_disparities) == (13, 32)
+    app.selectbox(key="pairs.step").set_value(2).run()
+    assert (shown(app).truth == 7).all()
+    assert settings(app)[StereoBM].num_disparities == 32
+    assert app.button(key="pairs.step.1").disabled
+
+
+def test_a_pair_that_cannot_be_read_can_be_stepped_over() -> None:
+    data = packed(pair_of(1, 5) | pair_of(2, 9) | {"set/left1.png": b"nothing"})
+    app = given(opened(**{"pairs.arrangement": "several"}), "several", ("pairs.zip", data))
+    assert "Pair 1: This is not an image" in app.error[0].value
+    app.button(key="pairs.step.1").click().run()
+    assert (shown(app).truth == 9).all()
+
+
+def test_files_that_make_no_pair_are_answered_with_a_sentence() -> None:
+    app = given(opened(**{"pairs.arrangement": "several"}), "several", ("a.zip", packed({"a.png": b"", "b.png": b""})))
+    assert "None of these files are a pair" in app.error[0].value
+
+
+def test_a_table_tells_how_the_settings_do_on_every_pair() -> None:
+    files = pair_of(1, 5) | pair_of(2, 9) | {"set/left3.png": b"nothing", "set/right3.png": b"nothing"}
+    del files["set/disp2.pfm"]
+    pairs = read_bundle([("pairs.zip", packed(files))])
+    assert isinstance(pairs, PairSet)
+    matchers = [StereoBM(num_disparities=16, block_size=9), StereoSGBM(num_disparities=16)]
+    told: list[float] = []
+    table = table_of(pairs, matchers, Preparation("Full", "decide", 0.0), told.append)
+    assert [row.name for row in table.rows] == ["1: 1", "2: 2", "3: 3"]
+    for row, judged, not_judged in zip(
+        table.rows, ("bad_2", "estimated_bad_2"), ("estimated_bad_2", "bad_2"), strict=False
+    ):
+        assert row.figures.keys() == {"StereoBM", "StereoSGBM"}
+        assert getattr(row.figures["StereoBM"], judged) < 45
+        assert np.isnan(getattr(row.figures["StereoBM"], not_judged))
+        assert 0.5 < row.figures["StereoBM"].coverage <= 1
+        assert row.figures["StereoBM"].elapsed_s > 0
+    assert "This is not an image" in table.rows[2].problem
+    assert np.diff(told).min() > -1e-9
+    assert told[-1] == 1
+
+
+def judging_page() -> None:
+    import streamlit as st
+
+    from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.depth.pair_sets import JudgedPairs
+
+    judged = JudgedPairs.of(choose_pair())
+    st.session_state["judged"] = [float(pair.truth.max()) for pair in judged], judged.sentence
+
+
+def test_settings_are_judged_on_all_pairs_the_one_that_is_looked_at_first() -> None:
+    app = AppTest.from_function(judging_page, default_timeout=120)
+    app.session_state["pairs"] = "own"
+    app.session_state["pairs.arrangement"] = "several"
+    app.session_state["depth.head"] = True
+    app.run()
+    assert app.session_state["judged"][1] == ""
+    files = pair_of(1, 5) | pair_of(2, 9) | pair_of(3, 7)
+    given(app, "several", ("pairs.zip", packed(files)))
+    assert app.session_state["judged"] == ([5, 9, 7], "They are judged on **all 3 pairs together**, by the mean. ")
+    app.button(key="pairs.step.1").click().run()
+    assert app.session_state["judged"][0] == [9, 5, 7]
+
+
+def table_page() -> None:
+    import streamlit as st
+
+    from stereolag import StereoBM
+    from stereolag.ui.depth.all_pairs import show_all_pairs
+    from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.depth.view import DepthView
+
+    pair = choose_pair()
+    matcher = StereoBM(num_disparities=16, block_size=st.session_state.get("block", 9))
+    show_all_pairs(DepthView(pair, {matcher.title: matcher.compute(pair.left, pair.right)}, 0, 16))
+
+
+def test_the_table_is_computed_when_asked_for_and_again_for_other_settings() -> None:
+    app = AppTest.from_function(table_page, default_timeout=120)
+    app.session_state["pairs"] = "own"
+    app.session_state["pairs.arrangement"] = "several"
+    app.session_state["depth.head"] = True
+    app.run()
+    assert "several pairs at once" in app.info[-1].value
+    given(app, "several", ("pairs.zip", packed(pair_of(1, 5) | pair_of(2, 9))))
+    assert not app.dataframe
+    app.button(key="depth.all_pairs.start").click().run()
+    assert not app.exception
+    table = app.dataframe[0].value
+    assert [*table.index] == ["1: 1", "2: 2", "Mean"]
+    assert table.loc["Mean", "StereoBM: bad-2, %"] < 40
+    app.session_state["block"] = 15
+    assert not app.run().dataframe

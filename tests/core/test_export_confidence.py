@@ -1,0 +1,69 @@
+"""How far a disparity can be trusted: between 0 and 1, on what was measured, higher where it is right."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from pairs import shifted_pair
+
+import stereolag as sl
+from stereolag.export import confidence, confidence_png, measured_mask_png
+from stereolag.stereo.matcher import StereoMatcher
+
+MATCHERS: list[StereoMatcher] = [
+    sl.CorrelationMatcher(window_size=11, overlap=0.9, search=sl.SearchArea.rectified(16)),
+    sl.CorrelationMatcher(window_size=11, overlap=0.9, search=sl.SearchArea.rectified(16), score="cross"),
+    sl.StereoBM(num_disparities=16, block_size=11, uniqueness_ratio=0, texture_threshold=0),
+    sl.StereoSGBM(num_disparities=16, disp12_max_diff=-1, uniqueness_ratio=0),
+    sl.preset("fast", 16),
+    sl.preset("accurate", 16),
+]
+
+
+@pytest.mark.parametrize("matcher", MATCHERS, ids=["ZNCC", "plain", "BM", "SGBM", "fast", "accurate"])
+def test_it_is_higher_where_the_match_is_right(matcher: StereoMatcher) -> None:
+    left, right = shifted_pair(90, 140, 0, -6)
+    right = right.copy()
+    right[30:60, 40:90] = np.random.default_rng(5).integers(0, 255, (30, 50))  # nothing there matches
+    result = matcher.compute(left, right)
+    sure = confidence(result, left, right)
+    measured = result.valid & ~result.filled
+    assert sure.dtype == np.float32
+    assert not np.isfinite(sure[~measured]).any()
+    known = np.isfinite(sure)
+    assert known.sum() > 0.9 * measured.sum()
+    assert sure[known].min() >= 0
+    assert sure[known].max() <= 1
+    good = known & (np.abs(result.disparity - 6) < 0.5)
+    assert good.mean() > 0.4
+    assert np.median(sure[good]) > 0.7
+    if (known & ~good).sum() > 50:
+        assert np.median(sure[known & ~good]) < np.median(sure[good]) - 0.2
+
+
+def test_a_flat_image_is_trusted_nowhere() -> None:
+    flat = np.full((60, 90), 80, np.uint8)
+    result = sl.StereoSGBM(num_disparities=16, disp12_max_diff=-1, uniqueness_ratio=0).compute(flat, flat)
+    assert not np.nan_to_num(confidence(result, flat, flat)).any()
+
+
+def test_the_png_keeps_none_apart_from_nothing_sure() -> None:
+    image = cv2.imdecode(np.frombuffer(confidence_png([[np.nan, 0, 0.5, 1]]), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert image.dtype == np.uint16
+    np.testing.assert_array_equal(image, [[0, 1, 32768, 65535]])
+
+
+def test_the_mask_is_of_what_was_measured_alone() -> None:
+    left, right = shifted_pair(60, 90, 0, -5)
+    result = sl.preset("fast", 16).compute(left, right)
+    assert result.filled.any()
+    mask = cv2.imdecode(np.frombuffer(measured_mask_png(result), np.uint8), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(mask > 0, result.valid & ~result.filled)
+
+
+def test_a_pair_of_another_size_is_refused() -> None:
+    left, right = shifted_pair(60, 90, 0, -5)
+    result = sl.StereoBM(num_disparities=16, block_size=9).compute(left, right)
+    with pytest.raises(ValueError, match="must be of one size"):
+        confidence(result, left[:50], right[:50])

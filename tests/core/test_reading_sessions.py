@@ -1,0 +1,137 @@
+"""A session is read as it was written, and what is odd in it is left out or refused."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stereolag import Calibration
+from stereolag.export import bundle, calibration_json, image_png, image_tiff, pfm, session_json
+from stereolag.reading.archives import read_archive
+from stereolag.reading.sessions import SESSION, Colours, Session, holds_session, read_session
+from stereolag.stereo.methods import METHODS
+
+LEFT, RIGHT = np.random.default_rng(0).integers(0, 2**16, (2, 30, 40, 3)).astype(np.uint16)
+TRUTH = np.where(LEFT[:, :, 0] > 30_000, LEFT[:, :, 0] / 7, np.nan).astype(np.float32)
+CALIBRATION = Calibration(700.1, 0.1234567891, 1.5, 20.25, 14.75, width=40, height=30, num_disparities=17)
+FILES = {
+    "left": "left.png",
+    "right": "right.png",
+    "truth": "truth.pfm",
+    "visible": "visible.png",
+    "calibration": "calibration.json",
+}
+
+
+def read(**changes: Any) -> Session:
+    document = json.loads(
+        session_json(
+            files=FILES,
+            matchers=[method() for method in METHODS],
+            shown=["sgm", "bm"],
+            size="1/2",
+            colours={"low": -3.5, "high": 40.25, "palette": "turbo", "inverted": True},
+            description="A desk.",
+            history=["It was rectified.", "Rows were aligned."],
+            num_disparities=48,
+            min_disparity=-16,
+        )
+    )
+    document |= {name: value for name, value in changes.items() if name != "pair"}
+    document["pair"] |= changes.get("pair", {})
+    files = {
+        "left.png": image_png(LEFT),
+        "right.png": image_png(RIGHT),
+        "truth.pfm": pfm(TRUTH),
+        "visible.png": image_png(LEFT[:, :, 1] > 9_000),
+        "calibration.json": calibration_json(CALIBRATION),
+        "other.tif": image_tiff(np.zeros((9, 9), np.float32)),
+        SESSION: json.dumps(document),
+    }
+    archive = read_archive(bundle(files))
+    assert holds_session(archive)
+    return read_session(archive)
+
+
+def test_all_comes_back_bit_for_bit() -> None:
+    found = read()
+    np.testing.assert_array_equal(found.left, LEFT)
+    np.testing.assert_array_equal(found.right, RIGHT)
+    np.testing.assert_array_equal(found.truth, TRUTH)
+    np.testing.assert_array_equal(found.visible, LEFT[:, :, 1] > 9_000)
+    assert found.calibration == CALIBRATION
+    assert found.matchers == tuple(method() for method in METHODS)
+    assert found.shown == ("bm", "sgm")
+    assert (found.size, found.description) == ("1/2", "A desk.")
+    assert found.history == ("It was rectified.", "Rows were aligned.")
+    assert (found.min_disparity, found.num_disparities) == (-16, 48)
+    assert found.colours == Colours(-3.5, 40.25, "turbo", True)
+
+
+@pytest.mark.parametrize(
+    ("colours", "expected"),
+    [
+        ({}, Colours()),
+        ([], Colours()),
+        ({"low": 5, "high": 5}, Colours()),
+        ({"low": float("nan"), "high": 5}, Colours()),
+        ({"low": "0", "high": 5, "palette": 7}, Colours()),
+        ({"low": 1, "high": 1e300, "inverted": 1}, Colours()),
+        ({"low": 0, "high": 5, "palette": "viridis"}, Colours(0.0, 5.0, "viridis")),
+    ],
+)
+def test_odd_colours_are_left_to_the_page(colours: object, expected: Colours) -> None:
+    assert read(colours=colours).colours == expected
+
+
+def test_no_text_is_a_command() -> None:
+    evil = (
+        "A ![x](http://e.org/x.png) <b>b</b> `c` $d$ :red[e] www.e.org https://e.org a@e.org\n\n# f * g _h_ "
+        + "i" * 9999
+    )
+    found = read(pair={"description": evil, "history": [evil, 5, None, *["x"] * 50]}, size=evil)
+    for text in (found.description, found.history[0], found.size):
+        assert not set(text) & set("![]<>`$#*_@\\\n")
+        assert "://" not in text
+        assert "www." not in text
+        assert len(text) <= 500
+    assert len(found.history) <= 20
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"pair": {"files": None}}, "does not name the left and the right image"),
+        ({"pair": {"files": FILES | {"right": 5}}}, "does not name the left and the right image"),
+        ({"pair": {"files": FILES | {"left": "nowhere.png"}}}, "holds no “nowhere.png”"),
+        ({"pair": {"files": FILES | {"left": "other.tif"}}}, "same size"),
+        ({"pair": {"files": FILES | {"left": SESSION}}}, "not an image"),
+        ({"pair": {"files": FILES | {"truth": "left.png"}}}, "one channel"),
+        ({"pair": {"files": FILES | {"visible": "other.tif"}}}, "another size than the left image"),
+        ({"pair": {"files": FILES | {"calibration": "left.png"}}}, "calibration"),
+        ({"methods": [5]}, "must be a JSON object"),
+        ({"methods": [{"method": "StereoBM", "settings": {"block_size": 6}}]}, "odd sizes only"),
+    ],
+)
+def test_a_session_that_cannot_be_is_refused(changes: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence) as caught:
+        read(**changes)
+    assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize("data", [b"", b"[" * 10_000, b"5", b"null", b"\xff\xfe", b" " * 2**19])
+def test_a_session_file_that_is_none_is_refused(data: bytes) -> None:
+    with pytest.raises(ValueError, match="session file"):
+        read_session(read_archive(bundle({SESSION: data})))
+
+
+def test_cameras_before_rectification_are_not_written_as_after() -> None:
+    from stereolag.geometry.rig import StereoRig
+
+    matrix = np.array([[500, 0, 320], [0, 500, 240], [0, 0, 1.0]])
+    rig = StereoRig(matrix, np.zeros(5), matrix, np.zeros(5), np.eye(3), np.array([-0.1, 0, 0]))
+    with pytest.raises(ValueError, match="rectify the pair first"):
+        calibration_json(Calibration(500, 0.1, rig=rig))
