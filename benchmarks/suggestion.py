@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 from benchmarks.pairs import true_pairs
@@ -82,6 +82,11 @@ def suggestion_table() -> tuple[str, list[dict[str, object]]]:
     for name, pair, count in named_pairs():
         rows += searches(name, pair, count)
         print(f"{name} done", flush=True)
+    return rendered(rows), [asdict(row) for row in rows]
+
+
+def rendered(rows: Sequence[Suggested]) -> str:
+    """Return the tables as Markdown."""
     lines = [
         f"True bad-2, %, before → after {BUDGET_S:g} s; in brackets that of the best settings among those it may try.",
         "",
@@ -107,7 +112,7 @@ def suggestion_table() -> tuple[str, list[dict[str, object]]]:
             those = [row for row in rows if (row.pair, row.judged) == (name, judged)]
             cells = (f"{row.before:.1f} → {row.after:.1f} ({row.best:.1f})" for row in those)
             lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines), [asdict(row) for row in rows]
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

@@ -35,8 +35,8 @@ EVERY_PIXEL = 0.95
 MEDIAN_RADII = (6, 10)
 BLOCK_SIZES = (11, 9, 13, 15, 17, 7, 21)
 GRADIENT_CAPS = (63, 31)
-SMALL_BLOCK_SIZES = (7, 5, 3, 9, 1, 11)
-JUMP_PENALTIES = (32, 16, 64, 128)
+SMALL_BLOCK_SIZES = (9, 1, 7, 3, 5, 11)
+JUMP_PENALTIES = (16, 32, 64, 128)
 """P2 per pixel of the block: StereoSGBM's costs are sums over it. P1 is a quarter, as in OpenCV's own examples."""
 
 SLANT_SHARE = 4
@@ -51,15 +51,20 @@ def candidates(matcher: StereoMatcher) -> list[StereoMatcher]:
     All search the same range as the matcher, which is not among them.
     """
     found: list[StereoMatcher] = []
-    axes = steps(matcher)
-    for choice in sorted(product(*map(enumerate, axes)), key=lambda choice: sum(rank for rank, _ in choice)):
+    for choice in _likely_first(*steps(matcher)):
         try:
-            tried = changed(matcher, {name: value for _, step in choice for name, value in step.items()})
+            tried = changed(matcher, {name: value for step in choice for name, value in step.items()})
         except ValueError:  # steps that do not fit together
             continue
         if tried != matcher and tried not in found and tried.search_range() == matcher.search_range():
             found.append(tried)
     return found
+
+
+def _likely_first(*axes: Sequence[Any]) -> list[tuple[Any, ...]]:
+    """Return every combination of one value of each axis, by how far down the axes its values stand together."""
+    ranked = sorted(product(*map(enumerate, axes)), key=lambda choice: sum(rank for rank, _ in choice))
+    return [tuple(value for _, value in choice) for choice in ranked]
 
 
 @singledispatch
@@ -115,7 +120,7 @@ def _of_sgbm(matcher: StereoSGBM) -> Sequence[Sequence[Step]]:
             "pre_filter_cap": GRADIENT_CAP_SUMMED,
         }
 
-    return [[penalised(size, jump) for jump in JUMP_PENALTIES for size in SMALL_BLOCK_SIZES]]
+    return [[penalised(size, jump) for size, jump in _likely_first(SMALL_BLOCK_SIZES, JUMP_PENALTIES)]]
 
 
 @steps.register

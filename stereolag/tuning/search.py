@@ -18,9 +18,6 @@ from stereolag.tuning.objective import Criterion, TuningPair, Unjudged, criterio
 SMALLEST_GAIN = 0.1
 """Points of bad-2; a change that brings less is not worth making."""
 
-FINALISTS = 4
-"""So many are tried on the whole images where the time does not suffice for all; the best one is in any case."""
-
 FOR_ALL = 0.75
 """Whole images are used throughout where that should take no more of the time left; on a busy machine it takes more."""
 
@@ -42,11 +39,15 @@ class Outcome(StrEnum):
 
 
 class Trial(NamedTuple):
-    """Settings that were tried, their bad-2 in %, and whether that is of the whole images or of strips of them."""
+    """Settings that were tried."""
 
     matcher: StereoMatcher
     bad: float
+    """Their bad-2, %."""
+    gain: float
+    """Points by which it is lower than that of the settings to begin with, on the same pixels."""
     whole: bool
+    """Whether on the whole images, or on strips of them."""
 
 
 @dataclass(frozen=True)
@@ -120,14 +121,15 @@ class Clock:
 def search(
     start: StereoMatcher, pairs: Sequence[TuningPair], clock: Clock, found: Callable[[Suggestion], None] | None
 ) -> Suggestion:
-    """Try all candidates on the whole images; where the time is short, on strips of them, and the best ones whole.
+    """Try all candidates on the whole images; where the time is short, on strips first, and then the best of them.
 
-    Only whole images decide, and only a gain that is sure (:attr:`Gain.sure`) where bad-2 is an estimate.
+    Only whole images decide, and only a gain that is sure (:attr:`Gain.sure`) where bad-2 is an estimate. Pairs that
+    cannot judge are left out.
     """
-    for pair in pairs:
-        why = pair.unjudged(start)
-        if why is not None:
-            return nothing_to_judge_by(start, why, clock)
+    why = [pair.unjudged(start) for pair in pairs]
+    pairs = [pair for pair, reason in zip(pairs, why, strict=True) if reason is None]
+    if not pairs:
+        return nothing_to_judge_by(start, next(filter(None, why)), clock)
     run = _Run(start, pairs, clock, found, criterion_of(pairs))
     tried = candidates(start)
     total_s = sum(map(run.seconds, tried))
@@ -139,13 +141,13 @@ def search(
     finished, ranked = run.tried(
         strips,
         tried,
-        steps=len(tried) + FINALISTS,
+        steps=2 * len(tried),
         whole=False,
         reserved_s=max(map(run.seconds, tried)),
         at_least=LIKELIEST,
     )
-    finalists = [one.matcher for one in ranked[:FINALISTS]]
-    _, ranked = run.tried(pairs, finalists, steps=len(tried) + FINALISTS, at_least=1, despite_cancel=True)
+    finalists = [one.matcher for one in ranked if one.gain.points > 0]
+    _, ranked = run.tried(pairs, finalists, steps=2 * len(tried), at_least=1, despite_cancel=True)
     return run.outcome(ranked, finished=finished)
 
 
@@ -231,8 +233,9 @@ class _Run:
                 after = self._judged(matcher, pairs)
             except ValueError:  # settings that do not fit the images, or their memory
                 continue
-            results.append(_Found(matcher, after, Gain.between(before, after)))
-            self.trials.append(Trial(matcher, _mean_bad(after), whole))
+            gain = Gain.between(before, after)
+            results.append(_Found(matcher, after, gain))
+            self.trials.append(Trial(matcher, _mean_bad(after), gain.points, whole))
             self.clock.report(len(self.trials) / steps)
             self._tell()
         return True, self._ranked(results)

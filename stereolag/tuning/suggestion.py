@@ -85,7 +85,7 @@ def suggest_for_all(
     ----------
     pairs
         At least one; what it takes to make them, if they are made one by one, is within the budget. The mean is an
-        estimate where that of any pair is.
+        estimate where that of any pair is; pairs that cannot judge are left out.
 
     Raises
     ------

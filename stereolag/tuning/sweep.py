@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -80,8 +81,9 @@ def sweep(
     matcher
         Gives all other settings.
     pairs
-        At least one; they are judged together. Where one parameter is of the range searched, a reference in place of
-        the truth must have been measured over the widest of all (:func:`range_of_sweep`).
+        At least one; they are judged together, without those that judge nothing. Where one parameter is of the range
+        searched, a reference in place of the truth must have been measured over the widest of all
+        (:func:`range_of_sweep`).
     rows, cols
         (name, values), named as in :func:`stereolag.settings.changed`.
     progress
@@ -173,4 +175,5 @@ def _cell(
         ]
     except ValueError:
         return None
-    return settings, sum(bad) / len(bad), first
+    judged = [one for one in bad if not math.isnan(one)]
+    return settings, sum(judged) / len(judged) if judged else math.nan, first

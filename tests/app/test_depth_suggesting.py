@@ -95,13 +95,14 @@ def test_nothing_judges_the_judge() -> None:
 )
 def test_what_came_of_it_in_words(outcome: Outcome | Unjudged, said: str) -> None:
     start, other = StereoBM(), StereoBM(block_size=11)
-    trials = Trial(other, 26.8, whole=False), Trial(other, 26.8, whole=True), Trial(StereoBM(block_size=9), 31, True)
+    third = Trial(StereoBM(block_size=9), 31, -1, whole=True)
+    trials = Trial(other, 25, 3.1, whole=False), Trial(other, 26.8, 3.2, whole=True), third
     found = Suggestion(start, other, outcome, Criterion.ESTIMATED_BAD_2, 26.8, 30.0, trials)
     assert said in suggestion_in_words(found)
     none = Suggestion(start, start, Outcome.AS_GOOD, Criterion.TRUE_BAD_2, 30.0, 30.0)
     assert suggestion_in_words(none) == "There are no others to try over the range of these. Bad-2: **30.0 %**."
     assert search_so_far(none) == "Yours: bad-2 30.0 %."
-    assert search_so_far(found) == "2 tried. Yours: estimated bad-2 30.0 %; the lowest so far: 26.8 %."
+    assert search_so_far(found) == "2 tried. Yours: estimated bad-2 30.0 %. The best so far: 3.2 points less."
 
 
 @pytest.mark.parametrize(

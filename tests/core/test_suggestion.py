@@ -185,6 +185,10 @@ def test_several_pairs_are_judged_by_their_mean() -> None:
     assert found.bad < found.bad_before
     mixed = suggest_for_all(BLOCKS, [pairs[0], TuningPair.of(LEFT, RIGHT, search_range=(0, 32))], budget_s=60)
     assert mixed.criterion is Criterion.ESTIMATED_BAD_2
+    noise = np.random.default_rng(0).integers(0, 256, (2, 100, 150), dtype=np.uint8)
+    unjudged = TuningPair.of(*noise, search_range=(0, 32))
+    assert suggest_for_all(BLOCKS, [pairs[0], unjudged], budget_s=60).bad_before == pairs[0].judge(BLOCKS).bad
+    assert suggest_for_all(BLOCKS, [unjudged]).outcome is Unjudged.TOO_LITTLE_MEASURED
     with pytest.raises(ValueError, match="pairs is empty"):
         suggest_for_all(BLOCKS, [])
 

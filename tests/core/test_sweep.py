@@ -109,6 +109,8 @@ def test_maps_without_a_judge_have_no_figure() -> None:
     unjudged = TuningPair(*PAIR, np.full(PAIR[0].shape, np.nan, np.float32), Criterion.ESTIMATED_BAD_2)
     grid = sweep(MATCHER, [unjudged], rows=("window_size", [5, 11]), cols=("overlap", [0.95]))
     assert np.isnan(grid.bad).all()
+    judged = sweep(MATCHER, [unjudged, *BENCH], rows=("window_size", [5, 11]), cols=("overlap", [0.95]))
+    assert judged.bad[1, 0] == BENCH[0].judge(MATCHER).bad
     assert grid.best is None
     assert grid.maps[1][0] is not None
 

@@ -73,11 +73,11 @@ def suggestion_in_words(found: Suggestion) -> str:
 
 def search_so_far(found: Suggestion) -> str:
     """Return how far a search for settings is."""
-    name = bad_2(found.criterion)
+    yours = f"Yours: {bad_2(found.criterion)} {found.bad_before:.1f} %."
     if not found.trials:
-        return f"Yours: {name} {found.bad_before:.1f} %."
-    best = min(trial.bad for trial in found.trials)
-    return f"{found.tried} tried. Yours: {name} {found.bad_before:.1f} %; the lowest so far: {best:.1f} %."
+        return yours
+    gain = max(0.0, *(trial.gain for trial in found.trials))
+    return f"{found.tried} tried. {yours} The best so far: {gain:.1f} points less."
 
 
 def sweep_in_words(criterion: Criterion, *, judged: bool, finished: bool) -> str:
