@@ -142,6 +142,10 @@ class StereoMatcher(Settings):
         values = dict(self)
         return values["min_disparity"], values["num_disparities"]
 
+    def reach(self) -> tuple[int, int] | None:
+        """Return the first disparity that a map can hold and how many, px; other than the range where it wraps."""
+        return self.search_range()
+
     def with_search_range(self, min_disparity: int, num_disparities: int) -> Self:
         """Return the matcher with another range, or as much of it as the method allows; itself if it has none.
 

@@ -210,9 +210,12 @@ def _ask(place: _Place, name: str, values: Values) -> None:
 def _switched_on(place: _Place, name: str, *, disabled: bool) -> bool:
     """Draw the switch of a stage that can be left out, and return whether it is on."""
     field, key = place.kind.model_fields[name], place.key(name)
+    at_first = getattr(place.first, name) is not None
     if not place.drawn:
-        return bool(st.session_state.get(key))
-    return st.toggle(field.title or name, help=field.description, key=key, persist_state="session", disabled=disabled)
+        return bool(st.session_state.get(key, at_first))
+    return st.toggle(
+        field.title or name, at_first, help=field.description, key=key, persist_state="session", disabled=disabled
+    )
 
 
 def _ask_kind(place: _Place, name: str, value: Settings, kinds: tuple[type[Settings], ...]) -> Settings:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -153,3 +155,16 @@ def test_a_remedy_that_cannot_be_applied_is_answered_with_a_sentence() -> None:
     app.run()
     assert not app.exception
     assert "features were matched" in app.error[0].value
+
+
+def test_the_reports_preset_says_what_lies_outside_its_reach(open_page: Callable[[str], AppTest]) -> None:
+    app = open_page("pages/3_Depth_maps.py")
+    assert not app.warning
+    app.button(key=keys.preset_key("report")).click().run()
+    end = time.monotonic() + 60
+    while not app.warning and time.monotonic() < end:  # its map takes a turn
+        time.sleep(0.2)
+        app.run()
+    assert not app.exception
+    assert app.warning[0].value.startswith("**Input doctor:**")
+    assert any("Search 64 disparities from 0" in button.label for button in app.button)

@@ -141,8 +141,10 @@ class CorrelationMatcher(StereoMatcher):
 
     def search_range(self) -> tuple[int, int] | None:
         """Return the first disparity searched and how many, px; None of a correlation that wraps around."""
-        if self.search.circular(self.window_size):
-            return None
+        return None if self.search.circular(self.window_size) else self.reach()
+
+    def reach(self) -> tuple[int, int]:
+        """Return the first disparity that a map can hold and how many, px."""
         lags = self.search.lags(self.window_size)
         return -lags.dx_last, lags.cols
 

@@ -113,11 +113,8 @@ def _fit(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> Non
 
 
 def _searched(results: Mapping[str, DisparityMap]) -> tuple[float, float]:
-    """Return the first and the last disparity that any of the maps was searched over, px.
-
-    A search that wraps around has no ends: alone, what it found counts.
-    """
-    ranges = [found for one in results.values() if (found := one.settings.search_range()) is not None]
+    """Return the first and the last disparity that any of the maps can hold, px."""
+    ranges = [found for one in results.values() if (found := one.settings.reach()) is not None]
     if not ranges:
         return disparity_range([one.disparity for one in results.values()])
     return float(min(first for first, _ in ranges)), float(max(first + count for first, count in ranges))

@@ -122,7 +122,7 @@ def _advice(diagnosis: Diagnosis, view: DepthView) -> list[Advice]:
     judged = [
         (judge_range(diagnosis, *searched), matcher)
         for matcher in (result.settings for result in view.results.values())
-        if (searched := matcher.search_range()) is not None
+        if (searched := matcher.reach()) is not None
     ]
     ranges = [finding for finding, _ in judged if finding is not None]
     if ranges:

@@ -20,10 +20,17 @@ from stereolag.ui.sentences import started_in_words
 
 @dataclass(frozen=True)
 class Start:
-    """The range of a pair, px, and the settings of all methods with which it began, in a size so many px wide."""
+    """The range of a pair, px, and the settings of all methods with which it began, in a size so many px wide.
+
+    Attributes
+    ----------
+    found
+        Whether anything told the range.
+    """
 
     min_disparity: int
     num_disparities: int
+    found: bool
     settings: tuple[StereoMatcher, ...]
     width: int
 
@@ -44,13 +51,14 @@ def started(pair: StereoPair) -> StereoPair:
     start: Start | None = st.session_state.get(_key(pair))
     width = int(pair.left.shape[1])
     if start is None:
+        if pair.num_disparities is None and diagnosis_at_once(pair) is None:
+            return pair  # it is still examined
         found = _range_of(pair)
-        if found is None:
-            return pair
-        begun = replace(pair, min_disparity=found[0], num_disparities=found[1])
+        first, count = found or (0, DISPARITIES_AT_FIRST)
+        begun = replace(pair, min_disparity=first, num_disparities=count)
         settings = tuple(first_settings(kind, begun) for kind in METHODS)
         _set_all(settings, begun)
-        st.session_state[_key(pair)] = start = Start(*found, settings, width)
+        st.session_state[_key(pair)] = start = Start(first, count, found is not None, settings, width)
         st.session_state[FOLD_NEXT] = True
     first, count = start.range_at(width)
     return replace(pair, min_disparity=first, num_disparities=count)
@@ -59,7 +67,7 @@ def started(pair: StereoPair) -> StereoPair:
 def show_start(pair: StereoPair) -> None:
     """Say with which settings the pair began, while they are in use, and offer to undo that."""
     start: Start | None = st.session_state.get(_key(pair))
-    if pair.shared or start is None or not set(matchers_in_use()) <= set(start.settings):
+    if pair.shared or start is None or not start.found or not set(matchers_in_use()) <= set(start.settings):
         return
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         st.caption(
@@ -79,7 +87,7 @@ def _set_all(settings: tuple[StereoMatcher, ...], pair: StereoPair) -> None:
 
 
 def _range_of(pair: StereoPair) -> tuple[int, int] | None:
-    """Return the first disparity and how many; None while the doctor still examines the pair, or found nothing."""
+    """Return the first disparity and how many; None where nothing tells them."""
     if pair.num_disparities is not None:
         return pair.min_disparity, pair.num_disparities
     diagnosis = diagnosis_at_once(pair)
