@@ -88,8 +88,9 @@ def test_presets_set_the_controls_and_reset_takes_them_back(open_unfolded: OpenP
     tab(app, "bm").slider(key=keys.BLOCK).set_value(9).run()
     app.button(key=keys.preset_key("reset")).click().run()
     assert not app.exception
-    assert app.slider(key=keys.BLOCK).value == 21
-    assert tab(app, "correlation").slider(key=keys.WINDOW).value == 20
+    assert app.slider(key=keys.WINDOW).value == 20
+    assert tab(app, "bm").slider(key=keys.BLOCK).value == 21
+    tab(app, "correlation")
     assert not app.toggle(key=keys.LEFT_RIGHT).value
 
 

@@ -92,7 +92,6 @@ def test_one_picture_with_both_views_is_split_down_the_middle(open_page: OpenPag
     files = example_files("square")
     both = np.hstack([read_image(files.left.data), read_image(files.right.data)])
     visit = DepthPage(open_page(DEPTH_MAPS + "square"))
-    before = visit.number("Coverage")
     visit.open_head()
     visit.choose("Your own files")
     visit.choose("One side-by-side image")
@@ -100,7 +99,6 @@ def test_one_picture_with_both_views_is_split_down_the_middle(open_page: OpenPag
     expect(visit.said("The image was split down the middle.")).to_be_visible()
     visit.give("Ground truth (optional)", files.truth)
     assert visit.number("Bad-2") < 20
-    assert abs(visit.number("Coverage") - before) <= 5
     visit.screenshot("side-by-side-light")
 
 
@@ -148,7 +146,7 @@ def test_the_doctor_catches_mends_and_takes_back(
         if source == "motorcycle":
             visit.screenshot(f"doctor-{source}-{ailment}-light")
         visit.page.get_by_role("button", name=remedy).click()
-        undo = visit.page.get_by_role("button", name="Undo")
+        undo = visit.page.get_by_role("button", name="Undo", exact=True)
         expect(undo).to_be_visible()
         visit.settle()
         expect(visit.page.get_by_text(symptom)).to_have_count(0)
@@ -404,7 +402,7 @@ def test_everything_is_taken_away_read_back_and_reproduced(visit: DepthPage, pai
     np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), disparity)
 
     visit.press("Reset")
-    assert visit.value("Window") == 20
+    assert visit.value("Window") == (20 if visit.name == "cube" else 11)
     visit.give("Load settings", Given.of(tmp_path / "settings.json"))
     expect(visit.slider("Window").first).to_have_value(f"{window:g}")
     assert visit.number("Coverage") == covered
@@ -424,6 +422,7 @@ def test_a_new_page_at_the_same_address_is_as_the_old_one(open_page: OpenPage) -
     assert (again.number("Bad-2"), again.number("Bad-2", method=1)) == settled
     assert again.value("Window") == visit.value("Window")
     expect(again.page.get_by_role("radio", name="NCC", exact=True)).to_be_checked()
+    again.open_head()
     expect(again.page.get_by_role("radio", name="1/2")).to_be_checked()
 
 

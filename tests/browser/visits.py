@@ -12,7 +12,7 @@ SCREENSHOTS = Path(__file__).resolve().parents[2] / "screenshots"
 
 OpenPage = Callable[..., Page]
 
-TIMEOUT_MS = 25_000
+TIMEOUT_MS = 60_000
 """Only a failure waits as long: a busy machine takes ten times what an idle one does."""
 
 WATCH_ANSWERS = """

@@ -46,6 +46,7 @@ def _set_preset(name: PresetName, pair: StereoPair) -> None:
 
 def _reset(pair: StereoPair) -> None:
     st.session_state[SHOWN] = SHOWN_AT_FIRST
+    st.session_state[TAB] = METHODS[0].short_name
     set_inverted(False)
     for kind in METHODS:
         set_controls(first_settings(kind, pair), pair)

@@ -73,7 +73,7 @@ def show_start(pair: StereoPair) -> None:
         st.caption(
             f":material/auto_fix_high: {started_in_words(start.min_disparity, start.num_disparities)}", width="content"
         )
-        st.button("Undo", key="depth.start.undo", type="tertiary", on_click=partial(_undo, pair))
+        st.button("Undo these settings", key="depth.start.undo", type="tertiary", on_click=partial(_undo, pair))
 
 
 def _undo(pair: StereoPair) -> None:
