@@ -25,7 +25,7 @@ START_TIMEOUT_S = 60
 LEFT, RIGHT = "pairs.left", "pairs.right"
 PAIRS, OWN = "pairs", "Your own files"
 WINDOW = setting_key("correlation", "window_size")
-FIRST_WINDOW = 20
+FIRST_WINDOW = 11
 ACCURATE = preset_key("accurate")
 DISPARITIES = setting_key("correlation", "search.rectified.num_disparities", "")
 ALONE_MOVES = 20
@@ -86,7 +86,8 @@ def own_pair(seed: int, width: int = WIDTH, height: int = HEIGHT, largest: float
 async def with_own_pair(visitor: Visitor, files: dict[str, bytes]) -> None:
     """Upload a pair and wait for its maps."""
     await visitor.choose(PAIRS, OWN)
-    await visitor.upload(files)
+    async with visitor.another_map():
+        await visitor.upload(files)
     complaints = visitor.complaints()
     if complaints:
         raise RuntimeError(f"the page complains: {complaints[0]}")

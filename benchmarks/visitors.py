@@ -6,7 +6,8 @@ import asyncio
 import http.client
 import time
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from types import TracebackType
 from urllib.parse import parse_qsl
@@ -28,6 +29,9 @@ HOST = "localhost"
 XSRF_COOKIE = "_streamlit_xsrf"
 TIMEOUT_S = 240
 LARGEST_MESSAGE = 256 * 2**20
+PICTURE = "stereolag.picture"
+"""The component that brings a picture; the first map is the first of them."""
+
 WIDGETS = ("slider", "button_group", "checkbox", "number_input", "file_uploader", "button", "selectbox", "text_input")
 
 Path = tuple[int, ...]
@@ -176,8 +180,14 @@ class Visitor:
     async def press(self, key: str) -> None:
         """Press a button and wait until there is another map."""
         drawn, widget = self._widget(key)
+        async with self.another_map():
+            await self._set(WidgetState(id=widget, trigger_value=True), drawn.fragment)
+
+    @asynccontextmanager
+    async def another_map(self) -> AsyncIterator[None]:
+        """Wait, after what is done within, until there is another map: one run of the script may lead to the next."""
         maps = self._maps
-        await self._set(WidgetState(id=widget, trigger_value=True), drawn.fragment)
+        yield
         await self._until(lambda: self._maps > maps)
 
     async def slide(self, key: str, value: float) -> None:
@@ -321,7 +331,7 @@ class Visitor:
             del self._drawn[inner]
         self._drawn[path] = Drawn(element, delta.fragment_id, self._run.name)
         drawn_as = element.WhichOneof("type")
-        if drawn_as == "imgs" and (before is None or _source(before.element) != _source(element)):
+        if _is_picture(element) and (before is None or _source(before.element) != _source(element)):
             self._run.images[path] = time.perf_counter()
         elif drawn_as in WIDGETS:
             self._note(element)
@@ -376,7 +386,7 @@ class Visitor:
             for name, (_, used, fragment) in [*self._kept.items()]:
                 if (not run.fragments or fragment in run.fragments) and self._runs - used > self._oldest:
                     del self._kept[name]
-        maps = [path for path, _ in self.elements("imgs")][1:2]
+        maps = [path for path, one in self.elements("bidi_component") if _is_picture(one)][:1]
         shown = [run.images[path] for path in maps if path in run.images]
         self._maps += bool(shown)
         value = float(dict(parse_qsl(self.query)).get("window_size", "nan"))
@@ -442,5 +452,11 @@ def _key_of(identity: str) -> str:
     return identity.split("-", 2)[-1]
 
 
-def _source(element: Element) -> str:
-    return "".join(one.url for one in element.imgs.imgs)
+def _is_picture(element: Element) -> bool:
+    """Return whether an element brings the picture of a map, or of an image, to the page."""
+    return element.WhichOneof("type") == "bidi_component" and element.bidi_component.component_name == PICTURE
+
+
+def _source(element: Element) -> bytes:
+    """Return what tells one picture from another: the digest before its bytes."""
+    return bytes(element.bidi_component.bytes[:64])

@@ -106,7 +106,8 @@ def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
     key, exact = widget["key"], exact_key(widget["key"])
     with st.container(horizontal=True, gap="small", vertical_alignment="bottom"):
         value = st.slider(**widget)
-        st.session_state[exact] = value
+        if st.session_state.get(exact) != value:  # set anew, it is drawn anew
+            st.session_state[exact] = value
         st.number_input(
             widget["label"],
             min_value=allowed.low,

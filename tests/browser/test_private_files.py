@@ -96,7 +96,7 @@ def test_downloads_have_addresses_of_their_own(browser: Browser, address: str) -
         page.get_by_text("Take it away").click()
         settled(page)
         with page.expect_download() as download:
-            page.get_by_role("button", name="NPY").click()
+            page.get_by_role("button", name="NPY", exact=True).click()
         content = Path(download.value.path()).read_bytes()
         assert len(content) > 2**20
         seen[download.value.url] = hashlib.sha256(content).hexdigest()
