@@ -96,15 +96,7 @@ def upload_together(
 
     They are read by their names in order, whichever arrived first: left before right, camera 0 before camera 1.
     """
-    files = st.file_uploader(
-        label,
-        type=types,
-        key=key,
-        help=note or None,
-        accept_multiple_files=True,
-        on_change=_note_emptied,
-        args=(key,),
-    )
+    files = _ask_several(label, key=key, types=types, note=note)
     return _read_once(sorted(files, key=lambda file: file.name.lower()), read, key, variant, True)
 
 
@@ -117,7 +109,13 @@ def upload_named(
     note: str = "",
 ) -> Upload[T] | None:
     """Ask for files and return what `read` makes of them all, by their names, as :func:`upload` does of one."""
-    files = st.file_uploader(
+    files = _ask_several(label, key=key, types=types, note=note)
+    names = [file.name for file in files]
+    return _read_once(files, lambda contents: read([*zip(names, contents, strict=True)]), key, None, True)
+
+
+def _ask_several(label: str, *, key: str, types: Sequence[str], note: str) -> list[UploadedFile]:
+    return st.file_uploader(
         label,
         type=types,
         key=key,
@@ -126,8 +124,6 @@ def upload_named(
         on_change=_note_emptied,
         args=(key,),
     )
-    names = [file.name for file in files]
-    return _read_once(files, lambda contents: read([*zip(names, contents, strict=True)]), key, None, True)
 
 
 def put_together(make: Callable[[], T], key: str) -> T | None:
