@@ -7,14 +7,14 @@ import streamlit as st
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.address import write_address
 from stereolag.ui.depth.all_pairs import show_all_pairs
-from stereolag.ui.depth.bench import ask_matchers, bench
+from stereolag.ui.depth.bench import bench, show_controls
 from stereolag.ui.depth.blanks import show_blanks
 from stereolag.ui.depth.colouring import coloured_alike, offer_fit
 from stereolag.ui.depth.comparison import show_comparison
 from stereolag.ui.depth.doctor import show_doctor
 from stereolag.ui.depth.downloads import show_downloads
 from stereolag.ui.depth.inputs import choose_pair
-from stereolag.ui.depth.maps import choose_maps, measured, show_maps, shown_methods
+from stereolag.ui.depth.maps import choose_maps, measured, send_ahead, show_maps, shown_methods
 from stereolag.ui.depth.match import show_inspection
 from stereolag.ui.depth.presets import show_presets
 from stereolag.ui.depth.readout import show_readout
@@ -23,6 +23,7 @@ from stereolag.ui.depth.space import show_space
 from stereolag.ui.depth.suggesting import show_suggest
 from stereolag.ui.depth.sweeping import show_sweep
 from stereolag.ui.keys import PART
+from stereolag.ui.matcher_controls import matcher_as_set
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pairs import StereoPair
 
@@ -42,24 +43,26 @@ PARTS = {
 @fragment
 def workspace(pair: StereoPair) -> None:
     """Ask, compute and show; moving a control reruns this part alone, and the maps come before all the rest."""
+    matchers = {method: matcher_as_set(method, pair) for method in METHODS}
+    shown = shown_methods()
+    sent = send_ahead(pair, [matchers[method] for method in shown])
     controls, maps = bench()
-    with controls:
-        show_presets(pair)
-        matchers = ask_matchers(pair)
     results = {}
     with maps:
         doctor = st.container()
         with st.container(horizontal=True, vertical_alignment="center"):
             choose_maps()
             colours = st.container(width="content")
-        shown = shown_methods()
         for method in shown:
             results |= measured(pair, matchers[method])
         with colours:
             view = coloured_alike(pair, results)
         if results:
-            show_maps(view)
+            show_maps(view, sent)
             offer_fit(view)
+    with controls:
+        show_presets(pair)
+        show_controls(pair)
     write_address(pair, matchers.values())
     st.subheader("Look closer", anchor="look-closer")
     part = st.segmented_control(

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -23,6 +23,9 @@ WIDEST = 1600
 NOTHING = -32768
 """The int16 that stands for NaN on the way to the browser."""
 
+LONG = -128
+"""The int8 that stands for a step that needs an int16, which follows elsewhere."""
+
 FASTEST_COMPRESSION = 1
 
 
@@ -38,6 +41,10 @@ class DepthScale:
     disparity_error: float
 
 
+def no_depth() -> None:
+    """Return None, for readings that are no disparities."""
+
+
 @dataclass(frozen=True, eq=False)
 class Reading:
     """What can be read at every pixel of a picture.
@@ -51,7 +58,7 @@ class Reading:
     words
         What each uint8 stands for; an empty word is not shown.
     depth
-        Given for disparities: the depth is read beside them.
+        Given for disparities: returns what turns them into the depth that is read beside them.
     """
 
     values: npt.NDArray[Any]
@@ -59,7 +66,7 @@ class Reading:
     unit: str = ""
     digits: int = 2
     words: tuple[str, ...] = ()
-    depth: DepthScale | None = None
+    depth: Callable[[], DepthScale | None] = no_depth
 
 
 class Figure(NamedTuple):
@@ -84,7 +91,7 @@ class Picture:
     readings
         What is written below it of the pixel under the crosshair.
     figures
-        What is written below it of the whole.
+        Returns what is written below it of the whole; asked for when the pixels are on their way already.
     photograph
         Sent as JPEG, a fifth of the bytes; maps stay exact.
     pickable
@@ -96,7 +103,7 @@ class Picture:
     title: str
     pixels: Rgb | None
     readings: tuple[Reading, ...] = ()
-    figures: tuple[Figure, ...] = ()
+    figures: Callable[[], tuple[Figure, ...]] = tuple
     photograph: bool = False
     pickable: bool = True
     thumbnail: bool = False
@@ -138,7 +145,7 @@ def packed(picture: Picture) -> PackedPicture:
     """Return the pixels and the readings of a picture as one run of bytes.
 
     Readings travel as int16 in units of a power of two that is below their last decimal (or what the largest of them
-    needs), each as its difference from the one on its left: smooth maps then pack well.
+    needs), each as its step from the one on its left: of smooth maps most fit into a byte, and the long ones follow.
 
     Raises
     ------
@@ -207,8 +214,8 @@ def described(
                 "title": one.title,
                 "pickable": one.pickable,
                 "thumbnail": one.thumbnail,
-                "figures": [figure._asdict() for figure in one.figures],
-                "depths": [asdict(reading.depth) if reading.depth else None for reading in one.readings],
+                "figures": [figure._asdict() for figure in one.figures()],
+                "depths": [asdict(depth) if (depth := reading.depth()) else None for reading in one.readings],
             }
             for one, pack in zip(pictures, packs, strict=True)
         ],
@@ -243,8 +250,12 @@ def _reading(reading: Reading, step: int, body: _Body) -> dict[str, Any]:
     else:
         values = values.astype("<i2")
     steps = np.diff(values, axis=1, prepend=np.int16(0))  # wraps around, and back when added up
+    long = (steps > 127) | (steps < -127)
+    short = np.where(long, np.int16(LONG), steps).astype(np.int8)
     return {
-        "values": body.add(zlib.compress(steps.data, FASTEST_COMPRESSION)),
+        "steps": body.add(zlib.compress(short.data, FASTEST_COMPRESSION)),
+        "long_steps": body.add(zlib.compress(steps[long].data, FASTEST_COMPRESSION)),
+        "rows": values.shape[0],
         "cols": values.shape[1],
         "quantum": quantum,
         "label": reading.label,

@@ -121,6 +121,18 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
     return last_valid(make, _in_use_key(kind))
 
 
+def matcher_as_set(kind: type[Matcher], pair: StereoPair) -> Matcher | None:
+    """Return the settings that :func:`ask_matcher` is about to return; for who needs them before it is drawn."""
+    refusals: list[SettingsError] = []
+    first = first_settings(kind, pair)
+    place = _Place(kind, first, kind, "", pair, nullcontext(), False, False, False, refusals.append)
+    values = _ask_all(place, nullcontext())
+    try:
+        return kind(**values) if not refusals else st.session_state.get(_in_use_key(kind))
+    except SettingsError:
+        return st.session_state.get(_in_use_key(kind))
+
+
 def _more_settings(key: str) -> ExpanderContainer:
     """Return the fold for settings that are seldom moved; it is as it was when its tab was left.
 

@@ -7,7 +7,8 @@ import math
 import threading
 import weakref
 from collections.abc import Callable
-from typing import Any, TypeVar
+from functools import partial
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import streamlit as st
@@ -166,6 +167,21 @@ def computed_before(task: str, *, inputs: str, settings: str, shared: bool) -> A
     return _results(shared).get(_key(task, inputs, settings))
 
 
+def computed_at_once(
+    task: str, compute: Callable[[Progress], T], estimate: Estimate, *, inputs: str, settings: str, shared: bool
+) -> T | None:
+    """Return what is in memory, or is computed before anybody could see that it is; None of what takes longer.
+
+    Parameters
+    ----------
+    task, compute, estimate, inputs, settings, shared
+        As :func:`computed_in_turn` takes them.
+    """
+    if estimate.seconds >= PATIENCE_S or is_heavy(estimate) or estimate.memory > limits().job_memory:
+        return cast(T | None, computed_before(task, inputs=inputs, settings=settings, shared=shared))
+    return remembered(task, lambda: _alone(compute, silent), inputs=inputs, settings=settings, shared=shared)
+
+
 def computed_in_turn(
     task: str,
     compute: Callable[[Progress], T],
@@ -200,15 +216,10 @@ def computed_in_turn(
     result: T | None = results.get(key)
     refused = estimate.memory > limits().job_memory
     if job is None and (result is not None or refused or not is_heavy(estimate)):
-
-        def alone(progress: Progress) -> T:
-            with _alone:
-                return compute(progress)
-
         if estimate.seconds < PATIENCE_S:
             # Over before anybody could see that something is computed, and drawing that takes time too.
-            return remembered(task, lambda: alone(silent), inputs=inputs, settings=settings, shared=shared)
-        return computed(task, alone, inputs=inputs, settings=settings, shared=shared, label=label)
+            return remembered(task, lambda: _alone(compute, silent), inputs=inputs, settings=settings, shared=shared)
+        return computed(task, partial(_alone, compute), inputs=inputs, settings=settings, shared=shared, label=label)
     place = st.empty()
     if job is None:
         job = Job(lambda job: compute(job.report_or_end), estimate)
@@ -228,8 +239,13 @@ def computed_in_turn(
     return result
 
 
-_alone = threading.Lock()
+_cores = threading.Lock()
 """Held by a light computation, which takes all cores: two at once would each take twice as long, and say so."""
+
+
+def _alone(compute: Callable[[Progress], T], progress: Progress) -> T:
+    with _cores:
+        return compute(progress)
 
 
 def _forget_job(task: str) -> None:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from stereolag.signals import SignalLag
-from stereolag.ui.results import RecentResults, SharedRoom, computed
+from stereolag.estimates import Estimate
+from stereolag.ui.results import RecentResults, SharedRoom, computed, computed_at_once
 from stereolag.ui.sentences import duration, lag_in_words
 
 
@@ -74,6 +75,23 @@ def test_what_was_computed_is_not_computed_again() -> None:
     for settings in ("one", "two", "one"):
         computed("counting", compute, inputs="inputs", settings=settings, shared=True, label="Computing …")
     assert len(calls) == 2
+
+
+def test_only_what_is_short_is_computed_at_once() -> None:
+    def at_once(seconds: float) -> SimpleNamespace | None:
+        return computed_at_once(
+            "pausing",
+            lambda progress: of_bytes(1),
+            Estimate(1, seconds),
+            inputs="inputs",
+            settings="",
+            shared=True,
+        )
+
+    assert at_once(seconds=2.0) is None
+    made = at_once(seconds=0.1)
+    assert made is not None
+    assert at_once(seconds=2.0) is made  # in memory
 
 
 def test_a_refusal_is_not_kept() -> None:

@@ -33,9 +33,13 @@ def unpacked(pack: PackedPicture) -> tuple[dict[str, Any], bytes]:
 
 
 def values_of(reading: dict[str, Any], body: bytes) -> np.ndarray:
-    start, size = reading["values"]
-    steps = np.frombuffer(zlib.decompress(body[start : start + size]), "<i2").reshape(-1, reading["cols"])
-    raw = np.cumsum(steps, axis=1, dtype=np.int16)
+    def part(name: str, kind: str) -> np.ndarray:
+        start, size = reading[name]
+        return np.frombuffer(zlib.decompress(body[start : start + size]), kind)
+
+    steps = part("steps", "i1").astype("<i2")
+    steps[steps == -128] = part("long_steps", "<i2")
+    raw = np.cumsum(steps.reshape(reading["rows"], reading["cols"]), axis=1, dtype=np.int16)
     return np.where(raw == -32768, np.nan, raw * reading["quantum"])
 
 
@@ -65,9 +69,10 @@ def test_words_and_pictures_arrive_whole() -> None:
 
 def test_a_set_is_described_with_its_colours_its_legends_and_its_figures() -> None:
     palette = np.stack([np.arange(256, dtype=np.uint8)] * 3, axis=1)
-    depth = DepthScale(10, 0, 0.1)
+    figure = Figure("EPE", "0.5 px", "Mean error.")
+    values = Reading(np.zeros((6, 9)), depth=lambda: DepthScale(10, 0, 0.1))
     pictures = [
-        Picture("map", None, (Reading(np.zeros((6, 9)), depth=depth),), (Figure("EPE", "0.5 px", "Mean error."),)),
+        Picture("map", None, (values,), lambda: (figure,)),
         Picture("photograph", GREY, photograph=True, pickable=False, thumbnail=True),
     ]
     legends = [

@@ -9,7 +9,6 @@ from pathlib import Path
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.depth.maps import show_method
 from stereolag.ui.keys import FOLD, FOLD_NEXT, TAB
@@ -54,8 +53,8 @@ def bench() -> tuple[DeltaGenerator, DeltaGenerator]:
     return controls, both.container(key="depth-bench-maps")
 
 
-def ask_matchers(pair: StereoPair) -> dict[type[StereoMatcher], StereoMatcher | None]:
-    """Return the settings of every method; one at a time has its controls drawn, chosen by a row of tabs.
+def show_controls(pair: StereoPair) -> None:
+    """Draw the controls of one method at a time, chosen by a row of tabs.
 
     A method turned to has its map shown: its controls are to move something.
     """
@@ -72,4 +71,5 @@ def ask_matchers(pair: StereoPair) -> dict[type[StereoMatcher], StereoMatcher | 
         label_visibility="collapsed",
         on_change=lambda: show_method(by_name[st.session_state[TAB]]),
     )
-    return {kind: ask_matcher(kind, pair, drawn=kind.short_name == tab) for kind in METHODS}
+    for kind in METHODS:
+        ask_matcher(kind, pair, drawn=kind.short_name == tab)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from typing import Any
 
 import streamlit as st
 
 from stereolag.arrays import FloatMap, ReasonMap
 from stereolag.figures.legends import Legend, hexadecimal, strip_legend, word_legend
-from stereolag.figures.linked_pictures import Figure, PackedPicture, Picture, Reading, packed
+from stereolag.figures.linked_pictures import DepthScale, Figure, PackedPicture, Picture, Reading, no_depth, packed
 from stereolag.figures.pictures import NO_ANSWER, as_rgb
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
@@ -17,13 +20,17 @@ from stereolag.stereo.reasons import Reason
 from stereolag.ui import keys
 from stereolag.ui.depth.calibrating import calibration_of, depth_scale, disparity_error
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.linked_pictures import linked_pictures
+from stereolag.ui.linked_pictures import linked_pictures, send_picture
 from stereolag.ui.pairs import StereoPair
-from stereolag.ui.results import computed_in_turn, remembered
+from stereolag.ui.results import computed_at_once, computed_in_turn, remembered
 from stereolag.ui.sentences import REASON_WORDS, duration, percent
 
 LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
 KEY = "depth.bench"
+SENT = f"{KEY}.sent"
+
+HEAD_START_S = 0.03
+"""What a browser takes to draw a map. All that reached it sooner would be worked off before the map is seen."""
 
 COLUMNS = 2
 """Maps side by side where there is room."""
@@ -72,37 +79,75 @@ def measured(pair: StereoPair, matcher: StereoMatcher | None) -> dict[str, Dispa
     if matcher is None:
         return {}
     try:
-        result = computed_in_turn(
-            map_task(matcher),
-            lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
-            matcher.estimate(pair.left.shape, pair.left.dtype),
-            inputs=pair.digest,
-            settings=matcher.model_dump_json(),
-            shared=pair.shared,
-            label=f"{matcher.title} …",
-        )
+        result = computed_in_turn(**_computation(pair, matcher), label=f"{matcher.title} …")
     except ValueError as error:
         st.error(f"{matcher.title}: {error}")
         return {}
     return {} if result is None else {matcher.title: result}
 
 
-def show_maps(view: DepthView) -> None:
-    """Show the maps of the view under one crosshair, with what can be said of each in numbers, and the images small."""
+def _computation(pair: StereoPair, matcher: StereoMatcher) -> dict[str, Any]:
+    return {
+        "task": map_task(matcher),
+        "compute": lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
+        "estimate": matcher.estimate(pair.left.shape, pair.left.dtype),
+        "inputs": pair.digest,
+        "settings": matcher.model_dump_json(),
+        "shared": pair.shared,
+    }
+
+
+def send_ahead(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) -> dict[str, PackedPicture]:
+    """Send the maps that can be had at once before anything else is drawn, and return them by title.
+
+    The browser shows each in the place of the one before as soon as it is there; what is said of it follows.
+    """
+    packs = {}
+    for matcher in matchers:
+        try:
+            result = matcher and computed_at_once(**_computation(pair, matcher))
+        except ValueError:  # said where the map would be
+            continue
+        if result:
+            picture = Picture(result.settings.title, None, _readings(result, digits=1))
+            packs[picture.title] = _packed(pair, picture, result)
+    with st.container(key="depth-ahead", gap=None):
+        for title, pack in packs.items():
+            send_picture(pack, title, key=KEY)
+    digests = [pack.digest for pack in packs.values()]
+    if st.session_state.get(SENT) != digests:
+        st.session_state[SENT] = digests
+        time.sleep(HEAD_START_S)
+    return packs
+
+
+def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
+    """Show the maps of the view under one crosshair, with what can be said of each in numbers, and the images small.
+
+    What was `sent` ahead is not sent again.
+    """
     pictures = [_map_with_figures(view, name) for name in view.results]
     pictures += [left_picture(view, small=True), right_picture(view, small=True), *truth_picture(view, small=True)]
+    linked_pictures(
+        pictures,
+        key=KEY,
+        columns=COLUMNS,
+        colours=view.colours,
+        legends=map_legends(view),
+        pack=lambda picture: _packed(view.pair, picture, view.results.get(picture.title)),
+        sent=sent,
+    )
 
-    def pack(picture: Picture) -> PackedPicture:
-        result = view.results.get(picture.title)
-        return remembered(
-            "packed picture",
-            partial(packed, picture),
-            inputs=view.pair.digest,
-            settings=picture.title if result is None else settings_key(result),
-            shared=view.pair.shared,
-        )
 
-    linked_pictures(pictures, key=KEY, columns=COLUMNS, colours=view.colours, legends=map_legends(view), pack=pack)
+def _packed(pair: StereoPair, picture: Picture, result: DisparityMap | None) -> PackedPicture:
+    """Return a picture packed for the browser; from memory where it was packed before."""
+    return remembered(
+        "packed picture",
+        partial(packed, picture),
+        inputs=pair.digest,
+        settings=picture.title if result is None else settings_key(result),
+        shared=pair.shared,
+    )
 
 
 def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
@@ -152,17 +197,26 @@ def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None) -> 
     """Return the map of a method; under it disparity, depth, score, and the reason where there is none."""
     result = view.results[name]
     score = Reading(result.score, label="score", digits=2)
-    return Picture(name, None, (*_readings(view, name, reason), score))
+    return Picture(name, None, (*_readings(result, partial(_depth, view, name), reason=reason), score))
 
 
 def _map_with_figures(view: DepthView, name: str) -> Picture:
     """Return the map of a method with its numbers below; without scores and to 0.1 px, a third of what is sent."""
-    return Picture(name, None, _readings(view, name, digits=1), _figures(view, name))
+    readings = _readings(view.results[name], partial(_depth, view, name), digits=1)
+    return Picture(name, None, readings, partial(_figures, view, name))
 
 
-def _readings(view: DepthView, name: str, reason: ReasonMap | None = None, digits: int = 2) -> tuple[Reading, Reading]:
-    result = view.results[name]
-    depth = depth_scale(view.pair, disparity_error(view, name))
+def _depth(view: DepthView, name: str) -> DepthScale | None:
+    return depth_scale(view.pair, disparity_error(view, name))
+
+
+def _readings(
+    result: DisparityMap,
+    depth: Callable[[], DepthScale | None] = no_depth,
+    *,
+    reason: ReasonMap | None = None,
+    digits: int = 2,
+) -> tuple[Reading, Reading]:
     return (
         Reading(result.disparity, unit="px", digits=digits, depth=depth),
         Reading(result.reason if reason is None else reason, words=tuple(_said(cause) for cause in Reason)),
@@ -174,7 +228,7 @@ def truth_picture(view: DepthView, *, small: bool = False) -> list[Picture]:
     truth = view.pair.truth
     if truth is None:
         return []
-    reading = Reading(truth, unit="px", digits=2, depth=depth_scale(view.pair, 0.0))
+    reading = Reading(truth, unit="px", digits=2, depth=lambda: depth_scale(view.pair, 0.0))
     return [Picture(TRUTH, None, (reading,), thumbnail=small)]
 
 

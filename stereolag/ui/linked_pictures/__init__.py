@@ -5,9 +5,10 @@ All that follows the pointer happens in the browser (the scripts beside this fil
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import streamlit as st
 
@@ -59,11 +60,22 @@ _viewer = st.components.v2.component(
     "stereolag.linked_pictures",
     html=_source("pictures.html"),
     css=_source("pictures.css"),
-    js=_source("unpacking.js", "drawing.js", "pictures.js", "gestures.js"),
+    js=_source("fflate.js", "unpacking.js", "drawing.js", "pictures.js", "gestures.js"),
 )
 # Each picture travels alone, and so do the marks: Streamlit finds those that did not change, and does not send them.
 _picture = st.components.v2.component("stereolag.picture", js=_source("picture.js"))
 _marks = st.components.v2.component("stereolag.marks", js=_source("marks.js"))
+
+
+NOTHING_SENT: Mapping[str, PackedPicture] = MappingProxyType({})
+
+
+def send_picture(pack: PackedPicture, title: str, *, key: str) -> None:
+    """Send the pixels and readings of one of the pictures of :func:`linked_pictures`, ahead of all that is said of it.
+
+    In the browser it takes the place of the picture of this title that is shown.
+    """
+    _picture(key=f"{key}.picture.{title}", data=pack.data)
 
 
 def linked_pictures(
@@ -77,6 +89,7 @@ def linked_pictures(
     marks: Sequence[Mark] = (),
     on_pick: Callable[[int, int], None] | None = None,
     pack: Callable[[Picture], PackedPicture] = packed,
+    sent: Mapping[str, PackedPicture] = NOTHING_SENT,
 ) -> None:
     """Show pictures of one size.
 
@@ -99,6 +112,8 @@ def linked_pictures(
         click does nothing.
     pack
         Packs a picture, for whoever remembers those that were packed before.
+    sent
+        Pictures that :func:`send_picture` sent already in this run, by their titles.
     """
 
     def picked() -> None:
@@ -108,10 +123,12 @@ def linked_pictures(
 
     if on_pick is None:
         pictures = [replace(picture, pickable=False) for picture in pictures]
-    packs = [pack(picture) for picture in pictures]
-    header = described(pictures, packs, name=key, colours=colours, legends=legends, columns=columns, hint=hint)
+    packs = []
     with st.container(gap=None):
+        for picture in pictures:
+            packs.append(sent.get(picture.title) or pack(picture))
+            if picture.title not in sent:
+                send_picture(packs[-1], picture.title, key=key)
+        header = described(pictures, packs, name=key, colours=colours, legends=legends, columns=columns, hint=hint)
         _viewer(key=key, data=header, on_picked_change=picked)
-        for number, one in enumerate(packs):
-            _picture(key=f"{key}.picture.{number}", data=one.data)
         _marks(key=f"{key}.marks", data={"name": key, "marks": [asdict(mark) for mark in marks]})

@@ -35,19 +35,28 @@ function metric(metres, error) {
 
 function picture(described, { image, readings }, colours) {
   const read = readings.map((reading, index) => ({ ...reading, depth: described.depths[index] }));
-  return { ...described, image, readings: read, map: image ? null : painted(readings[0], colours) };
+  const seen = image ? described.digest : [described.digest, colours.low, colours.high, colours.palette].join();
+  return { ...described, image, readings: read, colours, seen };
 }
 
 // What is seen of a picture: one of its own for every place it is shown at.
-function surface({ title, image, map }) {
-  const made = element(map ? "canvas" : "img");
-  if (map) {
-    [made.width, made.height] = [map.width, map.height];
-    made.getContext("2d").drawImage(map, 0, 0);
+function surface(one) {
+  const made = element(one.image ? "img" : "canvas");
+  if (one.image) Object.assign(made, { alt: one.title, draggable: false });
+  else {
     made.setAttribute("role", "img");
-    made.setAttribute("aria-label", title);
-  } else Object.assign(made, { src: image.src, alt: title, draggable: false });
+    made.setAttribute("aria-label", one.title);
+  }
+  fill(made, one);
   return made;
+}
+
+// Shows on a surface what is seen of a picture now, unless it shows that already.
+function fill(made, { image, readings, colours, seen }) {
+  if (made.seen === seen) return;
+  made.seen = seen;
+  if (image) made.src = image.src;
+  else paint(made, readings[0], colours);
 }
 
 function forget({ image }) {
@@ -55,14 +64,11 @@ function forget({ image }) {
 }
 
 function figures(all) {
-  if (!all.length) return [];
-  return [
-    element("dl", "figures", ...all.map(({ label, value, meaning }) => {
-      const one = element("div", "", element("dt", "", label), element("dd", "", value));
-      one.title = meaning;
-      return one;
-    })),
-  ];
+  return all.map(({ label, value, meaning }) => {
+    const one = element("div", "", element("dt", "", label), element("dd", "", value));
+    one.title = meaning;
+    return one;
+  });
 }
 
 function legend({ title, colours, words, strip, ticks }) {

@@ -118,7 +118,7 @@ class HandledPictures extends LinkedPictures {
     this.forget(event);
     // The second click of a double click, which resets the zoom, picks nothing more.
     const again = event.timeStamp - (this.lastPick ?? -1e9) < DOUBLE_CLICK_MS;
-    if (!held || held.moved || !held.cell.pickable || again) return;
+    if (!held || held.moved || !this.pictures[held.cell.indices[0]].pickable || again) return;
     this.lastPick = event.timeStamp;
     const { row, col } = this.place(event, held.cell);
     this.onPick({ row, col });

@@ -13,7 +13,7 @@ export default function ({ data, parentElement }) {
     one.holders += 1;
     pictures.set(digest, one);
     if (before) release(pictures, before);
-    window.dispatchEvent(new CustomEvent("stereolag-picture", { detail: digest }));
+    window.dispatchEvent(new CustomEvent("stereolag-picture", { detail: { digest, before } }));
   }
   return () => {
     if (!held.has(parentElement)) return;

@@ -18,9 +18,12 @@ class LinkedPictures {
     this.at = null;
     this.marks = [];
     this.enlarged = new Set();
-    this.decoded = new Map();
+    this.contents = new Map();
     this.onMarks = ({ detail }) => detail.name === this.header?.name && this.setMarks(detail.marks);
-    this.onPicture = () => this.load(this.data);
+    this.onPicture = ({ detail }) => {
+      this.renew(detail);
+      this.load(this.data);
+    };
     window.addEventListener("stereolag-marks", this.onMarks);
     window.addEventListener("stereolag-picture", this.onPicture);
     this.resized = new ResizeObserver(() => this.draw());
@@ -31,7 +34,7 @@ class LinkedPictures {
     window.removeEventListener("stereolag-marks", this.onMarks);
     window.removeEventListener("stereolag-picture", this.onPicture);
     this.resized.disconnect();
-    for (const one of this.decoded.values()) one.then(forget);
+    this.contents.forEach(forget);
   }
 
   // Shows what `data` describes as soon as all of its pictures are there.
@@ -39,24 +42,36 @@ class LinkedPictures {
     this.data = data;
     if (!data || data === this.header) return;
     const arrived = window.stereolagPictures ?? new Map();
-    if (!data.pictures.every(({ digest }) => this.decoded.has(digest) || arrived.has(digest))) return;
-    for (const { digest } of data.pictures) {
-      if (!this.decoded.has(digest)) this.decoded.set(digest, decoded(arrived.get(digest).data));
-    }
-    const contents = await Promise.all(data.pictures.map(({ digest }) => this.decoded.get(digest)));
+    if (!data.pictures.every(({ digest }) => this.contents.has(digest) || arrived.has(digest))) return;
+    const contents = data.pictures.map(({ digest }) => this.content(digest));
+    await Promise.all(contents.map((one) => one.ready));
     if (data !== this.data) return; // a newer set overtook this one
     const sameScene = this.header?.rows === data.rows && this.header?.cols === data.cols;
     this.header = data;
     this.pictures = data.pictures.map((one, index) => picture(one, contents[index], data.colours));
     const shown = new Set(data.pictures.map(({ digest }) => digest));
-    for (const [digest, one] of this.decoded) {
+    for (const [digest, one] of this.contents) {
       if (shown.has(digest)) continue;
-      this.decoded.delete(digest);
-      one.then(forget);
+      this.contents.delete(digest);
+      forget(one);
     }
     if (!sameScene) Object.assign(this, { zoom: 1, x: 0, y: 0, at: null });
     this.marks = window.stereolagMarks?.get(data.name) ?? [];
     this.build();
+  }
+
+  // The picture that arrived under a digest, unpacked once.
+  content(digest) {
+    if (!this.contents.has(digest)) this.contents.set(digest, unpacked(window.stereolagPictures.get(digest).data));
+    return this.contents.get(digest);
+  }
+
+  // Shows a map that took the place of another at once; what is said of it follows with the next `load`.
+  renew({ digest, before }) {
+    const index = this.pictures?.findIndex((one) => one.digest === before && !one.image) ?? -1;
+    if (index < 0 || this.content(digest).image) return;
+    this.pictures[index] = picture({ ...this.pictures[index], digest }, this.content(digest), this.header.colours);
+    this.show(index);
   }
 
   setMarks(marks) {
@@ -64,7 +79,24 @@ class LinkedPictures {
     this.draw();
   }
 
+  // Lays the pictures out, unless they stand as they should.
   build() {
+    if (this.layout() !== this.laidOut) this.layOut();
+    this.laidOut = this.layout();
+    const pickable = this.pictures.some((one) => one.pickable);
+    this.find(".legends").replaceChildren(...this.header.legends.map(legend));
+    this.find(".hint").textContent = [this.header.hint, `${HINT}${pickable ? ", Enter picks." : "."}`].filter(Boolean).join(" ");
+    this.refresh();
+  }
+
+  // All that decides which places there are.
+  layout() {
+    const { rows, cols, columns } = this.header;
+    const places = this.pictures.map((one) => [one.title, one.thumbnail, this.isLarge(one), !one.image, one.figures.length]);
+    return JSON.stringify([rows, cols, columns, this.mode, this.pair, places]);
+  }
+
+  layOut() {
     const titles = this.pictures.map((one) => one.title);
     const kept = this.pair?.map((title) => titles.indexOf(title));
     const [before, after] = kept && !kept.includes(-1) ? kept : [0, Math.min(1, titles.length - 1)];
@@ -83,13 +115,26 @@ class LinkedPictures {
     const large = [...this.pictures.keys()].filter((index) => this.isLarge(this.pictures[index]));
     this.cells = this.mode === "slider" ? [this.cell(before, after)] : large.map((index) => this.cell(index));
     this.stage.replaceChildren(...this.cells.map((cell) => cell.figure));
-    this.find(".thumbnails").replaceChildren(
-      ...this.pictures.filter((one) => one.thumbnail).map((one) => this.thumbnail(one)),
-    );
-    const pickable = this.pictures.some((one) => one.pickable);
-    this.find(".legends").replaceChildren(...this.header.legends.map(legend));
-    this.find(".hint").textContent = [this.header.hint, `${HINT}${pickable ? ", Enter picks." : "."}`].filter(Boolean).join(" ");
+    this.thumbnails = [...this.pictures.keys()].filter((index) => this.pictures[index].thumbnail);
+    this.find(".thumbnails").replaceChildren(...this.thumbnails.map((index) => this.thumbnail(this.pictures[index])));
+  }
+
+  // Shows the pictures and their figures of now in the places where they stand.
+  refresh() {
+    this.pictures.forEach((_, index) => this.show(index));
+    for (const { indices, figures: below } of this.cells) {
+      below?.replaceChildren(...figures(this.pictures[indices[0]].figures));
+    }
     this.draw();
+  }
+
+  // Shows one picture wherever it stands.
+  show(index) {
+    for (const { indices, layers } of this.cells) {
+      layers.forEach((layer, side) => indices[side] === index && fill(layer.firstChild, this.pictures[index]));
+    }
+    const small = this.find(".thumbnails").children[this.thumbnails.indexOf(index)];
+    if (small) fill(small.firstChild, this.pictures[index]);
   }
 
   cell(...indices) {
@@ -99,9 +144,9 @@ class LinkedPictures {
     const svg = drawn("svg", { preserveAspectRatio: "none" }, viewport);
     const readings = indices.map(() => element("p", "reading"));
     const caption = element("figcaption", "", ...indices.map((index) => element("span", "", this.pictures[index].title)));
-    const below = indices.length > 1 ? [] : figures(this.pictures[indices[0]].figures);
-    const figure = element("figure", "", caption, viewport, element("div", "readings", ...readings), ...below);
-    const cell = { indices, figure, viewport, svg, layers, readings, pickable: this.pictures[indices[0]].pickable };
+    const below = indices.length > 1 || !this.pictures[indices[0]].figures.length ? null : element("dl", "figures");
+    const figure = element("figure", "", caption, viewport, element("div", "readings", ...readings), ...(below ? [below] : []));
+    const cell = { indices, figure, viewport, svg, layers, readings, figures: below };
     if (indices.length > 1) this.addSplit(cell);
     return cell;
   }
@@ -187,7 +232,7 @@ class LinkedPictures {
     const step = this.header.step;
     const parts = [];
     for (const reading of picture.readings) {
-      const value = reading.values[Math.floor(row / step) * reading.cols + Math.floor(col / step)];
+      const value = reading.values()[Math.floor(row / step) * reading.cols + Math.floor(col / step)];
       if (reading.words.length) parts.push(reading.words[value]);
       else if (value !== NOTHING) parts.push(...numbers(value * reading.quantum, reading));
     }

@@ -1,51 +1,71 @@
 // From the bytes of a picture to its pixels and what can be read of them.
 
 const NOTHING = -32768;
+const LONG = 128;
 
-// The reverse of stereolag.figures.linked_pictures.packed.
-async function decoded(data) {
+// The reverse of stereolag.figures.linked_pictures.packed. All but photographs is there at once: whatever had to be
+// waited for would come after all else that the page has to do after a change.
+function unpacked(data) {
   const length = new DataView(data.buffer, data.byteOffset).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(data.subarray(4, 4 + length)));
   const body = data.subarray(4 + length);
   const part = ([start, size]) => body.subarray(start, start + size);
-  const [image, ...readings] = await Promise.all([
-    header.image && decodedImage(part(header.image), header.type),
-    ...header.readings.map(async (one) => ({ ...one, values: await inflated(part(one.values), one.cols) })),
-  ]);
-  return { image, readings };
+  const image = header.image && pictured(part(header.image), header.type);
+  return { image, ready: image?.decode(), readings: header.readings.map((one) => readable(one, part)) };
 }
 
-async function decodedImage(bytes, type) {
+function pictured(bytes, type) {
   const image = new Image();
   image.src = URL.createObjectURL(new Blob([bytes], { type }));
-  await image.decode();
   return image;
 }
 
-// Values from their differences along each row; an Int16Array wraps around as they did.
-async function inflated(bytes, cols) {
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const values = new Int16Array(await new Response(stream).arrayBuffer());
-  for (let at = 1; at < values.length; at++) if (at % cols) values[at] += values[at - 1];
+// A reading whose values are unpacked when they are first asked for: many are only under a pointer.
+function readable(described, part) {
+  let values;
+  return { ...described, values: () => (values ??= inflated(described, part)) };
+}
+
+// Values from their steps along each row; an Int16Array wraps around as they did.
+function inflated({ rows, cols, steps, long_steps }, part) {
+  const short = fflate.unzlibSync(part(steps), { out: new Uint8Array(rows * cols) });
+  const long = new Int16Array(fflate.unzlibSync(part(long_steps)).slice().buffer);
+  const values = new Int16Array(rows * cols);
+  for (let start = 0, next = 0; start < values.length; start += cols) {
+    for (let at = start, value = 0; at < start + cols; at++) {
+      const step = short[at];
+      value += step === LONG ? long[next++] : (step << 24) >> 24;
+      values[at] = value;
+    }
+  }
   return values;
 }
 
-// A map in the colours that all maps share, as a canvas.
-function painted({ values, cols, quantum }, { low, high, palette, none }) {
+// Draws a map on a canvas in the colours that all maps share.
+function paint(canvas, reading, colours) {
+  const [values, table] = [reading.values(), colourTable(colours, reading.quantum)];
+  [canvas.width, canvas.height] = [reading.cols, reading.rows];
+  const context = canvas.getContext("2d");
+  const image = context.createImageData(canvas.width, canvas.height);
+  const pixels = new Uint32Array(image.data.buffer);
+  for (let at = 0; at < values.length; at++) pixels[at] = table[values[at] - NOTHING];
+  context.putImageData(image, 0, 0);
+}
+
+let lastTable = {};
+
+// The pixel of every int16, kept while the colours stay.
+function colourTable({ low, high, palette, none }, quantum) {
+  const key = [low, high, quantum, none, palette].join();
+  if (lastTable.key === key) return lastTable.table;
   const ramp = Uint32Array.from({ length: 256 }, (_, at) => pixelOf(palette.slice(6 * at, 6 * at + 6)));
   const table = new Uint32Array(65536).fill(pixelOf(none.slice(1)));
   const scale = 255 / (high - low);
   for (let value = NOTHING + 1; value < 32768; value++) {
     table[value - NOTHING] = ramp[Math.round(clamp((value * quantum - low) * scale, 0, 255))];
   }
-  const canvas = element("canvas");
-  [canvas.width, canvas.height] = [cols, values.length / cols];
-  const context = canvas.getContext("2d");
-  const image = context.createImageData(canvas.width, canvas.height);
-  const pixels = new Uint32Array(image.data.buffer);
-  for (let at = 0; at < values.length; at++) pixels[at] = table[values[at] - NOTHING];
-  context.putImageData(image, 0, 0);
-  return canvas;
+  lastTable = { key, table };
+  return table;
 }
 
 // rrggbb as the four bytes of an opaque pixel, the first of them lowest.

@@ -1,0 +1,65 @@
+"""The settings in use before the controls are drawn are those that the controls then show."""
+
+from __future__ import annotations
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereolag.samples import stereo_pairs
+from stereolag.stereo.methods import METHODS, PRESETS
+from tests.app import keys
+
+
+def page() -> None:
+    import streamlit as st
+
+    from stereolag.stereo.methods import METHODS
+    from stereolag.ui.depth.bench import show_controls
+    from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.depth.presets import show_presets
+    from stereolag.ui.matcher_controls import matcher_as_set, matchers_in_use
+
+    pair = choose_pair()
+    before = [matcher_as_set(method, pair) for method in METHODS]
+    show_presets(pair)
+    show_controls(pair)
+    st.session_state["met"] = before, matchers_in_use()
+
+
+def opened(pair: str) -> AppTest:
+    app = AppTest.from_function(page, default_timeout=60)
+    app.session_state["pairs"] = pair
+    app.session_state["depth.head"] = True
+    for method in METHODS:
+        app.session_state[keys.more(method.short_name)] = True
+    return app.run()
+
+
+def agree(app: AppTest) -> None:
+    before, drawn = app.session_state["met"]
+    assert before == drawn
+    assert len(drawn) == len(METHODS)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("pair", stereo_pairs())
+def test_with_every_example_and_preset(pair: str, preset: str) -> None:
+    app = opened(pair)
+    agree(app)
+    app.button(key=keys.preset_key(preset)).click().run()
+    agree(app)
+
+
+@pytest.mark.parametrize("end", ["min", "max"])
+@pytest.mark.parametrize("method", [method.short_name for method in METHODS])
+def test_at_the_ends_of_every_slider_also_of_a_smaller_picture(method: str, end: str) -> None:
+    app = opened("road")
+    app.session_state[keys.TAB] = method
+    app.run()
+    for key in [slider.key for slider in app.slider]:
+        slider = app.slider(key=key)
+        if not slider.disabled:
+            slider.set_value(getattr(slider, end)).run()
+            agree(app)
+    app.segmented_control(key="pairs.size").set_value("1/4").run()
+    agree(app)
