@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
@@ -108,6 +110,9 @@ def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
         value = st.slider(**widget)
         if st.session_state.get(exact) != value:  # set anew, it is drawn anew
             st.session_state[exact] = value
+        if (before := st.session_state.get(_drawn_key(key))) != value:
+            st.session_state[_drawn_key(key)] = value
+            _replaced(key)[before] = time.monotonic()
         st.number_input(
             widget["label"],
             min_value=allowed.low,
@@ -124,9 +129,30 @@ def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
     return value
 
 
+LATE_S = 2.0
+"""How long after a box was set to another value the browser may still send the one before."""
+
+
 def _take_exact(key: str) -> None:
-    """Set a slider to the value typed beside it, which may lie beyond its ends or between its steps."""
-    adopt_value(key, st.session_state[exact_key(key)])
+    """Set a slider to the value typed beside it, which may lie beyond its ends or between its steps.
+
+    Beside a slider that moved, or just after, the box holds no typed value: the browser has not drawn the new one yet.
+    """
+    typed = st.session_state[exact_key(key)]
+    moved = st.session_state[key] != st.session_state.get(_drawn_key(key))
+    late = time.monotonic() - _replaced(key).get(typed, -math.inf) < LATE_S
+    if not moved and not late:
+        adopt_value(key, typed)
+
+
+def _replaced(key: str) -> dict[Any, float]:
+    """Return when each value drawn in a box was last replaced by another."""
+    times: dict[Any, float] = st.session_state.setdefault(f"{exact_key(key)}.replaced", {})
+    return times
+
+
+def _drawn_key(key: str) -> str:
+    return f"{key}.drawn"
 
 
 def _within(field: FieldInfo, value: Any, low: Number | None, high: Number | None) -> Any:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.ui import controls as controls_module
 from tests.app import keys
 from tests.app.conftest import figures
 
@@ -234,3 +235,27 @@ def test_an_adopted_value_beyond_the_page_s_own_bounds_is_kept_when_folded_away(
     app.run()
     app.button_group(key=keys.TAB).set_value("correlation").run()
     assert app.slider(key=keys.SMALLEST).value == -100
+
+
+def test_a_box_that_the_browser_has_not_drawn_anew_yet_does_not_move_its_slider_back(open_page: OpenPage) -> None:
+    app = open_page(DEPTH)
+    slider, box = keys.WINDOW, keys.exact_key(keys.WINDOW)
+    first = app.slider(key=slider).value
+    app.slider(key=slider).set_value(first - 2).run()
+    app.slider(key=slider).set_value(first - 4)
+    app.number_input(key=box).set_value(first).run()  # sent with the slider's second step
+    assert app.slider(key=slider).value == app.number_input(key=box).value == first - 4
+    app.number_input(key=box).set_value(first - 2).run()  # sent with something else
+    assert app.slider(key=slider).value == app.number_input(key=box).value == first - 4
+    app.number_input(key=box).set_value(first + 6).run()
+    assert app.slider(key=slider).value == first + 6
+
+
+def test_a_value_can_be_typed_again(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(controls_module, "LATE_S", 0.0)
+    app = open_page(DEPTH)
+    slider, box = keys.WINDOW, keys.exact_key(keys.WINDOW)
+    first = app.slider(key=slider).value
+    for value in (first + 2, first, first + 2):
+        app.number_input(key=box).set_value(value).run()
+        assert app.slider(key=slider).value == value

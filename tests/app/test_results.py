@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stereolag.signals import SignalLag
 from stereolag.estimates import Estimate
+from stereolag.signals import SignalLag
 from stereolag.ui.results import RecentResults, SharedRoom, computed, computed_at_once
 from stereolag.ui.sentences import duration, lag_in_words
 
