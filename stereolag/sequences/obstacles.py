@@ -23,6 +23,8 @@ _NEAR_GROUND = 1.0
 """Px; how far from the ground's line the disparity of a row may lie."""
 _LEAST_AGREEMENT = 0.4
 """Share of the rows below the middle that the ground must explain."""
+_LEAST_RISE = 4.0
+"""Px; by how much its disparity grows from there to the lowest row: a wall's does not."""
 
 
 class Ground(NamedTuple):
@@ -90,7 +92,8 @@ def ground_of(disparity: FloatMap) -> Ground | None:
     offsets = medians[one] - slopes * rows[one]
     agreeing = np.abs(slopes[:, None] * rows + offsets[:, None] - medians) <= _NEAR_GROUND
     best = int(np.argmax(agreeing.sum(axis=1)))
-    if slopes[best] <= 0 or agreeing[best].sum() < _LEAST_AGREEMENT * (disparity.shape[0] - first):
+    if agreeing[best].sum() < _LEAST_AGREEMENT * (disparity.shape[0] - first):
         return None
     slope, offset = np.polyfit(rows[agreeing[best]], medians[agreeing[best]], 1)
-    return Ground(float(slope), float(-offset / slope)) if slope > 0 else None
+    rises = slope * (disparity.shape[0] - first) >= _LEAST_RISE
+    return Ground(float(slope), float(-offset / slope)) if rises else None

@@ -140,7 +140,7 @@ def _dask_runner(scheduler: str) -> Iterator[Runner]:
         address: Any = scheduler
         if scheduler == LOCAL:
             address = stack.enter_context(
-                distributed.LocalCluster(
+                distributed.LocalCluster(  # type: ignore[no-untyped-call]
                     n_workers=available_cores(), threads_per_worker=1, dashboard_address=None, silence_logs="ERROR"
                 )
             )
