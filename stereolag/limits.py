@@ -24,6 +24,8 @@ class Limits(Settings):
     max_megasamples: int = Field(
         default=30, description="Samples of one recording, all channels, millions.", ge=1, le=10_000
     )
+    max_frames: int = Field(default=500_000, description="Frames of one sequence.", ge=1, le=100_000_000)
+    max_video_s: int = Field(default=100_000, description="Length of one video, seconds.", ge=1, le=100_000_000)
     job_memory_mb: int | None = Field(
         default=None,
         description="Memory of one job, MB; unless set, and at the most, half of what the machine has.",

@@ -11,6 +11,7 @@ import io
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import PurePosixPath
 
 from stereolag.reading.sources import MAX_BYTES, Source, quoted, read_bytes
@@ -45,8 +46,16 @@ class Archive:
     names: tuple[str, ...]
     packed: bytes
 
+    def __reduce__(self) -> tuple[type[Archive], tuple[tuple[str, ...], bytes]]:
+        return Archive, (self.names, self.packed)
+
+    @cached_property
+    def _opened(self) -> zipfile.ZipFile:
+        """Return what reads it, its directory parsed once: of thousands of files that takes longer than a file."""
+        return zipfile.ZipFile(io.BytesIO(self.packed))
+
     def read(self, name: str) -> bytes:
-        """Return the bytes of one file.
+        """Return the bytes of one file; several threads may ask at once.
 
         Raises
         ------
@@ -56,9 +65,9 @@ class Archive:
         if name not in self.names:
             raise ValueError(f"The {WHAT} holds no {quoted(name)}.")
         try:
-            with zipfile.ZipFile(io.BytesIO(self.packed)) as whole, whole.open(name) as file:
+            with self._opened.open(name) as file:
                 data = file.read()  # no more than the directory states, which was checked
-                stated = whole.getinfo(name).file_size
+            stated = self._opened.getinfo(name).file_size
         except Exception as error:  # zipfile and zlib raise whatever comes up on broken files
             raise _damaged_file(name) from error
         if len(data) != stated:
@@ -71,13 +80,15 @@ def is_archive(data: bytes) -> bool:
     return data.startswith((b"PK\x03\x04", _END))
 
 
-def read_archive(source: Source) -> Archive:
+def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
     """Read the directory of a ZIP archive.
 
     Parameters
     ----------
     source
         A path, the bytes of the file, or a binary file object.
+    max_files
+        How many files it may hold.
 
     Returns
     -------
@@ -87,8 +98,8 @@ def read_archive(source: Source) -> Archive:
     Raises
     ------
     ValueError
-        An archive that is damaged, encrypted or packed by another method than "deflate", holds more than 2000 files or
-        no file, two of one name, more than 256 MB unpacked, or names that are too long or lead elsewhere.
+        An archive that is damaged, encrypted or packed by another method than "deflate", holds more files than allowed
+        or none, two of one name, more than 256 MB unpacked, or names that are too long or lead elsewhere.
     """
     packed = read_bytes(source, WHAT)
     _check_directory(packed)
@@ -100,8 +111,8 @@ def read_archive(source: Source) -> Archive:
     kept = [member for member in members if not (member.is_dir() or _is_hidden(member.filename))]
     if not kept:
         raise ValueError(f"The {WHAT} holds no files.")
-    if len(kept) > MAX_FILES:
-        raise ValueError(f"The {WHAT} holds {len(kept):,} files; at most {MAX_FILES:,} are accepted.")
+    if len(kept) > max_files:
+        raise ValueError(f"The {WHAT} holds {len(kept):,} files; at most {max_files:,} are accepted.")
     for member in kept:
         _check_name(member.filename)
         if member.flag_bits & _ENCRYPTED:

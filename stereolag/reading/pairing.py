@@ -84,7 +84,7 @@ def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
     truths = {name for name in names if _ending(name) in TRUTH_ENDINGS and _TRUTH.search(_stem_path(name))}
     pictures = [name for name in names if _ending(name) in PICTURE_ENDINGS - {"npy"} and name not in truths]
     pictures = [name for name in pictures if not _NO_IMAGE.search(PurePosixPath(name).stem)]
-    found = sorted(_matched(pictures), key=lambda pair: [_natural(pair.left), pair.left])
+    found = sorted(_matched(pictures), key=lambda pair: [natural_order(pair.left), pair.left])
     calibrations = [
         name
         for name in names
@@ -205,7 +205,7 @@ def _called(keys: Sequence[str]) -> list[str]:
     return [" ".join(one[-2:]) or "pair" for one in parts]
 
 
-def _natural(name: str) -> list[tuple[int, str]]:
+def natural_order(name: str) -> list[tuple[int, str]]:
     """Return a key by which 2 comes before 10."""
     return [(int(part[:18]), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name.casefold())]
 

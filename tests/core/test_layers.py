@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "stereolag"
 FLOORS = (
     {"arrays", "progress", "version", "samples"},
     {"settings", "inputs", "loops"},
-    {"limits"},
+    {"limits", "figures.pictures"},
     {"estimates"},
     {"signals", "templates", "geometry", "stereo.estimates", "stereo.reasons"},
     {"stereo.matcher"},
@@ -24,11 +24,13 @@ FLOORS = (
     {"stereo.methods"},
     {"tuning", "doctor", "reading"},
     {"explaining", "export"},
+    {"sequences"},
     {"stereolag"},
     {"figures", "warming"},
     {"ui", "commands"},
 )
-"""From the ground up: a room imports from the floors below, and within itself."""
+"""From the ground up: a room imports from the floors below, and within itself. Of the figures one module stands lower:
+arrays as coloured pictures, which videos are made of too."""
 
 ALLOWED_BESIDE = {("export", "stereolag")}
 """A program that was written out calls the public names: what writes it asks which these are."""

@@ -15,11 +15,14 @@ from packaging.version import Version
 PROJECT = Path(__file__).resolve().parents[2]
 
 
-def declared() -> dict[str, Requirement]:
-    """Return what pyproject.toml asks for, by name."""
+def declared(*, extras: bool = False) -> dict[str, Requirement]:
+    """Return what pyproject.toml asks for, by name; with the extras, which who needs them installs besides."""
     with (PROJECT / "pyproject.toml").open("rb") as file:
-        requirements = map(Requirement, tomllib.load(file)["project"]["dependencies"])
-        return {canonicalize_name(requirement.name): requirement for requirement in requirements}
+        project = tomllib.load(file)["project"]
+    asked = [*project["dependencies"]]
+    if extras:
+        asked += [one for extra in project["optional-dependencies"].values() for one in extra]
+    return {canonicalize_name(requirement.name): requirement for requirement in map(Requirement, asked)}
 
 
 def pinned(name: str) -> dict[str, Version]:
@@ -44,7 +47,7 @@ def imported() -> set[str]:
 
 def test_every_module_that_is_imported_is_declared() -> None:
     providers = importlib.metadata.packages_distributions()
-    asked = declared()
+    asked = declared(extras=True)
     missing = {
         module
         for module in imported()

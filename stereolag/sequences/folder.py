@@ -1,0 +1,196 @@
+"""The folder a sequence is written to: what is finished stays finished, and is told from what is not."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from stereolag.export.settings import settings_document
+from stereolag.export.writing import DISPARITY_FORMATS, write_bytes
+from stereolag.geometry.calibration import Calibration
+from stereolag.sequences.matching import PNG, MatchedFrame
+from stereolag.sequences.records import FrameRecord, header, lines, read_records
+from stereolag.sequences.sources import StereoSequence
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.version import VERSION
+
+TABLE, MANIFEST = "frames.csv", "sequence.json"
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+_PNG_END = b"IEND\xaeB`\x82"
+
+
+class SequenceFolder:
+    """A folder with a map of each frame by each method, ``METHOD/FRAME.png``, and a table of figures, ``frames.csv``.
+
+    Parameters
+    ----------
+    path
+        Made where there is none.
+    sequence, matchers, suffix, calibration
+        What makes the maps and the table. It is noted in ``sequence.json``: a folder begun with anything else is
+        refused.
+    again
+        Forget what is finished, and what it was made of.
+
+    Raises
+    ------
+    ValueError
+        The folder holds frames made of something else; a name of a method that is no name of a folder; a search that
+        leads out of what the files can hold.
+    OSError
+        The folder cannot be made or written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        sequence: StereoSequence,
+        matchers: Mapping[str, StereoMatcher],
+        suffix: str,
+        calibration: Calibration | None,
+        *,
+        again: bool,
+    ) -> None:
+        _check(matchers, suffix)
+        self._path, self._suffix = path, suffix
+        self._names, self._methods = sequence.names, tuple(matchers)
+        self._document = _document(sequence, matchers, suffix, calibration)
+        for method in matchers:
+            (path / method).mkdir(parents=True, exist_ok=True)
+        known = None if again else self._noted()
+        self.colours: tuple[float, float] | None = known
+        """The disparities, px, at the ends of the colours of the video; None until they are known."""
+        self._records = {} if again else self._finished()
+        self._note()
+        self._rewrite_table()
+        self._table = (path / TABLE).open("a", encoding="utf-8")
+
+    def __contains__(self, number: int) -> bool:
+        """Return whether a frame is finished."""
+        return all((number, method) in self._records for method in self._methods)
+
+    def files(self, number: int) -> dict[str, Path]:
+        """Return where the maps of a frame are, by method."""
+        return {method: self._file(number, method) for method in self._methods}
+
+    def set_colours(self, colours: tuple[float, float]) -> None:
+        """Note the range of colours, so that it stays when the work goes on later."""
+        self.colours = colours
+        self._note()
+
+    def write(self, frame: MatchedFrame, records: Iterable[FrameRecord]) -> None:
+        """Write the maps of a frame, each whole or not at all, and then its lines of the table."""
+        for method, one in frame.maps.items():
+            write_bytes(self._file(frame.number, method), one.data, synced=False)
+        new = {(record.number, record.method): record for record in records}
+        self._table.write(lines(new.values()))
+        self._table.flush()
+        self._records |= new
+
+    def close(self) -> None:
+        """Put the table in order."""
+        self._table.close()
+        self._rewrite_table()
+
+    def _file(self, number: int, method: str) -> Path:
+        return self._path / method / f"{self._names[number]}{self._suffix}"
+
+    def _finished(self) -> dict[tuple[int, str], FrameRecord]:
+        if not (self._path / TABLE).is_file():
+            return {}
+        return {
+            (record.number, record.method): record
+            for record in read_records(self._path / TABLE)
+            if not record.problem
+            and record.number < len(self._names)
+            and record.method in self._methods
+            and _is_whole(self._file(record.number, record.method))
+        }
+
+    def _noted(self) -> tuple[float, float] | None:
+        """Return the range of colours noted in the folder; refuse one begun with something else."""
+        manifest = self._path / MANIFEST
+        if not manifest.is_file():
+            return None
+        try:
+            noted = json.loads(manifest.read_text(encoding="utf-8"))
+            differing = [name for name, value in self._document.items() if noted["made_of"].get(name) != value]
+            colours = noted["colours"]
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise ValueError(f"{manifest} is damaged; begin again, or choose another folder.") from error
+        if differing:
+            raise ValueError(
+                f"{self._path} holds frames made with other {' and '.join(differing)}; go on with the same, begin "
+                "again, or choose another folder."
+            )
+        return None if colours is None else (float(colours[0]), float(colours[1]))
+
+    def _note(self) -> None:
+        document = {"digest": _digest(self._document), "made_of": self._document, "colours": self.colours}
+        write_bytes(self._path / MANIFEST, (json.dumps(document, indent=2) + "\n").encode())
+
+    def _rewrite_table(self) -> None:
+        order = {method: place for place, method in enumerate(self._methods)}
+        ordered = sorted(self._records.values(), key=lambda one: (one.number, order.get(one.method, -1)))
+        write_bytes(self._path / TABLE, (header() + lines(ordered)).encode())
+
+
+def _check(matchers: Mapping[str, StereoMatcher], suffix: str) -> None:
+    if not matchers:
+        raise ValueError("No matcher was given; at least one is needed.")
+    for name in matchers:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"{name!r} is no name of a folder; allowed are letters, digits, '-', '_' and '.'.")
+    if suffix not in DISPARITY_FORMATS:
+        raise ValueError(f"disparity_format is {suffix!r}; allowed are {', '.join(DISPARITY_FORMATS)}.")
+    for name, matcher in matchers.items():
+        reach = matcher.reach()
+        if suffix == PNG and reach is not None and (reach[0] < 0 or sum(reach) > 256):
+            raise ValueError(
+                f"{name} looks for disparities from {reach[0]} to {sum(reach) - 1} px; KITTI's PNG holds 0 to 255 px, "
+                ".pfm and .npy hold any."
+            )
+
+
+def _document(
+    sequence: StereoSequence, matchers: Mapping[str, StereoMatcher], suffix: str, calibration: Calibration | None
+) -> dict[str, Any]:
+    """Return what maps and table are made of, in words that a refusal can name."""
+    names = hashlib.sha256("\n".join(sequence.names).encode()).hexdigest()
+    document = {
+        "version": VERSION,
+        "settings": {name: settings_document(matcher) for name, matcher in matchers.items()},
+        "frames": {"count": len(sequence), "names": names, "rate": sequence.frame_rate},
+        "format": suffix,
+        "calibration": None if calibration is None else asdict(calibration) | {"rig": None},
+    }
+    normalised: dict[str, Any] = json.loads(json.dumps(document))
+    return normalised
+
+
+def _digest(document: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
+
+
+def _is_whole(path: Path) -> bool:
+    """Return whether a file is there, and its end too: after a power failure that is not the same."""
+    try:
+        with path.open("rb") as file:
+            file.seek(0, 2)
+            if file.tell() < len(_PNG_END):
+                return False
+            file.seek(-len(_PNG_END), 2)
+            return path.suffix != PNG or file.read() == _PNG_END
+    except OSError:
+        return False
+
+
+def damaged_records(number: int, name: str, time_s: float, methods: Sequence[str], problem: str) -> list[FrameRecord]:
+    """Return the lines of the table for a frame without maps."""
+    return [FrameRecord(number, name, time_s, method, problem=problem) for method in methods]

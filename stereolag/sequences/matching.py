@@ -1,0 +1,118 @@
+"""One frame of a sequence, from its files to the bytes of its maps: the same wherever it is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from stereolag.arrays import FloatMap
+from stereolag.export.maps import KITTI_SCALE
+from stereolag.export.writing import DISPARITY_FORMATS
+from stereolag.geometry.calibration import Calibration
+from stereolag.inputs import Image, as_grey
+from stereolag.progress import Progress
+from stereolag.reading.disparities import read_disparity
+from stereolag.sequences.records import FrameFigures, figures_of
+from stereolag.sequences.sources import FrameReader
+from stereolag.stereo.matcher import StereoMatcher
+
+PNG = ".png"
+
+
+class FrameTask(NamedTuple):
+    """What is to be made of a frame; it can be pickled, and is small where the frames lie in files."""
+
+    number: int
+    reader: FrameReader
+    matchers: Mapping[str, StereoMatcher]
+    suffix: str = PNG
+    calibration: Calibration | None = None
+    in_colour: bool = True
+    """Whether the left picture is handed back as it is, or grey will do."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMap:
+    """The map of one method.
+
+    Attributes
+    ----------
+    disparity
+        (H, W) float32, px, NaN = none: to the bit what is read from `data`.
+    data
+        The bytes of its file.
+    figures
+        What this frame alone tells.
+    """
+
+    disparity: FloatMap
+    data: bytes
+    figures: FrameFigures
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedFrame:
+    """One frame after the matching.
+
+    Attributes
+    ----------
+    number
+        Of the frame.
+    left
+        The left picture; None of a damaged frame.
+    maps
+        By the name of the method.
+    problem
+        Why there are no maps, one sentence; "" where there are.
+    """
+
+    number: int
+    left: Image | None = None
+    maps: Mapping[str, FrameMap] = field(default_factory=dict)
+    problem: str = ""
+
+
+def matched_frame(task: FrameTask, progress: Progress | None = None) -> MatchedFrame:
+    """Read, match and encode one frame; a frame that is damaged or refused says why and raises nothing.
+
+    `progress` may raise to end the work early: what it raises passes through, unless it is a ``ValueError``.
+    """
+    try:
+        frame = task.reader()
+        maps = {}
+        for name, matcher in task.matchers.items():
+            result = matcher.compute(frame.left, frame.right, progress=progress)
+            data = DISPARITY_FORMATS[task.suffix](result.disparity)
+            figures = figures_of(result, frame.truth, task.calibration)
+            maps[name] = FrameMap(as_stored(result.disparity, task.suffix), data, figures)
+    except (ValueError, OSError) as error:
+        return MatchedFrame(task.number, problem=_in_one_line(error))
+    return MatchedFrame(task.number, frame.left if task.in_colour else as_grey(frame.left), maps)
+
+
+def finished_frame(task: FrameTask, files: Mapping[str, Path]) -> MatchedFrame:
+    """Read a frame whose maps have been written, as :func:`matched_frame` would have made it, without figures."""
+    try:
+        left = task.reader().left
+        maps = {name: FrameMap(read_disparity(path), b"", FrameFigures()) for name, path in files.items()}
+    except (ValueError, OSError) as error:
+        return MatchedFrame(task.number, problem=_in_one_line(error))
+    return MatchedFrame(task.number, left if task.in_colour else as_grey(left), maps)
+
+
+def as_stored(disparity: FloatMap, suffix: str) -> FloatMap:
+    """Return a map as its file holds it: figures from frame to frame are the same whether it was read back or not."""
+    if suffix != PNG:
+        return disparity
+    scaled = np.rint(disparity * np.float32(KITTI_SCALE))
+    return np.asarray(np.maximum(scaled, np.float32(1)) / np.float32(KITTI_SCALE))  # NaN stays NaN
+
+
+def _in_one_line(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"{Path(error.filename).name}: {error.strerror}." if error.filename else f"{error.strerror}."
+    return " ".join(str(error).split())

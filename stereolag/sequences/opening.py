@@ -1,0 +1,151 @@
+"""Frame sequences from what a user names: folders, patterns, an archive, videos."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path, PurePosixPath
+
+from stereolag.limits import limits
+from stereolag.reading.archives import is_archive, read_archive
+from stereolag.reading.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, matched_pairs, natural_order
+from stereolag.reading.sources import Source, quoted
+from stereolag.reading.videos import VIDEO_ENDINGS, VideoFile
+from stereolag.sequences.sources import (
+    MAX_ARCHIVED,
+    USUAL_RATE,
+    ArchivedPictures,
+    PictureFiles,
+    PictureNames,
+    SideBySideVideo,
+    StereoSequence,
+    TwoVideos,
+)
+
+_BEGINNING = 4
+
+
+def open_sequence(
+    left: Source,
+    right: Source | None = None,
+    *,
+    truth: str | PathLike[str] | None = None,
+    frame_rate: float | None = None,
+) -> StereoSequence:
+    """Open the frames of a stereo camera.
+
+    Parameters
+    ----------
+    left, right
+        Two folders of pictures or patterns of their paths ("drive/left_*.png"); two videos; `left` alone: a ZIP archive
+        of pictures whose folders or names tell the side ("left/000.png"), or one video with both pictures side by side.
+        Archives and videos may also be given as bytes or binary file objects.
+    truth
+        A folder or pattern of true disparities, named as the left pictures or in their order; an archive brings its
+        own.
+    frame_rate
+        Hz; that of the video unless given, of pictures 10.
+
+    Returns
+    -------
+    StereoSequence
+        Pictures of one name belong together; where the two sides have no name in common, those at the same place in the
+        order of names. A left picture without a right one counts as a damaged frame.
+
+    Raises
+    ------
+    ValueError
+        Nothing to read there, sides that cannot be matched, a frame rate that is not above 0, or more frames, pixels or
+        seconds than the limits in force.
+    """
+    if frame_rate is not None and not 0 < frame_rate <= 1000:
+        raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are numbers above 0 and up to 1000.")
+    if right is None:
+        sequence = _of_one(left, frame_rate)
+    elif _holds_video(left):
+        sequence = TwoVideos(VideoFile(left), VideoFile(right), frame_rate)
+    else:
+        sequence = _of_pictures(left, right, truth, frame_rate or USUAL_RATE)
+    if len(sequence) > limits().max_frames:
+        raise ValueError(f"The sequence has {len(sequence):,} frames; at most {limits().max_frames:,} are accepted.")
+    return sequence
+
+
+def _of_one(source: Source, frame_rate: float | None) -> StereoSequence:
+    path = Path(source).resolve() if isinstance(source, str | PathLike) else None
+    if path is not None and path.is_dir():
+        raise ValueError(f"{quoted(path.name)} is a folder; give two, of the left and of the right pictures.")
+    if not is_archive(_beginning(source)):
+        return SideBySideVideo(VideoFile(source), frame_rate)
+    archive = read_archive(source, max_files=MAX_ARCHIVED)
+    pairs = matched_pairs(archive.names)
+    if not pairs:
+        raise ValueError(f"The archive of {len(archive.names):,} files holds no pictures named left and right.")
+    files = tuple(PictureNames(pair.left, pair.right, pair.truth) for pair in pairs)
+    return ArchivedPictures(
+        _frame_names([pair.left for pair in pairs]), files, path or archive, frame_rate or USUAL_RATE
+    )
+
+
+def _of_pictures(left: Source, right: Source, truth: str | PathLike[str] | None, frame_rate: float) -> PictureFiles:
+    lefts, rights = _pictures(left, PICTURE_ENDINGS), _pictures(right, PICTURE_ENDINGS)
+    truths = [] if truth is None else _pictures(truth, TRUTH_ENDINGS)
+    partners = _partners(lefts, rights, "right pictures")
+    known = _partners(lefts, truths, "true disparities") if truths else [None] * len(lefts)
+    files = tuple(map(PictureNames, lefts, partners, known))
+    return PictureFiles(_frame_names(lefts), files, frame_rate)
+
+
+def _pictures(source: Source, endings: frozenset[str]) -> list[str]:
+    """Return the paths of the files in a folder, or of a pattern, as a person would put them in order."""
+    if not isinstance(source, str | PathLike):
+        raise ValueError("Pictures are named by a folder or a pattern; give a ZIP archive or videos as bytes.")
+    path = Path(source)
+    # Path.glob takes no absolute pattern.
+    found = path.iterdir() if path.is_dir() else map(Path, glob.glob(str(source)))  # noqa: PTH207
+    kept = [one for one in found if one.suffix.removeprefix(".").casefold() in endings and not one.name.startswith(".")]
+    if not kept:
+        raise ValueError(
+            f"There are no pictures at {str(source)!r}; allowed are folders, patterns such as 'left/*.png'."
+        )
+    return sorted((str(one.absolute()) for one in kept), key=lambda name: [natural_order(name), name])
+
+
+def _partners(names: Sequence[str], others: Sequence[str], what: str) -> list[str | None]:
+    """Return for each file the other one of its name, or at its place in the order where no names agree."""
+    by_name = {Path(other).stem: other for other in others}
+    found = [by_name.get(Path(name).stem) for name in names]
+    if any(found):
+        return found
+    if len(names) != len(others):
+        raise ValueError(
+            f"There are {len(names):,} left pictures and {len(others):,} {what}, of other names; either their names or "
+            "their number must agree."
+        )
+    return list(others)
+
+
+def _frame_names(paths: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of frames: of their files, with their folders, or numbered, where those are not unique."""
+    parts = [PurePosixPath(path.replace("\\", "/")) for path in paths]
+    stems = [path.stem for path in parts]
+    if len(set(stems)) == len(stems):
+        return tuple(stems)
+    return tuple(f"{number:06d}_{stem}" for number, stem in enumerate(stems))
+
+
+def _holds_video(source: Source) -> bool:
+    if isinstance(source, str | PathLike):
+        return Path(source).suffix.removeprefix(".").casefold() in VIDEO_ENDINGS and not Path(source).is_dir()
+    return True
+
+
+def _beginning(source: Source) -> bytes:
+    if isinstance(source, str | PathLike):
+        with Path(source).open("rb") as file:
+            return file.read(_BEGINNING)
+    if isinstance(source, bytes | bytearray | memoryview):
+        return bytes(source[:_BEGINNING])
+    source.seek(0)
+    return source.read(_BEGINNING)

@@ -1,0 +1,198 @@
+"""Where frames are matched: on threads of this process, or on the workers of a Dask cluster."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from itertools import islice
+from typing import Any, Protocol
+
+from stereolag.loops.bands import available_cores
+from stereolag.sequences.matching import FrameTask, MatchedFrame, matched_frame
+
+LOCAL = "local"
+"""The scheduler's address that means a cluster of processes on this machine, for as long as the job takes."""
+
+LOOKS_S = 0.1
+"""How often the job looks whether it was cancelled."""
+
+_CONNECTS_S = "10s"
+_COUNTS_S = 5.0
+
+
+class Pending(Protocol):
+    """A frame that is being matched somewhere."""
+
+    def result(self, timeout: float | None = None) -> MatchedFrame:
+        """Wait for the frame; ``TimeoutError`` where it is not there in time."""
+
+    def cancel(self) -> object:
+        """Call it off, if it has not begun."""
+
+
+class Runner(Protocol):
+    """Matches frames, several at once.
+
+    Attributes
+    ----------
+    at_once
+        How many frames may be on their way: memory stays flat however long the sequence is.
+    """
+
+    at_once: int
+
+    def submit(self, task: FrameTask) -> Pending:
+        """Begin with a frame as soon as there is room for it."""
+
+
+def in_order(runner: Runner, tasks: Iterable[FrameTask], look: Callable[[], None]) -> Iterator[MatchedFrame]:
+    """Yield the frames in the order of their tasks, with no more of them on their way than the runner allows.
+
+    Parameters
+    ----------
+    runner, tasks
+        Where, and what.
+    look
+        Called ten times a second while waiting; what it raises ends the job.
+    """
+    coming = iter(tasks)
+    waiting: deque[tuple[int, Pending]] = deque()
+    try:
+        while True:
+            waiting.extend((task.number, runner.submit(task)) for task in islice(coming, runner.at_once - len(waiting)))
+            if not waiting:
+                return
+            yield _awaited(*waiting.popleft(), look)
+    finally:
+        for _, pending in waiting:
+            pending.cancel()
+
+
+def _awaited(number: int, pending: Pending, look: Callable[[], None]) -> MatchedFrame:
+    while True:
+        try:
+            look()
+            return pending.result(timeout=LOOKS_S)
+        except TimeoutError:
+            continue
+        except BaseException:
+            pending.cancel()
+            raise
+
+
+@contextmanager
+def runner_at(scheduler: str | None) -> Iterator[Runner]:
+    """Open the runner of a scheduler: None means threads of this process.
+
+    Raises
+    ------
+    ValueError
+        Dask is not installed.
+    ConnectionError
+        There is no scheduler at that address.
+    """
+    opened = ThreadRunner() if scheduler is None else _dask_runner(scheduler)
+    with opened as runner:
+        yield runner
+
+
+class ThreadRunner:
+    """Frames on threads of this process: while one is being decoded or encoded, another one is matched.
+
+    Leaving it ends what is on its way within a few rows of the image.
+    """
+
+    def __init__(self, threads: int | None = None) -> None:
+        # One more than there are cores: the serial parts of a frame leave some of them without work.
+        threads = threads or available_cores() + 1
+        self.at_once = threads + 2
+        self._stop = threading.Event()
+        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="frames")
+
+    def __enter__(self) -> ThreadRunner:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def submit(self, task: FrameTask) -> Pending:
+        """Begin with a frame as soon as a thread is free."""
+        return self._pool.submit(matched_frame, task, self._stop_here)
+
+    def _stop_here(self, fraction: float) -> None:
+        if self._stop.is_set():
+            raise CancelledError
+
+
+@contextmanager
+def _dask_runner(scheduler: str) -> Iterator[Runner]:
+    try:
+        import distributed
+    except ImportError as error:
+        raise ValueError("A scheduler needs the package dask.distributed: pip install 'stereolag[cluster]'.") from error
+    with ExitStack() as stack:
+        address: Any = scheduler
+        if scheduler == LOCAL:
+            address = stack.enter_context(
+                distributed.LocalCluster(  # type: ignore[no-untyped-call]
+                    n_workers=available_cores(), threads_per_worker=1, dashboard_address=None, silence_logs="ERROR"
+                )
+            )
+        opening: Any = distributed.Client
+        try:
+            client = opening(address, timeout=_CONNECTS_S, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise ConnectionError(f"There is no Dask scheduler at {scheduler!r}: {error}") from error
+        stack.callback(client.close)
+        yield DaskRunner(client)
+
+
+class DaskRunner:
+    """Frames on the workers of a Dask cluster, which read them themselves; those of a worker that died go to another.
+
+    Parameters
+    ----------
+    client
+        A ``distributed.Client``.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._looked = -math.inf
+        self.at_once = 4
+
+    def submit(self, task: FrameTask) -> Pending:
+        """Send a frame to a worker."""
+        # Workers come and go: what is on its way follows their number.
+        if time.monotonic() - self._looked > _COUNTS_S:
+            self._looked = time.monotonic()
+            workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
+            self.at_once = max(4, 3 * sum(worker["nthreads"] for worker in workers))
+        return _OnWorker(task.number, self._client.submit(matched_frame, task, pure=False))
+
+
+class _OnWorker:
+    """A frame on a worker."""
+
+    def __init__(self, number: int, future: Any) -> None:
+        self._number, self._future = number, future
+
+    def result(self, timeout: float | None = None) -> MatchedFrame:
+        """Wait for the frame; one at which worker after worker dies counts as damaged."""
+        from distributed import KilledWorker
+
+        try:
+            found: MatchedFrame = self._future.result(timeout=timeout)
+        except KilledWorker:
+            return MatchedFrame(self._number, problem="Every worker that took this frame died of it.")
+        return found
+
+    def cancel(self) -> object:
+        """Call it off."""
+        return self._future.cancel()

@@ -1,0 +1,268 @@
+"""The job over the frames of a sequence: matched, written, drawn and told of, with what is finished left as it is."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import CancelledError
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from stereolag.geometry.calibration import Calibration
+from stereolag.sequences.flicker import flicker, same_picture_size, still_pixels
+from stereolag.sequences.folder import SequenceFolder, damaged_records
+from stereolag.sequences.matching import PNG, FrameTask, MatchedFrame, finished_frame
+from stereolag.sequences.records import FrameRecord
+from stereolag.sequences.runners import Runner, in_order, runner_at
+from stereolag.sequences.sources import StereoSequence
+from stereolag.sequences.video import VideoWriter, common_range, panels
+from stereolag.stereo.matcher import StereoMatcher
+
+SAMPLED = 5
+"""Frames, spread over the sequence, that choose the range of colours before the first one is drawn."""
+
+
+@dataclass(frozen=True)
+class SequenceState:
+    """How far a job is.
+
+    Attributes
+    ----------
+    done, total
+        Frames; those that were finished before count as done.
+    damaged
+        How many of them have no map.
+    elapsed_s, remaining_s
+        Seconds; `remaining_s` is NaN until the first frame is done.
+    """
+
+    done: int
+    total: int
+    damaged: int
+    elapsed_s: float
+    remaining_s: float
+
+
+@dataclass(frozen=True)
+class SequenceResult:
+    """What came of a job.
+
+    Attributes
+    ----------
+    total
+        Frames of the sequence.
+    matched, finished_before
+        How many frames were matched now, and how many had been before.
+    damaged
+        {name of the frame: why there is no map}.
+    cancelled
+        Whether it was called off before its end; calling it again goes on.
+    elapsed_s
+        Seconds.
+    """
+
+    total: int
+    matched: int
+    finished_before: int
+    damaged: Mapping[str, str]
+    cancelled: bool
+    elapsed_s: float
+
+
+def run_sequence(
+    sequence: StereoSequence,
+    matchers: StereoMatcher | Mapping[str, StereoMatcher],
+    out: str | os.PathLike[str],
+    *,
+    calibration: Calibration | None = None,
+    video: str | os.PathLike[str] | None = None,
+    disparity_format: str = PNG,
+    scheduler: str | None = None,
+    again: bool = False,
+    progress: Callable[[SequenceState], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> SequenceResult:
+    """Match every frame of a sequence and write its maps, a table of figures and, if wanted, a video.
+
+    Parameters
+    ----------
+    sequence
+        As :func:`stereolag.sequences.open_sequence` gives it.
+    matchers
+        One, or several by the names of their folders.
+    out
+        A folder. It gets ``METHOD/FRAME.png`` (disparity × 256 in 16 bits, as KITTI stores it), ``frames.csv``
+        (:class:`~stereolag.sequences.records.FrameRecord`) and ``sequence.json``. Frames that are finished there are
+        not matched again.
+    calibration
+        Gives the nearest obstacle in metres.
+    video
+        An ".mp4": the left pictures beside the maps of every method, in one range of colours.
+    disparity_format
+        ``".png"``, or ``".pfm"`` or ``".npy"``, which hold any disparity.
+    scheduler
+        The address of a Dask scheduler, ``"tcp://host:8786"``; ``"local"``: processes of this machine; None: threads of
+        this process. The maps are the same to the bit.
+    again
+        Match everything anew, also where `out` was made with other settings.
+    progress
+        Told how far the job is, ten times a second.
+    cancelled
+        Asked as often; once it says yes the job ends within a second, and what was done stays.
+
+    Returns
+    -------
+    SequenceResult
+        A frame that is damaged is left out, and named here.
+
+    Raises
+    ------
+    ValueError
+        `out` was made with other settings, frames or another version; a search beyond what the files hold; a name of a
+        method that is no name of a folder; another ending of the video.
+    OSError
+        `out` cannot be written, or there is no such scheduler.
+    """
+    named = {type(matchers).short_name: matchers} if isinstance(matchers, StereoMatcher) else dict(matchers)
+    with ExitStack() as stack:
+        folder = SequenceFolder(Path(out), sequence, named, disparity_format, calibration, again=again)
+        stack.callback(folder.close)
+        writer = None if video is None else VideoWriter(video, sequence.frame_rate, len(sequence))
+        if writer is not None:
+            stack.callback(writer.close)
+        runner = stack.enter_context(runner_at(scheduler))
+        job = _Job(sequence, named, folder, writer, runner, calibration, disparity_format, progress, cancelled)
+        return job.run()
+
+
+class _Job:
+    """One call of :func:`run_sequence`."""
+
+    def __init__(
+        self,
+        sequence: StereoSequence,
+        matchers: Mapping[str, StereoMatcher],
+        folder: SequenceFolder,
+        writer: VideoWriter | None,
+        runner: Runner,
+        calibration: Calibration | None,
+        suffix: str,
+        progress: Callable[[SequenceState], None] | None,
+        cancelled: Callable[[], bool] | None,
+    ) -> None:
+        self._sequence, self._matchers, self._folder, self._writer = sequence, matchers, folder, writer
+        self._runner, self._calibration, self._suffix = runner, calibration, suffix
+        self._progress, self._cancelled = progress, cancelled
+        self._start = time.perf_counter()
+        self._missing = [number for number in range(len(sequence)) if number not in folder]
+        self._done = self._before = len(sequence) - len(self._missing)
+        self._matched, self._damaged = 0, dict[str, str]()
+        self._last: MatchedFrame | None = None
+
+    def run(self) -> SequenceResult:
+        """Go over all frames in their order."""
+        ended = False
+        try:
+            for frame in self._frames():
+                self._take(frame)
+        except CancelledError:
+            ended = True
+        elapsed = time.perf_counter() - self._start
+        return SequenceResult(
+            len(self._sequence), self._matched, self._before, self._damaged, cancelled=ended, elapsed_s=elapsed
+        )
+
+    def _frames(self) -> Iterator[MatchedFrame]:
+        """Yield every frame that is to be matched, and those that were before where the video needs them."""
+        sampled: dict[int, MatchedFrame] = {}
+        if self._writer is not None and self._folder.colours is None:
+            numbers = _spread(self._missing or range(len(self._sequence)), SAMPLED)
+            tasks = map(self._task, numbers)
+            found = in_order(self._runner, tasks, self._look) if self._missing else map(self._read_back, numbers)
+            sampled = {frame.number: frame for frame in found}
+            self._folder.set_colours(
+                common_range([one.disparity for frame in sampled.values() for one in frame.maps.values()])
+            )
+        missing = set(self._missing)
+        others = [number for number in self._missing if number not in sampled]
+        coming = in_order(self._runner, map(self._task, others), self._look)
+        for number in range(len(self._sequence)) if self._writer is not None else self._missing:
+            self._look()
+            if number in missing:
+                yield sampled.pop(number) if number in sampled else next(coming)
+            else:
+                yield self._read_back(number)
+
+    def _take(self, frame: MatchedFrame) -> None:
+        """Write a frame, if it is new, and draw it."""
+        if frame.number not in self._folder:
+            name, moment = self._sequence.names[frame.number], frame.number / self._sequence.frame_rate
+            if frame.problem:
+                self._damaged[name] = frame.problem
+                records = damaged_records(frame.number, name, moment, tuple(self._matchers), frame.problem)
+            else:
+                changes = self._flicker(frame)
+                records = [
+                    FrameRecord(frame.number, name, moment, method, flicker_px=changes[method], **one.figures._asdict())
+                    for method, one in frame.maps.items()
+                ]
+            self._folder.write(frame, records)
+            self._matched += not frame.problem
+            self._done += 1
+        if self._writer is not None:
+            if frame.left is None or self._folder.colours is None:
+                self._writer.write_blank()
+            else:
+                disparities = [one.disparity for one in frame.maps.values()]
+                self._writer.write(panels(frame.left, disparities, self._folder.colours))
+        self._last = frame
+        self._look()
+
+    def _flicker(self, frame: MatchedFrame) -> dict[str, float]:
+        unknown = dict.fromkeys(self._matchers, math.nan)
+        before = self._last
+        if frame.number == 0:
+            return unknown
+        if before is None or before.number != frame.number - 1:
+            if frame.number - 1 not in self._folder:
+                return unknown
+            before = self._read_back(frame.number - 1)
+        if frame.left is None or before.left is None or not same_picture_size(before.left, frame.left):
+            return unknown
+        still = still_pixels(before.left, frame.left)
+        return {
+            method: flicker(before.maps[method].disparity, one.disparity, still) for method, one in frame.maps.items()
+        }
+
+    def _read_back(self, number: int) -> MatchedFrame:
+        return finished_frame(self._task(number), self._folder.files(number))
+
+    def _task(self, number: int) -> FrameTask:
+        return FrameTask(
+            number,
+            self._sequence.reader(number),
+            self._matchers,
+            self._suffix,
+            self._calibration,
+            in_colour=self._writer is not None,
+        )
+
+    def _look(self) -> None:
+        """Tell the progress; end the work, by CancelledError, where it was called off."""
+        if self._cancelled is not None and self._cancelled():
+            raise CancelledError
+        if self._progress is not None:
+            elapsed, new = time.perf_counter() - self._start, self._done - self._before
+            left = len(self._sequence) - self._done
+            remaining = elapsed / new * left if new else math.nan
+            self._progress(SequenceState(self._done, len(self._sequence), len(self._damaged), elapsed, remaining))
+
+
+def _spread(numbers: list[int] | range, count: int) -> list[int]:
+    """Return at most so many of the numbers, from the first to the last, as evenly as may be."""
+    if len(numbers) <= count:
+        return list(numbers)
+    return [numbers[round(place * (len(numbers) - 1) / (count - 1))] for place in range(count)]

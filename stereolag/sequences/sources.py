@@ -1,0 +1,175 @@
+"""Where the frames of a stereo camera come from; any of them can be had by its number, by whoever needs it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.inputs import Image
+from stereolag.reading.archives import Archive, read_archive
+from stereolag.reading.disparities import read_disparity
+from stereolag.reading.images import read_image
+from stereolag.reading.videos import VideoFile
+
+USUAL_RATE = 10.0
+"""Hz; of pictures, which do not tell how fast they were taken."""
+
+MAX_ARCHIVED = 20_000
+"""Files of an archive of frames."""
+
+Truth: TypeAlias = npt.NDArray[np.float32]
+
+
+class StereoFrame(NamedTuple):
+    """One frame: what both cameras saw at a time, and the true disparity, px, where it is known."""
+
+    left: Image
+    right: Image
+    truth: Truth | None = None
+
+
+FrameReader: TypeAlias = Callable[[], StereoFrame]
+"""Reads one frame, here or in another process; raises ``ValueError`` or ``OSError`` where that frame is damaged."""
+
+
+class StereoSequence(ABC):
+    """Frames of a stereo camera by their numbers.
+
+    Attributes
+    ----------
+    names
+        Of the frames, without endings: those of the left pictures, or their numbers in a video. No two are alike.
+    frame_rate
+        Hz.
+    """
+
+    names: tuple[str, ...]
+    frame_rate: float
+
+    @abstractmethod
+    def reader(self, number: int) -> FrameReader:
+        """Return what reads a frame: small, and it can be pickled; opens nothing yet."""
+
+    def __len__(self) -> int:
+        """Return how many frames there are."""
+        return len(self.names)
+
+    def frame(self, number: int) -> StereoFrame:
+        """Read a frame.
+
+        Raises
+        ------
+        IndexError
+            No such number.
+        ValueError, OSError
+            A frame that is damaged or missing; others are not concerned.
+        """
+        if not 0 <= number < len(self):
+            raise IndexError(f"frame {number} of a sequence of {len(self)}; allowed are 0 to {len(self) - 1}.")
+        return self.reader(number)()
+
+
+class PictureNames(NamedTuple):
+    """What the files of one frame are called; None where one is missing."""
+
+    left: str
+    right: str | None
+    truth: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PictureFiles(StereoSequence):
+    """Frames in picture files of their own: paths."""
+
+    names: tuple[str, ...]
+    files: tuple[PictureNames, ...]
+    frame_rate: float = USUAL_RATE
+
+    def reader(self, number: int) -> FrameReader:
+        """Return what reads a frame from its files."""
+        return partial(_read_files, self.files[number])
+
+
+@dataclass(frozen=True, eq=False)
+class ArchivedPictures(StereoSequence):
+    """Frames in the picture files of one archive: a path, which every process opens once, or its bytes."""
+
+    names: tuple[str, ...]
+    files: tuple[PictureNames, ...]
+    archive: Path | Archive
+    frame_rate: float = USUAL_RATE
+
+    def reader(self, number: int) -> FrameReader:
+        """Return what reads a frame from the archive."""
+        return partial(_read_archived, self.archive, self.files[number])
+
+
+class TwoVideos(StereoSequence):
+    """Frames of two videos, as many as the shorter one has."""
+
+    def __init__(self, left: VideoFile, right: VideoFile, frame_rate: float | None = None) -> None:
+        self._left, self._right = left, right
+        self.names = _numbers(min(len(left), len(right)))
+        self.frame_rate = frame_rate or left.frame_rate
+
+    def reader(self, number: int) -> FrameReader:
+        """Return what reads a frame from both videos."""
+        return partial(_read_two, self._left, self._right, number)
+
+
+class SideBySideVideo(StereoSequence):
+    """Frames of one video, whose left half is what the left camera saw."""
+
+    def __init__(self, video: VideoFile, frame_rate: float | None = None) -> None:
+        if video.width < 2 or video.width % 2:
+            raise ValueError(f"The video is {video.width} px wide; two pictures side by side have an even width.")
+        self._video = video
+        self.names = _numbers(len(video))
+        self.frame_rate = frame_rate or video.frame_rate
+
+    def reader(self, number: int) -> FrameReader:
+        """Return what reads a frame and halves it."""
+        return partial(_read_halves, self._video, number)
+
+
+def _numbers(count: int) -> tuple[str, ...]:
+    return tuple(f"{number:06d}" for number in range(count))
+
+
+def _read_files(names: PictureNames) -> StereoFrame:
+    left, right = (read_image(Path(name)) for name in (names.left, _right_of(names)))
+    return StereoFrame(left, right, None if names.truth is None else read_disparity(Path(names.truth)))
+
+
+def _read_archived(archive: Path | Archive, names: PictureNames) -> StereoFrame:
+    files = archive if isinstance(archive, Archive) else _opened_once(archive)
+    left, right = (read_image(files.read(name)) for name in (names.left, _right_of(names)))
+    return StereoFrame(left, right, None if names.truth is None else read_disparity(files.read(names.truth)))
+
+
+@lru_cache(maxsize=2)
+def _opened_once(path: Path) -> Archive:
+    return read_archive(path, max_files=MAX_ARCHIVED)
+
+
+def _read_two(left: VideoFile, right: VideoFile, number: int) -> StereoFrame:
+    return StereoFrame(left.frame(number), right.frame(number))
+
+
+def _read_halves(video: VideoFile, number: int) -> StereoFrame:
+    both = video.frame(number)
+    middle = both.shape[1] // 2
+    return StereoFrame(np.ascontiguousarray(both[:, :middle]), np.ascontiguousarray(both[:, middle:]))
+
+
+def _right_of(names: PictureNames) -> str:
+    if names.right is None:
+        raise ValueError(f"{Path(names.left).name} has no picture of the right camera.")
+    return names.right

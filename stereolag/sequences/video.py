@@ -1,0 +1,147 @@
+"""The video of a sequence: the left picture beside the map of every method, in one range of colours throughout."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import BinaryIO, Final, Self
+from uuid import uuid4
+
+import av
+import cv2
+import numpy as np
+from av.video.reformatter import ColorRange, Colorspace
+
+from stereolag.arrays import FloatMap, Rgb
+from stereolag.figures.pictures import NO_ANSWER, VIRIDIS, as_rgb, colour_numbers, colour_table
+from stereolag.inputs import Image
+
+CODEC: Final = "libx264"
+MOST_WIDTH = 3840
+"""Px; what decoders in browsers and phones take for certain."""
+
+ROUNDED_TO = 4
+"""Px to which the ends of a range of colours are rounded."""
+
+_QUALITY = "20"
+_SPEED = "ultrafast"
+"""Twice as fast as the next one; the files are a sixth larger."""
+
+
+def common_range(maps: Sequence[FloatMap]) -> tuple[float, float]:
+    """Return the disparities, px, at the ends of the colours: all but the outermost 1 % of the maps lies between."""
+    known = np.concatenate([np.empty(0, np.float32), *(one[::4, ::4][np.isfinite(one[::4, ::4])] for one in maps)])
+    if not known.size:
+        return 0.0, float(ROUNDED_TO)
+    low, high = np.percentile(known, (1, 99))
+    first = float(np.floor(low / ROUNDED_TO) * ROUNDED_TO)
+    return first, max(float(np.ceil(high / ROUNDED_TO) * ROUNDED_TO), first + ROUNDED_TO)
+
+
+def panels(left: Image, maps: Sequence[FloatMap], colours: tuple[float, float], palette: Rgb = VIRIDIS) -> Rgb:
+    """Return the left picture and the maps side by side, near bright, (H, n * W, 3) uint8."""
+    table = np.ascontiguousarray(colour_table(palette)[:, None])
+    parts = [as_rgb(left)]
+    parts += [np.asarray(cv2.applyColorMap(colour_numbers(one, *colours), table)) for one in maps]
+    return np.concatenate(parts, axis=1)
+
+
+class VideoWriter:
+    """Writes pictures as a video that every browser plays: H.264, yuv420p, in an MP4 whose index stands first.
+
+    Every second begins with a picture of its own, so that players can go to any. A file takes its name once it is
+    complete; one that the work was called off at, or failed at, holds what was written until then.
+
+    Parameters
+    ----------
+    target
+        A path that ends in ".mp4", or a binary file object that can be read, written and sought.
+    frame_rate
+        Hz.
+    most_frames
+        How many pictures will be written at the most; the room for the index is kept free for so many.
+
+    Raises
+    ------
+    ValueError
+        Another ending.
+    """
+
+    def __init__(self, target: str | os.PathLike[str] | BinaryIO, frame_rate: float, most_frames: int) -> None:
+        self._path = Path(target) if isinstance(target, str | os.PathLike) else None
+        if self._path is not None and self._path.suffix.lower() != ".mp4":
+            raise ValueError(f"video ends in {self._path.suffix!r}; a video is written as '.mp4'.")
+        self._part = self._path and self._path.with_name(f".{uuid4().hex}.part")
+        self._rate = Fraction(frame_rate).limit_denominator(1001)
+        # The index of MP4 takes some 20 bytes a picture; written ahead, it need not be moved there afterwards.
+        self._container = av.open(
+            str(self._part) if self._part else target,
+            "w",
+            format="mp4",
+            options={"moov_size": str(8192 + 32 * most_frames)},
+        )
+        self._stream: av.VideoStream | None = None
+        self._awaiting = 0
+        self.frames = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def write(self, picture: Rgb) -> None:
+        """Append a picture, (H, W, 3) uint8; the first one's size, made even, is that of all."""
+        if self._stream is None:
+            self._stream = self._begun(picture.shape[1], picture.shape[0])
+            for _ in range(self._awaiting):
+                self.write_blank()
+        size = self._stream.width, self._stream.height
+        if (picture.shape[1], picture.shape[0]) != size:
+            picture = np.asarray(_fitted(picture, *size))
+        planes = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
+        frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
+        frame.pts = self.frames
+        self.frames += 1
+        self._container.mux(self._stream.encode(frame))
+
+    def write_blank(self) -> None:
+        """Append a grey picture in place of a damaged frame: those behind it keep their time."""
+        if self._stream is None:
+            self._awaiting += 1  # until the size is known
+        else:
+            self.write(np.full((self._stream.height, self._stream.width, 3), NO_ANSWER, np.uint8))
+
+    def close(self) -> None:
+        """Complete the file and give it its name; without a picture there is none."""
+        try:
+            if self._stream is not None:
+                self._container.mux(self._stream.encode())
+            self._container.close()
+            if self._path is not None and self._part is not None and self.frames:
+                self._part.replace(self._path)
+        finally:
+            if self._part is not None:
+                self._part.unlink(missing_ok=True)
+
+    def _begun(self, width: int, height: int) -> av.VideoStream:
+        shrink = min(1.0, MOST_WIDTH / width)
+        stream = self._container.add_stream(CODEC, rate=self._rate)
+        stream.width, stream.height = (max(2, int(side * shrink) // 2 * 2) for side in (width, height))
+        stream.pix_fmt = "yuv420p"
+        stream.codec_context.time_base = 1 / self._rate
+        stream.codec_context.gop_size = max(1, round(self._rate))
+        # What OpenCV's conversion makes: limited range, by the weights of Rec. 601.
+        stream.codec_context.color_range, stream.codec_context.colorspace = ColorRange.MPEG, Colorspace.ITU601
+        stream.options = {"preset": _SPEED, "crf": _QUALITY}
+        return stream
+
+
+def _fitted(picture: Rgb, width: int, height: int) -> Rgb:
+    """Return a picture in another size: cut by a pixel to an even size, or scaled."""
+    rows, cols = picture.shape[:2]
+    if (cols - width, rows - height) in ((0, 1), (1, 0), (1, 1)):
+        return np.ascontiguousarray(picture[:height, :width])
+    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)

@@ -1,0 +1,94 @@
+"""Small stereo sequences made for the tests: textures whose disparity is known, as pictures, archives and videos."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import av
+import numpy as np
+import numpy.typing as npt
+from pairs import texture
+
+from stereolag.export.maps import image_png, kitti_png
+
+Grey = npt.NDArray[np.uint8]
+ROWS, COLS = 80, 120
+DISPARITIES = (4, 5, 6, 7, 8, 9)
+"""Px; of the whole of each frame."""
+
+
+def pair(disparity: int, seed: int) -> tuple[Grey, Grey]:
+    """Return a left and a right picture that see a plane at a disparity."""
+    wide = np.rint(np.clip(texture(ROWS, COLS + 32, seed=seed), 0, 255)).astype(np.uint8)
+    return wide[:, :COLS].copy(), wide[:, disparity : COLS + disparity].copy()
+
+
+def pairs_of(disparities: Sequence[int] = DISPARITIES) -> list[tuple[Grey, Grey]]:
+    return [pair(disparity, seed) for seed, disparity in enumerate(disparities)]
+
+
+def write_folders(folder: Path, disparities: Sequence[int] = DISPARITIES) -> tuple[Path, Path, Path]:
+    """Write pictures and truths into three folders, and return them."""
+    folders = folder / "left", folder / "right", folder / "truth"
+    for one in folders:
+        one.mkdir(parents=True)
+    for number, (disparity, both) in enumerate(zip(disparities, pairs_of(disparities), strict=True)):
+        data = [*map(image_png, both), kitti_png(np.full((ROWS, COLS), disparity, np.float32))]
+        for one, content in zip(folders, data, strict=True):
+            (one / f"{number:03d}.png").write_bytes(content)
+    return folders
+
+
+def archive(disparities: Sequence[int] = DISPARITIES) -> bytes:
+    """Return a ZIP of left/ and right/."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as whole:
+        for number, both in enumerate(pairs_of(disparities)):
+            for side, picture in zip(("left", "right"), both, strict=True):
+                whole.writestr(f"{side}/{number:03d}.png", image_png(picture))
+    return stream.getvalue()
+
+
+def numbered(count: int, width: int = 96, height: int = 64) -> list[Grey]:
+    """Return colour pictures of which each tells its number by the 8 bits in blocks of black and white."""
+    pictures = []
+    for number in range(count):
+        picture = np.zeros((height, width, 3), np.uint8)
+        for bit in range(8):
+            picture[:, bit * width // 8 : (bit + 1) * width // 8] = 235 if number >> bit & 1 else 20
+        pictures.append(picture)
+    return pictures
+
+
+def number_in(picture: npt.NDArray[np.uint8]) -> int:
+    """Return the number that one of these pictures tells."""
+    width = picture.shape[1]
+    grey = picture.reshape(*picture.shape[:2], -1).mean(axis=(0, 2))
+    return sum(int(grey[(2 * bit + 1) * width // 16] > 127) << bit for bit in range(8))
+
+
+def video(
+    pictures: Sequence[npt.NDArray[np.uint8]],
+    *,
+    codec: str = "libx264",
+    kind: str = "mp4",
+    rate: int = 10,
+    every: int = 12,
+    options: dict[str, str] | None = None,
+    pixels: str = "yuv420p",
+) -> bytes:
+    """Return pictures as a video, by default with frames that refer both ways."""
+    stream = io.BytesIO()
+    with av.open(stream, "w", format=kind) as container:
+        track = container.add_stream(codec, rate=rate, options=options or {})
+        assert isinstance(track, av.VideoStream)
+        track.width, track.height, track.pix_fmt = pictures[0].shape[1], pictures[0].shape[0], pixels
+        track.codec_context.gop_size = every
+        for picture in pictures:
+            frame = av.VideoFrame.from_ndarray(picture, format="rgb24" if picture.ndim == 3 else "gray")
+            container.mux(track.encode(frame))
+        container.mux(track.encode())
+    return stream.getvalue()

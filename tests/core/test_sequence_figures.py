@@ -1,0 +1,137 @@
+"""What is told of each frame: flicker, the nearest obstacle, errors, and the table of them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from pairs import texture
+
+from stereolag import Calibration, StereoBM, StereoSGBM
+from stereolag.export.maps import kitti_png
+from stereolag.reading import read_disparity
+from stereolag.sequences.flicker import flicker, still_pixels
+from stereolag.sequences.matching import as_stored
+from stereolag.sequences.obstacles import ground_of, nearest_obstacle
+from stereolag.sequences.records import COLUMNS, FrameFigures, FrameRecord, figures_of, header, lines, read_records
+
+FloatMap = npt.NDArray[np.float32]
+CALIBRATION = Calibration(focal_px=700.0, baseline_m=0.5)
+
+
+def road(rows: int = 200, cols: int = 300, *, horizon: float = 80.0, slope: float = 0.35) -> FloatMap:
+    """Return the disparity of a level ground, of a far wall above the horizon, with noise and holes."""
+    random = np.random.default_rng(0)
+    ground = np.maximum(slope * (np.arange(rows) - horizon), 0.5)
+    disparity = np.repeat(ground[:, None], cols, axis=1) + random.normal(0, 0.2, (rows, cols))
+    disparity[random.random((rows, cols)) < 0.3] = np.nan
+    return disparity.astype(np.float32)
+
+
+def test_flicker_is_the_change_where_the_picture_stays() -> None:
+    picture = np.rint(np.clip(texture(60, 80), 0, 255)).astype(np.uint8)
+    later = picture.copy()
+    later[:, 40:] = 255 - later[:, 40:]
+    before, now = np.full((60, 80), 10, np.float32), np.full((60, 80), 10, np.float32)
+    now[:, 40:] = 50  # the picture changed there
+    still = still_pixels(picture, later)
+    assert still[:, :36].all() and not still[:, 48:].any()
+    assert flicker(before, now, still) == 0
+    now[:30, :20] = 14
+    assert flicker(before, now, still) == pytest.approx(4 * 600 / still.sum())
+    now[:, :30] = np.nan
+    assert flicker(before, now, still) == 0
+    assert math.isnan(flicker(before, np.full_like(now, np.nan), still))
+
+
+def test_noise_of_a_camera_is_no_change() -> None:
+    random = np.random.default_rng(1)
+    picture = texture(80, 90)
+    frames = [np.clip(picture + random.normal(0, 1.5, picture.shape), 0, 255).astype(np.uint8) for _ in range(2)]
+    assert still_pixels(*frames).all()
+    wide = [frame.astype(np.uint16) * 257 for frame in frames]
+    assert still_pixels(*wide).mean() > 0.99
+
+
+def test_flicker_refuses_maps_of_different_sizes() -> None:
+    with pytest.raises(ValueError, match="all must be one"):
+        flicker(np.zeros((4, 4)), np.zeros((4, 5)), np.ones((4, 4), bool))
+
+
+def test_the_ground_is_found_and_is_no_obstacle() -> None:
+    ground = ground_of(road())
+    assert ground is not None
+    assert ground.slope == pytest.approx(0.35, abs=0.01) and ground.horizon == pytest.approx(80, abs=2)
+    # Nothing but the far wall stands on it.
+    assert nearest_obstacle(road()) < 3
+
+
+def test_the_nearest_of_two_cars_is_found() -> None:
+    disparity = road()
+    disparity[90:115, 50:90] = 12.0  # their wheels touch the ground at rows 114 and 126
+    disparity[80:127, 180:230] = 16.1
+    assert nearest_obstacle(disparity) == pytest.approx(16.1, abs=0.6)
+
+
+def test_a_bridge_and_a_few_wrong_matches_are_no_obstacle() -> None:
+    disparity = road()
+    disparity[:12] = 12.0  # three times as high as the camera
+    disparity[100:105, 100:110] = 60.0
+    assert nearest_obstacle(disparity) < 3
+
+
+def test_without_a_ground_everything_counts() -> None:
+    disparity = np.full((100, 100), 5, np.float32)
+    disparity[20:40, 20:40] = 9
+    assert ground_of(disparity) is None
+    assert nearest_obstacle(disparity) == 9
+    assert math.isnan(nearest_obstacle(np.full((10, 10), np.nan)))
+    with pytest.raises(ValueError, match="allowed is"):
+        nearest_obstacle(np.zeros(5))
+
+
+def test_figures_of_a_frame() -> None:
+    wide = np.rint(np.clip(texture(80, 152), 0, 255)).astype(np.uint8)
+    result = StereoSGBM(num_disparities=16).compute(wide[:, :120].copy(), wide[:, 7:127].copy())
+    truth = np.full((80, 120), 7, np.float32)
+    figures = figures_of(result, truth, CALIBRATION)
+    assert figures.nearest_px == pytest.approx(7, abs=0.2)
+    assert figures.nearest_m == pytest.approx(700 * 0.5 / figures.nearest_px)
+    assert figures.coverage == result.coverage
+    assert figures.bad_2_percent == pytest.approx(100 * (1 - result.coverage), abs=1)
+    assert figures.epe_px < 0.2 and figures.milliseconds == result.elapsed_s * 1e3
+    blind = figures_of(result, truth[:, 1:], None)
+    assert math.isnan(blind.epe_px) and math.isnan(blind.nearest_m)
+
+
+def test_a_map_is_what_is_read_back_from_its_file() -> None:
+    disparity = np.random.default_rng(0).uniform(-0.3, 255, (40, 50)).astype(np.float32)
+    disparity[::3, ::2] = np.nan
+    assert np.array_equal(as_stored(disparity, ".png"), read_disparity(kitti_png(disparity)), equal_nan=True)
+    assert as_stored(disparity, ".pfm") is disparity
+
+
+def test_a_table_is_read_back_up_to_where_it_was_cut(tmp_path: Path) -> None:
+    figures = FrameFigures(0.5, 12.25, 30.0, 11.5)
+    records = [FrameRecord(number, f"a, {number}", number / 10, "fast", **figures._asdict()) for number in range(3)]
+    records.append(FrameRecord(3, "d", 0.3, "fast", problem='cut "short"'))
+    text = header() + lines(records)
+    assert text.splitlines()[0].split(",") == list(COLUMNS)
+    table = tmp_path / "frames.csv"
+    table.write_text(text)
+    read = read_records(table)
+    assert list(map(repr, read)) == list(map(repr, records))
+    for cut in range(len(header()), len(text)):
+        table.write_text(text[:cut])
+        assert list(map(repr, read_records(table))) == list(map(repr, records[: text[:cut].count("\n") - 1]))
+    table.write_text("another,table\n1,2\n")
+    assert read_records(table) == []
+
+
+def test_a_matcher_of_opencv_has_no_filled_pixels() -> None:
+    wide = np.rint(np.clip(texture(80, 152), 0, 255)).astype(np.uint8)
+    result = StereoBM(num_disparities=16).compute(wide[:, :120].copy(), wide[:, 5:125].copy())
+    assert figures_of(result, None, None).nearest_px == pytest.approx(5, abs=0.3)

@@ -1,0 +1,317 @@
+"""The job over all frames: written once, resumed, called off, flat in memory; and its video."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from small_drives import COLS, DISPARITIES, ROWS, numbered, video, write_folders
+
+from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
+from stereolag.inputs import Image
+from stereolag.progress import Progress
+from stereolag.sequences import SequenceState, StereoSequence, open_sequence, run_sequence
+from stereolag.sequences.video import VideoWriter, common_range, panels
+from stereolag.stereo.matcher import PixelMatches
+
+FAST = preset("fast", num_disparities=16)
+BOTH = {"fast": FAST, "bm": StereoBM(num_disparities=16, block_size=9)}
+CALIBRATION = Calibration(focal_px=100.0, baseline_m=0.5)
+matched: list[int] = []
+
+
+class Counting(StereoBM):
+    """Notes every frame it matches, and takes its time."""
+
+    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
+        matched.append(1)
+        return super().match(left, right, progress)
+
+
+class Slow(StereoBM):
+    """Takes ten seconds, and tells its progress as it must."""
+
+    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
+        for step in range(200):
+            time.sleep(0.05)
+            progress(step / 200)
+        return super().match(left, right, progress)
+
+
+@pytest.fixture(autouse=True)
+def nothing_matched() -> None:
+    matched.clear()
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> StereoSequence:
+    left, right, truth = write_folders(tmp_path / "drive")
+    return open_sequence(left, right, truth=truth)
+
+
+def rows_of(out: Path) -> list[dict[str, str]]:
+    with (out / "frames.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*.png")}
+
+
+def untimed(out: Path) -> list[dict[str, str]]:
+    return [row | {"milliseconds": ""} for row in rows_of(out)]
+
+
+def test_every_frame_is_written_with_its_figures(drive: StereoSequence, tmp_path: Path) -> None:
+    out, states = tmp_path / "out", list[SequenceState]()
+    result = run_sequence(drive, BOTH, out, calibration=CALIBRATION, progress=states.append)
+    assert (result.total, result.matched, result.damaged, result.cancelled) == (6, 6, {}, False)
+    assert sorted(contents(out)) == [f"{method}/{n:03d}.png" for method in ("bm", "fast") for n in range(6)]
+    rows = rows_of(out)
+    assert [(row["number"], row["method"]) for row in rows] == [(str(n), m) for n in range(6) for m in BOTH]
+    for row in rows[::2]:
+        number = int(row["number"])
+        frame = drive.frame(number)
+        expected = FAST.compute(frame.left, frame.right)
+        stored = read_disparity(out / "fast" / f"{row['name']}.png")
+        assert np.allclose(stored, expected.disparity, atol=1 / 512, equal_nan=True)
+        assert float(row["time_s"]) == pytest.approx(number / 10)
+        assert float(row["nearest_px"]) == pytest.approx(DISPARITIES[number], abs=0.3)
+        assert float(row["nearest_m"]) == pytest.approx(50 / float(row["nearest_px"]), rel=1e-3)
+        assert float(row["bad_2_percent"]) < 15 and float(row["epe_px"]) < 1
+        assert row["flicker_px"] == "", "every picture is another one"
+    assert (states[-1].done, states[-1].total) == (6, 6) and states[-1].remaining_s == 0
+    assert all(one.done <= other.done for one, other in zip(states, states[1:], strict=False))
+
+
+def test_flicker_of_a_still_picture_is_what_its_noise_makes(tmp_path: Path) -> None:
+    left, right, _ = write_folders(tmp_path / "drive", [6] * 3)
+    for side in (left, right):
+        data = (side / "000.png").read_bytes()
+        (side / "001.png").write_bytes(data)
+    out = tmp_path / "out"
+    run_sequence(open_sequence(left, right), FAST, out)
+    first, second, third = rows_of(out)
+    assert (first["flicker_px"], second["flicker_px"], third["flicker_px"]) == ("", "0", "")
+
+
+def test_finished_frames_are_not_matched_again(drive: StereoSequence, tmp_path: Path) -> None:
+    out, matcher = tmp_path / "out", Counting(num_disparities=16, block_size=9)
+    calls = 0
+
+    def after_three(state: SequenceState) -> None:
+        nonlocal calls
+        calls = state.done
+        if state.done >= 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_sequence(drive, {"bm": matcher}, out, progress=after_three)
+    assert len(rows_of(out)) == calls == 3
+    matched.clear()
+    result = run_sequence(drive, {"bm": matcher}, out)
+    assert (result.finished_before, result.matched, len(matched)) == (3, 3, 3)
+    whole = tmp_path / "whole"
+    run_sequence(drive, {"bm": matcher}, whole)
+    assert contents(out) == contents(whole) and untimed(out) == untimed(whole)
+    matched.clear()
+    assert run_sequence(drive, {"bm": matcher}, out).matched == 0 and not matched
+    assert run_sequence(drive, {"bm": matcher}, out, again=True).matched == 6
+
+
+def test_half_a_file_is_not_finished(drive: StereoSequence, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_sequence(drive, BOTH, out)
+    before = contents(out)
+    (out / "bm" / "002.png").write_bytes(before["bm/002.png"][:-8])
+    (out / "fast" / "004.png").unlink()
+    result = run_sequence(drive, BOTH, out)
+    assert (result.matched, result.finished_before) == (2, 4)
+    assert contents(out) == before
+
+
+def test_other_settings_are_refused_and_may_begin_again(drive: StereoSequence, tmp_path: Path) -> None:
+    out, other = tmp_path / "out", preset("fast", num_disparities=32)
+    run_sequence(drive, FAST, out)
+    before = contents(out)
+    with pytest.raises(ValueError, match="holds frames made with other settings; go on with the same, begin again"):
+        run_sequence(drive, other, out)
+    with pytest.raises(ValueError, match="made with other calibration"):
+        run_sequence(drive, FAST, out, calibration=CALIBRATION)
+    assert contents(out) == before
+    assert run_sequence(drive, other, out, again=True).matched == 6
+    noted = json.loads((out / "sequence.json").read_text())
+    assert noted["made_of"]["settings"][FAST.short_name]["settings"]["search"]["num_disparities"] == 32
+    (out / "sequence.json").write_text("{")
+    with pytest.raises(ValueError, match="is damaged; begin again"):
+        run_sequence(drive, other, out)
+
+
+def test_a_damaged_frame_is_left_out_and_tried_again_later(drive: StereoSequence, tmp_path: Path) -> None:
+    picture = tmp_path / "drive" / "right" / "003.png"
+    whole, out = picture.read_bytes(), tmp_path / "out"
+    picture.write_bytes(whole[:300])
+    result = run_sequence(drive, BOTH, out, video=tmp_path / "drive.mp4")
+    assert list(result.damaged) == ["003"] and "damaged or cut short" in result.damaged["003"]
+    assert result.matched == 5 and len(contents(out)) == 10
+    assert [bool(row["problem"]) for row in rows_of(out)] == [row["name"] == "003" for row in rows_of(out)]
+    with av.open(str(tmp_path / "drive.mp4")) as container:
+        shown = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert len(shown) == 6 and np.ptp(shown[3]) < 8 < np.ptp(shown[2])
+    picture.write_bytes(whole)
+    result = run_sequence(drive, BOTH, out)
+    assert (result.matched, result.finished_before, result.damaged) == (1, 5, {})
+    assert not any(row["problem"] for row in rows_of(out))
+
+
+def test_every_frame_may_be_damaged(tmp_path: Path) -> None:
+    left, right, _ = write_folders(tmp_path / "drive", [4, 5])
+    for path in left.iterdir():
+        path.write_bytes(b"no picture")
+    result = run_sequence(open_sequence(left, right), FAST, tmp_path / "out", video=tmp_path / "none.mp4")
+    assert list(result.damaged) == ["000", "001"]
+    assert not (tmp_path / "none.mp4").exists() and not list(tmp_path.glob(".*"))
+
+
+def test_it_ends_within_a_second_when_called_off(drive: StereoSequence, tmp_path: Path) -> None:
+    off = threading.Timer(0.3, lambda: called.set())
+    called = threading.Event()
+    off.start()
+    start = time.perf_counter()
+    result = run_sequence(drive, Slow(num_disparities=16), tmp_path / "out", cancelled=called.is_set)
+    assert result.cancelled and result.matched == 0
+    assert time.perf_counter() - start < 1.8
+
+
+def test_what_was_done_when_it_was_called_off_can_be_watched(drive: StereoSequence, tmp_path: Path) -> None:
+    done = 0
+
+    def note(state: SequenceState) -> None:
+        nonlocal done
+        done = state.done
+
+    path = tmp_path / "part.mp4"
+    result = run_sequence(drive, FAST, tmp_path / "out", video=path, progress=note, cancelled=lambda: done >= 2)
+    assert result.cancelled and result.matched == 2
+    with av.open(str(path)) as container:
+        assert len(list(container.decode(video=0))) == 2
+    assert run_sequence(drive, FAST, tmp_path / "out", video=path).finished_before == 2
+    with av.open(str(path)) as container:
+        assert len(list(container.decode(video=0))) == 6
+
+
+def test_only_so_many_frames_are_held_at_once(tmp_path: Path) -> None:
+    count, asked, done = 60, 0, 0
+    ahead: list[int] = []
+    left, right, _ = write_folders(tmp_path / "drive", [5])
+    one = open_sequence(left, right)
+
+    class Long(StereoSequence):
+        names, frame_rate = tuple(map(str, range(count))), 10.0
+
+        def reader(self, number: int) -> Any:
+            nonlocal asked
+            asked += 1
+            ahead.append(asked - done)
+            return one.reader(0)
+
+    def note(state: SequenceState) -> None:
+        nonlocal done
+        done = state.done
+
+    run_sequence(Long(), StereoBM(num_disparities=16, block_size=9), tmp_path / "out", progress=note)
+    assert asked == count and max(ahead) < 12
+
+
+def test_a_search_beyond_the_png_is_refused_before_anything_is_written(drive: StereoSequence, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    matcher = StereoBM(num_disparities=16, min_disparity=-8, block_size=9)
+    with pytest.raises(ValueError, match=r"bm looks for disparities from -8 to 7 px; KITTI's PNG holds 0 to 255 px"):
+        run_sequence(drive, matcher, out)
+    assert not out.exists()
+    run_sequence(drive, matcher, out, disparity_format=".pfm")
+    frame = drive.frame(0)
+    stored = read_disparity(out / "bm" / "000.pfm")
+    assert np.array_equal(stored, matcher.compute(frame.left, frame.right).disparity, equal_nan=True)
+
+
+@pytest.mark.parametrize("name", ["", "..", "a/b", ".hidden", "x" * 80])
+def test_a_method_that_names_no_folder_is_refused(drive: StereoSequence, tmp_path: Path, name: str) -> None:
+    with pytest.raises(ValueError, match="no name of a folder"):
+        run_sequence(drive, {name: FAST}, tmp_path / "out")
+
+
+def test_the_video_shows_the_pictures_beside_the_maps(drive: StereoSequence, tmp_path: Path) -> None:
+    path = tmp_path / "drive.mp4"
+    run_sequence(drive, {"fast": FAST, "sgbm": StereoSGBM(num_disparities=16)}, tmp_path / "out", video=path)
+    colours = json.loads((tmp_path / "out" / "sequence.json").read_text())["colours"]
+    assert colours == [0.0, 12.0]
+    data = path.read_bytes()
+    assert data.index(b"moov") < data.index(b"mdat")
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
+        assert stream.average_rate == 10
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+    assert [frame.shape for frame in frames] == [(ROWS, 3 * COLS, 3)] * 6
+    for number, frame in enumerate(frames):
+        maps = [read_disparity(tmp_path / "out" / method / f"{number:03d}.png") for method in ("fast", "sgbm")]
+        drawn = panels(drive.frame(number).left, maps, (0.0, 12.0))
+        assert np.abs(frame.astype(int) - drawn).mean() < 6
+    # The same colours all through: what is nearer is brighter, frame after frame.
+    brightness = [frame[20:60, COLS + 30 : 2 * COLS - 10].mean() for frame in frames]
+    assert brightness == sorted(brightness)
+
+
+def test_a_video_has_a_key_every_second_and_its_index_first() -> None:
+    target = io.BytesIO()
+    pictures = numbered(45, 97, 65)
+    with VideoWriter(target, 15, len(pictures)) as writer:
+        writer.write_blank()
+        for picture in pictures[:-1]:
+            writer.write(picture)
+    data = target.getvalue()
+    assert data.index(b"moov") < data.index(b"mdat")
+    with av.open(io.BytesIO(data)) as container:
+        stream = container.streams.video[0]
+        assert (stream.width, stream.height, stream.average_rate) == (96, 64, 15)
+        keys = [packet.pts * stream.time_base for packet in container.demux(stream) if packet.is_keyframe]
+    assert all(other - one <= 1 for one, other in zip(keys, keys[1:], strict=False)) and len(keys) >= 3
+
+
+def test_a_wide_video_is_made_smaller_and_another_ending_is_refused(tmp_path: Path) -> None:
+    target = io.BytesIO()
+    with VideoWriter(target, 10, 2) as writer:
+        writer.write(np.zeros((100, 5000, 3), np.uint8))
+        writer.write(np.zeros((50, 600, 3), np.uint8))
+    with av.open(io.BytesIO(target.getvalue())) as container:
+        assert [(frame.width, frame.height) for frame in container.decode(video=0)] == [(3840, 76)] * 2
+    with pytest.raises(ValueError, match=r"video ends in '\.avi'"):
+        VideoWriter(tmp_path / "a.avi", 10, 1)
+
+
+def test_colours_of_nothing_and_of_one_disparity() -> None:
+    nothing = np.full((8, 8), math.nan, np.float32)
+    assert common_range([nothing]) == (0, 4)
+    assert common_range([]) == (0, 4)
+    assert common_range([nothing, np.full((8, 8), 9, np.float32)]) == (8, 12)
+
+
+def test_a_side_by_side_video_goes_all_the_way(tmp_path: Path) -> None:
+    left, right, _ = write_folders(tmp_path / "drive")
+    drive = open_sequence(left, right)
+    both = [np.concatenate([frame.left, frame.right], axis=1) for frame in map(drive.frame, range(6))]
+    data = video(both, codec="ffv1", kind="matroska", pixels="gray")
+    run_sequence(open_sequence(data), FAST, tmp_path / "of_video")
+    run_sequence(drive, FAST, tmp_path / "of_files")
+    of_video = [value for _, value in sorted(contents(tmp_path / "of_video").items())]
+    assert of_video == [value for _, value in sorted(contents(tmp_path / "of_files").items())]

@@ -1,0 +1,131 @@
+"""Where frames come from: folders, patterns, an archive, two videos, one video side by side."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_drives import COLS, DISPARITIES, ROWS, archive, number_in, numbered, pairs_of, video, write_folders
+
+from stereolag import limits as limits_module
+from stereolag.limits import limits
+from stereolag.reading.archives import Archive
+from stereolag.sequences import StereoSequence, open_sequence
+
+
+def assert_holds_the_pairs(sequence: StereoSequence) -> None:
+    assert len(sequence) == len(DISPARITIES)
+    expected = pairs_of()
+    for number in (3, 0, 5, 4):
+        reader = pickle.loads(pickle.dumps(sequence.reader(number)))
+        for frame in (sequence.frame(number), reader()):
+            assert np.array_equal(frame.left, expected[number][0])
+            assert np.array_equal(frame.right, expected[number][1])
+
+
+def test_two_folders_and_two_patterns(tmp_path: Path) -> None:
+    left, right, truth = write_folders(tmp_path)
+    sequence = open_sequence(left, right, truth=truth)
+    assert_holds_the_pairs(sequence)
+    assert (sequence.names[1], sequence.frame_rate) == ("001", 10.0)
+    known = sequence.frame(2).truth
+    assert known is not None and np.all(known == DISPARITIES[2])
+    assert len(pickle.dumps(sequence.reader(0))) < 2000
+    patterns = open_sequence(f"{left}/*.png", f"{right}/00*.png", frame_rate=25)
+    assert_holds_the_pairs(patterns)
+    assert patterns.frame_rate == 25
+
+
+def test_numbers_are_in_their_order_and_other_names_match_by_place(tmp_path: Path) -> None:
+    left, right, _ = write_folders(tmp_path)
+    for number in range(6):
+        (left / f"{number:03d}.png").rename(left / f"cam_l_{number + 7}.png")
+        (right / f"{number:03d}.png").rename(right / f"cam_r_{number + 7}.png")
+    sequence = open_sequence(left, right)
+    assert sequence.names == tuple(f"cam_l_{number}" for number in range(7, 13))
+    assert_holds_the_pairs(sequence)
+    (right / "cam_r_9.png").unlink()
+    with pytest.raises(ValueError, match="6 left pictures and 5 right pictures, of other names"):
+        open_sequence(left, right)
+
+
+def test_an_archive_as_a_path_and_as_bytes(tmp_path: Path) -> None:
+    path = tmp_path / "drive.zip"
+    path.write_bytes(archive())
+    sequence = open_sequence(path)
+    assert_holds_the_pairs(sequence)
+    assert len(pickle.dumps(sequence.reader(0))) < 2000
+    assert_holds_the_pairs(open_sequence(archive()))
+    assert_holds_the_pairs(open_sequence(io.BytesIO(archive())))
+
+
+def test_the_files_of_an_archive_can_be_read_after_pickling() -> None:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as whole:
+        whole.writestr("a.txt", b"first")
+    files = Archive(("a.txt",), stream.getvalue())
+    assert files.read("a.txt") == b"first"
+    assert pickle.loads(pickle.dumps(files)).read("a.txt") == b"first"
+
+
+def test_two_videos_and_one_side_by_side(tmp_path: Path) -> None:
+    pictures = numbered(20)
+    for number, codec in enumerate(("libx264", "libx264")):
+        (tmp_path / f"{number}.mp4").write_bytes(video(pictures[number:], codec=codec, rate=25))
+    two = open_sequence(tmp_path / "0.mp4", tmp_path / "1.mp4")
+    assert (len(two), two.frame_rate) == (19, 25)  # the shorter one's
+    frame = pickle.loads(pickle.dumps(two.reader(11)))()
+    assert (number_in(frame.left), number_in(frame.right)) == (11, 12)
+    both = [np.concatenate([one, other], axis=1) for one, other in zip(pictures, pictures[::-1], strict=True)]
+    beside = open_sequence(video(both), frame_rate=30)
+    assert (len(beside), beside.names[3], beside.frame_rate) == (20, "000003", 30)
+    frame = beside.frame(4)
+    assert frame.left.shape == frame.right.shape == (64, 96, 3)
+    assert (number_in(frame.left), number_in(frame.right)) == (4, 15)
+
+
+def test_a_damaged_or_missing_picture_concerns_its_frame_alone(tmp_path: Path) -> None:
+    left, right, _ = write_folders(tmp_path)
+    (left / "001.png").write_bytes((left / "001.png").read_bytes()[:200])
+    (right / "004.png").unlink()
+    sequence = open_sequence(left, right)
+    assert len(sequence) == 6
+    with pytest.raises(ValueError, match="damaged or cut short"):
+        sequence.frame(1)
+    with pytest.raises(ValueError, match=r"004\.png has no picture of the right camera"):
+        sequence.frame(4)
+    assert sequence.frame(2).left.shape == (ROWS, COLS)
+
+
+@pytest.mark.parametrize("number", [-1, 6])
+def test_a_frame_that_does_not_exist_is_refused(tmp_path: Path, number: int) -> None:
+    with pytest.raises(IndexError, match="allowed are 0 to 5"):
+        open_sequence(*write_folders(tmp_path)[:2]).frame(number)
+
+
+def test_what_is_no_sequence_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right, _ = write_folders(tmp_path)
+    with pytest.raises(ValueError, match="There are no pictures at"):
+        open_sequence(tmp_path / "nothing", right)
+    with pytest.raises(ValueError, match="is a folder; give two"):
+        open_sequence(left)
+    with pytest.raises(ValueError, match="frame_rate is 0 Hz"):
+        open_sequence(left, right, frame_rate=0)
+    with pytest.raises(ValueError, match="not a video"):
+        open_sequence(b"no video at all")
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as whole:
+        whole.writestr("notes.txt", "nothing")
+    with pytest.raises(ValueError, match="no pictures named left and right"):
+        open_sequence(stream.getvalue())
+    monkeypatch.setattr(limits_module, "_defaults", {"max_frames": 5})
+    limits.cache_clear()
+    try:
+        with pytest.raises(ValueError, match="6 frames; at most 5"):
+            open_sequence(left, right)
+    finally:
+        limits.cache_clear()
