@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -78,12 +78,13 @@ def run_sequence(
     out: str | os.PathLike[str],
     *,
     calibration: Calibration | None = None,
-    video: str | os.PathLike[str] | None = None,
+    video: str | os.PathLike[str] | VideoWriter | None = None,
     disparity_format: str = PNG,
     scheduler: str | None = None,
     again: bool = False,
     progress: Callable[[SequenceState], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
+    told: Callable[[Sequence[FrameRecord]], None] | None = None,
 ) -> SequenceResult:
     """Match every frame of a sequence and write its maps, a table of figures and, if wanted, a video.
 
@@ -100,7 +101,8 @@ def run_sequence(
     calibration
         Gives the nearest obstacle in metres.
     video
-        An ".mp4": the left pictures beside the maps of every method, in one range of colours.
+        An ".mp4": the left pictures beside the maps of every method, in one range of colours; or what writes it, which
+        is left open.
     disparity_format
         ``".png"``, or ``".pfm"`` or ``".npy"``, which hold any disparity.
     scheduler
@@ -112,6 +114,8 @@ def run_sequence(
         Told how far the job is, ten times a second.
     cancelled
         Asked as often; once it says yes the job ends within a second, and what was done stays.
+    told
+        Told the figures of every frame, one of each method, as soon as it is matched.
 
     Returns
     -------
@@ -130,11 +134,13 @@ def run_sequence(
     with ExitStack() as stack:
         folder = SequenceFolder(Path(out), sequence, named, disparity_format, calibration, again=again)
         stack.callback(folder.close)
-        writer = None if video is None else VideoWriter(video, sequence.frame_rate, len(sequence))
-        if writer is not None:
-            stack.callback(writer.close)
+        writer = None
+        if isinstance(video, VideoWriter):
+            writer = video
+        elif video is not None:
+            writer = stack.enter_context(VideoWriter(video, sequence.frame_rate, len(sequence)))
         runner = stack.enter_context(runner_at(scheduler))
-        job = _Job(sequence, named, folder, writer, runner, calibration, disparity_format, progress, cancelled)
+        job = _Job(sequence, named, folder, writer, runner, calibration, disparity_format, progress, cancelled, told)
         return job.run()
 
 
@@ -152,10 +158,11 @@ class _Job:
         suffix: str,
         progress: Callable[[SequenceState], None] | None,
         cancelled: Callable[[], bool] | None,
+        told: Callable[[Sequence[FrameRecord]], None] | None,
     ) -> None:
         self._sequence, self._matchers, self._folder, self._writer = sequence, matchers, folder, writer
         self._runner, self._calibration, self._suffix = runner, calibration, suffix
-        self._progress, self._cancelled = progress, cancelled
+        self._progress, self._cancelled, self._told = progress, cancelled, told
         self._start = time.perf_counter()
         self._missing = [number for number in range(len(sequence)) if number not in folder]
         self._done = self._before = len(sequence) - len(self._missing)
@@ -210,6 +217,8 @@ class _Job:
                     for method, one in frame.maps.items()
                 ]
             self._folder.write(frame, records)
+            if self._told is not None:
+                self._told(records)
             self._matched += not frame.problem
             self._done += 1
         if self._writer is not None:

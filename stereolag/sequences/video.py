@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import BinaryIO, Final, Self
+from typing import IO, Final, Self
 from uuid import uuid4
 
 import av
@@ -24,6 +25,8 @@ MOST_WIDTH = 3840
 
 ROUNDED_TO = 4
 """Px to which the ends of a range of colours are rounded."""
+
+FRAGMENTED: Final = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
 
 _QUALITY = "20"
 _SPEED = "ultrafast"
@@ -62,6 +65,8 @@ class VideoWriter:
         Hz.
     most_frames
         How many pictures will be written at the most; the room for the index is kept free for so many.
+    fragmented
+        Whether the file is made of pieces of a second, each with its own index, which can be read as they are written.
 
     Raises
     ------
@@ -69,7 +74,14 @@ class VideoWriter:
         Another ending.
     """
 
-    def __init__(self, target: str | os.PathLike[str] | BinaryIO, frame_rate: float, most_frames: int) -> None:
+    def __init__(
+        self,
+        target: str | os.PathLike[str] | IO[bytes] | io.RawIOBase,
+        frame_rate: float,
+        most_frames: int,
+        *,
+        fragmented: bool = False,
+    ) -> None:
         self._path = Path(target) if isinstance(target, str | os.PathLike) else None
         if self._path is not None and self._path.suffix.lower() != ".mp4":
             raise ValueError(f"video ends in {self._path.suffix!r}; a video is written as '.mp4'.")
@@ -80,7 +92,7 @@ class VideoWriter:
             str(self._part) if self._part else target,
             "w",
             format="mp4",
-            options={"moov_size": str(8192 + 32 * most_frames)},
+            options=FRAGMENTED if fragmented else {"moov_size": str(8192 + 32 * most_frames)},
         )
         self._stream: av.VideoStream | None = None
         self._awaiting = 0

@@ -26,6 +26,7 @@ PAGES = {
     "pages/2_Rocketman_search.py": ("Rocketman search", ":material/search:"),
     "pages/3_Depth_maps.py": ("Depth maps", ":material/layers:"),
     "pages/4_Calibrate.py": ("Calibrate", ":material/grid_on:"),
+    "pages/5_Driving.py": ("Driving", ":material/directions_car:"),
 }
 
 

@@ -14,6 +14,7 @@ from stereolag.reading.archives import is_archive
 from stereolag.reading.disparities import StoredDisparity, read_stored_disparity
 from stereolag.ui.depth.assembling import SAME_PICTURE, Pictures, Truth, split_picture, together
 from stereolag.ui.depth.calibrating import ask_calibration
+from stereolag.ui.depth.handed_over import handed_over
 from stereolag.ui.depth.several import Bundle, ask_bundle, forget_bundle, pair_of_bundle, read_bundle
 from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.results import computed
@@ -27,6 +28,9 @@ def ask_own_pair(key: str) -> StereoPair | None:
 
     An archive in place of the left image brings all of that with it: a session that was taken away, or many pairs.
     """
+    handed = handed_over()
+    if handed is not None:
+        return handed
     arrangement = st.segmented_control(
         "Images",
         [*ARRANGEMENTS],

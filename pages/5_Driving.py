@@ -1,0 +1,31 @@
+"""Depth maps of whole sequences: played beside each other while they are still being computed."""
+
+import streamlit as st
+
+from stereolag.ui.driving.frames import Drive, ask_drive
+from stereolag.ui.driving.result import show_downloads, show_work
+from stereolag.ui.driving.settings import ask_matchers
+from stereolag.ui.driving.work import work_on
+from stereolag.ui.navigation import fragment, page
+
+
+@fragment
+def workspace(drive: Drive) -> None:
+    """Ask for the methods, compute and play; moving a control reruns this part alone."""
+    matchers = ask_matchers(drive)
+    if not matchers:
+        st.info("Choose a method, and its maps are computed.", icon=":material/touch_app:")
+        return
+    work = work_on(drive, matchers)
+    show_work(work, drive, matchers)
+    show_downloads(work, drive)
+
+
+with page(
+    "Driving",
+    "Depth maps of a whole drive, one method beside the other, ten frames a second and more. Near is bright, and the "
+    "colours mean the same from the first frame to the last.",
+):
+    chosen = ask_drive()
+    if chosen is not None:
+        workspace(chosen)

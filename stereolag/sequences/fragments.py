@@ -1,0 +1,91 @@
+"""A video that can be watched while it is being written: the same as a file, in pieces of a second."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import av
+
+from stereolag.arrays import Rgb
+from stereolag.sequences.video import VideoWriter
+
+
+class VideoPieces(VideoWriter):
+    """Writes pictures as a fragmented MP4 (ISO/IEC 14496-12, §8.8), in memory.
+
+    The first piece holds what decoders need to begin; each that follows a second of pictures, which begins with one of
+    its own. Players append them as they come (Media Source Extensions).
+
+    Parameters
+    ----------
+    frame_rate
+        Hz.
+
+    Attributes
+    ----------
+    pieces
+        Those that are complete, oldest first.
+    collected
+        How many pictures they hold.
+    """
+
+    def __init__(self, frame_rate: float) -> None:
+        self.pieces: list[bytes] = []
+        self.collected = 0
+        self._sink = _Sink()
+        super().__init__(self._sink, frame_rate, 0, fragmented=True)
+
+    def write(self, picture: Rgb) -> None:
+        """Append a picture, as :meth:`VideoWriter.write` does."""
+        super().write(picture)
+        # What has just been written opens the next piece.
+        self._collect(self.frames - 1)
+
+    def close(self) -> None:
+        """Complete the last piece."""
+        super().close()
+        self._collect(self.frames)
+
+    def _collect(self, frames: int) -> None:
+        written = self._sink.taken()
+        if written:
+            self.collected = frames if self.pieces else 0
+            self.pieces.append(written)
+
+
+class _Sink(io.RawIOBase):
+    """Takes what is written until it is asked for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._written = bytearray()
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        self._written += data
+        return len(data)
+
+    def taken(self) -> bytes:
+        """Return what was written since this was asked last."""
+        written, self._written = bytes(self._written), bytearray()
+        return written
+
+
+def whole_video(pieces: Sequence[bytes]) -> bytes:
+    """Return the pieces of a video as one file whose index stands first; its pictures are not encoded anew."""
+    file = io.BytesIO()
+    with (
+        av.open(io.BytesIO(b"".join(pieces)), "r") as source,
+        av.open(file, "w", format="mp4", options={"movflags": "faststart"}) as target,
+    ):
+        pictures = source.streams.video[0]
+        stream = target.add_stream_from_template(pictures)
+        for packet in source.demux(pictures):
+            if packet.dts is not None:
+                packet.stream = stream
+                target.mux(packet)
+    return file.getvalue()

@@ -1,0 +1,47 @@
+"""A pair that another page hands over to the depth page, in place of files of the visitor's own."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from stereolag.geometry.calibration import Calibration
+from stereolag.inputs import as_stereo_pair
+from stereolag.sequences import StereoFrame
+from stereolag.ui import keys
+from stereolag.ui.choices import OWN
+from stereolag.ui.pairs import StereoPair
+
+HANDED = f"{keys.PAIR}.handed_over"
+
+
+def hand_over(
+    frame: StereoFrame, digest: str, description: str, calibration: Calibration | None, search: tuple[int, int]
+) -> None:
+    """Let the depth page begin with this frame; only where its controls are not drawn yet in this run."""
+    left, right = as_stereo_pair(frame.left, frame.right)
+    st.session_state[HANDED] = StereoPair(
+        left,
+        right,
+        frame.truth,
+        search[1],
+        description,
+        digest,
+        False,
+        calibration,
+        min_disparity=search[0],
+    )
+    st.session_state[keys.PAIR] = OWN
+
+
+def handed_over() -> StereoPair | None:
+    """Return the pair that was handed over, and say so, with a way to use others; None where there is none."""
+    pair: StereoPair | None = st.session_state.get(HANDED)
+    if pair is not None:
+        with st.container(horizontal=True, vertical_alignment="center"):
+            st.caption(f"In use: {pair.description}", width="content")
+            st.button("Use other files", key=f"{HANDED}.forget", type="tertiary", on_click=_forget)
+    return pair
+
+
+def _forget() -> None:
+    st.session_state.pop(HANDED, None)

@@ -1,0 +1,114 @@
+"""The sequence that the page of driving works on: the example, or the visitor's own videos and frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import streamlit as st
+
+from stereolag.doctor import diagnose
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.scaling import calibration_for
+from stereolag.reading.videos import VIDEO_ENDINGS
+from stereolag.sequences import StereoFrame, StereoSequence, open_sequence
+from stereolag.ui.depth.calibrating import ask_calibration
+from stereolag.ui.uploads import forget_together, put_together, upload
+
+KEY = "driving"
+ARRANGEMENTS = {"one": "ZIP, or one side-by-side video", "two": "Two videos"}
+USUAL_DISPARITIES = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A sequence and what is known of it.
+
+    Attributes
+    ----------
+    sequence
+        Its frames.
+    first
+        The first frame that can be read.
+    digest
+        Tells it from all others.
+    calibration
+        Of the left camera.
+    range
+        The first disparity to search, and how many.
+    """
+
+    sequence: StereoSequence
+    first: StereoFrame
+    digest: str
+    calibration: Calibration | None
+    range: tuple[int, int]
+
+
+def ask_drive() -> Drive | None:
+    """Ask for frames and calibration; None while they are not there."""
+    arrangement = st.segmented_control(
+        "Frames",
+        [*ARRANGEMENTS],
+        default="one",
+        format_func=ARRANGEMENTS.__getitem__,
+        required=True,
+        key=f"{KEY}.arrangement",
+        persist_state="session",
+        label_visibility="collapsed",
+    )
+    found = _ask_one() if arrangement == "one" else _ask_two()
+    calibration = ask_calibration(KEY)
+    if found is None:
+        return None
+    sequence, digest = found
+    kept: Drive | None = st.session_state.get(f"{KEY}.drive")
+    if kept is None or kept.digest != digest:
+        first = first_frame(sequence)
+        if first is None:
+            st.error("None of the first frames can be read. Check that left and right pictures belong together.")
+            return None
+        suggested = diagnose(first.left, first.right).suggested_range
+        kept = Drive(sequence, first, digest, None, suggested or (0, USUAL_DISPARITIES))
+        st.session_state[f"{KEY}.drive"] = kept
+    rows, cols = kept.first.left.shape[:2]
+    fitted = None if calibration is None else calibration_for(calibration.content, cols, rows)
+    return Drive(kept.sequence, kept.first, kept.digest, fitted, kept.range)
+
+
+def first_frame(sequence: StereoSequence, looked_at: int = 10) -> StereoFrame | None:
+    """Return the first of the first frames that is not damaged."""
+    for number in range(min(looked_at, len(sequence))):
+        try:
+            return sequence.frame(number)
+        except (ValueError, OSError):
+            continue
+    return None
+
+
+def _ask_one() -> tuple[StereoSequence, str] | None:
+    given = upload(
+        "ZIP of left/ and right/, or a side-by-side video",
+        open_sequence,
+        key=f"{KEY}.one",
+        types=("zip", *sorted(VIDEO_ENDINGS)),
+        note="In a ZIP, folders or names tell the side: left/000.png and right/000.png. In a video, the left image "
+        "is in the left half.",
+    )
+    return None if given is None else (given.content, given.digest)
+
+
+def _ask_two() -> tuple[StereoSequence, str] | None:
+    columns = st.columns(2, gap="medium")
+    with columns[0]:
+        left = upload("Left video", bytes, key=f"{KEY}.left", types=sorted(VIDEO_ENDINGS))
+    with columns[1]:
+        right = upload("Right video", bytes, key=f"{KEY}.right", types=sorted(VIDEO_ENDINGS))
+    key = f"{KEY}.two"
+    if left is None or right is None:
+        forget_together(key)
+        return None
+    digest = f"{left.digest} {right.digest}"
+    kept: tuple[StereoSequence, str] | None = st.session_state.get(key)
+    if kept is not None and kept[1] == digest:
+        return kept
+    return put_together(lambda: (open_sequence(left.content, right.content), digest), key)

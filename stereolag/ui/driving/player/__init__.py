@@ -1,0 +1,158 @@
+"""A player for a sequence and its maps, which works in the browser while they are still being computed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import streamlit as st
+
+from stereolag.sequences.records import FrameRecord
+
+HERE = Path(__file__).parent
+NAME_CHARACTERS = 32
+
+
+def _source(name: str) -> str:
+    return (HERE / name).read_text(encoding="utf-8")
+
+
+_player = st.components.v2.component(
+    "stereolag.player", html=_source("player.html"), css=_source("player.css"), js=_source("player.js")
+)
+# Each piece travels alone: Streamlit finds those that are there already, and does not send them again.
+_piece = st.components.v2.component("stereolag.video_piece", js=_source("piece.js"))
+
+
+class Chart(NamedTuple):
+    """One line of the timeline: what is drawn over the frames."""
+
+    name: str
+    field: str
+    unit: str
+    digits: int
+    scale: float = 1.0
+    from_zero: bool = True
+
+
+CHARTS = (
+    Chart("Coverage", "coverage", "%", 0, 100.0, from_zero=False),
+    Chart("Took", "milliseconds", "ms", 0),
+    Chart("Nearest obstacle", "nearest_m", "m", 1),
+    Chart("Nearest obstacle", "nearest_px", "px", 1),
+    Chart("Wrong by over 2 px", "bad_2_percent", "%", 1),
+    Chart("Flicker", "flicker_px", "px", 2),
+)
+
+
+class Played(NamedTuple):
+    """What is played.
+
+    Attributes
+    ----------
+    name
+        Tells this video from all others, 32 characters.
+    titles
+        Of the pictures that lie side by side in it.
+    methods
+        {name in the records: title}, in order.
+    size
+        Rows and columns of one picture.
+    frame_rate
+        Hz.
+    names
+        Of all frames.
+    """
+
+    name: str
+    titles: Sequence[str]
+    methods: dict[str, str]
+    size: tuple[int, int]
+    frame_rate: float
+    names: Sequence[str]
+
+
+def show_player(
+    played: Played,
+    pieces: Sequence[bytes],
+    records: Sequence[FrameRecord],
+    *,
+    computed: int,
+    done: bool,
+    key: str,
+    on_open: Callable[[int], None],
+) -> None:
+    """Show the player.
+
+    Parameters
+    ----------
+    played
+        What is played.
+    pieces
+        Of the video, as far as they are there.
+    records
+        Figures of frames, as far as they are there.
+    computed
+        How many frames the pieces hold.
+    done
+        Whether no more of them will come.
+    key
+        Of the component.
+    on_open
+        Called with the number of the frame that the visitor wants to see on the depth page.
+    """
+
+    def opened() -> None:
+        frame = st.session_state[key].opened
+        if frame is not None:
+            on_open(int(frame))
+
+    data = described(played, records) | {"pieces": len(pieces), "computed": computed, "done": done}
+    with st.container(gap=None):
+        for number, piece in enumerate(pieces):
+            head = played.name.encode() + number.to_bytes(4, "little")
+            _piece(key=f"{key}.piece.{number}", data=head + piece)
+        _player(key=key, data=data, on_opened_change=opened)
+
+
+def described(played: Played, records: Sequence[FrameRecord]) -> dict[str, Any]:
+    """Return what the browser needs besides the video: the figures of every frame, None where they are not known."""
+    count = len(played.names)
+    problems: list[str] = [""] * count
+    for record in records:
+        problems[record.number] = record.problem or problems[record.number]
+    charts = []
+    for chart in CHARTS:
+        values: dict[str, list[float | None]] = {method: [None] * count for method in played.methods}
+        for record in records:
+            value = getattr(record, chart.field) * chart.scale
+            if math.isfinite(value):
+                values[record.method][record.number] = round(value, 3)
+        if any(one is not None for column in values.values() for one in column):
+            series = [{"title": title, "values": values[method]} for method, title in played.methods.items()]
+            charts.append(
+                {
+                    "name": chart.name,
+                    "unit": chart.unit,
+                    "digits": chart.digits,
+                    "from_zero": chart.from_zero,
+                    "series": series,
+                }
+            )
+    named = [chart["name"] for chart in charts]
+    # In metres or, where they are not known, in pixels.
+    if named.count("Nearest obstacle") > 1:
+        charts = [chart for chart in charts if (chart["name"], chart["unit"]) != ("Nearest obstacle", "px")]
+    return {
+        "name": played.name,
+        "titles": [*played.titles],
+        "height": played.size[0],
+        "width": played.size[1],
+        "rate": played.frame_rate,
+        "frames": count,
+        "names": [*played.names],
+        "problems": problems,
+        "charts": charts,
+    }

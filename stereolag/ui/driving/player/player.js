@@ -1,0 +1,248 @@
+// One video that holds the left picture and the maps side by side, shown in a place for each; what is not computed yet is
+// appended as it comes. Below it the figures of every frame, with the frame that is seen marked.
+
+const SVG = "http://www.w3.org/2000/svg";
+const COLOURS = ["#7c5cd6", "#d97706", "#0e9f6e", "#d6336c"];
+const WIDTH = 1000;
+const HEIGHT = 48;
+const players = new WeakMap();
+
+const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
+
+export default function ({ data, parentElement, setTriggerValue }) {
+  let player = players.get(parentElement);
+  if (!player) players.set(parentElement, (player = new Player(parentElement)));
+  player.onOpen = (frame) => setTriggerValue("opened", frame);
+  player.load(data);
+  return () => {
+    player.close();
+    players.delete(parentElement);
+  };
+}
+
+class Player {
+  constructor(parent) {
+    this.find = (selector) => parent.querySelector(selector);
+    this.root = this.find(".player");
+    this.video = this.find("video");
+    this.frame = 0;
+    this.onPieces = ({ detail }) => detail === this.data?.name && this.append();
+    window.addEventListener("stereolag-video", this.onPieces);
+    const click = (selector, act) => this.find(selector).addEventListener("click", act);
+    click(".play", () => this.toggle());
+    click(".back", () => this.step(-1));
+    click(".on", () => this.step(1));
+    click(".open", () => this.onOpen(this.frame));
+    this.find(".scrub").addEventListener("input", ({ target }) => this.go(Number(target.value)));
+    this.find(".speed").addEventListener("change", ({ target }) => (this.video.playbackRate = Number(target.value)));
+    this.root.addEventListener("keydown", (event) => this.type(event));
+    for (const name of ["play", "pause", "ended"]) this.video.addEventListener(name, () => this.showState());
+    const draw = (_, { mediaTime }) => {
+      this.show(mediaTime);
+      this.video.requestVideoFrameCallback(draw);
+    };
+    this.video.requestVideoFrameCallback(draw);
+  }
+
+  close() {
+    window.removeEventListener("stereolag-video", this.onPieces);
+    this.video.pause();
+    this.forget();
+  }
+
+  forget() {
+    if (this.address) URL.revokeObjectURL(this.address);
+    this.video.removeAttribute("src");
+    this.address = this.buffer = null;
+  }
+
+  load(data) {
+    const before = this.data;
+    this.data = data;
+    if (before?.name !== data.name) this.begin();
+    this.append();
+    this.find(".scrub").max = data.frames - 1;
+    if (JSON.stringify(before?.titles) !== JSON.stringify(data.titles)) this.layOut();
+    this.drawTimeline();
+    this.showFrame();
+  }
+
+  // A new video: another sequence, or other settings.
+  begin() {
+    this.forget();
+    window.stereolagVideos?.forEach((_, name) => name !== this.data.name && window.stereolagVideos.delete(name));
+    this.appended = 0;
+    this.frame = 0;
+    if (!window.MediaSource) return; // then it is shown once it is complete
+    this.source = new MediaSource();
+    this.address = URL.createObjectURL(this.source);
+    this.video.src = this.address;
+    this.source.addEventListener("sourceopen", () => this.append(), { once: true });
+  }
+
+  pieces() {
+    return window.stereolagVideos?.get(this.data.name) ?? [];
+  }
+
+  append() {
+    const pieces = this.pieces();
+    if (!window.MediaSource) return this.appendAll(pieces);
+    if (this.source?.readyState !== "open" || this.buffer?.updating) return;
+    const piece = pieces[this.appended];
+    if (piece) {
+      if (!this.buffer) {
+        this.buffer = this.source.addSourceBuffer(`video/mp4; codecs="${codec(piece)}"`);
+        this.buffer.addEventListener("updateend", () => this.append());
+      }
+      this.appended += 1;
+      this.buffer.appendBuffer(piece);
+      if (this.appended === 2) this.go(0);
+    } else if (this.data.done && this.appended === this.data.pieces) this.source.endOfStream();
+  }
+
+  appendAll(pieces) {
+    if (!this.data.done || this.address || pieces.filter(Boolean).length < this.data.pieces) return;
+    this.address = URL.createObjectURL(new Blob(pieces, { type: "video/mp4" }));
+    this.video.src = this.address;
+    this.go(0);
+  }
+
+  layOut() {
+    this.screens = this.data.titles.map((title) => {
+      const canvas = document.createElement("canvas");
+      canvas.setAttribute("role", "img");
+      canvas.setAttribute("aria-label", title);
+      canvas.style.aspectRatio = `${this.data.width} / ${this.data.height}`;
+      return canvas;
+    });
+    this.find(".screens").replaceChildren(
+      ...this.screens.map((canvas, index) => {
+        const figure = document.createElement("figure");
+        const caption = document.createElement("figcaption");
+        caption.textContent = this.data.titles[index];
+        figure.append(caption, canvas);
+        return figure;
+      }),
+    );
+  }
+
+  // Shows the picture that the video shows now, each part in its place.
+  show(time) {
+    const width = this.video.videoWidth / this.screens.length;
+    this.screens.forEach((canvas, index) => {
+      if (canvas.width !== width) [canvas.width, canvas.height] = [width, this.video.videoHeight];
+      const context = canvas.getContext("2d");
+      context.drawImage(this.video, index * width, 0, width, canvas.height, 0, 0, width, canvas.height);
+    });
+    this.frame = clamp(Math.floor(time * this.data.rate + 0.5), 0, this.data.frames - 1);
+    this.showFrame();
+  }
+
+  toggle() {
+    if (!this.video.paused) return this.video.pause();
+    if (this.video.ended || this.frame >= this.data.computed - 1) this.go(0);
+    this.video.play().catch(() => {}); // called off by a pause
+  }
+
+  step(by) {
+    this.video.pause();
+    this.go(this.frame + by);
+  }
+
+  go(frame) {
+    this.frame = clamp(frame, 0, Math.max(0, this.data.computed - 1));
+    this.video.currentTime = (this.frame + 0.5) / this.data.rate;
+    this.showFrame();
+  }
+
+  type(event) {
+    const { key, target, ctrlKey, metaKey, altKey } = event;
+    if (ctrlKey || metaKey || altKey || target.matches("select, button") || (target.matches("input") && key !== " ")) return;
+    const acts = {
+      " ": () => this.toggle(),
+      ArrowLeft: () => this.step(event.shiftKey ? -10 : -1),
+      ArrowRight: () => this.step(event.shiftKey ? 10 : 1),
+      Home: () => this.go(0),
+      End: () => this.go(this.data.computed - 1),
+    };
+    if (!acts[key]) return;
+    acts[key]();
+    event.preventDefault();
+  }
+
+  showState() {
+    const button = this.find(".play");
+    button.textContent = this.video.paused ? "▶" : "❚❚";
+    button.setAttribute("aria-label", this.video.paused ? "Play" : "Pause");
+  }
+
+  showFrame() {
+    const { rate, frames, names, problems } = this.data;
+    this.find(".scrub").value = this.frame;
+    this.find(".where").textContent = `${(this.frame / rate).toFixed(1)} s · frame ${this.frame + 1} of ${frames}`;
+    const problem = problems[this.frame];
+    this.find(".problem").textContent = problem ? `${names[this.frame]} is left out: ${problem}` : "";
+    for (const { head, now, rows, unit, digits } of this.charts ?? []) {
+      head.setAttribute("d", `M${this.x(this.frame)} 0V${HEIGHT}`);
+      now.replaceChildren(
+        ...rows.map(({ values, colour, title }) => {
+          const line = document.createElement("span");
+          const value = values[this.frame];
+          line.textContent = value == null ? "–" : `${value.toFixed(digits)} ${unit}`;
+          line.style.color = colour;
+          line.title = title;
+          return line;
+        }),
+      );
+    }
+  }
+
+  x(frame) {
+    return (frame / Math.max(1, this.data.frames - 1)) * WIDTH;
+  }
+
+  drawTimeline() {
+    this.charts = this.data.charts.map((chart) => this.chart(chart));
+    this.find(".timeline").replaceChildren(...this.charts.map(({ box }) => box));
+  }
+
+  chart({ name, unit, digits, from_zero, series }) {
+    const made = (tag, attributes) => {
+      const one = document.createElementNS(SVG, tag);
+      for (const [key, value] of Object.entries(attributes)) one.setAttribute(key, value);
+      return one;
+    };
+    const known = series.flatMap(({ values }) => values.filter((value) => value != null));
+    const low = from_zero ? 0 : Math.min(...known);
+    const high = Math.max(...known, low + 1e-9);
+    const svg = made("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": name });
+    const rows = series.map(({ title, values }, index) => ({ title, values, colour: COLOURS[index % COLOURS.length] }));
+    for (const { values, colour } of rows) {
+      const places = values.map((value, frame) => value == null ? null : `${this.x(frame)} ${HEIGHT - 2 - ((value - low) / (high - low)) * (HEIGHT - 6)}`);
+      const d = places.map((place, at) => place && `${at && places[at - 1] ? "L" : "M"}${place}`).filter(Boolean).join("");
+      svg.append(made("path", { d, stroke: colour }));
+    }
+    const head = made("path", { class: "head", d: "" });
+    svg.append(head);
+    svg.addEventListener("click", ({ clientX }) => {
+      const box = svg.getBoundingClientRect();
+      this.go(Math.round(((clientX - box.left) / box.width) * (this.data.frames - 1)));
+    });
+    const box = document.createElement("div");
+    box.className = "chart";
+    const label = document.createElement("span");
+    label.className = "name";
+    label.textContent = name;
+    const now = document.createElement("span");
+    now.className = "now";
+    box.append(label, svg, now);
+    return { box, head, now, rows, unit, digits };
+  }
+}
+
+// The codec as RFC 6381 writes it, from the box that configures the decoder.
+function codec(piece) {
+  const text = new TextDecoder("latin1").decode(piece.subarray(0, 4096));
+  const at = text.indexOf("avcC") + 5;
+  return "avc1." + [...piece.subarray(at, at + 3)].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+}

@@ -1,0 +1,138 @@
+"""What became of a sequence: the player, how far the work is, and the files to take away."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import streamlit as st
+
+from stereolag.sequences.fragments import whole_video
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.ui.depth.handed_over import hand_over
+from stereolag.ui.driving.frames import KEY, Drive
+from stereolag.ui.driving.player import Played, show_player
+from stereolag.ui.driving.settings import title_of
+from stereolag.ui.driving.work import DriveWork, go_on
+from stereolag.ui.jobs import waiting_in_words
+from stereolag.ui.private_files import download_button
+from stereolag.ui.sentences import duration
+
+BETWEEN_LOOKS_S = 0.5
+DEPTH_PAGE = "pages/3_Depth_maps.py"
+OPENED = f"{KEY}.opened"
+
+
+def show_work(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+    """Show what there is; while it is computed, again and again."""
+    st.fragment(_watch, run_every=BETWEEN_LOOKS_S if work.job.running else None)(work, drive, matchers)
+
+
+def _watch(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+    running = work.job.running
+    if not running and st.session_state.get(f"{KEY}.watched") == work.name:
+        del st.session_state[f"{KEY}.watched"]
+        st.rerun(scope="app")
+    if running:
+        st.session_state[f"{KEY}.watched"] = work.name
+    _show_progress(work, drive, matchers)
+    played = Played(
+        work.video_name,
+        ["Left image", *(title_of(name) for name in matchers)],
+        {name: title_of(name) for name in matchers},
+        (drive.first.left.shape[0], drive.first.left.shape[1]),
+        drive.sequence.frame_rate,
+        drive.sequence.names,
+    )
+    pieces, computed = [*work.video.pieces], work.computed
+    show_player(
+        played,
+        pieces,
+        [*work.records],
+        computed=computed,
+        done=not running,
+        key=f"{KEY}.player",
+        on_open=lambda number: st.session_state.update({OPENED: number}),
+    )
+    if OPENED in st.session_state:
+        _open_on_depth_page(drive, int(st.session_state.pop(OPENED)))
+
+
+def _show_progress(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+    state, total = work.state, len(drive.sequence)
+    with st.container(horizontal=True, vertical_alignment="center", key=f"{KEY}.progress"):
+        if work.job.running:
+            if work.job.ahead:
+                st.info(waiting_in_words(work.job), icon=":material/groups:")
+            else:
+                done = state.done if state else 0
+                rest = (
+                    f", {duration(state.remaining_s)} to go" if state and state.remaining_s == state.remaining_s else ""
+                )
+                st.progress(done / total, f"{done} of {total} frames{rest}")
+            st.button("Cancel", key=f"{KEY}.cancel", on_click=work.job.cancel, icon=":material/stop_circle:")
+            return
+        if state is None:
+            return
+        rate = state.done / state.elapsed_s if state.elapsed_s else 0.0
+        damaged = f", {state.damaged} of them damaged" if state.damaged else ""
+        st.caption(
+            f"{state.done} of {total} frames in {duration(state.elapsed_s)}{damaged}: **{rate:.1f} a second**, "
+            "decoded, matched, coloured and encoded.",
+            width="content",
+        )
+        if state.done < total:
+            st.button("Go on", key=f"{KEY}.go_on", on_click=go_on, args=(work, drive, matchers))
+
+
+def _open_on_depth_page(drive: Drive, number: int) -> None:
+    try:
+        frame = drive.sequence.frame(number)
+    except (ValueError, OSError) as error:
+        st.error(f"Frame {number + 1} cannot be opened: {error}")
+        return
+    hand_over(frame, f"{drive.digest} {number}", f"Frame {number + 1} of the drive.", drive.calibration, drive.range)
+    st.switch_page(DEPTH_PAGE)
+
+
+def show_downloads(work: DriveWork, drive: Drive) -> None:
+    """Offer the video, the maps and the table."""
+    if work.job.running or not work.video.pieces:
+        return
+    with st.container(horizontal=True, gap="small"):
+        download_button(
+            "Video (MP4)",
+            lambda: whole_video(work.video.pieces),
+            "drive.mp4",
+            "video/mp4",
+            key=f"{KEY}.mp4",
+            icon=":material/movie:",
+        )
+        download_button(
+            "Maps (ZIP)",
+            lambda: _maps(Path(work.folder.name)),
+            "drive_disparity.zip",
+            "application/zip",
+            key=f"{KEY}.maps",
+            icon=":material/folder_zip:",
+            meaning="A folder for each method with 16-bit PNGs, px × 256 as KITTI stores them, and the table.",
+        )
+        download_button(
+            "Table (CSV)",
+            (Path(work.folder.name) / "frames.csv").read_text(encoding="utf-8"),
+            "frames.csv",
+            "text/csv",
+            key=f"{KEY}.csv",
+            icon=":material/table:",
+        )
+
+
+def _maps(folder: Path) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:  # PNGs do not get smaller
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and not path.name.startswith("."):
+                archive.write(path, path.relative_to(folder))
+    return file.getvalue()

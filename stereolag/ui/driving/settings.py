@@ -1,0 +1,63 @@
+"""Which methods compute the maps of a sequence, and over which range."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from stereolag.settings import SettingsError
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS, preset
+from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.ui.driving.frames import KEY, Drive
+from stereolag.ui.matcher_controls import matchers_in_use
+
+OFFERED = {
+    "fast": "Convolution, fast",
+    "accurate": "Semi-global, accurate",
+    "bm": "StereoBM",
+    "sgbm": "StereoSGBM",
+}
+FROM_DEPTH_PAGE = "as on the depth page"
+AT_FIRST = ("fast", "bm")
+
+
+def ask_matchers(drive: Drive) -> dict[str, StereoMatcher]:
+    """Return the methods chosen, by names that can be names of folders; each searches the range asked for."""
+    own = {f"own_{one.short_name}": one for one in matchers_in_use()}
+    titles = OFFERED | {name: f"{one.title}, {FROM_DEPTH_PAGE}" for name, one in own.items()}
+    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
+        chosen = st.pills(
+            "Methods",
+            [*titles],
+            selection_mode="multi",
+            default=AT_FIRST,
+            format_func=titles.__getitem__,
+            key=f"{KEY}.methods",
+            persist_state="session",
+        )
+        first = st.number_input(
+            "Smallest disparity, px", -512, 512, drive.range[0], key=f"{KEY}.first.{drive.digest}", width=170
+        )
+        count = st.number_input(
+            "Disparities searched", 16, 512, drive.range[1], 16, key=f"{KEY}.count.{drive.digest}", width=170
+        )
+    made: dict[str, StereoMatcher] = {
+        "fast": preset("fast"),
+        "accurate": preset("accurate"),
+        "bm": StereoBM(),
+        "sgbm": StereoSGBM(),
+        **own,
+    }
+    found = {}
+    for name in chosen:
+        try:
+            found[name] = made[name].with_search_range(first, count)
+        except SettingsError as error:
+            st.error(f"{titles[name]}: {error}")
+    return found
+
+
+def title_of(name: str) -> str:
+    """Return what a method is called above its maps."""
+    by_name = {method.short_name: method.title for method in METHODS}
+    return OFFERED.get(name) or by_name[name.removeprefix("own_")]

@@ -1,0 +1,117 @@
+"""The maps of a sequence, computed beside the page: begun, watched while they come, called off, and gone on with."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import streamlit as st
+
+from stereolag.estimates import Estimate
+from stereolag.sequences import SequenceResult, SequenceState, run_sequence
+from stereolag.sequences.fragments import VideoPieces
+from stereolag.sequences.records import FrameRecord
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.ui.driving.frames import KEY, Drive
+from stereolag.ui.jobs import Job
+from stereolag.ui.visits import this_visit
+
+WORK = f"{KEY}.work"
+FRAMES_AT_ONCE = 4
+"""Whose pictures and maps are in memory together."""
+
+
+@dataclass(eq=False)
+class DriveWork:
+    """What was made of a sequence so far.
+
+    Attributes
+    ----------
+    name
+        Tells the sequence and the settings from all others.
+    folder
+        Where the maps are; it goes with this.
+    video, records
+        As far as they are there.
+    state
+        How far it is.
+    begun
+        How often it was begun.
+    job
+        What does it.
+    """
+
+    name: str
+    folder: tempfile.TemporaryDirectory[str]
+    video: VideoPieces
+    records: list[FrameRecord] = field(default_factory=list)
+    state: SequenceState | None = None
+    begun: int = 1
+    job: Job[SequenceResult] = field(init=False)
+
+    @property
+    def video_name(self) -> str:
+        """Return what tells the video from all others, 32 characters."""
+        return hashlib.sha256(f"{self.name} {self.begun}".encode()).hexdigest()[:32]
+
+    @property
+    def computed(self) -> int:
+        """Return how many frames the pieces of the video hold."""
+        return self.video.collected
+
+
+def work_on(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> DriveWork:
+    """Return the work on a sequence with these settings; it begins where there is none, in place of any other."""
+    asked = "\0".join(
+        [drive.digest, repr(drive.calibration), *(f"{k} {m.model_dump_json()}" for k, m in matchers.items())]
+    )
+    name = hashlib.sha256(asked.encode()).hexdigest()
+    kept: DriveWork | None = st.session_state.get(WORK)
+    if kept is not None and kept.name == name:
+        return kept
+    if kept is not None:
+        kept.job.cancel()
+    work = DriveWork(name, tempfile.TemporaryDirectory(prefix="stereolag-"), VideoPieces(drive.sequence.frame_rate))
+    _begin(work, drive, matchers)
+    return work
+
+
+def go_on(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+    """Go on with work that was called off: what is finished is drawn again and not computed again."""
+    video = VideoPieces(drive.sequence.frame_rate)
+    _begin(DriveWork(work.name, work.folder, video, work.records, begun=work.begun + 1), drive, matchers)
+
+
+def _begin(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+    def told(state: SequenceState) -> None:
+        work.state = state
+
+    def compute(job: Job[SequenceResult]) -> SequenceResult:
+        try:
+            return run_sequence(
+                drive.sequence,
+                matchers,
+                work.folder.name,
+                calibration=drive.calibration,
+                video=work.video,
+                progress=told,
+                cancelled=lambda: job.cancelled,
+                told=work.records.extend,
+            )
+        finally:
+            work.video.close()
+
+    work.job = Job(compute, estimate(drive, matchers))
+    this_visit().jobs[WORK] = work.name, work.job
+    st.session_state[WORK] = work
+
+
+def estimate(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> Estimate:
+    """Return what it takes to compute the maps of all frames."""
+    left = drive.first.left
+    each = [matcher.estimate(left.shape, left.dtype) for matcher in matchers.values()]
+    memory = max(one.memory for one in each) + FRAMES_AT_ONCE * (2 * left.nbytes + 13 * left.shape[0] * left.shape[1])
+    return Estimate(memory, len(drive.sequence) * math.fsum(one.seconds for one in each))
