@@ -37,6 +37,8 @@ class SequenceState:
         How many of them have no map.
     elapsed_s, remaining_s
         Seconds; `remaining_s` is NaN until the first frame is done.
+    colours
+        The disparities, px, at the ends of the colours of the video; None until they are known, or without one.
     """
 
     done: int
@@ -44,6 +46,7 @@ class SequenceState:
     damaged: int
     elapsed_s: float
     remaining_s: float
+    colours: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -267,7 +270,11 @@ class _Job:
             elapsed, new = time.perf_counter() - self._start, self._done - self._before
             left = len(self._sequence) - self._done
             remaining = elapsed / new * left if new else math.nan
-            self._progress(SequenceState(self._done, len(self._sequence), len(self._damaged), elapsed, remaining))
+            self._progress(
+                SequenceState(
+                    self._done, len(self._sequence), len(self._damaged), elapsed, remaining, self._folder.colours
+                )
+            )
 
 
 def _spread(numbers: list[int] | range, count: int) -> list[int]:

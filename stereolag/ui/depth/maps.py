@@ -9,10 +9,11 @@ from typing import Any
 
 import streamlit as st
 
-from stereolag.arrays import FloatMap, ReasonMap
+from stereolag.arrays import FloatMap, ReasonMap, Rgb
 from stereolag.figures.legends import Legend, hexadecimal, strip_legend, word_legend
 from stereolag.figures.linked_pictures import DepthScale, Figure, PackedPicture, Picture, Reading, no_depth, packed
 from stereolag.figures.pictures import NO_ANSWER, as_rgb
+from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import METHODS
@@ -233,8 +234,12 @@ def truth_picture(view: DepthView, *, small: bool = False) -> list[Picture]:
 
 
 def map_legends(view: DepthView) -> tuple[Legend, ...]:
-    """Return what the colours of the maps mean: disparity, metres where they are known, and none."""
-    calibration = calibration_of(view.pair)
+    """Return what the colours of the maps of a pair mean."""
+    return disparity_legends(view.low, view.high, view.palette, calibration_of(view.pair))
+
+
+def disparity_legends(low: float, high: float, palette: Rgb, calibration: Calibration | None) -> tuple[Legend, ...]:
+    """Return what the colours of maps mean: disparity, metres where they are known, and none."""
 
     def metres(disparity: float) -> str:
         depth = float("nan") if calibration is None else float(calibration.depth(disparity))
@@ -243,9 +248,9 @@ def map_legends(view: DepthView) -> tuple[Legend, ...]:
     return (
         strip_legend(
             "disparity, px" + (", and distance" if calibration else ""),
-            view.low,
-            view.high,
-            view.palette,
+            low,
+            high,
+            palette,
             ends=("FAR", "NEAR"),
             below=metres if calibration else None,
         ),

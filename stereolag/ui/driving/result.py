@@ -9,9 +9,12 @@ from pathlib import Path
 
 import streamlit as st
 
+from stereolag.figures.legends import Legend
+from stereolag.figures.pictures import VIRIDIS
 from stereolag.sequences.fragments import whole_video
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.handed_over import hand_over
+from stereolag.ui.depth.maps import disparity_legends
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.player import Played, show_player
 from stereolag.ui.driving.settings import title_of
@@ -53,11 +56,18 @@ def _watch(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher])
         [*work.records],
         computed=computed,
         done=not running,
+        legends=_legends(work, drive),
         key=f"{KEY}.player",
         on_open=lambda number: st.session_state.update({OPENED: number}),
     )
     if OPENED in st.session_state:
         _open_on_depth_page(drive, int(st.session_state.pop(OPENED)))
+
+
+def _legends(work: DriveWork, drive: Drive) -> tuple[Legend, ...]:
+    if work.state is None or work.state.colours is None:
+        return ()
+    return disparity_legends(*work.state.colours, VIRIDIS, drive.calibration)
 
 
 def _show_progress(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:

@@ -52,19 +52,20 @@ class Mark:
     pictures: tuple[int, ...] = ()
 
 
-def _source(*names: str) -> str:
-    return "\n".join((HERE / name).read_text(encoding="utf-8") for name in names)
+def source(*names: str, folder: Path = HERE) -> str:
+    """Return the texts of files of a component, one behind the other."""
+    return "\n".join((folder / name).read_text(encoding="utf-8") for name in names)
 
 
 _viewer = st.components.v2.component(
     "stereolag.linked_pictures",
-    html=_source("pictures.html"),
-    css=_source("pictures.css"),
-    js=_source("fflate.js", "unpacking.js", "drawing.js", "pictures.js", "gestures.js"),
+    html=source("pictures.html"),
+    css=source("pictures.css", "legends.css"),
+    js=source("fflate.js", "unpacking.js", "legends.js", "drawing.js", "pictures.js", "gestures.js"),
 )
 # Each picture travels alone, and so do the marks: Streamlit finds those that did not change, and does not send them.
-_picture = st.components.v2.component("stereolag.picture", js=_source("picture.js"))
-_marks = st.components.v2.component("stereolag.marks", js=_source("marks.js"))
+_picture = st.components.v2.component("stereolag.picture", js=source("picture.js"))
+_marks = st.components.v2.component("stereolag.marks", js=source("marks.js"))
 
 
 NOTHING_SENT: Mapping[str, PackedPicture] = MappingProxyType({})

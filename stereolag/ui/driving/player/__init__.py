@@ -4,26 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import streamlit as st
 
+from stereolag.figures.legends import Legend
 from stereolag.sequences.records import FrameRecord
+from stereolag.ui.linked_pictures import source
 
 HERE = Path(__file__).parent
 NAME_CHARACTERS = 32
 
 
-def _source(name: str) -> str:
-    return (HERE / name).read_text(encoding="utf-8")
-
-
 _player = st.components.v2.component(
-    "stereolag.player", html=_source("player.html"), css=_source("player.css"), js=_source("player.js")
+    "stereolag.player",
+    html=source("player.html", folder=HERE),
+    css=source("legends.css") + source("player.css", folder=HERE),
+    js=source("legends.js") + source("player.js", folder=HERE),
 )
 # Each piece travels alone: Streamlit finds those that are there already, and does not send them again.
-_piece = st.components.v2.component("stereolag.video_piece", js=_source("piece.js"))
+_piece = st.components.v2.component("stereolag.video_piece", js=source("piece.js", folder=HERE))
 
 
 class Chart(NamedTuple):
@@ -81,6 +83,7 @@ def show_player(
     *,
     computed: int,
     done: bool,
+    legends: Sequence[Legend],
     key: str,
     on_open: Callable[[int], None],
 ) -> None:
@@ -98,6 +101,8 @@ def show_player(
         How many frames the pieces hold.
     done
         Whether no more of them will come.
+    legends
+        What the colours of the maps mean.
     key
         Of the component.
     on_open
@@ -110,6 +115,7 @@ def show_player(
             on_open(int(frame))
 
     data = described(played, records) | {"pieces": len(pieces), "computed": computed, "done": done}
+    data["legends"] = [asdict(legend) for legend in legends]
     with st.container(gap=None):
         for number, piece in enumerate(pieces):
             head = played.name.encode() + number.to_bytes(4, "little")

@@ -63,6 +63,7 @@ class Player {
     this.append();
     this.find(".scrub").max = data.frames - 1;
     if (JSON.stringify(before?.titles) !== JSON.stringify(data.titles)) this.layOut();
+    this.find(".legends").replaceChildren(...data.legends.map(legend));
     this.drawTimeline();
     this.showFrame();
   }
@@ -109,20 +110,14 @@ class Player {
 
   layOut() {
     this.screens = this.data.titles.map((title) => {
-      const canvas = document.createElement("canvas");
+      const canvas = element("canvas");
       canvas.setAttribute("role", "img");
       canvas.setAttribute("aria-label", title);
       canvas.style.aspectRatio = `${this.data.width} / ${this.data.height}`;
       return canvas;
     });
     this.find(".screens").replaceChildren(
-      ...this.screens.map((canvas, index) => {
-        const figure = document.createElement("figure");
-        const caption = document.createElement("figcaption");
-        caption.textContent = this.data.titles[index];
-        figure.append(caption, canvas);
-        return figure;
-      }),
+      ...this.screens.map((canvas, at) => element("figure", "", element("figcaption", "", this.data.titles[at]), canvas)),
     );
   }
 
@@ -186,9 +181,8 @@ class Player {
       head.setAttribute("d", `M${this.x(this.frame)} 0V${HEIGHT}`);
       now.replaceChildren(
         ...rows.map(({ values, colour, title }) => {
-          const line = document.createElement("span");
           const value = values[this.frame];
-          line.textContent = value == null ? "–" : `${value.toFixed(digits)} ${unit}`;
+          const line = element("span", "", value == null ? "–" : `${value.toFixed(digits)} ${unit}`);
           line.style.color = colour;
           line.title = title;
           return line;
@@ -228,14 +222,8 @@ class Player {
       const box = svg.getBoundingClientRect();
       this.go(Math.round(((clientX - box.left) / box.width) * (this.data.frames - 1)));
     });
-    const box = document.createElement("div");
-    box.className = "chart";
-    const label = document.createElement("span");
-    label.className = "name";
-    label.textContent = name;
-    const now = document.createElement("span");
-    now.className = "now";
-    box.append(label, svg, now);
+    const now = element("span", "now");
+    const box = element("div", "chart", element("span", "name", name), svg, now);
     return { box, head, now, rows, unit, digits };
   }
 }

@@ -1,0 +1,30 @@
+// Elements, and what the colours of a picture mean.
+
+function element(tag, className, ...children) {
+  const made = document.createElement(tag);
+  if (className) made.className = className;
+  made.append(...children);
+  return made;
+}
+
+function legend({ title, colours, words, strip, ticks }) {
+  const box = element("div", strip ? "legend along" : "legend", ...(title ? [element("span", "title", title)] : []));
+  if (strip) {
+    const bar = element("span", "strip");
+    bar.style.background = `linear-gradient(to right, ${colours.join(", ")})`;
+    const scale = element("span", "ticks", ...ticks.map(([share, word, below]) => {
+      const tick = element("span", "", word, ...(below ? [element("br"), below] : []));
+      tick.style.left = `${100 * share}%`;
+      return tick;
+    }));
+    if (ticks.some(([, , below]) => below)) scale.classList.add("two");
+    box.append(words[0], element("span", "scale", bar, scale), words[1]);
+  } else {
+    colours.forEach((colour, index) => {
+      const swatch = element("span", "swatch");
+      swatch.style.background = colour;
+      box.append(element("span", "", swatch, words[index]));
+    });
+  }
+  return box;
+}
