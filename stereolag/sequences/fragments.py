@@ -9,7 +9,7 @@ from typing import Any
 import av
 
 from stereolag.arrays import Rgb
-from stereolag.sequences.video import VideoWriter
+from stereolag.sequences.video import VideoWriter, index_first
 
 
 class VideoPieces(VideoWriter):
@@ -78,14 +78,12 @@ class _Sink(io.RawIOBase):
 def whole_video(pieces: Sequence[bytes]) -> bytes:
     """Return the pieces of a video as one file whose index stands first; its pictures are not encoded anew."""
     file = io.BytesIO()
-    with (
-        av.open(io.BytesIO(b"".join(pieces)), "r") as source,
-        av.open(file, "w", format="mp4", options={"movflags": "faststart"}) as target,
-    ):
+    with av.open(io.BytesIO(b"".join(pieces)), "r") as source:
         pictures = source.streams.video[0]
-        stream = target.add_stream_from_template(pictures)
-        for packet in source.demux(pictures):
-            if packet.dts is not None:
+        packets = [packet for packet in source.demux(pictures) if packet.dts is not None]
+        with av.open(file, "w", format="mp4", options=index_first(len(packets))) as target:
+            stream = target.add_stream_from_template(pictures)
+            for packet in packets:
                 packet.stream = stream
                 target.mux(packet)
     return file.getvalue()

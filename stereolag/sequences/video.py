@@ -26,7 +26,9 @@ MOST_WIDTH = 3840
 ROUNDED_TO = 4
 """Px to which the ends of a range of colours are rounded."""
 
-FRAGMENTED: Final = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
+FRAGMENTED: Final[dict[str, str]] = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
+AT_ONCE: Final[dict[str, str]] = {"tune": "zerolatency"}
+"""Every picture is encoded before the next one comes: a piece ends where its second does."""
 
 _QUALITY = "20"
 _SPEED = "ultrafast"
@@ -49,6 +51,11 @@ def panels(left: Image, maps: Sequence[FloatMap], colours: tuple[float, float], 
     parts = [as_rgb(left)]
     parts += [np.asarray(cv2.applyColorMap(colour_numbers(one, *colours), table)) for one in maps]
     return np.concatenate(parts, axis=1)
+
+
+def index_first(most_frames: int) -> dict[str, str]:
+    """Return the options of an MP4 whose index stands first, with room for so many pictures."""
+    return {"moov_size": str(8192 + 32 * most_frames)}
 
 
 class VideoWriter:
@@ -92,10 +99,11 @@ class VideoWriter:
             str(self._part) if self._part else target,
             "w",
             format="mp4",
-            options=FRAGMENTED if fragmented else {"moov_size": str(8192 + 32 * most_frames)},
+            options=FRAGMENTED if fragmented else index_first(most_frames),
         )
         self._stream: av.VideoStream | None = None
         self._awaiting = 0
+        self._fragmented = fragmented
         self.frames = 0
 
     def __enter__(self) -> Self:
@@ -147,7 +155,7 @@ class VideoWriter:
         stream.codec_context.gop_size = max(1, round(self._rate))
         # What OpenCV's conversion makes: limited range, by the weights of Rec. 601.
         stream.codec_context.color_range, stream.codec_context.colorspace = ColorRange.MPEG, Colorspace.ITU601
-        stream.options = {"preset": _SPEED, "crf": _QUALITY}
+        stream.options = {"preset": _SPEED, "crf": _QUALITY, **(AT_ONCE if self._fragmented else {})}
         return stream
 
 

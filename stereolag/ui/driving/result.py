@@ -122,7 +122,7 @@ def show_downloads(work: DriveWork, drive: Drive) -> None:
         )
         download_button(
             "Maps (ZIP)",
-            lambda: _maps(Path(work.folder.name)),
+            lambda: _maps(work.folder.path),
             "drive_disparity.zip",
             "application/zip",
             key=f"{KEY}.maps",
@@ -131,7 +131,7 @@ def show_downloads(work: DriveWork, drive: Drive) -> None:
         )
         download_button(
             "Table (CSV)",
-            (Path(work.folder.name) / "frames.csv").read_text(encoding="utf-8"),
+            (work.folder.path / "frames.csv").read_text(encoding="utf-8"),
             "frames.csv",
             "text/csv",
             key=f"{KEY}.csv",

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import math
+import shutil
 import tempfile
+import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import streamlit as st
 
@@ -24,6 +27,14 @@ FRAMES_AT_ONCE = 4
 """Whose pictures and maps are in memory together."""
 
 
+class PrivateFolder:
+    """A folder that only this process can look into; it goes when nobody refers to it any more, with the session."""
+
+    def __init__(self) -> None:
+        self.path = Path(tempfile.mkdtemp(prefix="stereolag-"))
+        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+
 @dataclass(eq=False)
 class DriveWork:
     """What was made of a sequence so far.
@@ -33,7 +44,7 @@ class DriveWork:
     name
         Tells the sequence and the settings from all others.
     folder
-        Where the maps are; it goes with this.
+        Where the maps are.
     video, records
         As far as they are there.
     state
@@ -45,7 +56,7 @@ class DriveWork:
     """
 
     name: str
-    folder: tempfile.TemporaryDirectory[str]
+    folder: PrivateFolder
     video: VideoPieces
     records: list[FrameRecord] = field(default_factory=list)
     state: SequenceState | None = None
@@ -74,7 +85,7 @@ def work_on(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> DriveWork:
         return kept
     if kept is not None:
         kept.job.cancel()
-    work = DriveWork(name, tempfile.TemporaryDirectory(prefix="stereolag-"), VideoPieces(drive.sequence.frame_rate))
+    work = DriveWork(name, PrivateFolder(), VideoPieces(drive.sequence.frame_rate))
     _begin(work, drive, matchers)
     return work
 
@@ -94,7 +105,7 @@ def _begin(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher])
             return run_sequence(
                 drive.sequence,
                 matchers,
-                work.folder.name,
+                work.folder.path,
                 calibration=drive.calibration,
                 video=work.video,
                 progress=told,

@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+import csv
+import io
+import json
+import time
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereolag.reading import read_image
+from stereolag.samples import stereo_pairs
+from stereolag.ui.depth.handed_over import HANDED
+from stereolag.ui.driving.result import OPENED
+from stereolag.ui.driving.work import WORK, DriveWork
+from tests.app import uploads
+
+PATH = "pages/5_Driving.py"
+COUNT = 12
+ROWS, COLS = 120, 200
+
+
+def drive(*, damaged: int | None = None, count: int = COUNT) -> bytes:
+    """Return a ZIP of frames cut from the road, a little farther to the right each time."""
+    example = stereo_pairs()["road"]
+    sides = {"left": read_image(example.left), "right": read_image(example.right)}
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for number in range(count):
+            start = 4 * number % (sides["left"].shape[1] - COLS)
+            for side, picture in sides.items():
+                data = uploads.png(picture[200 : 200 + ROWS, start : start + COLS])
+                if number == damaged and side == "right":
+                    data = data[: len(data) // 2]
+                archive.writestr(f"{side}/{number:03d}.png", data)
+    return stream.getvalue()
+
+
+def opened(data: bytes, name: str = "drive.zip") -> AppTest:
+    app = AppTest.from_file(Path(__file__).resolve().parents[2] / "app.py", default_timeout=120)
+    app.switch_page(PATH)
+    app.run()
+    app.file_uploader(key="driving.one").set_value((name, data, "application/zip")).run()
+    return app
+
+
+def finished(app: AppTest) -> AppTest:
+    end = time.monotonic() + 120
+    while app.session_state[WORK].job.running:
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    app.run()
+    assert not app.exception
+    return app
+
+
+def player(app: AppTest) -> dict[str, Any]:
+    told = [one.proto for one in app.get("bidi_component") if one.proto.component_name == "stereolag.player"]
+    assert len(told) == 1
+    shown: dict[str, Any] = json.loads(told[0].json)
+    return shown
+
+
+def work(app: AppTest) -> DriveWork:
+    kept: DriveWork = app.session_state[WORK]
+    return kept
+
+
+def test_a_drive_is_computed_played_and_told_of() -> None:
+    app = finished(opened(drive()))
+    assert not app.error
+    shown = player(app)
+    assert (shown["frames"], shown["computed"], shown["done"]) == (COUNT, COUNT, True)
+    assert shown["titles"] == ["Left image", "Convolution, fast", "StereoBM"]
+    charts = {chart["name"]: chart["series"] for chart in shown["charts"]}
+    assert charts.keys() >= {"Coverage", "Took", "Nearest obstacle", "Flicker"}
+    fast, bm = (np.array(one["values"], float) for one in charts["Coverage"])
+    assert (fast > bm).all()
+    assert shown["legends"][0]["words"] == ["FAR", "NEAR"]
+    assert any("12 of 12 frames" in one.value for one in app.caption)
+    video = b"".join(work(app).video.pieces)
+    with av.open(io.BytesIO(video), "r") as container:
+        assert sum(1 for _ in container.decode(video=0)) == COUNT
+        assert container.streams.video[0].width == 3 * COLS
+    table = (work(app).folder.path / "frames.csv").read_text()
+    assert len([*csv.DictReader(io.StringIO(table))]) == 2 * COUNT
+    assert {one.label for one in app.get("download_button")} == {"Video (MP4)", "Maps (ZIP)", "Table (CSV)"}
+
+
+def test_other_methods_and_ranges_are_computed_anew() -> None:
+    app = finished(opened(drive(count=4)))
+    before = player(app)["name"]
+    pills = next(one for one in app.get("button_group") if one.key == "driving.methods")
+    pills.set_value(["bm"]).run()
+    app = finished(app)
+    shown = player(app)
+    assert shown["titles"] == ["Left image", "StereoBM"]
+    assert shown["name"] != before
+    count = next(box for box in app.number_input if box.label == "Disparities searched")
+    count.set_value(32).run()
+    app = finished(app)
+    assert player(app)["name"] not in (before, shown["name"])
+    pills = next(one for one in app.get("button_group") if one.key == "driving.methods")
+    pills.set_value([]).run()
+    assert [one.value for one in app.info] == ["Choose a method, and its maps are computed."]
+
+
+def test_a_damaged_frame_is_said_and_the_others_go_on() -> None:
+    app = finished(opened(drive(damaged=3, count=6)))
+    shown = player(app)
+    assert [bool(problem) for problem in shown["problems"]] == [number == 3 for number in range(6)]
+    assert shown["computed"] == 6
+    assert any("1 of them damaged" in one.value for one in app.caption)
+
+
+def test_what_is_cancelled_stays_and_can_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    app = opened(drive(count=40))
+    end = time.monotonic() + 60
+    while not work(app).records:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    start = time.monotonic()
+    work(app).job.cancel()
+    while work(app).job.running:
+        assert time.monotonic() - start < 5
+        time.sleep(0.01)
+    app.run()
+    shown = player(app)
+    assert shown["done"]
+    if shown["computed"] == 40:
+        pytest.skip("it was done before it could be called off")
+    assert 0 < shown["computed"] < 40
+    next(button for button in app.button if button.label == "Go on").click().run()
+    app = finished(app)
+    assert player(app)["computed"] == 40
+    assert player(app)["name"] != shown["name"]
+
+
+def test_a_frame_is_opened_on_the_depth_page() -> None:
+    app = finished(opened(drive(count=4)))
+    app.session_state[OPENED] = 2
+    app.run()
+    pair = app.session_state[HANDED]
+    assert pair.left.shape[:2] == (ROWS, COLS)
+    assert "Frame 3" in pair.description
+    assert not app.exception
+    assert app.title[0].value == "Depth maps"
+
+
+@pytest.mark.parametrize(("data", "said"), [(b"PK\x03\x04nothing", "ZIP"), (b"no video at all" * 9, "video")])
+def test_what_is_no_sequence_is_refused_in_a_sentence(data: bytes, said: str) -> None:
+    app = opened(data)
+    assert not app.exception
+    assert said in app.error[0].value
+    assert WORK not in app.session_state

@@ -1,0 +1,109 @@
+"""The player of the page Driving, with a mouse and with the keyboard."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from tests.app.test_driving_page import COUNT, drive
+from tests.browser.visits import OpenPage, screenshot, settled
+
+
+class Drive:
+    """The page with a drive on it."""
+
+    def __init__(self, page: Page, count: int) -> None:
+        self.page = page
+        page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(
+            {"name": "drive.zip", "mimeType": "application/zip", "buffer": drive(count=count)}
+        )
+        expect(page.locator(".player")).to_be_visible()
+
+    def wait_until_done(self) -> None:
+        expect(self.page.get_by_text("decoded, matched, coloured")).to_be_visible()
+        settled(self.page)
+
+    @property
+    def where(self) -> Locator:
+        return self.page.locator(".player .where")
+
+    def video(self, what: str) -> Any:
+        return self.page.locator(".player video").evaluate(f"(video) => video.{what}")
+
+    def shown(self) -> list[float]:
+        """Return the mean brightness of what each place shows."""
+        found: list[float] = self.page.locator(".player canvas").evaluate_all(
+            """(all) => all.map((one) => {
+              const { data } = one.getContext("2d").getImageData(0, 0, one.width, one.height);
+              return data.reduce((sum, value) => sum + value, 0) / data.length;
+            })"""
+        )
+        return found
+
+
+@pytest.fixture
+def visit(open_page: OpenPage) -> Drive:
+    visit = Drive(open_page("Driving"), COUNT)
+    visit.wait_until_done()
+    return visit
+
+
+def test_it_plays_steps_and_scrubs(visit: Drive) -> None:
+    assert len(visit.shown()) == 3
+    assert min(visit.shown()) > 30
+    expect(visit.where).to_contain_text(f"frame 1 of {COUNT}")
+    visit.page.get_by_role("button", name="Play").click()
+    visit.page.wait_for_function(
+        "() => [...document.querySelectorAll('*')].map((one) => one.shadowRoot?.querySelector('.player video'))"
+        ".find((one) => one).currentTime > 0.5"
+    )
+    expect(visit.where).to_contain_text(f"frame {COUNT} of {COUNT}")  # to the end
+    visit.page.get_by_role("button", name="One frame back").click()
+    expect(visit.where).to_contain_text(f"frame {COUNT - 1} of {COUNT}")
+    before = visit.shown()
+    visit.page.locator(".player").focus()
+    visit.page.keyboard.press("Home")
+    expect(visit.where).to_contain_text(f"frame 1 of {COUNT}")
+    for _ in range(3):
+        visit.page.keyboard.press("ArrowRight")
+    expect(visit.where).to_contain_text(f"frame 4 of {COUNT}")
+    visit.page.wait_for_timeout(200)
+    assert visit.shown() != before
+    assert visit.video("currentTime") == pytest.approx(0.35, abs=0.06)
+    visit.page.keyboard.press("Space")
+    expect(visit.page.get_by_role("button", name="Pause")).to_be_visible()
+    visit.page.keyboard.press("Space")
+    chart = visit.page.locator(".player .chart svg").first
+    box = chart.bounding_box()
+    assert box is not None
+    chart.click(position={"x": box["width"] - 1, "y": box["height"] / 2})
+    expect(visit.where).to_contain_text(f"frame {COUNT} of {COUNT}")
+    screenshot(visit.page, "driving-light")
+
+
+def test_a_frame_is_opened_on_the_depth_page(visit: Drive) -> None:
+    visit.page.get_by_role("button", name="One frame on").click()
+    expect(visit.where).to_contain_text(f"frame 2 of {COUNT}")
+    visit.page.get_by_role("button", name="Open on the depth page").click()
+    expect(visit.page.get_by_role("heading", name="Depth maps")).to_be_visible()
+    settled(visit.page)
+    expect(visit.page.get_by_text("Your own pair").first).to_be_visible()
+    expect(visit.page.locator(".linked").first.locator("figure")).to_have_count(2)
+
+
+def test_it_is_watched_while_it_is_computed_and_called_off(open_page: OpenPage) -> None:
+    visit = Drive(open_page("Driving"), 150)
+    visit.page.wait_for_function(
+        "() => [...document.querySelectorAll('*')].map((one) => one.shadowRoot?.querySelector('.player video'))"
+        ".find((one) => one)?.buffered.length"
+    )
+    visit.page.get_by_role("button", name="Cancel").click()
+    expect(visit.page.get_by_role("button", name="Go on")).to_be_visible(timeout=5_000)
+    settled(visit.page)
+    ended = visit.video("buffered.end(0)")
+    assert 0 < ended < 15
+    visit.page.get_by_role("button", name="Play").click()
+    visit.page.wait_for_timeout(700)
+    assert visit.video("currentTime") > 0.2
