@@ -17,14 +17,21 @@ def numbers(app: AppTest) -> dict[str, str]:
 
 @pytest.mark.parametrize(
     "path",
-    ["app.py", "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py", "pages/3_Depth_maps.py", "pages/4_Calibrate.py"],
+    [
+        "app.py",
+        "pages/1_Sensor_lag.py",
+        "pages/2_Rocketman_search.py",
+        "pages/3_Depth_maps.py",
+        "pages/4_Calibrate.py",
+        "pages/5_Driving.py",
+    ],
 )
 def test_every_page_runs_and_links_to_every_other(open_page: OpenPage, path: str) -> None:
     app = open_page(path)
     assert not app.exception
     assert not app.error
     assert len(app.title) == 1
-    assert len(app.get("page_link")) >= 5
+    assert len(app.get("page_link")) >= 6
     # A picture in a file of its own may be replaced before a browser asks for it.
     assert all(one.url.startswith("data:image/") for element in app.get("image") for one in element.proto.imgs)
 

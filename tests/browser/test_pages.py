@@ -15,6 +15,7 @@ PAGES = {
     "rocketman": "Rocketman_search",
     "depth-maps": "Depth_maps",
     "calibrate": "Calibrate",
+    "driving": "Driving",
 }
 
 
@@ -42,7 +43,7 @@ def test_every_page_opens_in_both_themes_and_on_a_phone(open_page: OpenPage, nam
 
 def test_the_links_lead_from_page_to_page(open_page: OpenPage) -> None:
     page = open_page()
-    for label in ("Sensor lag", "Rocketman search", "Calibrate", "Depth maps"):
+    for label in ("Sensor lag", "Rocketman search", "Calibrate", "Driving", "Depth maps"):
         page.get_by_test_id("stPageLink").get_by_text(label, exact=True).click()
         expect(page.get_by_role("heading", level=1)).to_have_text(label)
         settled(page)
