@@ -8,6 +8,7 @@ import json
 import math
 import threading
 import time
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,7 @@ def test_every_frame_is_written_with_its_figures(drive: StereoSequence, tmp_path
         assert float(row["bad_2_percent"]) < 15 and float(row["epe_px"]) < 1
         assert row["flicker_px"] == "", "every picture is another one"
     assert (states[-1].done, states[-1].total) == (6, 6) and states[-1].remaining_s == 0
-    assert all(one.done <= other.done for one, other in zip(states, states[1:], strict=False))
+    assert all(one.done <= other.done for one, other in pairwise(states))
 
 
 def test_flicker_of_a_still_picture_is_what_its_noise_makes(tmp_path: Path) -> None:
@@ -285,7 +286,7 @@ def test_a_video_has_a_key_every_second_and_its_index_first() -> None:
         stream = container.streams.video[0]
         assert (stream.width, stream.height, stream.average_rate) == (96, 64, 15)
         keys = [packet.pts * stream.time_base for packet in container.demux(stream) if packet.is_keyframe]
-    assert all(other - one <= 1 for one, other in zip(keys, keys[1:], strict=False)) and len(keys) >= 3
+    assert all(other - one <= 1 for one, other in pairwise(keys)) and len(keys) >= 3
 
 
 def test_a_wide_video_is_made_smaller_and_another_ending_is_refused(tmp_path: Path) -> None:
