@@ -118,9 +118,9 @@ def sequence_table() -> tuple[str, dict[str, dict[str, float]]]:
         figures[name] = {"frames_per_second": rate, "of_peer": share, "median_of_best": spread}
     lines += [
         "",
-        f"KITTI, {frames} grey pairs of 1226 × 370 px, {NUM_DISPARITIES} disparities: two PNGs read, matched, a 16-bit PNG "
+        f"KITTI, {frames} grey pairs of 1226 × 370 px, {NUM_DISPARITIES} disparities: PNGs read, matched, a 16-bit PNG "
         f"and an H.264 video of picture and map written; ours with the table of figures besides. The best of {ROUNDS} "
-        f"rounds in turn on {available_cores()} cores, load {os.getloadavg()[0]:.1f}. Peer of accurate and SGBM: SGBM; of "
-        "the others BM.",
+        f"rounds in turn on {available_cores()} cores, load {os.getloadavg()[0]:.1f}. Peer of accurate and SGBM: SGBM, "
+        "of the others BM.",
     ]
     return "\n".join(lines), figures

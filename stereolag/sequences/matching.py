@@ -16,6 +16,7 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.inputs import Image, as_grey
 from stereolag.progress import Progress
 from stereolag.reading.disparities import read_disparity
+from stereolag.reading.sources import Source
 from stereolag.sequences.records import FrameFigures, figures_of
 from stereolag.sequences.sources import FrameReader
 from stereolag.stereo.matcher import StereoMatcher
@@ -94,11 +95,11 @@ def matched_frame(task: FrameTask, progress: Progress | None = None) -> MatchedF
     return MatchedFrame(task.number, frame.left if task.in_colour else as_grey(frame.left), maps)
 
 
-def finished_frame(task: FrameTask, files: Mapping[str, Path]) -> MatchedFrame:
+def finished_frame(task: FrameTask, files: Mapping[str, Source]) -> MatchedFrame:
     """Read a frame whose maps have been written, as :func:`matched_frame` would have made it, without figures."""
     try:
         left = task.reader().left
-        maps = {name: FrameMap(read_disparity(path), b"", FrameFigures()) for name, path in files.items()}
+        maps = {name: FrameMap(read_disparity(file), b"", FrameFigures()) for name, file in files.items()}
     except (ValueError, OSError) as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
     return MatchedFrame(task.number, left if task.in_colour else as_grey(left), maps)

@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from stereolag.limits import limits
 from stereolag.reading.archives import is_archive, read_archive
-from stereolag.reading.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, matched_pairs, natural_order
+from stereolag.reading.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, FrameFiles, matched_frames, natural_order
 from stereolag.reading.sources import Source, quoted
 from stereolag.reading.videos import VIDEO_ENDINGS, VideoFile
 from stereolag.sequences.sources import (
@@ -17,7 +17,6 @@ from stereolag.sequences.sources import (
     USUAL_RATE,
     ArchivedPictures,
     PictureFiles,
-    PictureNames,
     SideBySideVideo,
     StereoSequence,
     TwoVideos,
@@ -79,13 +78,10 @@ def _of_one(source: Source, frame_rate: float | None) -> StereoSequence:
     if not is_archive(_beginning(source)):
         return SideBySideVideo(VideoFile(source), frame_rate)
     archive = read_archive(source, max_files=MAX_ARCHIVED)
-    pairs = matched_pairs(archive.names)
-    if not pairs:
+    files = tuple(matched_frames(archive.names))
+    if not files:
         raise ValueError(f"The archive of {len(archive.names):,} files holds no pictures named left and right.")
-    files = tuple(PictureNames(pair.left, pair.right, pair.truth) for pair in pairs)
-    return ArchivedPictures(
-        _frame_names([pair.left for pair in pairs]), files, path or archive, frame_rate or USUAL_RATE
-    )
+    return ArchivedPictures(_frame_names([one.left for one in files]), files, path or archive, frame_rate or USUAL_RATE)
 
 
 def _of_pictures(left: Source, right: Source, truth: str | PathLike[str] | None, frame_rate: float) -> PictureFiles:
@@ -93,7 +89,7 @@ def _of_pictures(left: Source, right: Source, truth: str | PathLike[str] | None,
     truths = [] if truth is None else _pictures(truth, TRUTH_ENDINGS)
     partners = _partners(lefts, rights, "right pictures")
     known = _partners(lefts, truths, "true disparities") if truths else [None] * len(lefts)
-    files = tuple(map(PictureNames, lefts, partners, known))
+    files = tuple(map(FrameFiles, lefts, partners, known))
     return PictureFiles(_frame_names(lefts), files, frame_rate)
 
 

@@ -15,12 +15,12 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-from small_drives import COLS, DISPARITIES, ROWS, numbered, video, write_folders
+from small_drives import COLS, DISPARITIES, ROWS, archive, numbered, video, write_folders
 
 from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
 from stereolag.inputs import Image
 from stereolag.progress import Progress
-from stereolag.sequences import SequenceState, StereoSequence, open_sequence, run_sequence
+from stereolag.sequences import SequenceMemory, SequenceState, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.video import VideoWriter, common_range, panels
 from stereolag.stereo.matcher import PixelMatches
 
@@ -305,6 +305,23 @@ def test_colours_of_nothing_and_of_one_disparity() -> None:
     assert common_range([nothing]) == (0, 4)
     assert common_range([]) == (0, 4)
     assert common_range([nothing, np.full((8, 8), 9, np.float32)]) == (8, 12)
+
+
+def test_memory_keeps_the_same_and_touches_no_disk(
+    drive: StereoSequence, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    run_sequence(drive, BOTH, out, video=tmp_path / "drive.mp4", colours=(0, 16))
+    kept, film = SequenceMemory(), io.BytesIO()
+    monkeypatch.setattr(Path, "open", None, raising=True)
+    uploaded = open_sequence(archive())
+    run_sequence(uploaded, BOTH, kept, video=film, colours=(0, 16))
+    monkeypatch.undo()
+    maps = {f"{method}/{number:03d}.png": data for (number, method), data in kept.maps.items()}
+    assert maps == contents(out)
+    assert film.getvalue() == (tmp_path / "drive.mp4").read_bytes()
+    assert [(one.number, one.method) for one in kept.records.values()] == [(n, m) for n in range(6) for m in BOTH]
+    assert run_sequence(uploaded, BOTH, kept).finished_before == 6
 
 
 def test_a_side_by_side_video_goes_all_the_way(tmp_path: Path) -> None:
