@@ -11,7 +11,7 @@ from stereolag.limits import limits
 from stereolag.reading.archives import is_archive, read_archive
 from stereolag.reading.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, FrameFiles, matched_frames, natural_order
 from stereolag.reading.sources import Source, quoted
-from stereolag.reading.videos import VIDEO_ENDINGS, VideoFile
+from stereolag.reading.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, VideoFile
 from stereolag.sequences.sources import (
     MAX_ARCHIVED,
     USUAL_RATE,
@@ -55,11 +55,11 @@ def open_sequence(
     Raises
     ------
     ValueError
-        Nothing to read there, sides that cannot be matched, a frame rate that is not above 0, or more frames, pixels or
+        Nothing to read there, sides that cannot be matched, a frame rate that no camera has, or more frames, pixels or
         seconds than the limits in force.
     """
-    if frame_rate is not None and not 0 < frame_rate <= 1000:
-        raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are numbers above 0 and up to 1000.")
+    if frame_rate is not None and not LEAST_RATE <= frame_rate <= MOST_RATE:
+        raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {LEAST_RATE} to {MOST_RATE} Hz.")
     if right is None:
         sequence = _of_one(left, frame_rate)
     elif _holds_video(left):

@@ -146,7 +146,7 @@ def test_what_is_no_sequence_is_refused(tmp_path: Path, monkeypatch: pytest.Monk
         open_sequence(tmp_path / "nothing", right)
     with pytest.raises(ValueError, match="is a folder; give two"):
         open_sequence(left)
-    with pytest.raises(ValueError, match="frame_rate is 0 Hz"):
+    with pytest.raises(ValueError, match=r"frame_rate is 0 Hz; allowed are 0\.01 to 1000 Hz"):
         open_sequence(left, right, frame_rate=0)
     with pytest.raises(ValueError, match="not a video"):
         open_sequence(b"no video at all")
