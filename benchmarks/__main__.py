@@ -20,11 +20,12 @@ from benchmarks.doctor import doctor_tables
 from benchmarks.hostile import hostile_table
 from benchmarks.load import load_table
 from benchmarks.pairs import DATA
+from benchmarks.sequences import DRIVE, sequence_table
 from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
 from benchmarks.suggestion import suggestion_table
 from benchmarks.timing import Row
 
-USUAL = ["speed", "accuracy", "browser"]
+USUAL = ["speed", "accuracy", "sequences", "browser"]
 TABLES = [*USUAL, "doctor", "suggestion", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
@@ -93,6 +94,11 @@ def main() -> None:
             keep("accuracy", "Accuracy", *accuracy_tables())
         else:
             print(f"Accuracy is left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
+    if "sequences" in wanted:
+        if DRIVE.is_dir():
+            keep("sequences", "Frame sequences", *sequence_table())
+        else:
+            print(f"Sequences are left out: there is no drive at {DRIVE} (set STEREOLAG_DATA).")
     if "browser" in wanted:
         latency = latency_table()
         if latency:

@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
+from typing import NamedTuple
 
 PICTURE_ENDINGS = frozenset(["png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif"])
 TRUTH_ENDINGS = frozenset(["pfm", "png", "pgm", "npy"])
@@ -103,6 +104,46 @@ def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
         )
         for pair, name in zip(found, names_of, strict=True)
     ]
+
+
+class FrameFiles(NamedTuple):
+    """The names of the files of one frame of a sequence; None where one is missing."""
+
+    left: str
+    right: str | None
+    truth: str | None = None
+
+
+def matched_frames(names: Sequence[str]) -> list[FrameFiles]:
+    """Return the frames of one sequence among files, by their names alone, in their order.
+
+    Parameters
+    ----------
+    names
+        Of the files, with folders where there are any: "left/000.png".
+
+    Returns
+    -------
+    frames
+        Every picture of the left side by the first of :data:`CONVENTIONS` that finds both sides. One convention for
+        all, so that it takes as long as there are files: :func:`matched_pairs` holds every pair against every other.
+    """
+    truths = {name for name in names if _ending(name) in TRUTH_ENDINGS and _TRUTH.search(_stem_path(name))}
+    pictures = [name for name in names if _ending(name) in PICTURE_ENDINGS and name not in truths]
+    known = {_core(name): name for name in sorted(truths, reverse=True) if not _RIGHT_SIDE.search(_stem_path(name))}
+    for patterns in CONVENTIONS:
+        lefts, rights = ({_without(side, name): name for name in pictures} for side in patterns)
+        lefts.pop(None, None)
+        if lefts.keys() & (rights.keys() - {None}):
+            frames = [FrameFiles(name, rights.get(key), known.get(_core(name))) for key, name in lefts.items()]
+            return sorted(frames, key=lambda frame: [natural_order(frame.left), frame.left])
+    return []
+
+
+def _without(pattern: str, name: str) -> str | None:
+    """Return a name without what tells its side; None where nothing does."""
+    path, found = re.subn(pattern, "\0", _stem_path(name))
+    return path if found else None
 
 
 def _matched(pictures: Iterable[str]) -> list[PairFiles]:

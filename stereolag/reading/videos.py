@@ -29,7 +29,10 @@ CODECS = frozenset(["h264", "hevc", "av1", "libdav1d", "vp8", "vp9", "mpeg4", "m
 """What cameras and editors write; FFmpeg has hundreds more, few of them ever tried on hostile bytes."""
 
 USUAL_RATE = 10.0
-"""Hz; of a video that states none."""
+"""Hz; of a video that states none that could be."""
+
+LEAST_RATE, MOST_RATE = 0.01, 1000
+"""Hz."""
 
 _HEADER_BYTES = 12
 _CONTAINERS = {b"\x1aE\xdf\xa3": "matroska", b"RIFF": "avi"}
@@ -73,7 +76,7 @@ class VideoFile:
         self.width, self.height = stream.codec_context.width, stream.codec_context.height
         """px."""
         rate = stream.average_rate or stream.guessed_rate
-        self.frame_rate = float(rate) if rate and 0 < rate < 1000 else USUAL_RATE
+        self.frame_rate = float(rate) if rate and LEAST_RATE <= rate <= MOST_RATE else USUAL_RATE
         """Hz."""
         self._index = self._indexed()
 

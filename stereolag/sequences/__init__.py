@@ -3,5 +3,15 @@
 from stereolag.sequences.opening import open_sequence
 from stereolag.sequences.running import SequenceResult, SequenceState, run_sequence
 from stereolag.sequences.sources import StereoFrame, StereoSequence
+from stereolag.sequences.targets import SequenceMemory, SequenceTarget
 
-__all__ = ["SequenceResult", "SequenceState", "StereoFrame", "StereoSequence", "open_sequence", "run_sequence"]
+__all__ = [
+    "SequenceMemory",
+    "SequenceResult",
+    "SequenceState",
+    "SequenceTarget",
+    "StereoFrame",
+    "StereoSequence",
+    "open_sequence",
+    "run_sequence",
+]

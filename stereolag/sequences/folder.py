@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -75,7 +75,7 @@ class SequenceFolder:
         """Return whether a frame is finished."""
         return all((number, method) in self._records for method in self._methods)
 
-    def files(self, number: int) -> dict[str, Path]:
+    def files(self, number: int) -> Mapping[str, Path]:
         """Return where the maps of a frame are, by method."""
         return {method: self._file(number, method) for method in self._methods}
 
@@ -189,8 +189,3 @@ def _is_whole(path: Path) -> bool:
             return path.suffix != PNG or file.read() == _PNG_END
     except OSError:
         return False
-
-
-def damaged_records(number: int, name: str, time_s: float, methods: Sequence[str], problem: str) -> list[FrameRecord]:
-    """Return the lines of the table for a frame without maps."""
-    return [FrameRecord(number, name, time_s, method, problem=problem) for method in methods]

@@ -9,15 +9,14 @@ from pathlib import Path, PurePosixPath
 
 from stereolag.limits import limits
 from stereolag.reading.archives import is_archive, read_archive
-from stereolag.reading.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, matched_pairs, natural_order
+from stereolag.reading.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, FrameFiles, matched_frames, natural_order
 from stereolag.reading.sources import Source, quoted
-from stereolag.reading.videos import VIDEO_ENDINGS, VideoFile
+from stereolag.reading.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, VideoFile
 from stereolag.sequences.sources import (
     MAX_ARCHIVED,
     USUAL_RATE,
     ArchivedPictures,
     PictureFiles,
-    PictureNames,
     SideBySideVideo,
     StereoSequence,
     TwoVideos,
@@ -56,11 +55,11 @@ def open_sequence(
     Raises
     ------
     ValueError
-        Nothing to read there, sides that cannot be matched, a frame rate that is not above 0, or more frames, pixels or
+        Nothing to read there, sides that cannot be matched, a frame rate that no camera has, or more frames, pixels or
         seconds than the limits in force.
     """
-    if frame_rate is not None and not 0 < frame_rate <= 1000:
-        raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are numbers above 0 and up to 1000.")
+    if frame_rate is not None and not LEAST_RATE <= frame_rate <= MOST_RATE:
+        raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {LEAST_RATE} to {MOST_RATE} Hz.")
     if right is None:
         sequence = _of_one(left, frame_rate)
     elif _holds_video(left):
@@ -79,13 +78,10 @@ def _of_one(source: Source, frame_rate: float | None) -> StereoSequence:
     if not is_archive(_beginning(source)):
         return SideBySideVideo(VideoFile(source), frame_rate)
     archive = read_archive(source, max_files=MAX_ARCHIVED)
-    pairs = matched_pairs(archive.names)
-    if not pairs:
+    files = tuple(matched_frames(archive.names))
+    if not files:
         raise ValueError(f"The archive of {len(archive.names):,} files holds no pictures named left and right.")
-    files = tuple(PictureNames(pair.left, pair.right, pair.truth) for pair in pairs)
-    return ArchivedPictures(
-        _frame_names([pair.left for pair in pairs]), files, path or archive, frame_rate or USUAL_RATE
-    )
+    return ArchivedPictures(_frame_names([one.left for one in files]), files, path or archive, frame_rate or USUAL_RATE)
 
 
 def _of_pictures(left: Source, right: Source, truth: str | PathLike[str] | None, frame_rate: float) -> PictureFiles:
@@ -93,7 +89,7 @@ def _of_pictures(left: Source, right: Source, truth: str | PathLike[str] | None,
     truths = [] if truth is None else _pictures(truth, TRUTH_ENDINGS)
     partners = _partners(lefts, rights, "right pictures")
     known = _partners(lefts, truths, "true disparities") if truths else [None] * len(lefts)
-    files = tuple(map(PictureNames, lefts, partners, known))
+    files = tuple(map(FrameFiles, lefts, partners, known))
     return PictureFiles(_frame_names(lefts), files, frame_rate)
 
 

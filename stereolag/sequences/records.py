@@ -95,6 +95,11 @@ def figures_of(result: DisparityMap, truth: Truth | None, calibration: Calibrati
     return figures._replace(bad_2_percent=found.bad[BAD_PX], epe_px=found.epe)
 
 
+def damaged_records(number: int, name: str, time_s: float, methods: Sequence[str], problem: str) -> list[FrameRecord]:
+    """Return the lines of the table for a frame without maps."""
+    return [FrameRecord(number, name, time_s, method, problem=problem) for method in methods]
+
+
 def header() -> str:
     """Return the first line of the table, with its end."""
     return _line(COLUMNS)

@@ -10,14 +10,16 @@ from concurrent.futures import CancelledError
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from stereolag.geometry.calibration import Calibration
 from stereolag.sequences.flicker import flicker, same_picture_size, still_pixels
-from stereolag.sequences.folder import SequenceFolder, damaged_records
+from stereolag.sequences.folder import SequenceFolder
 from stereolag.sequences.matching import PNG, FrameTask, MatchedFrame, finished_frame
-from stereolag.sequences.records import FrameRecord
+from stereolag.sequences.records import FrameRecord, damaged_records
 from stereolag.sequences.runners import Runner, in_order, runner_at
 from stereolag.sequences.sources import StereoSequence
+from stereolag.sequences.targets import SequenceTarget
 from stereolag.sequences.video import VideoWriter, common_range, panels
 from stereolag.stereo.matcher import StereoMatcher
 
@@ -78,10 +80,11 @@ class SequenceResult:
 def run_sequence(
     sequence: StereoSequence,
     matchers: StereoMatcher | Mapping[str, StereoMatcher],
-    out: str | os.PathLike[str],
+    out: str | os.PathLike[str] | SequenceTarget,
     *,
     calibration: Calibration | None = None,
-    video: str | os.PathLike[str] | VideoWriter | None = None,
+    video: str | os.PathLike[str] | BinaryIO | VideoWriter | None = None,
+    colours: tuple[float, float] | None = None,
     disparity_format: str = PNG,
     scheduler: str | None = None,
     again: bool = False,
@@ -100,12 +103,14 @@ def run_sequence(
     out
         A folder. It gets ``METHOD/FRAME.png`` (disparity × 256 in 16 bits, as KITTI stores it), ``frames.csv``
         (:class:`~stereolag.sequences.records.FrameRecord`) and ``sequence.json``. Frames that are finished there are
-        not matched again.
+        not matched again. Or a :class:`~stereolag.sequences.targets.SequenceTarget`, which keeps them elsewhere.
     calibration
         Gives the nearest obstacle in metres.
     video
-        An ".mp4": the left pictures beside the maps of every method, in one range of colours; or what writes it, which
-        is left open.
+        An ".mp4", or a binary file: the left pictures beside the maps of every method, in one range of colours; or
+        what writes it, which is left open.
+    colours
+        The disparities, px, at the ends of that range; chosen by five frames unless given.
     disparity_format
         ``".png"``, or ``".pfm"`` or ``".npy"``, which hold any disparity.
     scheduler
@@ -135,15 +140,21 @@ def run_sequence(
     """
     named = {type(matchers).short_name: matchers} if isinstance(matchers, StereoMatcher) else dict(matchers)
     with ExitStack() as stack:
-        folder = SequenceFolder(Path(out), sequence, named, disparity_format, calibration, again=again)
-        stack.callback(folder.close)
+        target: SequenceTarget
+        if isinstance(out, str | os.PathLike):
+            target = SequenceFolder(Path(out), sequence, named, disparity_format, calibration, again=again)
+        else:
+            target = out
+        stack.callback(target.close)
+        if colours is not None:
+            target.set_colours(colours)
         writer = None
         if isinstance(video, VideoWriter):
             writer = video
         elif video is not None:
             writer = stack.enter_context(VideoWriter(video, sequence.frame_rate, len(sequence)))
         runner = stack.enter_context(runner_at(scheduler))
-        job = _Job(sequence, named, folder, writer, runner, calibration, disparity_format, progress, cancelled, told)
+        job = _Job(sequence, named, target, writer, runner, calibration, disparity_format, progress, cancelled, told)
         return job.run()
 
 
@@ -154,7 +165,7 @@ class _Job:
         self,
         sequence: StereoSequence,
         matchers: Mapping[str, StereoMatcher],
-        folder: SequenceFolder,
+        target: SequenceTarget,
         writer: VideoWriter | None,
         runner: Runner,
         calibration: Calibration | None,
@@ -163,11 +174,11 @@ class _Job:
         cancelled: Callable[[], bool] | None,
         told: Callable[[Sequence[FrameRecord]], None] | None,
     ) -> None:
-        self._sequence, self._matchers, self._folder, self._writer = sequence, matchers, folder, writer
+        self._sequence, self._matchers, self._target, self._writer = sequence, matchers, target, writer
         self._runner, self._calibration, self._suffix = runner, calibration, suffix
         self._progress, self._cancelled, self._told = progress, cancelled, told
         self._start = time.perf_counter()
-        self._missing = [number for number in range(len(sequence)) if number not in folder]
+        self._missing = [number for number in range(len(sequence)) if number not in target]
         self._done = self._before = len(sequence) - len(self._missing)
         self._matched, self._damaged = 0, dict[str, str]()
         self._last: MatchedFrame | None = None
@@ -188,12 +199,12 @@ class _Job:
     def _frames(self) -> Iterator[MatchedFrame]:
         """Yield every frame that is to be matched, and those that were before where the video needs them."""
         sampled: dict[int, MatchedFrame] = {}
-        if self._writer is not None and self._folder.colours is None:
+        if self._writer is not None and self._target.colours is None:
             numbers = _spread(self._missing or range(len(self._sequence)), SAMPLED)
             tasks = map(self._task, numbers)
             found = in_order(self._runner, tasks, self._look) if self._missing else map(self._read_back, numbers)
             sampled = {frame.number: frame for frame in found}
-            self._folder.set_colours(
+            self._target.set_colours(
                 common_range([one.disparity for frame in sampled.values() for one in frame.maps.values()])
             )
         missing = set(self._missing)
@@ -208,7 +219,7 @@ class _Job:
 
     def _take(self, frame: MatchedFrame) -> None:
         """Write a frame, if it is new, and draw it."""
-        if frame.number not in self._folder:
+        if frame.number not in self._target:
             name, moment = self._sequence.names[frame.number], frame.number / self._sequence.frame_rate
             if frame.problem:
                 self._damaged[name] = frame.problem
@@ -219,17 +230,17 @@ class _Job:
                     FrameRecord(frame.number, name, moment, method, flicker_px=changes[method], **one.figures._asdict())
                     for method, one in frame.maps.items()
                 ]
-            self._folder.write(frame, records)
+            self._target.write(frame, records)
             if self._told is not None:
                 self._told(records)
             self._matched += not frame.problem
             self._done += 1
         if self._writer is not None:
-            if frame.left is None or self._folder.colours is None:
+            if frame.left is None or self._target.colours is None:
                 self._writer.write_blank()
             else:
                 disparities = [one.disparity for one in frame.maps.values()]
-                self._writer.write(panels(frame.left, disparities, self._folder.colours))
+                self._writer.write(panels(frame.left, disparities, self._target.colours))
         self._last = frame
         self._look()
 
@@ -239,7 +250,7 @@ class _Job:
         if frame.number == 0:
             return unknown
         if before is None or before.number != frame.number - 1:
-            if frame.number - 1 not in self._folder:
+            if frame.number - 1 not in self._target:
                 return unknown
             before = self._read_back(frame.number - 1)
         if frame.left is None or before.left is None or not same_picture_size(before.left, frame.left):
@@ -250,7 +261,7 @@ class _Job:
         }
 
     def _read_back(self, number: int) -> MatchedFrame:
-        return finished_frame(self._task(number), self._folder.files(number))
+        return finished_frame(self._task(number), self._target.files(number))
 
     def _task(self, number: int) -> FrameTask:
         return FrameTask(
@@ -272,7 +283,7 @@ class _Job:
             remaining = elapsed / new * left if new else math.nan
             self._progress(
                 SequenceState(
-                    self._done, len(self._sequence), len(self._damaged), elapsed, remaining, self._folder.colours
+                    self._done, len(self._sequence), len(self._damaged), elapsed, remaining, self._target.colours
                 )
             )
 

@@ -16,6 +16,7 @@ from stereolag.inputs import Image
 from stereolag.reading.archives import Archive, read_archive
 from stereolag.reading.disparities import read_disparity
 from stereolag.reading.images import read_image
+from stereolag.reading.pairing import FrameFiles
 from stereolag.reading.videos import VideoFile
 
 USUAL_RATE = 10.0
@@ -76,20 +77,12 @@ class StereoSequence(ABC):
         return self.reader(number)()
 
 
-class PictureNames(NamedTuple):
-    """What the files of one frame are called; None where one is missing."""
-
-    left: str
-    right: str | None
-    truth: str | None = None
-
-
 @dataclass(frozen=True, eq=False)
 class PictureFiles(StereoSequence):
     """Frames in picture files of their own: paths."""
 
     names: tuple[str, ...]
-    files: tuple[PictureNames, ...]
+    files: tuple[FrameFiles, ...]
     frame_rate: float = USUAL_RATE
 
     def reader(self, number: int) -> FrameReader:
@@ -102,7 +95,7 @@ class ArchivedPictures(StereoSequence):
     """Frames in the picture files of one archive: a path, which every process opens once, or its bytes."""
 
     names: tuple[str, ...]
-    files: tuple[PictureNames, ...]
+    files: tuple[FrameFiles, ...]
     archive: Path | Archive
     frame_rate: float = USUAL_RATE
 
@@ -143,12 +136,12 @@ def _numbers(count: int) -> tuple[str, ...]:
     return tuple(f"{number:06d}" for number in range(count))
 
 
-def _read_files(names: PictureNames) -> StereoFrame:
+def _read_files(names: FrameFiles) -> StereoFrame:
     left, right = (read_image(Path(name)) for name in (names.left, _right_of(names)))
     return StereoFrame(left, right, None if names.truth is None else read_disparity(Path(names.truth)))
 
 
-def _read_archived(archive: Path | Archive, names: PictureNames) -> StereoFrame:
+def _read_archived(archive: Path | Archive, names: FrameFiles) -> StereoFrame:
     files = archive if isinstance(archive, Archive) else _opened_once(archive)
     left, right = (read_image(files.read(name)) for name in (names.left, _right_of(names)))
     return StereoFrame(left, right, None if names.truth is None else read_disparity(files.read(names.truth)))
@@ -169,7 +162,7 @@ def _read_halves(video: VideoFile, number: int) -> StereoFrame:
     return StereoFrame(np.ascontiguousarray(both[:, :middle]), np.ascontiguousarray(both[:, middle:]))
 
 
-def _right_of(names: PictureNames) -> str:
+def _right_of(names: FrameFiles) -> str:
     if names.right is None:
         raise ValueError(f"{Path(names.left).name} has no picture of the right camera.")
     return names.right

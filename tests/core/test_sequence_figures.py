@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +13,10 @@ import pytest
 from pairs import texture
 
 from stereolag import Calibration, StereoBM, StereoSGBM
-from stereolag.export.maps import kitti_png
+from stereolag.export.maps import kitti_png, pfm
 from stereolag.reading import read_disparity
 from stereolag.sequences.flicker import flicker, still_pixels
-from stereolag.sequences.matching import as_stored
+from stereolag.sequences.matching import FrameMap, as_stored, read_back
 from stereolag.sequences.obstacles import ground_of, nearest_obstacle
 from stereolag.sequences.records import COLUMNS, FrameFigures, FrameRecord, figures_of, header, lines, read_records
 
@@ -112,6 +114,24 @@ def test_a_map_is_what_is_read_back_from_its_file() -> None:
     disparity[::3, ::2] = np.nan
     assert np.array_equal(as_stored(disparity, ".png"), read_disparity(kitti_png(disparity)), equal_nan=True)
     assert as_stored(disparity, ".pfm") is disparity
+
+
+@pytest.mark.parametrize("encode", [kitti_png, pfm])
+def test_a_map_without_any_disparity_is_read_back_too(encode: Callable[[FloatMap], bytes]) -> None:
+    blank = np.full((4, 5), np.nan, np.float32)
+    assert np.array_equal(read_back(encode(blank)), blank, equal_nan=True)
+    some = blank.copy()
+    some[1, 2] = 3.5
+    assert np.array_equal(read_back(encode(some)), some, equal_nan=True)
+
+
+def test_a_map_travels_as_its_file() -> None:
+    disparity = as_stored(np.random.default_rng(0).uniform(0, 60, (40, 50)).astype(np.float32), ".png")
+    one = FrameMap(disparity, kitti_png(disparity), FrameFigures(0.5))
+    packed = pickle.dumps(one)
+    assert len(packed) < len(one.data) + 500
+    other = pickle.loads(packed)
+    assert np.array_equal(other.disparity, disparity) and other.data == one.data and other.figures.coverage == 0.5
 
 
 def test_a_table_is_read_back_up_to_where_it_was_cut(tmp_path: Path) -> None:

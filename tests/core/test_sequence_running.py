@@ -8,18 +8,19 @@ import json
 import math
 import threading
 import time
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
 import pytest
-from small_drives import COLS, DISPARITIES, ROWS, numbered, video, write_folders
+from small_drives import COLS, DISPARITIES, ROWS, archive, numbered, video, write_folders
 
 from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
 from stereolag.inputs import Image
 from stereolag.progress import Progress
-from stereolag.sequences import SequenceState, StereoSequence, open_sequence, run_sequence
+from stereolag.sequences import SequenceMemory, SequenceState, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.video import VideoWriter, common_range, panels
 from stereolag.stereo.matcher import PixelMatches
 
@@ -90,7 +91,7 @@ def test_every_frame_is_written_with_its_figures(drive: StereoSequence, tmp_path
         assert float(row["bad_2_percent"]) < 15 and float(row["epe_px"]) < 1
         assert row["flicker_px"] == "", "every picture is another one"
     assert (states[-1].done, states[-1].total) == (6, 6) and states[-1].remaining_s == 0
-    assert all(one.done <= other.done for one, other in zip(states, states[1:], strict=False))
+    assert all(one.done <= other.done for one, other in pairwise(states))
 
 
 def test_flicker_of_a_still_picture_is_what_its_noise_makes(tmp_path: Path) -> None:
@@ -285,7 +286,7 @@ def test_a_video_has_a_key_every_second_and_its_index_first() -> None:
         stream = container.streams.video[0]
         assert (stream.width, stream.height, stream.average_rate) == (96, 64, 15)
         keys = [packet.pts * stream.time_base for packet in container.demux(stream) if packet.is_keyframe]
-    assert all(other - one <= 1 for one, other in zip(keys, keys[1:], strict=False)) and len(keys) >= 3
+    assert all(other - one <= 1 for one, other in pairwise(keys)) and len(keys) >= 3
 
 
 def test_a_wide_video_is_made_smaller_and_another_ending_is_refused(tmp_path: Path) -> None:
@@ -304,6 +305,23 @@ def test_colours_of_nothing_and_of_one_disparity() -> None:
     assert common_range([nothing]) == (0, 4)
     assert common_range([]) == (0, 4)
     assert common_range([nothing, np.full((8, 8), 9, np.float32)]) == (8, 12)
+
+
+def test_memory_keeps_the_same_and_touches_no_disk(
+    drive: StereoSequence, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    run_sequence(drive, BOTH, out, video=tmp_path / "drive.mp4", colours=(0, 16))
+    kept, film = SequenceMemory(), io.BytesIO()
+    monkeypatch.setattr(Path, "open", None, raising=True)
+    uploaded = open_sequence(archive())
+    run_sequence(uploaded, BOTH, kept, video=film, colours=(0, 16))
+    monkeypatch.undo()
+    maps = {f"{method}/{number:03d}.png": data for (number, method), data in kept.maps.items()}
+    assert maps == contents(out)
+    assert film.getvalue() == (tmp_path / "drive.mp4").read_bytes()
+    assert [(one.number, one.method) for one in kept.records.values()] == [(n, m) for n in range(6) for m in BOTH]
+    assert run_sequence(uploaded, BOTH, kept).finished_before == 6
 
 
 def test_a_side_by_side_video_goes_all_the_way(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
+import random
 import zipfile
 from pathlib import Path
 
@@ -12,8 +13,10 @@ import pytest
 from small_drives import COLS, DISPARITIES, ROWS, archive, number_in, numbered, pairs_of, video, write_folders
 
 from stereolag import limits as limits_module
+from stereolag.export.maps import image_png, kitti_png
 from stereolag.limits import limits
 from stereolag.reading.archives import Archive
+from stereolag.reading.pairing import FrameFiles, matched_frames
 from stereolag.sequences import StereoSequence, open_sequence
 
 
@@ -61,6 +64,36 @@ def test_an_archive_as_a_path_and_as_bytes(tmp_path: Path) -> None:
     assert len(pickle.dumps(sequence.reader(0))) < 2000
     assert_holds_the_pairs(open_sequence(archive()))
     assert_holds_the_pairs(open_sequence(io.BytesIO(archive())))
+
+
+def test_an_archive_may_lack_a_right_picture_and_bring_the_truth() -> None:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as whole:
+        for number, (left, right) in enumerate(pairs_of()):
+            whole.writestr(f"drive/image_02/{number}.png", image_png(left))
+            if number != 2:
+                whole.writestr(f"drive/image_03/{number}.png", image_png(right))
+            truth = np.full(left.shape, DISPARITIES[number], np.float32)
+            whole.writestr(f"drive/disparity/{number}.png", kitti_png(truth))
+        whole.writestr("drive/readme.txt", "")
+    sequence = open_sequence(stream.getvalue())
+    assert sequence.names == tuple("012345")
+    for number in (0, 1, 3, 4, 5):
+        truth_read = sequence.frame(number).truth
+        assert truth_read is not None and np.all(truth_read == DISPARITIES[number])
+    with pytest.raises(ValueError, match=r"2\.png has no picture of the right camera"):
+        sequence.frame(2)
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [("left/left_{}.png", "right/right_{}.png"), ("{}_L.png", "{}_R.png"), ("a/im0_{}.png", "a/im1_{}.png")],
+)
+def test_thousands_of_names_are_matched_at_once(left: str, right: str) -> None:
+    names = [side.format(number) for number in range(3000) for side in (left, right)]
+    # Every name held against every other would take minutes.
+    found = matched_frames(random.Random(0).sample(names, len(names)))
+    assert found == [FrameFiles(left.format(number), right.format(number)) for number in range(3000)]
 
 
 def test_the_files_of_an_archive_can_be_read_after_pickling() -> None:
@@ -113,7 +146,7 @@ def test_what_is_no_sequence_is_refused(tmp_path: Path, monkeypatch: pytest.Monk
         open_sequence(tmp_path / "nothing", right)
     with pytest.raises(ValueError, match="is a folder; give two"):
         open_sequence(left)
-    with pytest.raises(ValueError, match="frame_rate is 0 Hz"):
+    with pytest.raises(ValueError, match=r"frame_rate is 0 Hz; allowed are 0\.01 to 1000 Hz"):
         open_sequence(left, right, frame_rate=0)
     with pytest.raises(ValueError, match="not a video"):
         open_sequence(b"no video at all")

@@ -1,0 +1,118 @@
+"""The same job on a Dask cluster: the same maps to the bit, and nothing lost with a worker."""
+
+from __future__ import annotations
+
+import os
+import signal
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_drives import pair, write_folders
+
+from stereolag import preset
+from stereolag.export.maps import image_png
+from stereolag.reading.sources import Source
+from stereolag.sequences import SequenceState, open_sequence, run_sequence
+
+distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.xdist_group("cluster")
+
+DISPARITIES = [4 + number % 6 for number in range(12)]
+ACCURATE = preset("accurate", num_disparities=16)
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """Start a scheduler and two workers, each a process of its own."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with distributed.LocalCluster(
+            n_workers=2,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            scheduler_port=0,
+            silence_logs="CRITICAL",
+        ) as started:
+            yield started
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> tuple[Path, Path]:
+    left, right, _ = write_folders(tmp_path / "drive", DISPARITIES)
+    return left, right
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in (out / "maps").iterdir()}
+
+
+def flickers(out: Path) -> list[str]:
+    return [line.split(",")[-2] for line in (out / "frames.csv").read_text().splitlines()]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path, Path], tmp_path: Path) -> None:
+    killed: list[int] = []
+
+    def kill(state: SequenceState) -> None:
+        if state.done < 2 or killed:
+            return
+        busy = {address: len(worker.processing) for address, worker in cluster.scheduler.workers.items()}
+        victim = max(busy, key=lambda address: busy[address])
+        assert busy[victim] > 0
+        killed.append(next(nanny.pid for nanny in cluster.workers.values() if nanny.worker_address == victim))
+        os.kill(killed[0], signal.SIGKILL)
+
+    picture = folders[1] / "007.png"
+    whole = picture.read_bytes()
+    picture.write_bytes(whole[:400])
+    sequence, here = open_sequence(*folders), tmp_path / "threads"
+    away = tmp_path / "cluster"
+    result = run_sequence(sequence, {"maps": ACCURATE}, away, scheduler=cluster.scheduler_address, progress=kill)
+    assert killed
+    assert (result.matched, list(result.damaged)) == (11, ["007"])
+    run_sequence(sequence, {"maps": ACCURATE}, here)
+    assert contents(away) == contents(here)
+    assert flickers(away) == flickers(here)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_run_goes_on_here_where_a_cluster_left_it(cluster: Any, folders: tuple[Path, Path], tmp_path: Path) -> None:
+    out, done = tmp_path / "out", 0
+
+    def note(state: SequenceState) -> None:
+        nonlocal done
+        done = state.done
+
+    sequence, address = open_sequence(*folders), cluster.scheduler_address
+    result = run_sequence(
+        sequence, {"maps": ACCURATE}, out, scheduler=address, progress=note, cancelled=lambda: done >= 3
+    )
+    assert result.cancelled and result.matched == 3
+    assert run_sequence(sequence, {"maps": ACCURATE}, out).finished_before == 3
+    assert len(contents(out)) == 12
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_workers_read_an_archive_from_its_bytes(cluster: Any, tmp_path: Path) -> None:
+    import io
+    import zipfile
+
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for side, picture in zip(("left", "right"), pair(5, 0), strict=True):
+            archive.writestr(f"{side}/0.png", image_png(picture))
+    source: Source = stream.getvalue()
+    result = run_sequence(
+        open_sequence(source), {"maps": ACCURATE}, tmp_path / "out", scheduler=cluster.scheduler_address
+    )
+    assert result.matched == 1
+
+
+def test_a_scheduler_that_is_not_there_is_told_of(folders: tuple[Path, Path], tmp_path: Path) -> None:
+    with pytest.raises(ConnectionError, match=r"There is no Dask scheduler at 'nonsense://x'"):
+        run_sequence(open_sequence(*folders), ACCURATE, tmp_path / "out", scheduler="nonsense://x")
