@@ -6,17 +6,17 @@ import pytest
 from pydantic import Field
 
 from stereolag.settings import Bounds, Settings, SettingsError
+from stereolag.signals.settings import LagSearch
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.search import CentredSearch, RectifiedSearch
+from stereolag.templates.settings import TemplateQuery
 from stereolag.ui.searches import (
     CURVES,
     LAG_METHODS,
     LAG_METHODS_EXPLAINED,
     TEMPLATE_METHODS,
     TEMPLATE_METHODS_EXPLAINED,
-    LagSearch,
-    TemplateQuery,
 )
 
 CLASSES = (*METHODS, CentredSearch, RectifiedSearch, LagSearch, TemplateQuery)
