@@ -3,8 +3,8 @@
 import streamlit as st
 
 from stereolag.figures import recordings as figures
+from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
-from stereolag.signals.settings import LagSearch
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import Number, show_numbers
 from stereolag.ui.navigation import fragment, page

@@ -3,8 +3,8 @@
 import streamlit as st
 
 from stereolag.figures import templates as figures
+from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch, estimate_search, match_template
-from stereolag.templates.settings import TemplateQuery
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import Number, show_numbers, show_png
 from stereolag.ui.navigation import fragment, page

@@ -6,15 +6,13 @@ import argparse
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from stereolag.commands.board_pictures import board_pictures
 from stereolag.commands.parsing import DONE, CommandParser, add_output, tell
-from stereolag.export import calibration_json, opencv_calibration, ros_calibration, write_file
-from stereolag.geometry.board_views import find_boards
-from stereolag.geometry.boards import Board
-from stereolag.geometry.calibrating import calibrate_boards
-from stereolag.geometry.calibration_report import StereoCalibration
+
+if TYPE_CHECKING:
+    from stereolag.geometry.boards import Board
+    from stereolag.geometry.calibration_report import StereoCalibration
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -50,6 +48,11 @@ def run(arguments: Sequence[str]) -> int:
     add_output(parser)
     options = parser.parse_args(arguments)
 
+    # Once it is known that there is something to do: --help does not wait for them.
+    from stereolag.commands.board_pictures import board_pictures
+    from stereolag.geometry.board_views import find_boards
+    from stereolag.geometry.calibrating import calibrate_boards
+
     names, pictures = board_pictures(options.pictures)
     result = calibrate_boards(find_boards(pictures, options.board), options.square)
     figures = _figures(result, names)
@@ -60,6 +63,8 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _board(text: str) -> Board:
+    from stereolag.geometry.boards import Board
+
     found = re.fullmatch(r"(\d{1,3})[x×,](\d{1,3})", text)
     if found is None:
         raise argparse.ArgumentTypeError(f"{text!r} is no board; give inner corners as COLUMNSxROWS, for example 9x6")
@@ -100,6 +105,8 @@ def _figures(result: StereoCalibration, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _written(folder: str, result: StereoCalibration) -> list[str]:
+    from stereolag.export import calibration_json, opencv_calibration, ros_calibration, write_file
+
     left, right = ros_calibration(result.calibration)
     files = {
         "stereo.yml": opencv_calibration(result.calibration),

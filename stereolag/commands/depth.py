@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from stereolag.commands.depth_files import written_files
-from stereolag.commands.depth_pair import DepthPair, add_pair, read_pair
+import stereolag as sl
 from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.matchers import add_choice, chosen_matcher, shortcuts_of
+from stereolag.commands.pair_flags import add_pair
 from stereolag.commands.parsing import DONE, CommandParser, add_output, tell
-from stereolag.export import figures_of
 from stereolag.settings import FitsImage, marker
-from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+
+if TYPE_CHECKING:
+    from stereolag.commands.depth_pair import DepthPair
 
 FIGURES = ("bad_2_percent", "epe_px", "d1_all_percent", "density", "truth_pixels")
 """What is told of a map beside its ground truth."""
@@ -44,6 +45,11 @@ def run(arguments: Sequence[str]) -> int:
     add_choice(parser)
     flags = SettingsFlags(parser, start, shortcuts_of(start))
     options, matcher = flags.parsed(arguments)
+
+    # Once it is known that there is something to do: --help does not wait for them.
+    from stereolag.commands.depth_files import written_files
+    from stereolag.commands.depth_pair import read_pair
+
     pair = read_pair(options)
     known = pair.calibration and pair.calibration.num_disparities
     if known and options.settings is None and matcher.search_range() == start.search_range():
@@ -81,7 +87,9 @@ def _figures(pair: DepthPair, result: DisparityMap) -> dict[str, Any]:
         "elapsed_s": result.elapsed_s,
     }
     if pair.truth is not None:
-        judged = figures_of(evaluate(result.disparity, pair.truth))
+        from stereolag.export import figures_of
+
+        judged = figures_of(sl.evaluate(result.disparity, pair.truth))
         figures |= {name: judged[name] for name in FIGURES}
     return figures
 

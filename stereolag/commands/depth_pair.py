@@ -6,6 +6,7 @@ import argparse
 from dataclasses import dataclass, replace
 
 from stereolag.arrays import FloatMap
+from stereolag.commands.pair_flags import AUTO, YES
 from stereolag.commands.parsing import read
 from stereolag.doctor.row_evidence import row_evidence
 from stereolag.doctor.truth_scale import likely_divisor
@@ -15,8 +16,6 @@ from stereolag.geometry.scaling import as_deep, calibration_for, cropped_alike
 from stereolag.inputs import Image, as_stereo_pair
 from stereolag.reading import read_calibration, read_image
 from stereolag.reading.disparities import read_stored_disparity
-
-AUTO, YES, NO = "auto", "yes", "no"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,25 +42,6 @@ class DepthPair:
     calibration: Calibration | None = None
     rectified_here: bool = False
     said: tuple[str, ...] = ()
-
-
-def add_pair(parser: argparse.ArgumentParser) -> None:
-    """Tell a parser of the files of a pair."""
-    parser.add_argument("left", metavar="LEFT", help="the left image: PNG, JPEG, WEBP, BMP, TIFF, PPM, PGM or GIF")
-    parser.add_argument("right", metavar="RIGHT", help="the right image, of the same size")
-    parser.add_argument("--truth", metavar="FILE", help="ground truth to judge the map by: PFM, NPY, PNG or PGM")
-    parser.add_argument(
-        "--calibration",
-        metavar="FILE",
-        nargs="+",
-        help="of OpenCV, ROS, Kalibr, Middlebury, KITTI or JSON, in one file or two",
-    )
-    parser.add_argument(
-        "--rectify",
-        choices=[AUTO, YES, NO],
-        default=AUTO,
-        help="with a calibration of both cameras: whether the images are raw (default: auto, as their rows tell)",
-    )
 
 
 def read_pair(options: argparse.Namespace) -> DepthPair:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 
+import stereolag as sl
 from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.parsing import DONE, NOT_FOUND, CommandParser, add_output, read, tell
-from stereolag.reading import read_image
-from stereolag.templates import match_template
-from stereolag.templates.settings import TemplateQuery
+from stereolag.searches import TemplateQuery
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -28,11 +27,11 @@ def run(arguments: Sequence[str]) -> int:
     flags = SettingsFlags(parser, TemplateQuery())
     options, query = flags.parsed(arguments)
 
-    mask = None if options.mask is None else read(read_image, options.mask)
+    mask = None if options.mask is None else read(sl.read_image, options.mask)
     if mask is not None and mask.ndim == 3:
         mask = mask[:, :, :3].max(axis=2)
-    image, template = read(read_image, options.image), read(read_image, options.template)
-    result = match_template(image, template, mask=mask, **query.model_dump(), seed=0)
+    image, template = read(sl.read_image, options.image), read(sl.read_image, options.template)
+    result = sl.match_template(image, template, mask=mask, **query.model_dump(), seed=0)
     figures = {
         "command": "find",
         "found": result.found,

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
-
+import stereolag as sl
 from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.parsing import DONE, CommandParser, add_output, read, tell
-from stereolag.inputs import as_signal
-from stereolag.reading import Recording, read_signal
-from stereolag.signals import SignalLag, signal_lag
-from stereolag.signals.settings import LagSearch
+from stereolag.searches import LagSearch
+
+if TYPE_CHECKING:
+    from stereolag.arrays import Vector
+    from stereolag.reading import Recording
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -30,8 +30,8 @@ def run(arguments: Sequence[str]) -> int:
     flags = SettingsFlags(parser, LagSearch())
     options, settings = flags.parsed(arguments)
 
-    first = read(read_signal, options.first)
-    second = first if options.second is None else read(read_signal, options.second)
+    first = read(sl.read_signal, options.first)
+    second = first if options.second is None else read(sl.read_signal, options.second)
     numbers = options.channels or (1, 2 if options.second is None else 1)
     signals = [
         _channel(one, number, name)
@@ -39,7 +39,7 @@ def run(arguments: Sequence[str]) -> int:
     ]
     if "sampling_rate" not in vars(options):
         settings = settings.model_copy(update={"sampling_rate": _common_rate(first, second) or settings.sampling_rate})
-    result = signal_lag(*signals, **settings.model_dump(), seed=0)
+    result = sl.signal_lag(*signals, **settings.model_dump(), seed=0)
     figures = {
         "command": "lag",
         "lag_samples": result.lag,
@@ -56,8 +56,10 @@ def run(arguments: Sequence[str]) -> int:
     return DONE
 
 
-def _channel(recording: Recording, number: int, name: str | None) -> npt.NDArray[np.float64]:
+def _channel(recording: Recording, number: int, name: str | None) -> Vector:
     """Return a channel, counted from 1; ValueError where there is none, or nothing to compare in it."""
+    from stereolag.inputs import as_signal
+
     count = len(recording.channels)
     if not 1 <= number <= count:
         raise ValueError(
@@ -78,7 +80,7 @@ def _common_rate(first: Recording, second: Recording) -> float | None:
     return next(iter(rates), None)
 
 
-def _in_words(result: SignalLag, settings: LagSearch) -> str:
+def _in_words(result: sl.SignalLag, settings: LagSearch) -> str:
     lines = [
         f"lag       {result.lag} samples ({result.lag_subsample:.2f} with its fraction)",
         f"time      {result.time_s:.6g} s at {settings.sampling_rate:g} samples a second",

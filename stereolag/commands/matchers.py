@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import stereolag as sl
 from stereolag.commands.parsing import CommandParser, read
-from stereolag.reading import read_matcher
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
 
@@ -41,7 +41,7 @@ def chosen_matcher(command: str, arguments: Sequence[str]) -> StereoMatcher:
     add_choice(parser)
     options, _ = parser.parse_known_args(arguments)
     if options.settings is not None:
-        return read(read_matcher, options.settings)
+        return read(sl.read_matcher, options.settings)
     for kind in METHODS:
         if kind.short_name == options.method:
             return kind()

@@ -5,12 +5,11 @@ from typing import Any, get_args
 import pytest
 from pydantic import Field
 
+from stereolag.searches import LagSearch, TemplateQuery
 from stereolag.settings import Bounds, Settings, SettingsError
-from stereolag.signals.settings import LagSearch
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.search import CentredSearch, RectifiedSearch
-from stereolag.templates.settings import TemplateQuery
 from stereolag.ui.searches import (
     CURVES,
     LAG_METHODS,

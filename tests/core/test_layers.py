@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "stereolag"
 FLOORS = (
     {"arrays", "progress", "version", "samples"},
     {"settings", "inputs", "loops"},
-    {"limits"},
+    {"limits", "searches"},
     {"estimates"},
     {"signals", "templates", "geometry", "stereo.estimates", "stereo.reasons"},
     {"stereo.matcher"},

@@ -1,0 +1,27 @@
+"""The arguments that name the files of a stereo pair."""
+
+from __future__ import annotations
+
+import argparse
+
+AUTO, YES, NO = "auto", "yes", "no"
+"""Whether the images are to be rectified."""
+
+
+def add_pair(parser: argparse.ArgumentParser) -> None:
+    """Tell a parser of the files of a pair."""
+    parser.add_argument("left", metavar="LEFT", help="the left image: PNG, JPEG, WEBP, BMP, TIFF, PPM, PGM or GIF")
+    parser.add_argument("right", metavar="RIGHT", help="the right image, of the same size")
+    parser.add_argument("--truth", metavar="FILE", help="ground truth to judge the map by: PFM, NPY, PNG or PGM")
+    parser.add_argument(
+        "--calibration",
+        metavar="FILE",
+        nargs="+",
+        help="of OpenCV, ROS, Kalibr, Middlebury, KITTI or JSON, in one file or two",
+    )
+    parser.add_argument(
+        "--rectify",
+        choices=[AUTO, YES, NO],
+        default=AUTO,
+        help="with a calibration of both cameras: whether the images are raw (default: auto, as their rows tell)",
+    )
