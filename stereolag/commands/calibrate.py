@@ -53,6 +53,8 @@ def run(arguments: Sequence[str]) -> int:
     from stereolag.geometry.board_views import find_boards
     from stereolag.geometry.calibrating import calibrate_boards
 
+    if options.out is not None:
+        Path(options.out).mkdir(parents=True, exist_ok=True)
     names, pictures = board_pictures(options.pictures)
     result = calibrate_boards(find_boards(pictures, options.board), options.square)
     figures = _figures(result, names)
@@ -114,10 +116,8 @@ def _written(folder: str, result: StereoCalibration) -> list[str]:
         "right.yaml": right,
         "calibration.json": calibration_json(result.calibration),
     }
-    place = Path(folder)
-    place.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():
-        write_file(place / name, text.encode())
+        write_file(Path(folder) / name, text.encode())
     return list(files)
 
 

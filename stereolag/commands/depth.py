@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import stereolag as sl
 from stereolag.commands.flags import SettingsFlags
-from stereolag.commands.matchers import add_choice, chosen_matcher, shortcuts_of
+from stereolag.commands.matchers import add_choice, chosen_matcher, elsewhere, shortcuts_of
 from stereolag.commands.pair_flags import add_pair
 from stereolag.commands.parsing import DONE, CommandParser, add_output, tell
 from stereolag.settings import FitsImage, marker
@@ -43,13 +44,15 @@ def run(arguments: Sequence[str]) -> int:
     )
     add_output(parser)
     add_choice(parser)
-    flags = SettingsFlags(parser, start, shortcuts_of(start))
+    flags = SettingsFlags(parser, start, shortcuts_of(start), elsewhere)
     options, matcher = flags.parsed(arguments)
 
     # Once it is known that there is something to do: --help does not wait for them.
     from stereolag.commands.depth_files import written_files
     from stereolag.commands.depth_pair import read_pair
 
+    if options.out is not None:
+        Path(options.out).mkdir(parents=True, exist_ok=True)
     pair = read_pair(options)
     known = pair.calibration and pair.calibration.num_disparities
     if known and options.settings is None and matcher.search_range() == start.search_range():

@@ -53,7 +53,7 @@ def written_files(
     Parameters
     ----------
     folder
-        It is made where there is none.
+        It is there.
     pair, result
         The pair and its map.
     far_is_bright
@@ -69,7 +69,7 @@ def written_files(
     Raises
     ------
     OSError
-        The folder cannot be made or written to.
+        The folder cannot be written to.
     """
     palette = VIRIDIS[::-1] if far_is_bright else VIRIDIS
     makers = {one.name: one.make for one in FILES if one.wanted(pair)}
@@ -79,7 +79,6 @@ def written_files(
             name = f"{side}.tif" if image.dtype.kind == "f" else f"{side}.png"
             makers[name] = partial(_image_file, image)
     place = Path(folder)
-    place.mkdir(parents=True, exist_ok=True)
     names: list[str] = []
     left_out: dict[str, str] = {}
     for name, make in makers.items():

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import NoneType
 from typing import Any, Generic, Literal, TypeVar, get_args
 
@@ -42,9 +42,18 @@ class SettingsFlags(Generic[S]):
         What flags change.
     shortcuts
         Other flags of fields: {"search.num-disparities": "num-disparities"}.
+    hint
+        Returns what else is to be said of a flag that does not exist, by the name of its setting.
     """
 
-    def __init__(self, parser: CommandParser, settings: S, shortcuts: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        parser: CommandParser,
+        settings: S,
+        shortcuts: Mapping[str, str] | None = None,
+        hint: Callable[[str], str] = lambda name: "",
+    ) -> None:
+        self._hint = hint
         self._parser = parser
         self._settings = settings
         self._source: Any = CliSettingsSource(
@@ -69,8 +78,9 @@ class SettingsFlags(Generic[S]):
         options, others = self._parser.parse_known_args(arguments)
         if others:
             name = others[0].partition("=")[0].lstrip("-").replace("-", "_")
-            known = unknown_setting(type(self._settings), name) if others[0].startswith("--") else ""
-            self._parser.error(known or f"{others[0]!r} is one argument too many.")
+            if not others[0].startswith("--"):
+                self._parser.error(f"{others[0]!r} is one argument too many.")
+            self._parser.error(f"{unknown_setting(type(self._settings), name)} {self._hint(name)}")
         try:
             return options, self.applied(options)
         except SettingsError as error:
@@ -97,7 +107,11 @@ def _contradictions(given: Mapping[str, Any], kind: type[BaseModel]) -> Iterator
         if state is None or not nested(field):
             continue
         if state not in (ON, NOTHING):
-            yield name, f"{name} is {state!r}; allowed are {NOTHING}, nothing at all, or flags such as {name}.…."
+            one = next(iter(nested(field)[-1].model_fields))
+            yield (
+                name,
+                f"{name} is {state!r}; its settings have flags of their own, such as --{_flag(name)}.{_flag(one)}.",
+            )
         inner = [one for one in given if one.startswith(f"{name}.")]
         if state == NOTHING and inner:
             yield name, f"{name} is switched off, but {inner[0]} is given: leave one out."
@@ -135,9 +149,13 @@ def _described(field: FieldInfo) -> str:
     return f"{said} {allowed[0].upper()}{allowed[1:]}."
 
 
+def _flag(name: str) -> str:
+    return name.replace("_", "-")
+
+
 def _switched(name: str, field: FieldInfo, value: Any) -> str:
     """Return what a stage says of itself, whether it is on, and what turns it on or off."""
-    flag = f"--{name.replace('_', '-')}"
+    flag = f"--{_flag(name)}"
     state = (
         f"Off: {flag}, or any of these, switches it on" if value is None else f"On: {flag} {NOTHING} switches it off"
     )

@@ -49,6 +49,12 @@ def chosen_matcher(command: str, arguments: Sequence[str]) -> StereoMatcher:
     return preset(name)
 
 
+def elsewhere(name: str) -> str:
+    """Return with which methods there is a setting of a name; "" where there is none."""
+    having = [kind.short_name for kind in METHODS if name in kind.model_fields]
+    return f"There is one with --method {' or '.join(having)}." if having else ""
+
+
 def shortcuts_of(matcher: StereoMatcher) -> dict[str, str]:
     """Return the other flags of a matcher's settings."""
     return SHORTCUTS if "search" in type(matcher).model_fields else {}
