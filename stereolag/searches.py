@@ -15,17 +15,20 @@ TemplateMethod: TypeAlias = Literal["fft", "sampled", "direct"]
 class LagSearch(Settings):
     """What :func:`stereolag.signals.signal_lag` is called with."""
 
-    method: SignalMethod = Field(default="fft", title="Method")
+    method: SignalMethod = Field(default="fft", title="Method", description="How the lag is looked for.")
     sampling_rate: float = Field(
         default=44_100.0, title="Sampling rate, Hz", description="Samples a second, of both recordings.", gt=0
     )
     speed: float = Field(
-        default=333.0, title="Speed of the wave, m/s", description="Of sound in the report: 333 m/s.", gt=0
+        default=333.0,
+        title="Speed of the wave, m/s",
+        description="How fast the wave travels, m/s; sound in the report 333.",
+        gt=0,
     )
     max_lag: int | None = Field(
         default=None,
         title="Largest lag, samples",
-        description="How far to search to either side; leave it empty to search every lag.",
+        description="How far to search to either side, samples; every lag unless set.",
         ge=0,
     )
 
@@ -33,7 +36,7 @@ class LagSearch(Settings):
 class TemplateQuery(Settings):
     """What :func:`stereolag.templates.match_template` is called with."""
 
-    method: TemplateMethod = Field(default="fft", title="Method")
+    method: TemplateMethod = Field(default="fft", title="Method", description="How the template is looked for.")
     min_score: float = Field(
         default=0.5,
         title="Minimum score",
@@ -43,5 +46,5 @@ class TemplateQuery(Settings):
         json_schema_extra={"step": 0.05},
     )
     max_matches: int = Field(
-        default=1, title="Matches wanted", description="At most so many places are framed.", ge=1, le=20
+        default=1, title="Matches wanted", description="At most so many places are given.", ge=1, le=20
     )

@@ -36,12 +36,6 @@ def run(arguments: Sequence[str]) -> int:
         "LEFT RIGHT [--out DIR] [--preset NAME] [--calibration FILE] [--truth FILE] [--json] [settings]",
     )
     add_pair(parser)
-    parser.add_argument(
-        "--out",
-        metavar="DIR",
-        help="write the map there: disparity as .pfm, .npy, _kitti.png (16 bits, × 256) and _coloured.png, "
-        "settings.json, and with a calibration cloud.ply; nothing is written unless given",
-    )
     add_output(parser)
     add_choice(parser)
     flags = SettingsFlags(parser, start, shortcuts_of(start), elsewhere)

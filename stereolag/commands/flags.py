@@ -145,7 +145,7 @@ def _described(field: FieldInfo) -> str:
     said = field.description or f"{field.title}."
     if choices(field) or nested(field) or base_type(field) is bool:
         return said
-    allowed = allowed_values(field).removeprefix("are ").removeprefix("is ")
+    allowed = allowed_values(field).removeprefix("are ").removeprefix("is ").replace(" or None", f" or {NOTHING}")
     return f"{said} {allowed[0].upper()}{allowed[1:]}."
 
 

@@ -20,7 +20,8 @@ def run(arguments: Sequence[str]) -> int:
     parser = CommandParser(
         "lag",
         "Tell by how many samples the second recording lags behind the first: positive where it hears the event later. "
-        "Recordings are WAV, FLAC, OGG, MP3, AIFF, NPY or columns of numbers; one file with two channels is enough.",
+        "Recordings are WAV, FLAC, OGG, MP3, AIFF, NPY or columns of numbers; one file with two channels is enough. "
+        "The sampling rate is that of the files, if they state one and no other is given.",
         "FIRST [SECOND] [--speed M/S] [--method NAME] [--json] [further settings]",
     )
     parser.add_argument("first", metavar="FIRST", help="the first recording, or one of both channels")
