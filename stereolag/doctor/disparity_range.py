@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from stereolag.arrays import DoubleMap
-from stereolag.doctor.features import Correspondences, Points
+from stereolag.doctor.features import Chosen, Correspondences, Points
 from stereolag.doctor.findings import FEWEST_MATCHES, INFINITY_SLACK_PX
 from stereolag.doctor.rows import robust_fit
 from stereolag.inputs import Image
@@ -30,6 +31,9 @@ cannot be matched, more of what is matched is wrong. Near objects that are misse
 
 FEATURE_TAIL, FEATURES_LEFT_OUT = 2.0, 3
 """Percentage of the features left out at each end, and how many at least."""
+
+NEIGHBOURS, LEAST_ALIKE, ALIKE = 8, 3, 0.01
+"""Of so many nearest features so many must have the same disparity, but for this share of the width."""
 
 RANGE_MARGIN = 0.15
 """How far beyond the disparities seen the suggested range reaches, as a share of their span."""
@@ -75,10 +79,26 @@ def disparities_seen(left: Image, right: Image, points: Correspondences) -> tupl
 
 
 def disparities_of(points: Correspondences) -> tuple[float, float]:
-    """Return the range of the disparities of matched features, px, but for a few of them."""
-    tail = max(FEATURE_TAIL, 100 * FEATURES_LEFT_OUT / len(points))
-    low, high = np.percentile(-points.dx, (tail, 100 - tail))
+    """Return the range of the disparities of matched features, px, but for a few of them.
+
+    Features with few neighbours of their disparity do not count: matches with another picket of a fence lie along the
+    row as right ones do, but at all distances.
+    """
+    disparities = -points.dx
+    known = disparities[_supported(points)]
+    if known.size < FEWEST_MATCHES:
+        known = disparities
+    tail = max(FEATURE_TAIL, 100 * FEATURES_LEFT_OUT / known.size)
+    low, high = np.percentile(known, (tail, 100 - tail))
     return float(low), float(high)
+
+
+def _supported(points: Correspondences) -> Chosen:
+    """Return which features have enough neighbours with about their disparity."""
+    _, found = cKDTree(points.left).query(points.left, k=min(NEIGHBOURS + 1, len(points)))
+    near = np.asarray(found)[:, 1:]  # the first is the feature itself
+    apart = np.abs(points.dx[near] - points.dx[:, np.newaxis])
+    return np.asarray((apart <= ALIKE * points.shape[1]).sum(axis=1) >= LEAST_ALIKE)
 
 
 def range_for(low: float, high: float) -> tuple[int, int]:

@@ -19,20 +19,8 @@ from stereolag.ui.controls import adopt_value, control, last_valid
 from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
 from stereolag.ui.keys import method_key, more_key, setting_key
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.sentences import CHOICE_NAMES
 
-CHOICE_NAMES = {
-    "zncc": "ZNCC",
-    "ncc": "NCC",
-    "cross": "Plain",
-    "phase": "Phase",
-    "auto": "Automatic",
-    "window_sums": "Window sums",
-    "fft": "FFT",
-    "sgbm": "5",
-    "hh": "8",
-    "sgbm_3way": "3",
-    "hh4": "4",
-}
 LARGEST_WINDOW = 101
 
 KIND = "kind"
@@ -93,15 +81,26 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
     drawn
         False where its controls are folded away: they are not drawn, which takes time, and keep their values.
     """
+    return last_valid(_asked(kind, pair, drawn=drawn), _in_use_key(kind))
+
+
+def matcher_as_set(kind: type[Matcher], pair: StereoPair) -> Matcher | None:
+    """Return the settings that :func:`ask_matcher` is about to return, for what is done before it is drawn."""
+    try:
+        return _asked(kind, pair, drawn=False)()
+    except SettingsError:
+        return cast(Matcher | None, st.session_state.get(_in_use_key(kind)))
+
+
+def _asked(kind: type[Matcher], pair: StereoPair, *, drawn: bool) -> Callable[[], Matcher]:
+    """Draw the controls of a method where they are to be drawn, and return what makes its settings from them."""
     refusals: list[SettingsError] = []
     top = st.container() if drawn else nullcontext()
-    foldable = set(kind.model_fields) - set(_first_shown(kind))
-    folds = bool(foldable) and drawn
+    folds = drawn and set(kind.model_fields) > set(_first_shown(kind))
     expander = _more_settings(more_key(kind.short_name)) if folds else None
-    first = first_settings(kind, pair)
     place = _Place(
         kind,
-        first,
+        first_settings(kind, pair),
         kind,
         "",
         pair,
@@ -118,19 +117,7 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
             raise refusal
         return kind(**values)
 
-    return last_valid(make, _in_use_key(kind))
-
-
-def matcher_as_set(kind: type[Matcher], pair: StereoPair) -> Matcher | None:
-    """Return the settings that :func:`ask_matcher` is about to return; for who needs them before it is drawn."""
-    refusals: list[SettingsError] = []
-    first = first_settings(kind, pair)
-    place = _Place(kind, first, kind, "", pair, nullcontext(), False, False, False, refusals.append)
-    values = _ask_all(place, nullcontext())
-    try:
-        return kind(**values) if not refusals else st.session_state.get(_in_use_key(kind))
-    except SettingsError:
-        return st.session_state.get(_in_use_key(kind))
+    return make
 
 
 def _more_settings(key: str) -> ExpanderContainer:

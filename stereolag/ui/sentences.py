@@ -95,6 +95,21 @@ def _apart(median: float) -> str:
 
 # Why is it blank?
 
+CHOICE_NAMES = {
+    "zncc": "ZNCC",
+    "ncc": "NCC",
+    "cross": "Plain",
+    "phase": "Phase",
+    "auto": "Automatic",
+    "window_sums": "Window sums",
+    "fft": "FFT",
+    "sgbm": "5",
+    "hh": "8",
+    "sgbm_3way": "3",
+    "hh4": "4",
+}
+"""What the choices of settings are called on a page."""
+
 REASON_WORDS = {
     Reason.MEASURED: "measured",
     Reason.FILLED: "filled in",

@@ -12,7 +12,7 @@ from ailing_pairs import ILLS, REMEDIES, turned
 from stereolag.doctor import Diagnosis, FindingCode, Remedy, apply_remedy, diagnose, judge_range
 from stereolag.doctor.correspondences import find_correspondences
 from stereolag.doctor.remedies import exposed_alike, levelled
-from stereolag.reading import read_image
+from stereolag.reading import read_disparity, read_image
 from stereolag.samples import stereo_pairs
 
 Pair = tuple[np.ndarray, np.ndarray]
@@ -96,6 +96,19 @@ def test_the_range_is_judged_against_the_disparities_in_the_pair(pair: Pair) -> 
     assert (first, count) == suggested
     assert count % 16 == 0
     assert FindingCode.RANGE not in amber(diagnose(*pair, min_disparity=first, num_disparities=count))
+
+
+@pytest.mark.parametrize("name", stereo_pairs())
+def test_the_range_holds_what_there_is_and_little_more_on_a_fence_too(name: str) -> None:
+    example = stereo_pairs()[name]
+    found = diagnose(read_image(example.left), read_image(example.right)).suggested_range
+    assert found is not None
+    first, count = found
+    truth = read_disparity(example.disparity)
+    low, high = np.nanpercentile(truth, (0.1, 99.9))
+    assert first <= low < high <= first + count - 1
+    assert first >= -16
+    assert first + count <= high + 0.3 * (high - low) + 32
 
 
 def test_a_range_is_judged_without_looking_again(pair: Pair) -> None:
