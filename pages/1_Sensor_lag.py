@@ -3,13 +3,14 @@
 import streamlit as st
 
 from stereolag.figures import recordings as figures
+from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import Number, show_numbers
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_in_turn
-from stereolag.ui.searches import CURVES, LAG_METHODS, LAG_METHODS_EXPLAINED, LagSearch
+from stereolag.ui.searches import CURVES, LAG_METHODS, LAG_METHODS_EXPLAINED
 from stereolag.ui.sentences import duration, lag_in_words
 
 

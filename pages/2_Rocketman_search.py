@@ -3,13 +3,14 @@
 import streamlit as st
 
 from stereolag.figures import templates as figures
+from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import Number, show_numbers, show_png
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
-from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED, TemplateQuery
+from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
 from stereolag.ui.sentences import duration, why_not_found
 
 

@@ -1,12 +1,26 @@
-"""The console command ``stereolag``: one subcommand a module of this package."""
+"""The console command ``stereolag``: one subcommand a module of this package.
+
+The module of a measuring command has `run`, which takes its arguments and returns the code to exit with. It is
+imported when it is asked for: none waits for what another one needs.
+"""
 
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
+from importlib import import_module
 
 from stereolag.commands import serving
 from stereolag.version import VERSION
+
+MEASURING = {
+    "depth": "the depth map of a stereo pair",
+    "lag": "the lag between two recordings",
+    "find": "the place of a template in an image",
+    "calibrate": "the calibration of a stereo camera from pictures of a board",
+}
+"""Each command that measures, a module of this package, and what it gives: a new one is listed here."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -22,9 +36,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         The code to exit with.
     """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given and given[0] in MEASURING:
+        from stereolag.commands.parsing import guarded
+
+        module = import_module(f"{__name__}.{given[0]}")
+        return guarded(given[0], lambda: int(module.run(given[1:])))
     parser = argparse.ArgumentParser(prog="stereolag", description="Lag by correlation.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=VERSION)
     commands = parser.add_subparsers(dest="command", required=True, metavar="command")
     serving.add_options(commands.add_parser("app", help="start the app in a browser's reach", allow_abbrev=False))
-    options, others = parser.parse_known_args(arguments)
+    for name, gives in MEASURING.items():
+        commands.add_parser(name, help=gives)
+    options, others = parser.parse_known_args(given)
     return serving.start(options, others, remedy="stereolag app --port 8600")

@@ -22,8 +22,8 @@ from stereolag.export.opencv_programs import opencv_script
 from stereolag.export.programs import script
 from stereolag.export.sessions import session_json
 from stereolag.export.settings import opencv_yaml, settings_json
-from stereolag.export.tables import metrics_csv, wav
-from stereolag.export.writing import write_disparity, write_matcher
+from stereolag.export.tables import figures_of, metrics_csv, wav
+from stereolag.export.writing import write_disparity, write_file, write_matcher
 
 __all__ = [
     "bundle",
@@ -32,6 +32,7 @@ __all__ = [
     "confidence",
     "confidence_png",
     "enlarged",
+    "figures_of",
     "file_name",
     "has_scores",
     "image_png",
@@ -52,5 +53,6 @@ __all__ = [
     "valid_mask_png",
     "wav",
     "write_disparity",
+    "write_file",
     "write_matcher",
 ]

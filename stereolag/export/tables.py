@@ -47,7 +47,7 @@ def metrics_csv(
     for name in dict.fromkeys([*evaluations, *maps, *estimated]):
         figures: dict[str, float] = {}
         if name in evaluations:
-            figures |= _figures_of(evaluations[name])
+            figures |= figures_of(evaluations[name])
         if name in maps:
             result = maps[name]
             measured = float((result.valid & ~result.filled).mean())
@@ -59,7 +59,8 @@ def metrics_csv(
     return text.getvalue()
 
 
-def _figures_of(evaluation: Evaluation) -> dict[str, float]:
+def figures_of(evaluation: Evaluation) -> dict[str, float]:
+    """Return the figures of an evaluation by name, the thresholds and the unit within it: ``bad_2_percent``."""
     figures = {
         "truth_pixels": evaluation.truth_pixels,
         "density": evaluation.density,

@@ -40,7 +40,7 @@ def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> N
     if encode is None:
         allowed = ", ".join(DISPARITY_FORMATS)
         raise ValueError(f"path ends in {target.suffix!r}; a disparity map is written as {allowed}.")
-    write_bytes(target, encode(disparity))
+    write_file(target, encode(disparity))
 
 
 def write_matcher(path: str | os.PathLike[str], matcher: StereoMatcher) -> None:
@@ -51,7 +51,7 @@ def write_matcher(path: str | os.PathLike[str], matcher: StereoMatcher) -> None:
     OSError
         The folder does not exist, the disk is full, and so on; a file that was there before is left as it was.
     """
-    write_bytes(Path(path), settings_json(matcher).encode())
+    write_file(Path(path), settings_json(matcher).encode())
 
 
 def _npy(disparity: npt.ArrayLike) -> bytes:
@@ -65,7 +65,7 @@ DISPARITY_FORMATS: dict[str, Callable[[npt.ArrayLike], bytes]] = {".pfm": pfm, "
 """By suffix, in small letters."""
 
 
-def write_bytes(path: Path, data: bytes, *, synced: bool = True) -> None:
+def write_file(path: Path, data: bytes, *, synced: bool = True) -> None:
     """Write a file beside its place and move it there once it is complete.
 
     Parameters
@@ -76,6 +76,11 @@ def write_bytes(path: Path, data: bytes, *, synced: bool = True) -> None:
         What it is to hold.
     synced
         Wait until the disk has it. Without, an interrupted process leaves no half a file either, a power failure may.
+
+    Raises
+    ------
+    OSError
+        As :func:`write_disparity` does.
     """
     part = path.with_name(f".{uuid4().hex}.part")
     try:

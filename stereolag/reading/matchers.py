@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stereolag.reading.sources import Source, harmless, quoted, read_bytes
 from stereolag.settings import SettingsError
-from stereolag.stereo.matcher import StereoMatcher
-from stereolag.stereo.methods import METHODS
+
+if TYPE_CHECKING:
+    from stereolag.stereo.matcher import StereoMatcher
 
 WHAT = "settings file"
 MAX_BYTES = 2**16
@@ -48,6 +49,8 @@ def matcher_from(document: Any, what: str) -> StereoMatcher:
     what
         Where it was found, for the errors.
     """
+    from stereolag.stereo.methods import METHODS  # who reads an image or a recording does not wait for them
+
     if not (isinstance(document, dict) and "method" in document and isinstance(document.get("settings"), dict)):
         raise ValueError(f'The {what} must be a JSON object with "method", a name, and "settings", an object.')
     name = document["method"]

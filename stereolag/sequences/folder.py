@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from stereolag.export.settings import settings_document
-from stereolag.export.writing import DISPARITY_FORMATS, write_bytes
+from stereolag.export.writing import DISPARITY_FORMATS, write_file
 from stereolag.geometry.calibration import Calibration
 from stereolag.sequences.matching import PNG, MatchedFrame
 from stereolag.sequences.records import FrameRecord, header, lines, read_records
@@ -87,7 +87,7 @@ class SequenceFolder:
     def write(self, frame: MatchedFrame, records: Iterable[FrameRecord]) -> None:
         """Write the maps of a frame, each whole or not at all, and then its lines of the table."""
         for method, one in frame.maps.items():
-            write_bytes(self._file(frame.number, method), one.data, synced=False)
+            write_file(self._file(frame.number, method), one.data, synced=False)
         new = {(record.number, record.method): record for record in records}
         self._table.write(lines(new.values()))
         self._table.flush()
@@ -133,12 +133,12 @@ class SequenceFolder:
 
     def _note(self) -> None:
         document = {"digest": _digest(self._document), "made_of": self._document, "colours": self.colours}
-        write_bytes(self._path / MANIFEST, (json.dumps(document, indent=2) + "\n").encode())
+        write_file(self._path / MANIFEST, (json.dumps(document, indent=2) + "\n").encode())
 
     def _rewrite_table(self) -> None:
         order = {method: place for place, method in enumerate(self._methods)}
         ordered = sorted(self._records.values(), key=lambda one: (one.number, order.get(one.method, -1)))
-        write_bytes(self._path / TABLE, (header() + lines(ordered)).encode())
+        write_file(self._path / TABLE, (header() + lines(ordered)).encode())
 
 
 def _check(matchers: Mapping[str, StereoMatcher], suffix: str) -> None:

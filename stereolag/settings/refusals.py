@@ -48,7 +48,7 @@ def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Probl
         elif found["type"] == "missing":
             yield Problem(name, f"{name} is missing.")
         elif field is not None:
-            yield Problem(name, f"{name} is {_shown(found['input'])}; allowed {_allowed(field)}.")
+            yield Problem(name, f"{name} is {_shown(found['input'])}; allowed {allowed_values(field)}.")
         else:
             yield Problem(name, f"{name or kind.__name__} is {_shown(found['input'])}: {found['msg']}.")
 
@@ -79,7 +79,7 @@ def _followed(kind: type[BaseModel], place: tuple[int | str, ...]) -> tuple[list
     return path, field
 
 
-def _allowed(field: FieldInfo) -> str:
+def allowed_values(field: FieldInfo) -> str:
     """Return what a field allows, as the end of a sentence."""
     options, kind, inner = choices(field), base_type(field), nested(field)
     if options:

@@ -6,7 +6,6 @@ All take mean-free float64 vectors and return one value for each lag from ``firs
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal, TypeAlias
 
 import numpy as np
 from scipy import fft
@@ -22,8 +21,6 @@ from stereolag.signals.overlaps import (
     turn_forth,
     weighted_pearson,
 )
-
-SignalMethod: TypeAlias = Literal["fft", "phat", "sampled", "direct"]
 
 _FADED_SHARE = 0.03
 _WHITENING_FLOOR = 1e-3

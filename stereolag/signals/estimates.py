@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting, rounded_down
-from stereolag.signals.curves import SignalMethod, transform_length
+from stereolag.searches import SignalMethod
+from stereolag.signals.curves import transform_length
 
 REAL, COMPLEX, INDEX = 8, 16, 8
 """Bytes of one number of a recording, of its spectrum, and of a lag."""

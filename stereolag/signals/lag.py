@@ -16,7 +16,8 @@ from stereolag.arrays import Vector
 from stereolag.estimates import check_memory
 from stereolag.inputs import as_signal
 from stereolag.progress import Progress, silent
-from stereolag.signals.curves import SignalMethod, direct_curve, fft_curve, phat_curve
+from stereolag.searches import SignalMethod
+from stereolag.signals.curves import direct_curve, fft_curve, phat_curve
 from stereolag.signals.estimates import estimate_lag, fitting_recordings
 from stereolag.signals.overlaps import overlap_length, overlap_pearson
 from stereolag.signals.peaks import REACH, Lags, find_peak, peak_ratio, refine_peak

@@ -1,7 +1,7 @@
 """Where a template lies in an image: every position scored by correlation, or a few found by exact pixels."""
 
+from stereolag.searches import TemplateMethod
 from stereolag.templates.estimates import estimate_search
-from stereolag.templates.score_maps import TemplateMethod
 from stereolag.templates.search import TemplateMatch, TemplateSearch, match_template
 
 __all__ = ["TemplateMatch", "TemplateMethod", "TemplateSearch", "estimate_search", "match_template"]

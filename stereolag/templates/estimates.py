@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting
-from stereolag.templates.score_maps import TemplateMethod, tiling
+from stereolag.searches import TemplateMethod
+from stereolag.templates.score_maps import tiling
 
 Shape = tuple[int, ...]
 

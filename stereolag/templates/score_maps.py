@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 import cv2
 import numpy as np
@@ -22,8 +21,6 @@ from stereolag.inputs import Image
 from stereolag.progress import Progress
 from stereolag.templates.correlation import fill_pearson, pearson, running_box_energy
 from stereolag.templates.patterns import Pattern
-
-TemplateMethod: TypeAlias = Literal["fft", "sampled", "direct"]
 
 Plane = npt.NDArray[np.float64]
 Planes = npt.NDArray[np.float64]

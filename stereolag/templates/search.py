@@ -13,10 +13,11 @@ import numpy.typing as npt
 from stereolag.estimates import check_memory
 from stereolag.inputs import Image, as_image
 from stereolag.progress import Progress, silent
+from stereolag.searches import TemplateMethod
 from stereolag.templates.estimates import estimate_search, fitting_image, has_alpha
 from stereolag.templates.exact_pixels import exact_positions
 from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of
-from stereolag.templates.score_maps import TemplateMethod, direct_score_map, fft_score_map
+from stereolag.templates.score_maps import direct_score_map, fft_score_map
 
 Indices = npt.NDArray[np.intp]
 

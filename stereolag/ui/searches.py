@@ -1,48 +1,6 @@
-"""What can be set for a lag and for a template search, declared once for controls, checks and JSON."""
+"""What the methods of the lag page and of the template search are called, and what is said of each."""
 
 from __future__ import annotations
-
-from pydantic import Field
-
-from stereolag.settings import Settings
-from stereolag.signals import SignalMethod
-from stereolag.templates import TemplateMethod
-
-
-class LagSearch(Settings):
-    """What :func:`stereolag.signals.signal_lag` is called with."""
-
-    method: SignalMethod = Field(default="fft", title="Method")
-    sampling_rate: float = Field(
-        default=44_100.0, title="Sampling rate, Hz", description="Samples a second, of both recordings.", gt=0
-    )
-    speed: float = Field(
-        default=333.0, title="Speed of the wave, m/s", description="Of sound in the report: 333 m/s.", gt=0
-    )
-    max_lag: int | None = Field(
-        default=None,
-        title="Largest lag, samples",
-        description="How far to search to either side; leave it empty to search every lag.",
-        ge=0,
-    )
-
-
-class TemplateQuery(Settings):
-    """What :func:`stereolag.templates.match_template` is called with."""
-
-    method: TemplateMethod = Field(default="fft", title="Method")
-    min_score: float = Field(
-        default=0.5,
-        title="Minimum score",
-        description="Places that score lower are no match: 1 is an exact copy, 0 has nothing in common.",
-        ge=0,
-        le=1,
-        json_schema_extra={"step": 0.05},
-    )
-    max_matches: int = Field(
-        default=1, title="Matches wanted", description="At most so many places are framed.", ge=1, le=20
-    )
-
 
 LAG_METHODS = {"fft": "FFT", "phat": "GCC-PHAT", "sampled": "Sampled", "direct": "Direct"}
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereolag.figures.disparity import disparity_range
+from stereolag.figures.colour_ranges import disparity_range
 from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher

@@ -5,6 +5,7 @@ from typing import Any, get_args
 import pytest
 from pydantic import Field
 
+from stereolag.searches import LagSearch, TemplateQuery
 from stereolag.settings import Bounds, Settings, SettingsError
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM
@@ -15,8 +16,6 @@ from stereolag.ui.searches import (
     LAG_METHODS_EXPLAINED,
     TEMPLATE_METHODS,
     TEMPLATE_METHODS_EXPLAINED,
-    LagSearch,
-    TemplateQuery,
 )
 
 CLASSES = (*METHODS, CentredSearch, RectifiedSearch, LagSearch, TemplateQuery)

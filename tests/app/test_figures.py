@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereolag.figures.disparity import FAR_TO_NEAR, disparity_range, image_into_map
+from stereolag.figures.colour_ranges import disparity_range
+from stereolag.figures.disparity import FAR_TO_NEAR, image_into_map
 from stereolag.figures.pictures import NO_ANSWER, VIRIDIS, as_rgb, coloured, fitted, png
 from stereolag.figures.recordings import (
     CLOSE_UP_SAMPLES,

@@ -17,6 +17,7 @@ from streamlit.testing.v1 import AppTest
 
 from benchmarks import accuracy
 from benchmarks.pairs import TruePair
+from stereolag.commands import main
 from stereolag.export import script, settings_json
 from stereolag.inputs import Image, as_grey
 from stereolag.progress import Progress
@@ -134,6 +135,17 @@ def test_a_new_method_goes_out_as_settings_and_as_a_program(tmp_path: Path) -> N
     assert done.returncode == 0, done.stderr
     left = cv2.imread(str(tmp_path / "left.png"), cv2.IMREAD_GRAYSCALE)
     np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), matcher.compute(left, left).disparity)
+
+
+@pytest.mark.usefixtures("listed")
+def test_a_new_method_has_its_flags(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for side in ("left", "right"):
+        cv2.imwrite(str(tmp_path / f"{side}.png"), np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8))
+    pair = str(tmp_path / "left.png"), str(tmp_path / "right.png")
+    assert main(["depth", *pair, "--method", "sad", "--side", "7", "--strict", "--out", str(tmp_path)]) == 0
+    assert read_matcher(tmp_path / "settings.json") == AbsoluteDifferences(side=7, strict=True)
+    assert main(["depth", *pair, "--settings", str(tmp_path / "settings.json"), "--json"]) == 0
+    assert '"method": "AbsoluteDifferences"' in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("listed")

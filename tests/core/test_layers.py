@@ -15,13 +15,13 @@ PACKAGE = Path(__file__).resolve().parents[2] / "stereolag"
 FLOORS = (
     {"arrays", "progress", "version", "samples"},
     {"settings", "inputs", "loops"},
-    {"limits", "figures.pictures"},
+    {"limits", "searches", "figures.pictures"},
     {"estimates"},
     {"signals", "templates", "geometry", "stereo.estimates", "stereo.reasons"},
     {"stereo.matcher"},
     {"stereo.finishing"},
     {"stereo.windows", "stereo.semi_global", "stereo.opencv", "stereo.evaluation"},
-    {"stereo.methods"},
+    {"stereo.methods", "motion"},
     {"tuning", "doctor", "reading"},
     {"explaining", "export"},
     {"sequences"},
@@ -113,6 +113,11 @@ def test_no_module_is_longer_than_300_lines() -> None:
     assert not {module: length for module, length in lengths.items() if length > 300}
 
 
-def test_importing_the_library_brings_in_no_screen() -> None:
-    code = "import stereolag, sys; sys.exit(', '.join({'streamlit', 'plotly'} & set(sys.modules)) or 0)"
+def test_importing_the_library_brings_in_nothing_before_it_is_used() -> None:
+    code = "import stereolag, sys; sys.exit(', '.join({'numpy', 'numba', 'cv2'} & set(sys.modules)) or 0)"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=PACKAGE.parent)
+
+
+def test_everything_that_is_public_brings_in_no_screen() -> None:
+    code = "from stereolag import *; import sys; sys.exit(', '.join({'streamlit', 'plotly'} & set(sys.modules)) or 0)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=PACKAGE.parent)

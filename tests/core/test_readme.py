@@ -7,6 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+from commanded import ran
+
+import stereolag as sl
+from stereolag.settings import changed
+
 PROJECT = Path(__file__).resolve().parents[2]
 
 
@@ -23,3 +29,24 @@ def test_the_program_in_the_readme_runs_in_the_project_folder() -> None:
     assert 0 < accurate < windows < block < 30
     assert lines[-2] == "[]"
     assert lines[-1].startswith("{")
+
+
+def test_the_commands_in_the_readme_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    readme = (PROJECT / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```\n(stereolag (?!app).*?)```", readme, re.DOTALL)
+    *lines, calibrating = block.splitlines()
+    (tmp_path / "assets").symlink_to(PROJECT / "assets")
+    monkeypatch.chdir(tmp_path)
+    said = []
+    for line in lines:
+        told = ran(capsys, *line.split()[1:])
+        assert (told.code, told.err) == (0, ""), line
+        said.append(told.out)
+    assert said[0].startswith("lag       50082 samples")
+    assert '"row": 528, "col": 982' in said[1]
+    assert "bad-2 0." in said[2]
+    assert sl.read_matcher(tmp_path / "map/settings.json") == changed(sl.preset("fast"), {"median.radius": 4})
+    refused = ran(capsys, *calibrating.split()[1:])
+    assert refused.err == "stereolag calibrate: pairs.zip: there is no such file or folder.\n"

@@ -6,15 +6,13 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, overload
 
 from stereolag.estimates import Estimate
 from stereolag.geometry.board_views import MOST_PAIRS, Pairs
-from stereolag.inputs import Image
-from stereolag.reading import read_image
 from stereolag.reading.archives import is_archive, read_archive
-from stereolag.reading.pairing import PairFiles, matched_pairs
-from stereolag.reading.sources import MAX_BYTES, harmless, quoted
+from stereolag.reading.pairing import matched_pairs
+from stereolag.reading.picture_pairs import PicturesOfFiles
+from stereolag.reading.sources import MAX_BYTES, harmless
 from stereolag.ui.calibrate.examples import EXAMPLES, WRONG_PAIR, example_pairs
 from stereolag.ui.choices import choose, own_or_example
 from stereolag.ui.uploads import PICTURE_TYPES, upload_named
@@ -62,33 +60,6 @@ class BoardPictures:
         """Return what it takes to look for the board in so many of them."""
         seconds = 2 * pairs * (PICTURE_S + MEGAPIXEL_S * self.pixels / 1e6)
         return Estimate(BYTES_PER_PIXEL * self.pixels + 64 * 2**20, seconds)
-
-
-class PicturesOfFiles(Sequence[tuple[Image, Image]]):
-    """Pairs of pictures that are decoded anew each time they are asked for: all at once would take gigabytes."""
-
-    def __init__(self, files: Sequence[PairFiles], read: Callable[[str], bytes]) -> None:
-        self._files = files
-        self._read = read
-
-    def __len__(self) -> int:
-        return len(self._files)
-
-    @overload
-    def __getitem__(self, number: int) -> tuple[Image, Image]: ...
-    @overload
-    def __getitem__(self, number: slice) -> Sequence[tuple[Image, Image]]: ...
-    def __getitem__(self, number: Any) -> Any:
-        if isinstance(number, slice):
-            return PicturesOfFiles(self._files[number], self._read)
-        files = self._files[number]
-        return self._picture(files.left), self._picture(files.right)
-
-    def _picture(self, name: str) -> Image:
-        try:
-            return read_image(self._read(name))
-        except ValueError as error:
-            raise ValueError(f"{quoted(name)}: {error}") from error
 
 
 def choose_board_pictures() -> BoardPictures:

@@ -8,7 +8,8 @@ import numpy as np
 import streamlit as st
 
 from stereolag.arrays import FloatMap
-from stereolag.figures.disparity import PALETTES, disparity_range
+from stereolag.figures.colour_ranges import disparity_range, searched_range
+from stereolag.figures.disparity import PALETTES
 from stereolag.figures.pictures import thinned
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui.depth.view import DepthView
@@ -29,7 +30,7 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
     The range is the one searched, of all maps shown together, until the visitor sets another.
     """
     key = range_key(pair)
-    low, high = st.session_state.get(key) or _searched(results)
+    low, high = st.session_state.get(key) or searched_range(results.values())
     palette = st.session_state.get(PALETTE, FIRST_PALETTE)
     inverted = st.session_state.get(INVERTED, False)
     colours = st.popover("Colours", icon=":material/palette:", key=f"{COLOURS}.opened", on_change="rerun")
@@ -110,14 +111,6 @@ def _fit(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> Non
     maps: list[FloatMap] = [one.disparity for one in results.values()]
     ranges = [disparity_range([one]) for one in (maps if pair.truth is None else [*maps, pair.truth])]
     st.session_state[key] = min(low for low, _ in ranges), max(high for _, high in ranges)
-
-
-def _searched(results: Mapping[str, DisparityMap]) -> tuple[float, float]:
-    """Return the first and the last disparity that any of the maps can hold, px."""
-    ranges = [found for one in results.values() if (found := one.settings.reach()) is not None]
-    if not ranges:
-        return disparity_range([one.disparity for one in results.values()])
-    return float(min(first for first, _ in ranges)), float(max(first + count for first, count in ranges))
 
 
 def _share_beyond(view: DepthView, name: str) -> float:

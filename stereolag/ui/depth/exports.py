@@ -12,7 +12,6 @@ from stereolag.export import (
     confidence,
     confidence_png,
     has_scores,
-    image_png,
     kitti_png,
     measured_mask_png,
     metrics_csv,
@@ -20,14 +19,11 @@ from stereolag.export import (
     opencv_script,
     opencv_yaml,
     pfm,
-    ply,
     script,
     settings_json,
     valid_mask_png,
 )
-from stereolag.figures.disparity import with_legend
-from stereolag.figures.pictures import as_rgb, coloured
-from stereolag.geometry.clouds import clean_point_cloud
+from stereolag.figures.map_files import cloud_ply, coloured_png
 from stereolag.stereo.evaluation import Evaluation
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher
@@ -36,9 +32,7 @@ from stereolag.ui.depth.scoreboard import evaluations
 from stereolag.ui.depth.subjects import Subject
 from stereolag.ui.depth.view import DepthView
 
-LEGEND = "disparity, px: from far to near"
 README = "README.txt"
-MOST_POINTS = 2_000_000
 
 
 def _of_map(ending: str) -> Callable[[Subject], str]:
@@ -48,8 +42,7 @@ def _of_map(ending: str) -> Callable[[Subject], str]:
 
 def _coloured(subject: Subject) -> bytes:
     low, high = subject.colour_range
-    image = coloured(subject.result.disparity, low, high, subject.view.palette)
-    return image_png(with_legend(image, low, high, subject.view.palette, LEGEND))
+    return coloured_png(subject.result.disparity, low, high, subject.view.palette)
 
 
 def _confidence(subject: Subject) -> FloatMap:
@@ -73,8 +66,7 @@ def _confidence_in_words(form: str) -> Callable[[Subject], str]:
 
 def _cloud(subject: Subject) -> bytes:
     assert subject.calibration is not None
-    left = as_rgb(subject.pair.left)
-    return ply(*clean_point_cloud(subject.calibration, subject.result.disparity, left, max_points=MOST_POINTS))
+    return cloud_ply(subject.calibration, subject.result.disparity, subject.pair.left)
 
 
 def _metrics(subject: Subject) -> str:

@@ -1,0 +1,95 @@
+"""The pairs of pictures that a command is given: two patterns, a folder, a ZIP, or files told apart by their names."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from stereolag.geometry.board_views import MOST_PAIRS
+from stereolag.reading.archives import is_archive, read_archive
+from stereolag.reading.pairing import PICTURE_ENDINGS, PairFiles, matched_pairs
+from stereolag.reading.picture_pairs import PicturesOfFiles
+from stereolag.reading.sources import read_bytes
+
+WHAT = "picture"
+
+
+def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
+    """Return what pairs are called, and the pairs, decoded when they are asked for.
+
+    Raises
+    ------
+    ValueError
+        No pairs, too many, patterns that match nothing or unlike numbers of files, or a damaged ZIP.
+    OSError
+        A file or folder that cannot be read.
+    """
+    pairs, read = _two_patterns(given) if len(given) == 2 and all(map(_is_pattern, given)) else _by_names(given)
+    if len(pairs) > MOST_PAIRS:
+        raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")
+    return [pair.name for pair in pairs], PicturesOfFiles(pairs, read)
+
+
+def _is_pattern(text: str) -> bool:
+    return glob.has_magic(text) and not Path(text).exists()
+
+
+def _two_patterns(given: Sequence[str]) -> tuple[list[PairFiles], Callable[[str], bytes]]:
+    """Return the files of two patterns side by side, in the order of their numbers."""
+    left, right = map(_matching, given)
+    for pattern, files in zip(given, (left, right), strict=True):
+        if not files:
+            raise ValueError(f"{pattern}: no file matches.")
+    if len(left) != len(right):
+        raise ValueError(f"{given[0]} matches {len(left)} files and {given[1]} {len(right)}; they must be as many.")
+    return [PairFiles(Path(one).stem, one, other) for one, other in zip(left, right, strict=True)], _read_file
+
+
+def _by_names(given: Sequence[str]) -> tuple[list[PairFiles], Callable[[str], bytes]]:
+    """Return the pairs among files, those in folders, or those in one ZIP, by their names."""
+    first = Path(given[0])
+    if len(given) == 1 and first.is_file():
+        data = read_bytes(first, "archive")
+        if not is_archive(data):
+            raise ValueError(f"{first} is one file and no ZIP; give a folder, a ZIP, or the files of both cameras.")
+        archive = read_archive(data)
+        names: list[str] = list(archive.names)
+        read = archive.read
+    else:
+        names, read = [one for text in given for one in _files(text)], _read_file
+    pairs = matched_pairs(names)
+    if not pairs:
+        raise ValueError(
+            f"Among {len(names)} files no left and right pictures belong together by their names; name them left01 and "
+            "right01, or give two patterns in quotes."
+        )
+    return pairs, read
+
+
+def _files(text: str) -> list[str]:
+    """Return a file, the pictures in a folder and below it, or what a pattern matches."""
+    path = Path(text)
+    if path.is_dir():
+        found = (one for one in path.rglob("*") if one.suffix.removeprefix(".").lower() in PICTURE_ENDINGS)
+        return sorted(str(one) for one in found)
+    if path.exists():
+        return [text]
+    if not (found_by_pattern := _matching(text)):
+        raise ValueError(f"{text}: there is no such file or folder.")
+    return found_by_pattern
+
+
+def _matching(pattern: str) -> list[str]:
+    """Return the files that match a pattern, in the order of their numbers."""
+    return sorted(glob.glob(pattern, recursive=True), key=_natural)  # noqa: PTH207 (Path's takes none from the root)
+
+
+def _read_file(name: str) -> bytes:
+    return read_bytes(name, WHAT)
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """Return a key by which 2 comes before 10."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]

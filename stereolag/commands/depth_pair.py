@@ -1,0 +1,101 @@
+"""The pair of a depth command: its images, its calibration and its ground truth, brought together as on the page."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+
+from stereolag.arrays import FloatMap
+from stereolag.commands.pair_flags import AUTO, YES
+from stereolag.commands.parsing import read
+from stereolag.doctor.row_evidence import row_evidence
+from stereolag.doctor.truth_scale import likely_divisor
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.rectification import rectify
+from stereolag.geometry.scaling import as_deep, calibration_for, cropped_alike
+from stereolag.inputs import Image, as_stereo_pair
+from stereolag.reading import read_calibration, read_image
+from stereolag.reading.disparities import read_stored_disparity
+
+
+@dataclass(frozen=True, eq=False)
+class DepthPair:
+    """Two images that are matched as they are, and what is known about them.
+
+    Attributes
+    ----------
+    left, right
+        Of one size and type.
+    truth
+        (rows, cols) px; None where it is not known.
+    calibration
+        Of the rectified pair, in its size; None where it is not known.
+    rectified_here
+        Whether the images were rectified with it.
+    said
+        What was done to them, in sentences.
+    """
+
+    left: Image
+    right: Image
+    truth: FloatMap | None = None
+    calibration: Calibration | None = None
+    rectified_here: bool = False
+    said: tuple[str, ...] = ()
+
+
+def read_pair(options: argparse.Namespace) -> DepthPair:
+    """Return the pair that arguments name.
+
+    Raises
+    ------
+    ValueError
+        Files that are refused, or that do not belong together.
+    OSError
+        Files that cannot be opened.
+    """
+    left_file, right_file = read(read_image, options.left), read(read_image, options.right)
+    left, right = as_stereo_pair(*as_deep(*cropped_alike(left_file, right_file)))
+    rows, cols = left.shape[:2]
+    pair = DepthPair(left, right)
+    if options.truth is not None:
+        truth = _read_truth(options.truth, left_file, right_file)
+        pair = replace(pair, truth=truth[:rows, :cols])
+    if options.calibration is not None:
+        calibration = read(read_calibration, *options.calibration)
+        pair = _calibrated(pair, calibration_for(calibration, cols, rows), options.rectify)
+    return pair
+
+
+def _read_truth(path: str, left: Image, right: Image) -> FloatMap:
+    stored = read(read_stored_disparity, path)
+    if stored.stored.shape != left.shape[:2]:
+        (height, width), (rows, cols) = stored.stored.shape, left.shape[:2]
+        raise ValueError(
+            f"{path} is {width} × {height} and the left image {cols} × {rows} pixels; they must have the same size."
+        )
+    return stored.divided(stored.divisor or float(likely_divisor(stored.divided(1.0), left, right)))
+
+
+def _calibrated(pair: DepthPair, calibration: Calibration, wanted: str) -> DepthPair:
+    """Return the pair with its calibration, rectified if it is raw: as its rows tell, or as is wanted."""
+    if calibration.rig is None:
+        if wanted == YES:
+            raise ValueError("The calibration is of a rectified pair: it holds no cameras to rectify with.")
+        return replace(pair, calibration=calibration)
+    straight = rectify(pair.left, pair.right, calibration)
+    if wanted == AUTO:
+        evidence = row_evidence((pair.left, pair.right), (straight.left, straight.right))
+        raw = not evidence.already_rectified
+        rows = f"rows differ by {evidence.given_px:.2g} px, rectified by {evidence.rectified_px:.2g} px"
+    else:
+        raw, rows = wanted == YES, "as you said"
+    if not raw:
+        return replace(pair, calibration=straight.calibration, said=(f"The pair is rectified already ({rows}).",))
+    if pair.truth is not None:
+        raise ValueError(
+            f"The images are raw ({rows}) and the ground truth belongs to them before rectification: leave out --truth "
+            "or --calibration, or give --rectify no."
+        )
+    said = f"The pair was rectified with its calibration ({rows})."
+    return DepthPair(straight.left, straight.right, None, straight.calibration, True, (said,))

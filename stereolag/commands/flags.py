@@ -1,0 +1,212 @@
+"""Settings as flags: each field of a settings class is a flag, and what was given goes on top of settings.
+
+pydantic-settings makes the flags; what they hold is put into a document that the settings themselves validate, so that
+a flag is refused in the words of :class:`~stereolag.settings.SettingsError`, as a control or a file is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import NoneType
+from typing import Any, Generic, Literal, TypeVar, get_args
+
+from pydantic import BaseModel, Field, create_model
+from pydantic.fields import FieldInfo
+from pydantic_settings import CliSettingsSource
+
+from stereolag.commands.parsing import CommandParser
+from stereolag.settings import Settings, SettingsError
+from stereolag.settings.fields import base_type, choices, nested
+from stereolag.settings.refusals import Problem, allowed_values, unknown_setting
+
+S = TypeVar("S", bound=Settings)
+
+NOTHING = "none"
+"""What a flag is given to say that a setting has no value."""
+
+ON = "{}"
+"""What pydantic-settings takes the flag of a stage for that stands alone: settings that are all left as they are."""
+
+
+class SettingsFlags(Generic[S]):
+    """The flags of one settings object.
+
+    Parameters
+    ----------
+    parser
+        Gets a flag for every field, with its bounds and the value that holds unless the flag is given. The flag of a
+        stage that may be missing switches it on, or with "none" off, and so does any of the stage's own.
+    settings
+        What flags change.
+    shortcuts
+        Other flags of fields: {"search.num-disparities": "num-disparities"}.
+    hint
+        Returns what else is to be said of a flag that does not exist, by the name of its setting.
+    """
+
+    def __init__(
+        self,
+        parser: CommandParser,
+        settings: S,
+        shortcuts: Mapping[str, str] | None = None,
+        hint: Callable[[str], str] = lambda name: "",
+    ) -> None:
+        self._hint = hint
+        self._parser = parser
+        self._settings = settings
+        self._source: Any = CliSettingsSource(
+            _flag_model([type(settings)], settings),  # type: ignore[arg-type]  # any model will do
+            root_parser=parser,
+            cli_avoid_json=True,
+            cli_implicit_flags=True,
+            cli_kebab_case="no_enums",
+            cli_parse_none_str=NOTHING,
+            cli_hide_none_type=True,
+            cli_shortcuts=shortcuts and dict(shortcuts),
+        )
+
+    def parsed(self, arguments: Sequence[str]) -> tuple[argparse.Namespace, S]:
+        """Return the arguments, and the settings with what flags say; what is wrong with them the parser says.
+
+        Raises
+        ------
+        SystemExit
+            From the parser's ``error``.
+        """
+        options, others = self._parser.parse_known_args(arguments)
+        if others:
+            name = others[0].partition("=")[0].lstrip("-").replace("-", "_")
+            if not others[0].startswith("--"):
+                self._parser.error(f"{others[0]!r} is one argument too many.")
+            self._parser.error(f"{unknown_setting(type(self._settings), name)} {self._hint(name)}")
+        try:
+            return options, self.applied(options)
+        except SettingsError as error:
+            self._parser.error(str(error))
+
+    def applied(self, options: argparse.Namespace) -> S:
+        """Return the settings with what flags say, of the same class.
+
+        Raises
+        ------
+        SettingsError
+            A value that is not allowed, or that contradicts another.
+        """
+        for name, problem in _contradictions(vars(options), type(self._settings)):
+            raise SettingsError((Problem(name, problem),))
+        given = self._source(parsed_args=options)()
+        return type(self._settings).model_validate(_merged(self._settings.model_dump(), given, type(self._settings)))
+
+
+def _contradictions(given: Mapping[str, Any], kind: type[BaseModel]) -> Iterator[tuple[str, str]]:
+    """Give the stages that are neither switched on nor off by their own flag, or off although they are set."""
+    for name, field in kind.model_fields.items():
+        state = given.get(name)
+        if state is None or not nested(field):
+            continue
+        if state not in (ON, NOTHING):
+            one = next(iter(nested(field)[-1].model_fields))
+            yield (
+                name,
+                f"{name} is {state!r}; its settings have flags of their own, such as --{_flag(name)}.{_flag(one)}.",
+            )
+        inner = [one for one in given if one.startswith(f"{name}.")]
+        if state == NOTHING and inner:
+            yield name, f"{name} is switched off, but {inner[0]} is given: leave one out."
+
+
+def _flag_model(kinds: Sequence[type[BaseModel]], values: BaseModel | None) -> type[BaseModel]:
+    """Return a model with the fields of all kinds, those of the values first: each becomes a flag, none is validated.
+
+    Of a field that may hold one of several kinds, flags for the settings of each are wanted.
+    """
+    ordered = sorted(kinds, key=lambda kind: not isinstance(values, kind))
+    fields: dict[str, Any] = {}
+    for kind in ordered:
+        for name, field in kind.model_fields.items():
+            value = getattr(values, name, field.default)
+            if name == "kind" and len(kinds) > 1:
+                names = {one.model_fields[name].default: vars(one).get("title", one.__name__) for one in kinds}
+                said = "; ".join(f"{option}: {title}" for option, title in names.items()) + "."
+                fields.setdefault(name, (Literal[tuple(names)], Field(default=value, description=said)))
+            elif inner := nested(field):
+                model = _flag_model(inner, value)
+                said = _switched(name, field, value) if NoneType in get_args(field.annotation) else _described(field)
+                fields.setdefault(name, (model, Field(default=model(), description=said)))
+            else:
+                fields.setdefault(name, (field.annotation, Field(default=value, description=_described(field))))
+    return create_model(ordered[0].__name__, **fields)
+
+
+def _described(field: FieldInfo) -> str:
+    """Return what a field says of itself and what it allows, in one or two sentences."""
+    said = field.description or f"{field.title}."
+    if choices(field) or nested(field) or base_type(field) is bool:
+        return said
+    allowed = allowed_values(field).removeprefix("are ").removeprefix("is ").replace(" or None", f" or {NOTHING}")
+    return f"{said} {allowed[0].upper()}{allowed[1:]}."
+
+
+def _flag(name: str) -> str:
+    return name.replace("_", "-")
+
+
+def _switched(name: str, field: FieldInfo, value: Any) -> str:
+    """Return what a stage says of itself, whether it is on, and what turns it on or off."""
+    flag = f"--{_flag(name)}"
+    state = (
+        f"Off: {flag}, or any of these, switches it on" if value is None else f"On: {flag} {NOTHING} switches it off"
+    )
+    return f"{_described(field)} {state}."
+
+
+def _merged(document: dict[str, Any], given: Mapping[str, Any], kind: type[BaseModel]) -> dict[str, Any]:
+    """Return a document of settings with what was given on top, both nested."""
+    merged = dict(document)
+    for name, value in given.items():
+        field = kind.model_fields[name]
+        kinds = nested(field)
+        if not isinstance(value, dict):
+            merged[name] = _value(value, field)
+            continue
+        holder = merged[name] or {}
+        chosen = _chosen_kind(kinds, holder, value)
+        holder = {key: one for key, one in holder.items() if key in chosen.model_fields and key != "kind"}
+        if len(kinds) > 1:
+            holder["kind"] = chosen.model_fields["kind"].default
+        merged[name] = _merged(holder, value, chosen)
+    return merged
+
+
+def _chosen_kind(
+    kinds: Sequence[type[BaseModel]], holder: Mapping[str, Any], given: Mapping[str, Any]
+) -> type[BaseModel]:
+    """Return which of several kinds is meant: the one named, the one there is, or another that has all that was given.
+
+    A contradiction is left to the validation.
+    """
+    if len(kinds) == 1:
+        return kinds[0]
+    by_name = {one.model_fields["kind"].default: one for one in kinds}
+    if "kind" in given:
+        return by_name[given["kind"]]
+    present = by_name[holder["kind"]]
+    fitting = [one for one in (present, *kinds) if set(given) <= set(one.model_fields)]
+    return fitting[0] if fitting else present
+
+
+def _value(text: Any, field: FieldInfo) -> Any:
+    """Return a number where a number is written; what else is written is refused by the settings, in their words."""
+    if not isinstance(text, str) or choices(field):
+        return text
+    if text == NOTHING:
+        return None
+    for kind in (int, float):
+        try:
+            number = kind(text)
+        except ValueError:
+            continue
+        return number if math.isfinite(number) else text
+    return text

@@ -1,0 +1,116 @@
+"""How every command reads its arguments, and how it ends: codes, and errors of one sentence."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+T = TypeVar("T")
+
+DONE, FAILED, WRONG_USAGE, NOT_FOUND, INTERRUPTED = 0, 1, 2, 3, 130
+"""What a command exits with."""
+
+CODES = (
+    f"exit codes: {DONE} done; {FAILED} an input is refused, or a file cannot be read or written, said in one "
+    f"sentence; {WRONG_USAGE} wrong usage, or a setting that is not allowed"
+)
+
+
+class CommandParser(argparse.ArgumentParser):
+    """A parser that says what is wrong in one line.
+
+    Parameters
+    ----------
+    command
+        The name after ``stereolag``.
+    description
+        What it does.
+    usage
+        Its arguments in one line.
+    codes
+        Further exit codes, as the end of a sentence.
+    add_help
+        Whether it answers ``--help``.
+    """
+
+    def __init__(
+        self, command: str, description: str = "", usage: str = "", codes: str = "", *, add_help: bool = True
+    ) -> None:
+        super().__init__(
+            prog=f"stereolag {command}",
+            description=description,
+            usage=f"stereolag {command} {usage}",
+            epilog=f"{CODES}{codes}.",
+            allow_abbrev=False,
+            add_help=add_help,
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Say it and exit."""
+        self.exit(WRONG_USAGE, f"{self.prog}: {one_line(message)} (See {self.prog} --help.)\n")
+
+
+def one_line(text: str) -> str:
+    """Return a message as one line that ends as a sentence does."""
+    line = " ".join(text.split())
+    return line if line.endswith((".", "!", "?")) else f"{line}."
+
+
+def guarded(command: str, work: Callable[[], int]) -> int:
+    """Return the code of some work; where an input is refused, after a sentence on the standard error.
+
+    Parameters
+    ----------
+    command
+        Who speaks.
+    work
+        Returns the code where it is done.
+    """
+    try:
+        return work()
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except OSError as error:
+        said = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
+    except ValueError as error:
+        said = str(error)
+    except MemoryError:
+        said = "There is not enough memory; give smaller images, or a smaller search."
+    print(f"stereolag {command}: {one_line(said)}", file=sys.stderr)
+    return FAILED
+
+
+def read(reader: Callable[..., T], *paths: str, **options: Any) -> T:
+    """Return what a reader makes of files; its refusals name them."""
+    try:
+        return reader(*paths, **options)
+    except ValueError as error:
+        raise ValueError(f"{', '.join(paths)}: {error}") from error
+
+
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """Tell a parser of the flag for a line of JSON."""
+    parser.add_argument("--json", action="store_true", help="print one line of JSON, and nothing else")
+
+
+def tell(figures: Mapping[str, Any], sentences: str, *, as_json: bool) -> None:
+    """Print the figures as one line of JSON, NaN and infinity as null, or else the sentences."""
+    if as_json:
+        print(json.dumps(_plain(figures), allow_nan=False))
+    else:
+        print(sentences)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(name): _plain(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, Path):
+        return str(value)
+    return None if isinstance(value, float) and not math.isfinite(value) else value

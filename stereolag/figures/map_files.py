@@ -1,0 +1,37 @@
+"""The files of a disparity map that hold colours: the map with its legend, and the cloud of its points."""
+
+from __future__ import annotations
+
+from stereolag.arrays import FloatMap, Rgb
+from stereolag.export import image_png, ply
+from stereolag.figures.pictures import VIRIDIS, as_rgb, coloured
+from stereolag.figures.printed_legend import with_legend
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.clouds import clean_point_cloud
+from stereolag.inputs import Image
+
+LEGEND = "disparity, px: from far to near"
+MOST_POINTS = 2_000_000
+
+
+def coloured_png(disparity: FloatMap, low: float, high: float, palette: Rgb = VIRIDIS) -> bytes:
+    """Return a disparity map in colours above its legend, as a PNG.
+
+    Parameters
+    ----------
+    disparity
+        (rows, cols) px, NaN where there is none.
+    low, high
+        Disparities of the first and the last colour, px, ``low < high``.
+    palette
+        (256, 3) uint8 RGB, from far to near.
+    """
+    return image_png(with_legend(coloured(disparity, low, high, palette), low, high, palette, LEGEND))
+
+
+def cloud_ply(calibration: Calibration, disparity: FloatMap, left: Image) -> bytes:
+    """Return the points of a disparity map in metres and in the colours of the left image, as a binary PLY.
+
+    Flying pixels are left out; of more than 2 million points an even random choice is kept, the same every time.
+    """
+    return ply(*clean_point_cloud(calibration, disparity, as_rgb(left), max_points=MOST_POINTS))

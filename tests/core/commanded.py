@@ -1,0 +1,33 @@
+"""Runs the command ``stereolag`` in this process, as its console script does."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, NamedTuple
+
+import pytest
+
+from stereolag.commands import main
+
+
+class Ran(NamedTuple):
+    """What a command exited with and printed."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Return the one line of JSON that it printed."""
+        (line,) = self.out.splitlines()
+        return dict(json.loads(line))
+
+
+def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> Ran:
+    """Run a command and return what came of it."""
+    try:
+        code = main([str(one) for one in arguments])
+    except SystemExit as ended:
+        code = int(ended.code or 0)
+    return Ran(code, *capsys.readouterr())

@@ -1,0 +1,341 @@
+"""The commands that measure but ``depth``: what they print, what they exit with, and how they begin."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import soundfile
+from commanded import ran
+
+import stereolag as sl
+from stereolag import samples
+from stereolag.commands import MEASURING
+from stereolag.commands.board_pictures import board_pictures
+from stereolag.export import image_png
+from stereolag.geometry.boards import Board
+from stereolag.geometry.drawn_boards import drawn_pairs
+from stereolag.geometry.rig import StereoRig
+
+PROJECT = Path(__file__).resolve().parents[2]
+SQUARE_M, PAIRS = 0.03, 11
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with two recordings 123 samples apart, in several files."""
+    folder = tmp_path_factory.mktemp("recordings")
+    noise = np.random.default_rng(0).uniform(-0.5, 0.5, 4123)
+    first, second = noise[123:], noise[:4000]
+    soundfile.write(folder / "first.wav", first, 8000)
+    soundfile.write(folder / "second.wav", second, 8000)
+    soundfile.write(folder / "faster.wav", second, 16000)
+    soundfile.write(folder / "both.wav", np.column_stack([first, second]), 8000)
+    soundfile.write(folder / "silence.wav", np.zeros(4000), 8000)
+    np.savetxt(folder / "first.txt", first)
+    np.savetxt(folder / "second.txt", second)
+    return folder
+
+
+@pytest.mark.parametrize(
+    "files",
+    [("first.wav", "second.wav"), ("both.wav",), ("both.wav", "second.wav"), ("both.wav", "--channels", "1", "2")],
+)
+def test_lag_tells_samples_seconds_and_metres(
+    recordings: Path, files: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(recordings)
+    figures = ran(capsys, "lag", *files, "--speed", 340, "--json").figures
+    assert figures["lag_samples"] == 123
+    assert figures["time_s"] == pytest.approx(123 / 8000)
+    assert figures["distance_m"] == pytest.approx(123 / 8000 * 340)
+    assert figures["score"] > 0.99
+    assert figures["settings"]["sampling_rate"] == 8000
+    said = ran(capsys, "lag", *files).out
+    assert said.startswith("lag       123 samples")
+
+
+def test_lag_takes_the_rate_that_is_given_before_that_of_the_files(
+    recordings: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(recordings)
+    text = ("lag", "first.txt", "second.txt", "--json")
+    assert ran(capsys, *text).figures["settings"]["sampling_rate"] == 44_100
+    for files in (text[1:3], ("first.wav", "second.wav")):
+        told = ran(capsys, "lag", *files, "--json", "--sampling-rate", 1000).figures
+        assert told["time_s"] == pytest.approx(0.123)
+
+
+def test_lag_of_the_bundled_recordings(capsys: pytest.CaptureFixture[str]) -> None:
+    coast = samples.recordings()["coast"]
+    for method in ("fft", "phat", "sampled"):
+        told = ran(capsys, "lag", coast.signal_1, coast.signal_2, "--json", "--method", method)
+        assert told.figures["lag_samples"] == coast.lag == 50_082
+
+
+def test_a_ratio_without_end_is_null(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    np.savetxt(tmp_path / "a.txt", [0, 0, 1, 0])
+    told = ran(capsys, "lag", tmp_path / "a.txt", tmp_path / "a.txt", "--max-lag", 0, "--json")
+    assert told.figures["peak_ratio"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["first.wav"], 1, "channel 2 is asked for, and the recording has 1"),
+        (["first.wav", "second.wav", "--channels", "1", "0"], 1, "channel 0 is asked for, and second.wav has 1"),
+        (["first.wav", "faster.wav"], 1, "8000 and 16000 samples a second"),
+        (["first.wav", "silence.wav"], 1, "silence.wav"),
+        (["first.wav", "none.wav"], 1, "none.wav: No such file or directory."),
+        (["first.wav", "second.wav", "--speed", "0"], 2, "speed is 0; allowed are numbers above 0."),
+        (["first.wav", "second.wav", "--method", "guess"], 2, "allowed are 'fft', 'phat', 'sampled' and 'direct'."),
+        (
+            ["first.wav", "second.wav", "--max-lag", "4000"],
+            1,
+            "max_lag is 4000; allowed are whole samples from 0",
+        ),
+        (
+            ["first.wav", "second.wav", "--max-lag", "2.5"],
+            2,
+            "max_lag is 2.5; allowed are whole numbers from 0",
+        ),
+    ],
+)
+def test_lag_refuses_in_one_sentence(
+    recordings: Path,
+    arguments: list[str],
+    code: int,
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(recordings)
+    told = ran(capsys, "lag", *arguments)
+    assert (told.code, told.out, len(told.err.splitlines())) == (code, "", 1)
+    assert said in told.err
+
+
+@pytest.fixture(scope="module")
+def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a picture, a template from rows 20 to 40 and columns 30 to 60, and a stranger to it."""
+    folder = tmp_path_factory.mktemp("picture")
+    noise = np.random.default_rng(0).integers(0, 255, (100, 120, 3), dtype=np.uint8)
+    cut = noise[20:40, 30:60].copy()
+    (folder / "image.png").write_bytes(image_png(noise))
+    (folder / "template.png").write_bytes(image_png(cut))
+    (folder / "stranger.png").write_bytes(image_png(noise[::-1, ::-1][50:70, 50:80].copy()))
+    mask = np.zeros((20, 30), np.uint8)
+    mask[:, 10:] = 255
+    cut[:, :10] = 0
+    (folder / "spoilt.png").write_bytes(image_png(cut))
+    (folder / "mask.png").write_bytes(image_png(mask))
+    return folder
+
+
+@pytest.mark.parametrize("method", ["fft", "sampled", "direct"])
+def test_find_tells_the_place(
+    picture: Path, method: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(picture)
+    told = ran(capsys, "find", "image.png", "template.png", "--method", method, "--json")
+    assert told.code == 0
+    (match,) = told.figures["matches"]
+    assert (match["row"], match["col"], match["height"], match["width"]) == (20, 30, 20, 30)
+    assert match["score"] == pytest.approx(1)
+    assert ran(capsys, "find", "image.png", "template.png").out == "row 20, column 30, score 1.000\n"
+
+
+def test_find_ends_with_three_where_there_is_nothing(
+    picture: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(picture)
+    told = ran(capsys, "find", "image.png", "stranger.png", "--min-score", "0.9")
+    assert (told.code, told.out) == (3, "Not found: no place scores 0.9 or more.\n")
+    told = ran(capsys, "find", "image.png", "stranger.png", "--min-score", "0.9", "--json")
+    assert told.code == 3
+    assert told.figures["found"] is False
+    assert "3 nothing is found" in ran(capsys, "find", "--help").out.replace("\n", " ")
+
+
+def test_find_leaves_out_what_the_mask_leaves_out(
+    picture: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(picture)
+    assert ran(capsys, "find", "image.png", "spoilt.png", "--min-score", "0.99").code == 3
+    told = ran(capsys, "find", "image.png", "spoilt.png", "--min-score", "0.99", "--mask", "mask.png", "--json")
+    assert [(match["row"], match["col"]) for match in told.figures["matches"]] == [(20, 30)]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["template.png", "image.png"], 1, "template is 120 × 100 pixels"),
+        (["image.png", "template.png", "--min-score", "2"], 2, "min_score is 2; allowed are numbers from 0 to 1."),
+        (["image.png", "template.png", "--max-matches", "0"], 2, "max_matches is 0; allowed are whole numbers from 1"),
+        (["image.png", "template.png", "--mask", "image.png"], 1, "mask"),
+        (["image.png"], 2, "TEMPLATE"),
+    ],
+)
+def test_find_refuses_in_one_sentence(
+    picture: Path,
+    arguments: list[str],
+    code: int,
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(picture)
+    told = ran(capsys, "find", *arguments)
+    assert (told.code, told.out, len(told.err.splitlines())) == (code, "", 1)
+    assert said in told.err
+
+
+def drawn_rig() -> StereoRig:
+    return StereoRig(
+        left_matrix=np.array([[265, 0, 162], [0, 266, 118], [0, 0, 1.0]]),
+        left_distortion=np.zeros(5),
+        right_matrix=np.array([[266, 0, 157], [0, 267, 122], [0, 0, 1.0]]),
+        right_distortion=np.zeros(5),
+        rotation=cv2.Rodrigues(np.array([0.01, -0.02, 0.008]))[0],
+        translation=np.array([-0.1, 0.001, 0.002]),
+        width=320,
+        height=240,
+    )
+
+
+@pytest.fixture(scope="module")
+def boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with pairs of pictures of a board in `left` and `right`, the same side by side, and as a ZIP."""
+    folder = tmp_path_factory.mktemp("boards")
+    for side in ("left", "right"):
+        (folder / "sides" / side).mkdir(parents=True)
+    (folder / "flat").mkdir()
+    for number, pair in enumerate(drawn_pairs(drawn_rig(), Board(6, 4), PAIRS, square_m=SQUARE_M, seed=3)):
+        for side, image in zip(("left", "right"), pair, strict=True):
+            (folder / "sides" / side / f"{number}.png").write_bytes(image_png(image))
+            (folder / "flat" / f"{side}{number}.png").write_bytes(image_png(image))
+    with zipfile.ZipFile(folder / "pairs.zip", "w") as archive:
+        for path in sorted((folder / "sides").rglob("*.png")):
+            archive.write(path, path.relative_to(folder / "sides"))
+    (folder / "text.txt").write_text("no ZIP")
+    return folder
+
+
+def test_calibrate_finds_the_camera_and_writes_what_others_read(
+    boards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ("--square", SQUARE_M, "--out", tmp_path, "--json")
+    figures = ran(capsys, "calibrate", boards / "pairs.zip", *arguments).figures
+    assert (figures["pairs"], figures["board"]) == (PAIRS, [6, 4])
+    assert figures["pairs_used"] >= PAIRS - 1
+    assert figures["rms_px"] < 0.5
+    assert figures["baseline_m"] == pytest.approx(0.1, rel=0.02)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(figures["files"])
+    for files in (["stereo.yml"], ["calibration.json"], ["left.yaml", "right.yaml"]):
+        read = sl.read_calibration(*(tmp_path / name for name in files))
+        assert read.focal_px == pytest.approx(figures["focal_px"], rel=1e-6)
+        assert read.baseline_m == pytest.approx(figures["baseline_m"], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "pictures",
+    [["sides"], ["flat"], ["pairs.zip"], ["flat/left*.png", "flat/right*.png"], ["sides/left", "sides/right"]],
+    ids=str,
+)
+def test_pictures_are_paired_however_they_are_given(
+    boards: Path, pictures: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(boards)
+    names, pairs = board_pictures(pictures)
+    assert len(names) == len(pairs) == PAIRS
+    for number, pair in enumerate(pairs):
+        for side, image in zip(("left", "right"), pair, strict=True):
+            np.testing.assert_array_equal(image, sl.read_image(f"flat/{side}{number}.png"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["flat"], 2, "--square"),
+        (["flat", "--square", "3cm"], 2, "'3cm' is no length; allowed are metres above 0"),
+        (["flat", "--square", "0"], 2, "'0' is no length"),
+        (["flat", "--square", "nan"], 2, "'nan' is no length"),
+        (["flat", "--square", "1", "--board", "6-4"], 2, "'6-4' is no board"),
+        (["flat", "--square", "1", "--board", "1x4"], 2, "allowed are 2 to 50 inner corners"),
+        (["flat/left1.png", "flat/right1.png", "--square", "1", "--board", "6x4"], 1, "pairs"),
+        (["none", "--square", "1"], 1, "none: there is no such file or folder."),
+        (["text.txt", "--square", "1"], 1, "text.txt is one file and no ZIP"),
+        (["flat/left*.png", "flat/x*.png", "--square", "1"], 1, "flat/x*.png: no file matches."),
+        (["flat/left*.png", "flat/right1*.png", "--square", "1"], 1, "matches 11 files and flat/right1*.png 2"),
+        (["sides/left", "--square", "1"], 1, "no left and right pictures belong together"),
+    ],
+)
+def test_calibrate_refuses_in_one_sentence(
+    boards: Path,
+    arguments: list[str],
+    code: int,
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(boards)
+    told = ran(capsys, "calibrate", *arguments)
+    assert (told.code, told.out, len(told.err.splitlines())) == (code, "", 1)
+    assert said in told.err
+
+
+def by_console(*arguments: object, script: str = "") -> subprocess.CompletedProcess[str]:
+    """Run the command in a process of its own, as its console script does."""
+    code = f"import sys; from stereolag.commands import main; code = main(); {script or 'sys.exit(code)'}"
+    command = [sys.executable, "-W", "error", "-c", code, *map(str, arguments)]
+    return subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=False)
+
+
+def test_a_process_prints_one_line_and_ends_with_the_code(picture: Path) -> None:
+    ran = by_console("find", picture / "image.png", picture / "template.png", "--json")
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert json.loads(ran.stdout)["found"]
+    ran = by_console("find", picture / "image.png", picture / "none.png")
+    assert (ran.returncode, ran.stdout) == (1, "")
+    assert "Traceback" not in ran.stderr
+
+
+def test_depth_in_a_process_brings_in_no_screen(tmp_path: Path) -> None:
+    cube = samples.stereo_pairs()["cube"]
+    loaded = "print(*{'streamlit', 'plotly', 'pandas'} & set(sys.modules), file=sys.stderr)"
+    ran = by_console(
+        "depth", cube.left, cube.right, "--calibration", cube.calibration, "--out", tmp_path, "--json", script=loaded
+    )
+    assert ran.stderr == "\n"
+    assert "cloud.ply" in json.loads(ran.stdout)["files"]
+
+
+HELP = """
+import sys
+from stereolag.commands import main
+for command in ("lag", "find", "calibrate"):
+    try:
+        main([command, "--help"])
+    except SystemExit:
+        print(*{"numba", "scipy", "cv2", "streamlit", "plotly"} & set(sys.modules), file=sys.stderr)
+"""
+
+
+def test_help_waits_for_nothing() -> None:
+    ran = subprocess.run([sys.executable, "-c", HELP], cwd=PROJECT, capture_output=True, text=True, check=True)
+    assert ran.stdout.count("exit codes") == 3
+    assert ran.stderr.split() == []
+
+
+def test_the_list_of_commands_is_in_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    said = ran(capsys, "--help").out
+    for name, gives in MEASURING.items():
+        assert name in said
+        assert gives in " ".join(said.split())
+        assert "exit codes: 0 done" in ran(capsys, name, "--help").out

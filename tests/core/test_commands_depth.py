@@ -1,0 +1,257 @@
+"""``stereolag depth``: figures as the library has them, files as the page has them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from commanded import ran
+from ply_reader import read_ply
+from straight_and_raw import ENTRIES, raw_pair, straight_pair
+
+import stereolag as sl
+from stereolag import samples
+from stereolag.export import figures_of, image_png, kitti_png, npy, pfm, settings_json
+from stereolag.figures.map_files import cloud_ply, coloured_png
+from stereolag.figures.pictures import VIRIDIS
+
+SHIFT = 7
+MAP_FILES = ["disparity.npy", "disparity.pfm", "disparity_coloured.png", "disparity_kitti.png", "settings.json"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a pair of one known disparity, its truth and its calibration."""
+    folder = tmp_path_factory.mktemp("pair")
+    noise = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 255, (60, 127, 3), dtype=np.uint8), (3, 3), 0)
+    (folder / "left.png").write_bytes(image_png(noise[:, :-SHIFT]))
+    (folder / "right.png").write_bytes(image_png(noise[:, SHIFT:]))
+    sl.write_disparity(folder / "truth.pfm", np.full((60, 120), SHIFT, np.float32))
+    (folder / "calibration.json").write_text(json.dumps({"focal_px": 100.0, "baseline_m": 0.2}))
+    (folder / "other.json").write_text(json.dumps({"focal_px": 1.0, "baseline_m": 1.0, "width": 50, "height": 50}))
+    return folder
+
+
+def test_the_figures_are_those_of_the_library(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    truth = folder / "truth.pfm"
+    arguments = (folder / "left.png", folder / "right.png", "--preset", "fast", "--num-disparities", 16)
+    told = ran(capsys, "depth", *arguments, "--truth", truth, "--json")
+    assert (told.code, told.err) == (0, "")
+    matcher = sl.preset("fast", num_disparities=16)
+    result = matcher.compute(sl.read_image(folder / "left.png"), sl.read_image(folder / "right.png"))
+    judged = figures_of(sl.evaluate(result.disparity, sl.read_disparity(truth)))
+    figures = told.figures
+    assert figures["coverage"] == result.coverage
+    assert (figures["width"], figures["height"], figures["range_px"]) == (120, 60, [0, 16])
+    assert figures["bad_2_percent"] == judged["bad_2_percent"] < 10
+    assert figures["epe_px"] == judged["epe_px"]
+    assert 0 < figures["elapsed_s"] < 60
+    in_words = ran(capsys, "depth", *arguments, "--truth", truth).out
+    assert f"bad-2 {judged['bad_2_percent']:.2f} %" in in_words
+    assert "0 to 15 px searched" in in_words
+
+
+@pytest.mark.parametrize("preset", ["fast", "accurate", "report"])
+def test_the_files_are_those_of_the_page(
+    folder: Path, preset: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "new" / "folder"
+    calibration = folder / "calibration.json"
+    pair = folder / "left.png", folder / "right.png"
+    told = ran(capsys, "depth", *pair, "--preset", preset, "--calibration", calibration, "--out", out, "--json").figures
+    left, right = map(sl.read_image, pair)
+    result = sl.preset(preset).compute(left, right)  # type: ignore[arg-type]
+    disparity, palette = result.disparity, VIRIDIS[::-1] if preset == "report" else VIRIDIS
+    low, high = (-9, 11) if preset == "report" else (0, 64)
+    expected = {
+        "disparity.pfm": pfm(disparity),
+        "disparity.npy": npy(disparity),
+        "disparity_kitti.png": kitti_png(disparity),
+        "disparity_coloured.png": coloured_png(disparity, low, high, palette),
+        "settings.json": settings_json(result.settings).encode(),
+        "cloud.ply": cloud_ply(sl.read_calibration(calibration), disparity, left),
+    }
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == expected
+    assert sorted(told["files"]) == sorted(expected)
+    assert np.median(read_ply(expected["cloud.ply"])["z"]) == pytest.approx(100 * 0.2 / SHIFT, rel=0.02)
+
+
+def test_a_format_that_cannot_hold_the_map_is_left_out_and_said(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    exchanged = folder / "right.png", folder / "left.png", "--min-disparity", -16, "--out", tmp_path
+    told = ran(capsys, "depth", *exchanged)
+    assert told.code == 0
+    assert "disparity_kitti.png is left out: disparity reaches from -" in told.out
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted({*MAP_FILES} - {"disparity_kitti.png"})
+
+
+def test_without_a_folder_nothing_is_written_and_without_a_calibration_no_cloud(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert ran(capsys, "depth", folder / "left.png", folder / "right.png").code == 0
+    assert not list(tmp_path.iterdir())
+    assert ran(capsys, "depth", folder / "left.png", folder / "right.png", "--out", ".").code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == MAP_FILES
+
+
+@pytest.mark.parametrize("start", ["fast", "accurate", "bm", "sgbm"])
+def test_settings_that_were_written_make_the_same_map_and_a_flag_goes_on_top(
+    folder: Path, start: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pair = folder / "left.png", folder / "right.png"
+    choice = "--preset" if start in ("fast", "accurate") else "--method"
+    assert ran(capsys, "depth", *pair, choice, start, "--num-disparities", 32, "--out", tmp_path / "a").code == 0
+    written = tmp_path / "a" / "settings.json"
+    assert ran(capsys, "depth", *pair, "--settings", written, "--out", tmp_path / "b").code == 0
+    for name in MAP_FILES:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    assert ran(capsys, "depth", *pair, "--settings", written, "--min-disparity", -16, "--out", tmp_path / "c").code == 0
+    once, again = (sl.read_matcher(tmp_path / one / "settings.json") for one in "ac")
+    assert once.search_range() == (0, 32)
+    assert again == once.with_search_range(-16, 32)
+
+
+def test_the_range_of_the_calibration_is_searched_unless_another_is_given(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calibration = tmp_path / "calibration.json"
+    calibration.write_text(json.dumps({"focal_px": 100.0, "baseline_m": 0.2, "num_disparities": 27}))
+    arguments = ("depth", folder / "left.png", folder / "right.png", "--calibration", calibration, "--json")
+    assert ran(capsys, *arguments).figures["range_px"] == [0, 27]
+    assert ran(capsys, *arguments, "--method", "bm").figures["range_px"] == [0, 32]
+    assert ran(capsys, *arguments, "--num-disparities", 40).figures["range_px"] == [0, 40]
+
+
+def test_the_bundled_pair_is_as_right_as_by_the_library(capsys: pytest.CaptureFixture[str]) -> None:
+    cube = samples.stereo_pairs()["cube"]
+    told = ran(capsys, "depth", cube.left, cube.right, "--truth", cube.disparity, "--json")
+    assert told.figures["method"] == "SemiGlobalMatcher"
+    assert told.figures["bad_2_percent"] < 1
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("rig")
+    entries = {name: np.asarray(one).tolist() if np.ndim(one) else one for name, one in ENTRIES.items()}
+    (folder / "rig.json").write_text(json.dumps(entries))
+    for kind, pair in (("raw", raw_pair()), ("straight", straight_pair())):
+        for side, image in zip(("left", "right"), pair, strict=True):
+            (folder / f"{kind}_{side}.png").write_bytes(image_png(image))
+    sl.write_disparity(folder / "truth.pfm", np.full(raw_pair()[0].shape, 14, np.float32))
+    return folder
+
+
+def test_a_raw_pair_is_rectified_and_a_straight_one_is_not(
+    rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = (
+        "--method",
+        "bm",
+        "--num-disparities",
+        32,
+        "--calibration",
+        rig / "rig.json",
+        "--json",
+        "--out",
+        tmp_path,
+    )
+    straight = ran(capsys, "depth", rig / "straight_left.png", rig / "straight_right.png", *arguments)
+    assert straight.figures["rectified_here"] is False
+    assert not (tmp_path / "left.png").exists()
+    raw = ran(capsys, "depth", rig / "raw_left.png", rig / "raw_right.png", *arguments)
+    assert raw.figures["rectified_here"] is True
+    made = sl.rectify(*raw_pair(), sl.read_calibration(rig / "rig.json"))
+    np.testing.assert_array_equal(sl.read_image(tmp_path / "left.png"), made.left)
+    np.testing.assert_array_equal(sl.read_image(tmp_path / "right.png"), made.right)
+    assert sl.read_calibration(tmp_path / "calibration.json") == made.calibration
+    known = sl.read_disparity(tmp_path / "disparity.npy")
+    assert np.nanmedian(np.abs(known - 14)) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--rectify", "yes", "--truth", "truth.pfm"], "the ground truth belongs to them before rectification"),
+        (["--rectify", "no", "--truth", "truth.pfm"], None),
+    ],
+)
+def test_a_truth_of_raw_images_is_not_held_against_rectified_ones(
+    rig: Path,
+    arguments: list[str],
+    said: str | None,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(rig)
+    told = ran(
+        capsys,
+        "depth",
+        "straight_left.png",
+        "straight_right.png",
+        "--method",
+        "bm",
+        "--calibration",
+        "rig.json",
+        *arguments,
+    )
+    assert told.code == (1 if said else 0)
+    assert (said or "bad-2") in told.err + told.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["no.png", "right.png"], 1, "no.png: No such file or directory."),
+        (["left.png"], 2, "the following arguments are required: RIGHT."),
+        (["left.png", "right.png", "third.png"], 2, "'third.png' is one argument too many."),
+        ([".", "right.png"], 1, ".: Is a directory."),
+        (["other.json", "right.png"], 1, "other.json: This is not an image that can be read"),
+        (["truth.pfm", "right.png"], 1, "left holds float32 and right uint8 pixels"),
+        (["left.png", "right.png", "--truth", "left.png"], 1, "left.png: The disparity map has shape (60, 120, 3)"),
+        (["left.png", "right.png", "--calibration", "left.png"], 1, "left.png: The calibration"),
+        (["left.png", "right.png", "--calibration", "other.json"], 1, "The calibration is for 50 × 50 pixels"),
+        (["left.png", "right.png", "--rectify", "yes", "--calibration", "calibration.json"], 1, "holds no cameras"),
+        (["left.png", "right.png", "--settings", "truth.pfm"], 1, "truth.pfm: The settings file is not JSON"),
+        (["left.png", "right.png", "--settings", "calibration.json"], 1, 'must be a JSON object with "method"'),
+        (["left.png", "right.png", "--preset", "best"], 2, "choose from 'report', 'fast', 'accurate'"),
+        (["left.png", "right.png", "--preset", "fast", "--method", "bm"], 2, "not allowed with argument"),
+        (["left.png", "right.png", "--block-size", "9"], 2, "There is one with --method bm or sgbm."),
+        (
+            ["left.png", "right.png", "--method", "bm", "--block-size", "61"],
+            1,
+            "block_size is 61 px and the images are",
+        ),
+        (["left.png", "right.png", "--method", "bm", "--num-disparities", "50"], 2, "multiples of 16 from 16 to 1024."),
+        (["left.png", "right.png", "--window-size", "-3"], 2, "window_size is -3; allowed are whole numbers from 3"),
+        (["left.png", "right.png", "--out", "truth.pfm"], 1, "truth.pfm: File exists."),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_sentence(
+    folder: Path,
+    arguments: list[str],
+    code: int,
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(folder)
+    told = ran(capsys, "depth", *arguments)
+    assert told.code == code
+    assert told.out == ""
+    assert said in told.err
+    assert told.err.startswith("stereolag depth: ")
+    assert len(told.err.splitlines()) == 1
+
+
+def test_images_that_do_not_belong_together_are_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "small.png").write_bytes(image_png(np.zeros((20, 20), np.uint8)))
+    told = ran(capsys, "depth", folder / "left.png", tmp_path / "small.png")
+    assert told.code == 1
+    assert "both images must have the same size" in told.err

@@ -1,0 +1,218 @@
+"""Every setting of every method is a flag, and what the flag says is what the matcher is run with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from commanded import ran
+
+from stereolag.commands.flags import SettingsFlags
+from stereolag.commands.parsing import CommandParser
+from stereolag.export import write_matcher
+from stereolag.searches import LagSearch, TemplateQuery
+from stereolag.settings import Bounds, Settings, SettingsError, changed, setting
+from stereolag.settings.fields import base_type, choices, nested
+from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
+from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS, preset
+from stereolag.stereo.opencv import StereoBM
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+
+STAGES = {"texture": TextureTest(), "speckle": SpeckleFilter(), "median": MedianFilter(), "ambiguity": AmbiguityTest()}
+STARTS: list[StereoMatcher] = [
+    CorrelationMatcher(**STAGES, left_right=LeftRightCheck()),
+    CorrelationMatcher(search=SearchArea.centred(64, vertical=2)),
+    SemiGlobalMatcher(**STAGES, left_right=LeftRightCheck()),
+    *(kind(speckle_window_size=50) for kind in METHODS if "speckle_window_size" in kind.model_fields),
+    *(kind() for kind in METHODS if kind not in (CorrelationMatcher, SemiGlobalMatcher)),
+]
+"""All settings of all methods have an effect in one of them."""
+
+
+def leaves(settings: Settings, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Give every setting by its full name, with its field."""
+    for name, field in type(settings).model_fields.items():
+        value = getattr(settings, name)
+        if isinstance(value, Settings):
+            yield from leaves(value, f"{path}{name}.")
+        elif not nested(field) and name != "kind":
+            yield f"{path}{name}", field
+
+
+def others(field: Any, value: Any) -> list[Any]:
+    """Return some values that a field allows, other than its own."""
+    if options := choices(field):
+        return [one for one in options if one != value]
+    if base_type(field) is bool:
+        return [not value]
+    bounds = Bounds.of(field)
+    near = [(value or 0) + sign * steps * bounds.step for steps in (1, 2) for sign in (1, -1)]
+    return [
+        round(one, 6)
+        for one in near
+        if (bounds.low is None or one >= bounds.low) and (bounds.high is None or one <= bounds.high)
+    ]
+
+
+def possible(settings: Settings, name: str, field: Any) -> tuple[Any, Settings] | None:
+    """Return another value of a setting, and the settings with it; None where no other is allowed beside the rest."""
+    for value in others(field, setting(settings, name)):
+        try:
+            return value, changed(settings, {name: value})
+        except SettingsError:
+            continue
+    return None
+
+
+def flag_of(name: str, value: Any) -> list[str]:
+    flag = name.replace("_", "-")
+    if isinstance(value, bool):
+        return [f"--{flag}" if value else f"--no-{flag}"]
+    return [f"--{flag}", str(value)]
+
+
+CASES = [
+    pytest.param(start, name, *case, id=f"{number}-{type(start).__name__}-{name}")
+    for number, start in enumerate(STARTS)
+    for name, field in leaves(start)
+    if (case := possible(start, name, field)) is not None
+]
+
+
+def test_there_is_a_case_for_every_setting_of_every_method() -> None:
+    tried = {(type(case.values[0]), case.values[1]) for case in CASES}
+    wanted = {(type(start), name) for start in STARTS for name, _ in leaves(start)}
+    assert tried == wanted
+    assert {kind for kind, _ in tried} == set(METHODS)
+
+
+@pytest.fixture
+def computed(monkeypatch: pytest.MonkeyPatch) -> list[StereoMatcher]:
+    """Record which matchers are run."""
+    matchers: list[StereoMatcher] = []
+    compute = StereoBM().compute
+
+    def recorded(self: StereoMatcher, left: Any, right: Any, **_: Any) -> Any:
+        matchers.append(self)
+        return compute(left, right)
+
+    monkeypatch.setattr(StereoMatcher, "compute", recorded)
+    return matchers
+
+
+@pytest.fixture(scope="module")
+def images(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("pair")
+    noise = np.random.default_rng(0).integers(0, 255, (40, 120), dtype=np.uint8)
+    for side in ("left", "right"):
+        cv2.imwrite(str(folder / f"{side}.png"), noise)
+    return folder / "left.png", folder / "right.png"
+
+
+@pytest.mark.parametrize(("start", "name", "value", "expected"), CASES)
+def test_a_flag_reaches_the_matcher_and_changes_nothing_else(
+    start: StereoMatcher,
+    name: str,
+    value: Any,
+    expected: StereoMatcher,
+    images: tuple[Path, Path],
+    computed: list[StereoMatcher],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = tmp_path / "settings.json"
+    write_matcher(file, start)
+    assert ran(capsys, "depth", *images, "--settings", file, *flag_of(name, value)).code == 0
+    assert expected != start
+    assert computed[-1] == expected
+
+
+@pytest.mark.parametrize("start", [LagSearch(), LagSearch(max_lag=5), TemplateQuery()], ids=str)
+def test_flags_of_the_searches_change_one_setting_each(start: Settings) -> None:
+    for name, field in leaves(start):
+        value, expected = possible(start, name, field) or pytest.fail(name)
+        parser = CommandParser("test")
+        assert SettingsFlags(parser, start).parsed(flag_of(name, value))[1] == expected
+
+
+def flagged(start: StereoMatcher, *arguments: str) -> StereoMatcher:
+    return SettingsFlags(CommandParser("test"), start).parsed(arguments)[1]
+
+
+def test_no_flags_change_nothing() -> None:
+    for start in STARTS:
+        assert flagged(start) == start
+
+
+def test_a_stage_is_switched_on_by_its_flag_or_any_of_its_own_and_off_by_none() -> None:
+    bare = SemiGlobalMatcher()
+    assert flagged(bare, "--median") == changed(bare, {"median": {}})
+    assert flagged(bare, "--median.radius", "4") == changed(bare, {"median": {"radius": 4}})
+    assert flagged(bare, "--median", "--median.radius", "4") == changed(bare, {"median": {"radius": 4}})
+    full = changed(bare, {"median": {"radius": 4, "contrast": 9}})
+    assert flagged(full, "--median") == full
+    assert flagged(full, "--median.radius", "8") == changed(bare, {"median": {"radius": 8, "contrast": 9}})
+    assert flagged(full, "--median", "none") == bare
+
+
+def test_the_kind_of_search_is_the_one_that_has_what_is_given() -> None:
+    square = CorrelationMatcher(search=SearchArea.centred(64, vertical=2))
+    strip = CorrelationMatcher(search=SearchArea.rectified(32, -8, 1))
+    assert flagged(square, "--search.num-disparities", "48").search == SearchArea.rectified(48, 0, 2)
+    assert flagged(strip, "--search.search-size", "50").search == SearchArea.centred(50, vertical=1)
+    assert flagged(strip, "--search.vertical", "3").search == SearchArea.rectified(32, -8, 3)
+    assert flagged(square, "--search.vertical", "none").search == SearchArea.centred(64)
+    assert flagged(strip, "--search.kind", "centred", "--search.search-size", "80").search.lags(20).dx_last == 30
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--median", "none", "--median.radius", "4"], "median is switched off, but median.radius is given"),
+        (["--median", "strong"], "median is 'strong'; its settings have flags of their own, such as --median.radius."),
+        (["--optimisation", "none"], "optimisation is None; allowed are settings of SemiGlobal."),
+        (["--window-size", "8"], "window_size is 8; allowed are odd sizes"),
+        (["--window-size", "1e400"], "window_size is '1e400'; allowed are whole numbers from 3 to 255."),
+        (["--num-disparities", "0"], "num_disparities is 0; allowed are whole numbers from 1 to 1024."),
+        (["--cost.gradient", "0", "--cost.gradient-limit", "9"], "gradient_limit is 9 and needs gradient above 0."),
+        (["--optimisation.penalty-small", "300"], "penalty_small is 300; allowed are whole numbers from 1 to 250."),
+        (["--window-sise", "9"], "SemiGlobalMatcher has no setting 'window_sise'; did you mean window_size?"),
+    ],
+)
+def test_a_flag_is_refused_in_the_words_of_the_settings(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        flagged(SemiGlobalMatcher(), *arguments)
+    assert ended.value.code == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [["--preset", name] for name in ("fast", "accurate", "report")]
+    + [["--method", kind.short_name] for kind in METHODS],
+    ids=str,
+)
+def test_help_tells_every_setting_with_its_bounds_and_what_holds(
+    choice: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    kinds = {kind.short_name: kind() for kind in METHODS}
+    start = kinds[choice[1]] if choice[0] == "--method" else preset(choice[1])  # type: ignore[arg-type]
+    said = " ".join(ran(capsys, "depth", *choice, "--help").out.split())
+    for name, field in leaves(start):
+        assert f"--{name.replace('_', '-')}" in said
+        if base_type(field) is int and Bounds.of(field).high is not None and "multiple" not in str(field.metadata):
+            bounds = Bounds.of(field)
+            assert f"from {bounds.low} to {bounds.high}." in said or f"from {bounds.low} to {bounds.high} or" in said
+    window = getattr(start, "window_size", None) or getattr(start, "block_size", None)
+    assert f"(default: {window})" in said
+    assert "exit codes: 0 done; 1 an input is refused" in said
