@@ -11,6 +11,8 @@ from stereolag.export import write_disparity, write_matcher
 from stereolag.geometry.calibrating import calibrate
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import Rectified, rectify
+from stereolag.motion.matcher import optical_flow
+from stereolag.motion.result import FlowMap
 from stereolag.reading import read_calibration, read_disparity, read_image, read_matcher, read_signal
 from stereolag.signals import SignalLag, signal_lag
 from stereolag.stereo.evaluation import Evaluation, evaluate
@@ -34,6 +36,7 @@ __all__ = [
     "Diagnosis",
     "DisparityMap",
     "Evaluation",
+    "FlowMap",
     "Reason",
     "Rectified",
     "SearchArea",
@@ -49,6 +52,7 @@ __all__ = [
     "diagnose",
     "evaluate",
     "match_template",
+    "optical_flow",
     "preset",
     "read_calibration",
     "read_disparity",

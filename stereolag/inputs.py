@@ -119,7 +119,8 @@ def as_image_pair(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, st
     (rows, cols), (other_rows, other_cols) = (image.shape[:2] for image in images)
     if (rows, cols) != (other_rows, other_cols):
         raise ValueError(
-            f"{a} is {cols} × {rows} and {b} is {other_cols} × {other_rows} pixels; both images must have the same size."
+            f"{a} is {cols} × {rows} and {b} is {other_cols} × {other_rows} pixels; "
+            "both images must have the same size."
         )
     if images[0].dtype != images[1].dtype:
         raise ValueError(

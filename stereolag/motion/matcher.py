@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -12,47 +12,25 @@ from pydantic import Field, field_validator
 from stereolag.arrays import FloatMap, Mask, ReasonMap
 from stereolag.estimates import OVERHEAD, Estimate, check_memory
 from stereolag.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, of_ordinary_size
-from stereolag.motion.candidates import NO_SCORE, Candidates, best_of_neighbours, match_level
-from stereolag.motion.checks import ForwardBackwardCheck, MedianTest, median_residual, return_error
-from stereolag.motion.pyramid import Flow, Frame, count_levels, doubled, leaves_frame, pyramid
-from stereolag.motion.refinement import VariationalRefinement, refined
+from stereolag.motion.candidates import NO_SCORE
+from stereolag.motion.checks import ForwardBackwardCheck, MedianTest, median_residual
+from stereolag.motion.descent import Descent, View
+from stereolag.motion.pyramid import Flow, Frame, count_levels, leaves_frame, pyramid
+from stereolag.motion.refinement import VariationalRefinement
 from stereolag.motion.result import FlowMap
-from stereolag.motion.smoothing import edge_aware_mean
 from stereolag.progress import Progress, silent
 from stereolag.settings import FitsImage, OfThePair, Pixels, Settings, Usual
 from stereolag.stereo.finishing.checks import TextureTest, least_texture
 from stereolag.stereo.finishing.filters import MedianFilter
-from stereolag.stereo.finishing.weighted_median import weighted_median
 from stereolag.stereo.reasons import Reason
 
 WINDOW, SEARCH = 7, 128
 """Px; what is used unless something else is asked for."""
 
-RESIDUAL = 2
-"""Px that are searched around the flow of the coarser level; 1 px to every side, and a guard for the sub-pixel fit."""
-
-TRUSTED_TEXTURE = 0.7
-"""Standard deviation, grey levels of 255, from which a window has its full weight among its neighbours."""
-
-TRUSTED_RETURN = 1.5
-"""Px of the level by which a way back may miss before the weight falls."""
-
-COARSE_ROUNDS = (1, 1, 2, 3, 2)
-"""How often the windows of a level are matched, from the finest: there is time for more where there are few pixels."""
-
 BYTES_PER_PIXEL = 260
 """Of the finest level: frames, matches with their neighbouring scores, both flows, planes of the mean."""
 
 SECONDS_PER_PIXEL = 5e-7
-
-
-class _View(NamedTuple):
-    """A flow at one level and what it was judged by."""
-
-    flow: Flow
-    candidates: Candidates
-    weight: FloatMap
-    error: FloatMap
 
 
 class FlowMatcher(Settings):
@@ -101,7 +79,7 @@ class FlowMatcher(Settings):
     median: MedianFilter | None = Field(
         default=MedianFilter(),
         title="Edge-respecting median",
-        description="Smooth the flow where the image is smooth, and only there.",
+        description="Smooth the flow between the levels where the image is smooth, and only there.",
     )
     refinement: VariationalRefinement | None = Field(
         default=VariationalRefinement(),
@@ -141,7 +119,8 @@ class FlowMatcher(Settings):
         rows, cols = images[0].shape[:2]
         if self.window_size > min(rows, cols):
             raise ValueError(
-                f"window_size is {self.window_size} px and the frames are {cols} × {rows}; the window must fit into them."
+                f"window_size is {self.window_size} px and the frames are {cols} × {rows}; "
+                "the window must fit into them."
             )
         estimate = self.estimate(images[0].shape, images[0].dtype)
         check_memory(estimate, "Smaller frames would fit.")
@@ -158,67 +137,14 @@ class FlowMatcher(Settings):
     def _match(self, first: Image, second: Image, progress: Progress) -> tuple[Flow, FloatMap, ReasonMap]:
         grey = of_ordinary_size(as_grey(first), as_grey(second))
         guides = as_eight_bit(*grey)
-        levels = count_levels((grey[0].shape[0], grey[0].shape[1]), self.window_size, self.search, self.levels)
-        firsts, seconds = (pyramid(Frame(*one), levels) for one in zip(grey, guides, strict=True))
-        there: Flow | None = None
-        back: Flow | None = None
-        trusted = TRUSTED_TEXTURE * grey_level(*grey)
-        for level in range(levels - 1, -1, -1):
-            pair = firsts[level], seconds[level]
-            if there is not None and back is not None:
-                shape = (pair[0].grey.shape[0], pair[0].grey.shape[1])
-                there, back = doubled(there, shape), doubled(back, shape)
-            view, back = self._solve_level(pair, there, back, level, trusted)
-            there = view.flow
-            progress(1 / 4**level)
+        shape = grey[0].shape[0], grey[0].shape[1]
+        levels = count_levels(shape, self.window_size, self.search, self.levels)
+        frames = [pyramid(Frame(*one), levels) for one in zip(grey, guides, strict=True)]
+        descent = Descent(self.window_size, self.search, self.median, self.refinement, grey_level(*grey))
+        view = descent.descend(frames[0], frames[1], progress)
         return self._judged(view, least_texture(self.texture, *grey))
 
-    def _solve_level(
-        self, pair: tuple[Frame, Frame], there: Flow | None, back: Flow | None, level: int, trusted: float
-    ) -> tuple[_View, Flow]:
-        """Match one level, both ways; at the finest one the way back is that of the level before, four times as fast."""
-        first, second = pair
-        rounds = COARSE_ROUNDS[min(level, len(COARSE_ROUNDS) - 1)]
-        for _ in range(rounds):
-            candidates = self._candidates(first, second, there, level)
-            returning = None
-            if level > 0 or back is None:
-                returning = self._candidates(second, first, back, level)
-                back = returning.flow
-            error = return_error(candidates.flow, back)
-            there, weight = self._cleaned(first, candidates, error, trusted)
-            if returning is not None:
-                back, _ = self._cleaned(second, returning, return_error(returning.flow, candidates.flow), trusted)
-        assert there is not None and back is not None
-        if self.refinement is not None:
-            there = refined(there, first.guide, second.guide, self.refinement)
-            if level > 0:
-                back = refined(back, second.guide, first.guide, self.refinement)
-        return _View(there, candidates, weight, error), back
-
-    def _candidates(self, first: Frame, second: Frame, flow: Flow | None, level: int) -> Candidates:
-        reach = RESIDUAL
-        if flow is None:
-            # One more than asked for, as a guard: a peak on the border has no sub-pixel neighbour.
-            reach = min(-(-self.search // 2**level) + 1, max(first.grey.shape) - 1)
-        found = match_level(first.grey, second.grey, flow, self.window_size, reach)
-        return best_of_neighbours(found, max(1, self.window_size // 5))
-
-    def _cleaned(
-        self, frame: Frame, candidates: Candidates, error: FloatMap, trusted: float
-    ) -> tuple[Flow, FloatMap]:
-        """Return the flow carried from what is sure to what is not, and how sure each pixel is."""
-        sure = np.maximum(candidates.score, 0)
-        weight = sure * sure * np.minimum(1, np.square(candidates.texture / np.float32(trusted)))
-        weight /= 1 + np.square(np.square(error / np.float32(TRUSTED_RETURN)))
-        flow = edge_aware_mean(candidates.flow, weight, frame.guide)
-        if self.median is not None:
-            guide, settings = frame.guide[:, :, None], self.median
-            for part in flow:
-                part[...] = weighted_median(part, guide, settings.radius, settings.radius // 2, settings.contrast)
-        return flow, weight
-
-    def _judged(self, view: _View, flat: float) -> tuple[Flow, FloatMap, ReasonMap]:
+    def _judged(self, view: View, flat: float) -> tuple[Flow, FloatMap, ReasonMap]:
         """Return the flow without what cannot be believed, its scores, and the reasons."""
         score = view.candidates.score
         reason = np.full(score.shape, Reason.MEASURED, np.uint8)

@@ -12,6 +12,9 @@ import numpy.typing as npt
 from stereolag.arrays import FloatMap
 from stereolag.inputs import Image
 
+Guide: TypeAlias = npt.NDArray[np.uint8]
+"""(H, W) uint8."""
+
 Flow: TypeAlias = npt.NDArray[np.float32]
 """(2, H, W) float32: dy and dx, px of the level."""
 
@@ -29,13 +32,18 @@ class Frame:
     """
 
     grey: Image
-    guide: npt.NDArray[np.uint8]
+    guide: Guide
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Return (rows, cols)."""
+        return self.guide.shape[0], self.guide.shape[1]
 
     @property
     def halved(self) -> Frame:
         """Return the frame at half its size."""
-        grey = cv2.pyrDown(self.grey)
-        return Frame(grey, grey if self.guide is self.grey else cv2.pyrDown(self.guide))
+        guide: Guide = np.asarray(cv2.pyrDown(self.guide), np.uint8)
+        return Frame(guide if self.grey is self.guide else cv2.pyrDown(self.grey), guide)
 
 
 def pyramid(frame: Frame, levels: int) -> list[Frame]:

@@ -27,7 +27,7 @@ class VariationalRefinement(Settings):
         json_schema_extra={"step": 5},
     )
     iterations: int = Field(
-        default=5, title="Iterations", description="Of the outer loop (OpenCV's fixedPointIterations).", ge=1, le=100
+        default=3, title="Iterations", description="Of the outer loop (OpenCV's fixedPointIterations).", ge=1, le=100
     )
 
 

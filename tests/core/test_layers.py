@@ -21,7 +21,7 @@ FLOORS = (
     {"stereo.matcher"},
     {"stereo.finishing"},
     {"stereo.windows", "stereo.semi_global", "stereo.opencv", "stereo.evaluation"},
-    {"stereo.methods"},
+    {"stereo.methods", "motion"},
     {"tuning", "doctor", "reading"},
     {"explaining", "export"},
     {"stereolag"},
