@@ -37,7 +37,7 @@ class MedianTest(Settings):
     """A displacement must be like those around it (the universal median test of particle image velocimetry)."""
 
     threshold: float = Field(
-        default=4.0,
+        default=6.0,
         title="Median test",
         description="How far from the median of its eight neighbours a displacement may lie, in units of how far "
         "these lie from it themselves. 2 is usual for particles; photographs have edges of motion and need more.",
@@ -46,7 +46,7 @@ class MedianTest(Settings):
         json_schema_extra={"step": 0.5},
     )
     noise: float = Field(
-        default=0.2,
+        default=0.3,
         title="Median test: noise",
         description="Fluctuation that is allowed where all neighbours agree, px.",
         gt=0,

@@ -99,7 +99,7 @@ class Descent:
             there = refined(there, first.guide, second.guide, self.refinement)
             if level > 0:
                 back = refined(back, second.guide, first.guide, self.refinement)
-        return View(there, candidates, error), back
+        return View(there, candidates, return_error(there, back)), back
 
     def _match(self, level: int, first: Frame, second: Frame, flow: Flow | None) -> Candidates:
         reach = RESIDUAL
