@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
 from stereolag.arrays import DoubleMap, FloatMap, Mask
 from stereolag.geometry.calibration import Calibration
+from stereolag.inputs import as_image_pair
+from stereolag.motion.moving import KMH, MovingRegion, MovingTest, better_explained, connected, is_coherent, region_of
 from stereolag.motion.own_motion import (
     OwnMotion,
     Points,
@@ -20,76 +20,10 @@ from stereolag.motion.own_motion import (
     seen_points,
 )
 from stereolag.motion.result import FlowMap
-from stereolag.settings import Settings
 from stereolag.stereo.matcher import DisparityMap
-
-KMH = 3.6
-"""km/h of one m/s."""
 
 PROBE = 0.5
 """Px of disparity by which the static flow is varied, to learn how it depends on it."""
-
-
-class MovingTest(Settings):
-    """What moves against the world: its flow or its disparity is not what our own motion would give."""
-
-    threshold: float = Field(
-        default=4.0,
-        title="Significance",
-        description="How many times its expected error a motion must be off from a static point's.",
-        gt=0,
-        le=100,
-        json_schema_extra={"step": 0.5},
-    )
-    flow_error: float = Field(
-        default=0.5, title="Error of the flow", description="Expected error of the flow, px.", gt=0, le=64
-    )
-    disparity_error: float = Field(
-        default=0.5, title="Error of the disparity", description="Expected error of a disparity, px.", gt=0, le=64
-    )
-    smallest: int = Field(
-        default=150,
-        title="Smallest region",
-        description="A connected region of fewer pixels is no moving thing.",
-        ge=1,
-        le=1_000_000,
-    )
-    opening: int = Field(
-        default=5,
-        title="Opening",
-        description="What is narrower than this is taken away before regions are formed, px.",
-        ge=1,
-        le=51,
-    )
-
-
-@dataclass(frozen=True)
-class MovingRegion:
-    """One thing that moves against the world.
-
-    Attributes
-    ----------
-    row, col, height, width
-        The box around it in the first frame, px.
-    pixels
-        How many there are.
-    distance_m
-        Median depth, metres.
-    motion_m
-        (right, down, forward) against the world between the frames, metres, median of its pixels, in the second
-        frame of the camera.
-    speed_kmh
-        Length of that, km/h; None without a frame rate.
-    """
-
-    row: int
-    col: int
-    height: int
-    width: int
-    pixels: int
-    distance_m: float
-    motion_m: tuple[float, float, float]
-    speed_kmh: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +67,7 @@ def scene_flow(
     flow: FlowMap | tuple[FloatMap, FloatMap],
     calibration: Calibration,
     *,
+    frames: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     frame_rate: float | None = None,
     test: MovingTest | None = None,
 ) -> SceneFlow:
@@ -148,6 +83,9 @@ def scene_flow(
         would be taken for it.
     calibration
         Of the rectified camera.
+    frames
+        The left images of both: then nothing moves that stands as well, by the images. Flows err most on what has no
+        texture, and the road is large.
     frame_rate
         Frames per second, for speeds.
     test
@@ -183,24 +121,33 @@ def scene_flow(
     after = seen_points(calibration, arrived, row_2, col_2)
     own = estimate_own_motion(before, row_2, col_2, matrix, tolerance=3 * settings.flow_error)
     static = own.moved(before)
-    significance = _significance(own, before, (here, arrived), (row_2, col_2), calibration, settings)
-    labels = _connected(significance > settings.threshold, settings)
+    deviations = _deviations(own, before, (here, arrived), (row_2, col_2), calibration, settings)
+    # A pixel without a disparity in the second frame is judged by its flow alone.
+    squares = np.square(deviations)
+    significance = np.sqrt(squares[0] + squares[1] + np.where(np.isfinite(squares[2]), squares[2], 0))
     against_world = (after - static).astype(np.float32)
-    found: list[tuple[int, MovingRegion]] = []
-    for number in range(1, labels.max() + 1):
-        region = _region(labels == number, after, against_world, frame_rate)
-        found += [] if region is None else [(number, region)]
-    found.sort(key=lambda one: one[1].distance_m)
-    order = np.zeros(labels.max() + 1, np.int32)
-    for place, (number, _) in enumerate(found):
-        order[number] = place + 1
+    moving = significance > settings.threshold
+    if frames is not None:
+        stay = np.stack(projected(static, matrix)) - np.stack([row, col])
+        images = as_image_pair(frames[0], frames[1], ("frames[0]", "frames[1]"))
+        moving &= better_explained(images, np.stack([dy, dx]), stay.astype(np.float32), settings.gain)
+    found = []
+    for box, mask in connected(moving, settings):
+        known = mask & np.isfinite(deviations[(slice(None), *box)]).all(axis=0)
+        if is_coherent(deviations[(slice(None), *box)][:, known], settings):
+            region = region_of(box, mask, after[box][known], against_world[box][known], frame_rate)
+            found.append((region, box, mask))
+    found.sort(key=lambda one: one[0].distance_m)
+    labels = np.zeros(here.shape, np.int32)
+    for number, (_, box, mask) in enumerate(found, start=1):
+        labels[box][mask] = number
     return SceneFlow(
         motion=(after - before).astype(np.float32),
         against_world=against_world,
         significance=significance.astype(np.float32),
-        moving=order[labels] > 0,
-        labels=order[labels],
-        regions=tuple(region for _, region in found),
+        moving=labels > 0,
+        labels=labels,
+        regions=tuple(region for region, _, _ in found),
         own_motion=own,
         own_speed_kmh=None if frame_rate is None else KMH * frame_rate * float(np.linalg.norm(own.travelled)),
     )
@@ -231,61 +178,27 @@ def disparity_at(disparity: FloatMap, row: FloatMap, col: FloatMap) -> FloatMap:
     return np.where(inside, disparity[np.where(inside, y, 0), np.where(inside, x, 0)], np.float32(np.nan))
 
 
-def _significance(
+def _deviations(
     own: OwnMotion,
     before: Points,
     disparities: tuple[FloatMap, FloatMap],
     seen: tuple[FloatMap, FloatMap],
     calibration: Calibration,
     settings: MovingTest,
-) -> FloatMap:
-    """Return how many expected errors each pixel is off from a static one, over flow and disparity together."""
+) -> DoubleMap:
+    """Return (3, H, W): how many expected errors row, column and disparity are off from those of a static point."""
     here, arrived = disparities
     matrix = camera_matrix(calibration, here.shape)
     scale = calibration.focal_px * calibration.baseline_m
     row, col = places_of(here.shape)
 
-    def expected(points: Points) -> tuple[DoubleMap, ...]:
+    def expected(points: Points) -> DoubleMap:
         moved = own.moved(points)
         depth = np.where(moved[..., 2] > 0, moved[..., 2], np.nan)
-        return *projected(moved, matrix), scale / depth - calibration.doffs_px
+        return np.stack([*projected(moved, matrix), scale / depth - calibration.doffs_px])
 
     static = expected(before)
-    varied = expected(seen_points(calibration, here + np.float32(PROBE), row, col))
-    total = np.zeros(here.shape)
-    errors = (settings.flow_error, settings.flow_error, settings.disparity_error)
-    for is_there, should_be, would_be, error in zip((*seen, arrived), static, varied, errors, strict=True):
-        slope = (would_be - should_be) / PROBE
-        residual = (is_there - should_be) ** 2 / (error**2 + (slope * settings.disparity_error) ** 2)
-        # A pixel without a disparity in the second frame is judged by its flow alone.
-        total += residual if is_there is not arrived else np.where(np.isfinite(residual), residual, 0)
-    return np.asarray(np.sqrt(total))
-
-
-def _connected(moving: Mask, settings: MovingTest) -> npt.NDArray[np.int32]:
-    """Return the connected regions that are large enough, numbered from 1."""
-    element = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (settings.opening, settings.opening))
-    opened = cv2.morphologyEx(moving.astype(np.uint8), cv2.MORPH_OPEN, element)
-    _, labels, figures, _ = cv2.connectedComponentsWithStats(opened, connectivity=8)
-    large = figures[:, cv2.CC_STAT_AREA] >= settings.smallest
-    large[0] = False
-    return np.asarray((np.cumsum(large) * large)[labels], np.int32)
-
-
-def _region(mask: Mask, after: Points, against_world: FloatMap, frame_rate: float | None) -> MovingRegion | None:
-    """Return what moves there; None where no pixel has a depth in both frames."""
-    known = mask & np.isfinite(against_world).all(axis=2)
-    if not known.any():
-        return None
-    motion = np.median(against_world[known], axis=0).astype(np.float64)
-    rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return MovingRegion(
-        row=int(rows[0]),
-        col=int(cols[0]),
-        height=int(rows[-1] - rows[0] + 1),
-        width=int(cols[-1] - cols[0] + 1),
-        pixels=int(np.count_nonzero(mask)),
-        distance_m=float(np.median(after[known][:, 2])),
-        motion_m=(float(motion[0]), float(motion[1]), float(motion[2])),
-        speed_kmh=None if frame_rate is None else KMH * frame_rate * float(np.linalg.norm(motion)),
-    )
+    slope = (expected(seen_points(calibration, here + np.float32(PROBE), row, col)) - static) / PROBE
+    flow_error = settings.flow_error + settings.relative_error * np.hypot(static[0] - row, static[1] - col)
+    own_error = np.stack([flow_error, flow_error, np.full(here.shape, settings.disparity_error)])
+    return np.asarray((np.stack([*seen, arrived]) - static) / np.hypot(own_error, slope * settings.disparity_error))

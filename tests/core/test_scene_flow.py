@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import pytest
+from pairs import texture
 
 from stereolag import Calibration
+from stereolag.motion.moving import MovingTest, better_explained
 from stereolag.motion.own_motion import seen_points
-from stereolag.motion.scene_flow import MovingTest, disparity_at, places_of, scene_flow
+from stereolag.motion.scene_flow import disparity_at, places_of, scene_flow
 
 CAMERA = Calibration(focal_px=300.0, baseline_m=0.5)
 SHAPE = (150, 240)
@@ -127,6 +129,33 @@ def test_the_same_scene_gives_the_same_answer_and_holes_are_left_out():
     np.testing.assert_array_equal(one.own_motion.translation, other.own_motion.translation)
     np.testing.assert_array_equal(one.labels, other.labels)
     assert np.isnan(one.motion[:40]).all() and not one.moving[:37].any()
+
+
+def test_a_flow_that_the_frames_contradict_moves_nothing():
+    known = scene(car_moves=(0, 0, 0), travelled=(0, 0, 0), turn=0)
+    picture = texture(*SHAPE, seed=1).astype(np.uint8)
+    wrong = tuple(np.zeros(SHAPE, np.float32) for _ in range(2))
+    wrong[1][30:80, 100:170] = 6
+    believed = scene_flow(known.first, known.first, wrong, CAMERA)
+    assert believed.moving[35:75, 105:165].all()
+    seen = scene_flow(known.first, known.first, wrong, CAMERA, frames=(picture, picture))
+    assert not seen.moving.any()
+    second = picture.copy()
+    second[30:80, 106:176] = picture[30:80, 100:170]
+    moved = scene_flow(known.first, known.first, wrong, CAMERA, frames=(picture, second))
+    assert moved.moving[35:75, 105:165].mean() > 0.95
+
+
+def test_a_flow_is_better_only_where_it_is_known_and_within_the_frame():
+    first = texture(60, 90, seed=2).astype(np.float32)
+    second = np.roll(first, 5, axis=1)
+    right, wrong = np.zeros((2, 2, 60, 90), np.float32)
+    right[1] = 5
+    right[:, :, :20] = np.nan
+    better = better_explained((first, second), right, wrong, 0.1)
+    assert better[8:-8, 24:-12].mean() > 0.98
+    assert not better[:, :20].any() and not better[:, -8:].any()
+    assert not better_explained((first, second), wrong, right, 0.1).any()
 
 
 def test_a_disparity_is_taken_of_the_nearest_pixel():
