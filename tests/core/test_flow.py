@@ -90,8 +90,9 @@ def test_what_is_covered_in_the_second_frame_is_not_measured():
     first[30:110, 40:120] = patch
     second[30:110, 55:135] = patch
     flow = optical_flow(first, second, search=32)
-    covered = flow.valid[45:95, 123:132]
-    assert covered.mean() < 0.15
+    covered, around = flow.reason[40:100, 121:134], flow.reason[40:100, 50:110]
+    assert (covered == Reason.LEFT_RIGHT).mean() > 0.4
+    assert (around == Reason.LEFT_RIGHT).mean() < 0.1
     assert abs(np.nanmedian(flow.dx[40:100, 50:110]) - 15) < 0.05
     assert abs(np.nanmedian(flow.dx[:20])) < 0.05
 
