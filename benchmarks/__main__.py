@@ -17,6 +17,7 @@ import scipy
 from benchmarks.accuracy import accuracy_tables
 from benchmarks.browser import latency_table
 from benchmarks.doctor import doctor_tables
+from benchmarks.flow import flow_table
 from benchmarks.hostile import hostile_table
 from benchmarks.load import load_table
 from benchmarks.pairs import DATA
@@ -25,7 +26,7 @@ from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
 from benchmarks.suggestion import suggestion_table
 from benchmarks.timing import Row
 
-USUAL = ["speed", "accuracy", "sequences", "browser"]
+USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
 TABLES = [*USUAL, "doctor", "suggestion", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
@@ -99,6 +100,8 @@ def main() -> None:
             keep("sequences", "Frame sequences", *sequence_table())
         else:
             print(f"Sequences are left out: there is no drive at {DRIVE} (set STEREOLAG_DATA).")
+    if "flow" in wanted:
+        keep("flow", "Optical flow", *flow_table())
     if "browser" in wanted:
         latency = latency_table()
         if latency:

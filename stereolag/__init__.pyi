@@ -5,6 +5,8 @@ from .export import write_disparity, write_matcher
 from .geometry.calibrating import calibrate
 from .geometry.calibration import Calibration
 from .geometry.rectification import Rectified, rectify
+from .motion.matcher import optical_flow
+from .motion.result import FlowMap
 from .reading import read_calibration, read_disparity, read_image, read_matcher, read_signal
 from .signals import SignalLag, signal_lag
 from .stereo.evaluation import Evaluation, evaluate
@@ -27,6 +29,7 @@ __all__ = [
     "Diagnosis",
     "DisparityMap",
     "Evaluation",
+    "FlowMap",
     "Reason",
     "Rectified",
     "SearchArea",
@@ -42,6 +45,7 @@ __all__ = [
     "diagnose",
     "evaluate",
     "match_template",
+    "optical_flow",
     "preset",
     "read_calibration",
     "read_disparity",

@@ -103,15 +103,30 @@ def as_stereo_pair(left: npt.ArrayLike, right: npt.ArrayLike) -> tuple[Image, Im
     ValueError
         An image that :func:`as_image` refuses, images of different size, or integer beside float images.
     """
-    left_image, right_image = as_image(left, "left"), as_image(right, "right")
-    if left_image.shape[:2] != right_image.shape[:2]:
-        (lh, lw), (rh, rw) = left_image.shape[:2], right_image.shape[:2]
-        raise ValueError(f"left is {lw} × {lh} and right is {rw} × {rh} pixels; both images must have the same size.")
-    if left_image.dtype != right_image.dtype:
+    return as_image_pair(left, right, ("left", "right"))
+
+
+def as_image_pair(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) -> tuple[Image, Image]:
+    """Return two images, checked, in one dtype and of one size; `names` are what a refusal calls them.
+
+    Raises
+    ------
+    ValueError
+        An image that :func:`as_image` refuses, images of different size, or integer beside float images.
+    """
+    a, b = names
+    images = as_image(one, a), as_image(other, b)
+    (rows, cols), (other_rows, other_cols) = (image.shape[:2] for image in images)
+    if (rows, cols) != (other_rows, other_cols):
         raise ValueError(
-            f"left holds {left_image.dtype} and right {right_image.dtype} pixels; both images must have the same type."
+            f"{a} is {cols} × {rows} and {b} is {other_cols} × {other_rows} pixels; "
+            "both images must have the same size."
         )
-    return left_image, right_image
+    if images[0].dtype != images[1].dtype:
+        raise ValueError(
+            f"{a} holds {images[0].dtype} and {b} {images[1].dtype} pixels; both images must have the same type."
+        )
+    return images
 
 
 def grey_level(left: Image, right: Image) -> float:

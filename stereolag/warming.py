@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from stereolag import CorrelationMatcher, SearchArea, match_template, preset, signal_lag
+from stereolag import CorrelationMatcher, SearchArea, match_template, optical_flow, preset, signal_lag
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck
 
 IMAGE_TYPES = (np.uint8, np.uint16, np.float32, np.float64)
@@ -23,6 +23,7 @@ def warm() -> None:
     _warm_recordings(random)
     _warm_templates(random)
     _warm_stereo(random)
+    _warm_motion(random)
 
 
 def _warm_recordings(random: np.random.Generator) -> None:
@@ -61,6 +62,12 @@ def _warm_stereo(random: np.random.Generator) -> None:
             left = random.integers(0, 255, (48, 64, *channels)).astype(kind)
             for matcher in matchers:
                 matcher.compute(left, np.roll(left, -4, axis=1))
+
+
+def _warm_motion(random: np.random.Generator) -> None:
+    for kind in IMAGE_TYPES:
+        first = random.integers(0, 255, (48, 64)).astype(kind)
+        optical_flow(first, np.roll(first, 2, axis=1), search=8)
 
 
 if __name__ == "__main__":

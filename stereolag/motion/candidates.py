@@ -1,0 +1,136 @@
+"""What the windows of one level say: the residual of the flow so far, by correlation over a small square of lags."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from stereolag.arrays import Array, FloatMap
+from stereolag.inputs import Image
+from stereolag.loops.bands import over_bands
+from stereolag.loops.compilation import compiled
+from stereolag.motion.pyramid import Flow, fetched, leaves_frame
+from stereolag.stereo.windows.matches import WindowQuery
+from stereolag.stereo.windows.peak_fits import fit_peaks
+from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.windows.window_sums import match_windows
+
+NO_SCORE = np.float32(-2)
+"""Less than any correlation: there is no match, or it lies out of the frame."""
+
+
+class Candidates(NamedTuple):
+    """The best match of every pixel's window."""
+
+    flow: Flow
+    score: FloatMap
+    """Pearson's correlation; :data:`NO_SCORE` without a match."""
+    texture: FloatMap
+    """Standard deviation of the pixel's window in the first frame, grey levels."""
+
+
+def match_level(first: Image, second: Image, flow: Flow | None, window: int, reach: int) -> Candidates:
+    """Match the window around every pixel of the first frame.
+
+    Parameters
+    ----------
+    first, second
+        (H, W) grey images of one type, at least as large as the window.
+    flow
+        What is known already: the second frame is fetched along it, and the residual searched. None at the coarsest
+        level, where nothing is known.
+    window
+        Side of the window, px; odd.
+    reach
+        How far the search goes to every side, px.
+
+    Returns
+    -------
+    Candidates
+        The flow so far plus the residual, to a fraction of a pixel.
+    """
+    aligned = second if flow is None else fetched(second, flow)
+    framed = [_framed(image, window // 2) for image in (first, aligned)]
+    matches = match_windows(WindowQuery(framed[0], framed[1], window, 1, LagRange(-reach, reach, -reach, reach)))
+    offset_dy, offset_dx = fit_peaks(matches.around)
+    found = np.stack([matches.dy + offset_dy, matches.dx + offset_dx])
+    matched = ~np.isnan(matches.score)
+    found[:, ~matched] = 0
+    if flow is not None:
+        found += flow
+    score = np.where(matched & ~leaves_frame(found), matches.score, NO_SCORE)
+    return Candidates(found, score, matches.texture)
+
+
+def best_of_neighbours(candidates: Candidates, spacing: int) -> Candidates:
+    """Let every pixel take the match of the best of nine windows: its own, and those `spacing` px around.
+
+    A window that lies across an edge of the motion sees two motions and fits neither; the pixels on both sides of the
+    edge are seen better by a window that lies wholly on their side (shiftable windows, Bobick & Intille 1999).
+
+    Parameters
+    ----------
+    candidates
+        One for every pixel.
+    spacing
+        Px, from 1.
+    """
+    border = (spacing, spacing, spacing, spacing)
+    score = cv2.copyMakeBorder(candidates.score, *border, cv2.BORDER_CONSTANT, value=float(NO_SCORE))
+    parts = [cv2.copyMakeBorder(part, *border, cv2.BORDER_REPLICATE) for part in candidates.flow]
+    flow, best = np.empty_like(candidates.flow), np.empty_like(candidates.score)
+    over_bands(
+        lambda first, end: _take_best(parts[0], parts[1], score, spacing, first, end, flow[0], flow[1], best),
+        best.shape[0],
+    )
+    return Candidates(flow, best, candidates.texture)
+
+
+@compiled
+def _take_best(
+    dy: Array,
+    dx: Array,
+    score: Array,
+    spacing: int,
+    first: int,
+    end: int,
+    best_dy: Array,
+    best_dx: Array,
+    best: Array,
+) -> None:
+    """Set rows `first` to `end` from maps with a frame of `spacing` px; of equal scores the nearest window wins."""
+    for row in range(first, end):
+        own = row + spacing
+        for col in range(best.shape[1]):
+            best[row, col] = score[own, col + spacing]
+            best_dy[row, col] = dy[own, col + spacing]
+            best_dx[row, col] = dx[own, col + spacing]
+        for down in range(3):
+            line = row + down * spacing
+            for aside in range(3):
+                shift = aside * spacing
+                for col in range(best.shape[1]):
+                    better = score[line, col + shift] > best[row, col]
+                    best[row, col] = score[line, col + shift] if better else best[row, col]
+                    best_dy[row, col] = dy[line, col + shift] if better else best_dy[row, col]
+                    best_dx[row, col] = dx[line, col + shift] if better else best_dx[row, col]
+
+
+def best_of_neighbours_reference(candidates: Candidates, spacing: int) -> Candidates:
+    """Return what :func:`best_of_neighbours` must equal, pixel by pixel."""
+    rows, cols = candidates.score.shape
+    flow, best = candidates.flow.copy(), candidates.score.copy()
+    for row, col in np.ndindex(rows, cols):
+        for y in (row - spacing, row, row + spacing):
+            for x in (col - spacing, col, col + spacing):
+                if 0 <= y < rows and 0 <= x < cols and candidates.score[y, x] > best[row, col]:
+                    best[row, col] = candidates.score[y, x]
+                    flow[:, row, col] = candidates.flow[:, y, x]
+    return Candidates(flow, best, candidates.texture)
+
+
+def _framed(image: Image, margin: int) -> Image:
+    """Return the image mirrored beyond its borders, so that every pixel has a window."""
+    return np.asarray(cv2.copyMakeBorder(image, margin, margin, margin, margin, cv2.BORDER_REFLECT_101))

@@ -1,0 +1,209 @@
+"""Optical flow by windowed correlation: the settings, and the way from the coarsest level to the finished flow."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, field_validator
+
+from stereolag.arrays import FloatMap, Mask, ReasonMap
+from stereolag.estimates import OVERHEAD, Estimate, check_memory
+from stereolag.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, of_ordinary_size
+from stereolag.motion.candidates import NO_SCORE
+from stereolag.motion.checks import ForwardBackwardCheck, MedianTest, median_residual
+from stereolag.motion.descent import Descent, View
+from stereolag.motion.pyramid import Flow, Frame, count_levels, leaves_frame, pyramid
+from stereolag.motion.refinement import VariationalRefinement
+from stereolag.motion.result import FlowMap
+from stereolag.progress import Progress, silent
+from stereolag.settings import FitsImage, OfThePair, Pixels, Settings, Usual
+from stereolag.stereo.finishing.checks import TextureTest, least_texture
+from stereolag.stereo.finishing.filters import MedianFilter
+from stereolag.stereo.reasons import Reason
+
+WINDOW, SEARCH = 7, 128
+"""Px; what is used unless something else is asked for."""
+
+BYTES_PER_PIXEL = 260
+"""Of the finest level: frames, matches with their neighbouring scores, both flows, planes of the mean."""
+
+SECONDS_PER_PIXEL = 5e-7
+
+
+class FlowMatcher(Settings):
+    """Find the window around every pixel of one frame in the next one, coarse to fine.
+
+    At the coarsest level of a pyramid every place within reach is tried; at each finer one the second frame is fetched
+    along the flow so far and a residual of few px searched, to a fraction of a pixel. Between the levels matches that
+    lead back to where they came from outweigh those that do not, over surfaces that end at the edges of the image.
+    """
+
+    window_size: Annotated[int, Pixels(), FitsImage()] = Field(
+        default=WINDOW,
+        title="Window",
+        description="Side of the square window that is compared at every level, px; odd, so that a pixel is its "
+        "middle. Large windows are sure and blurred, small ones sharp and easily fooled.",
+        ge=3,
+        le=255,
+        json_schema_extra={"step": 2},
+    )
+    search: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
+        default=SEARCH,
+        title="Search",
+        description="How far a pixel may have moved, px, in every direction.",
+        ge=1,
+        le=1024,
+    )
+    levels: int = Field(
+        default=5,
+        title="Levels",
+        description="Most levels of the pyramid, each half the size of the one before: 1 searches everything at full "
+        "size. As many are used as the size and the search have room for.",
+        ge=1,
+        le=8,
+    )
+    texture: TextureTest | None = Field(
+        default=None, title="Texture test", description="Give no motion where a window holds too little to match."
+    )
+    forward_backward: ForwardBackwardCheck | None = Field(
+        default=ForwardBackwardCheck(),
+        title="Forward-backward check",
+        description="Give no motion where the way back from the second frame leads elsewhere.",
+    )
+    median_test: MedianTest | None = Field(
+        default=MedianTest(), title="Median test", description="Give no motion where it is unlike all around it."
+    )
+    median: MedianFilter | None = Field(
+        default=MedianFilter(),
+        title="Edge-respecting median",
+        description="Smooth the flow between the levels where the image is smooth, and only there.",
+    )
+    refinement: VariationalRefinement | None = Field(
+        default=VariationalRefinement(),
+        title="Variational refinement",
+        description="Let grey levels and gradients decide the fraction of a pixel.",
+    )
+    filling: bool = Field(
+        default=False,
+        title="Fill gaps",
+        description="Continue the motion of the same surface over what could not be measured.",
+    )
+
+    @field_validator("window_size")
+    @classmethod
+    def _odd(cls, value: int) -> int:
+        if value % 2 == 0:
+            raise ValueError(f"window_size is {value}; it must be odd.")
+        return value
+
+    def compute(self, first: npt.ArrayLike, second: npt.ArrayLike, *, progress: Progress | None = None) -> FlowMap:
+        """Return where every pixel of the first frame is found in the second one.
+
+        Parameters
+        ----------
+        first, second
+            (H, W), (H, W, 3) or (H, W, 4) images of one size and type: uint8, uint16 or float.
+        progress
+            Called with the fraction done, 0..1.
+
+        Raises
+        ------
+        ValueError
+            Images that differ in size or type, hold NaN, are smaller than the window, or need more memory than one job
+            may take.
+        """
+        images = as_image_pair(first, second, ("first", "second"))
+        rows, cols = images[0].shape[:2]
+        if self.window_size > min(rows, cols):
+            raise ValueError(
+                f"window_size is {self.window_size} px and the frames are {cols} × {rows}; "
+                "the window must fit into them."
+            )
+        estimate = self.estimate(images[0].shape, images[0].dtype)
+        check_memory(estimate, "Smaller frames would fit.")
+        start = time.perf_counter()
+        flow, score, reason = self._match(*images, progress or silent)
+        return FlowMap(flow[0], flow[1], score, reason, elapsed_s=time.perf_counter() - start, settings=self)
+
+    def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
+        """Return what :meth:`compute` will take for two frames of a shape, with channels or without, and a dtype."""
+        pixels = shape[0] * shape[1]
+        sums = 0 if np.dtype(dtype) == np.uint8 else 8 * np.dtype(np.float64).itemsize
+        return Estimate((BYTES_PER_PIXEL + sums) * pixels + OVERHEAD, SECONDS_PER_PIXEL * pixels)
+
+    def _match(self, first: Image, second: Image, progress: Progress) -> tuple[Flow, FloatMap, ReasonMap]:
+        grey = of_ordinary_size(as_grey(first), as_grey(second))
+        guides = as_eight_bit(*grey)
+        shape = grey[0].shape[0], grey[0].shape[1]
+        levels = count_levels(shape, self.window_size, self.search, self.levels)
+        frames = [pyramid(Frame(*one), levels) for one in zip(grey, guides, strict=True)]
+        descent = Descent(self.window_size, self.search, self.median, self.refinement, grey_level(*grey))
+        view = descent.descend(frames[0], frames[1], progress)
+        return self._judged(view, least_texture(self.texture, *grey))
+
+    def _judged(self, view: View, flat: float) -> tuple[Flow, FloatMap, ReasonMap]:
+        """Return the flow without what cannot be believed, its scores, and the reasons."""
+        score = view.candidates.score
+        reason = np.full(score.shape, Reason.MEASURED, np.uint8)
+        tests: list[tuple[Mask, Reason]] = []
+        if self.median_test is not None:
+            spacing = max(1, self.window_size // 2)
+            residual = median_residual(view.candidates.flow, spacing, self.median_test.noise)
+            tests.append((residual > self.median_test.threshold, Reason.SPECKLE))
+        if self.forward_backward is not None:
+            tests.append((view.error > self.forward_backward.tolerance, Reason.LEFT_RIGHT))
+        tests.append((leaves_frame(view.flow), Reason.OUT_OF_FRAME))
+        tests.append((view.candidates.texture <= flat, Reason.LOW_TEXTURE))
+        for where, why in tests:
+            reason[where] = why
+        missing = reason != Reason.MEASURED
+        score = np.where(missing | (score == NO_SCORE), np.float32(np.nan), score)
+        if self.filling:
+            reason[missing] = Reason.FILLED
+        else:
+            view.flow[:, missing] = np.nan
+        return view.flow, score, reason
+
+
+def optical_flow(
+    first: npt.ArrayLike,
+    second: npt.ArrayLike,
+    *,
+    window_size: int = WINDOW,
+    search: int = SEARCH,
+    filling: bool = False,
+    progress: Progress | None = None,
+    **settings: object,
+) -> FlowMap:
+    """Return where every pixel of the first frame is found in the second one, by windowed correlation.
+
+    Parameters
+    ----------
+    first, second
+        (H, W), (H, W, 3) or (H, W, 4) images of one size and type: uint8, uint16 or float.
+    window_size
+        Side of the window that is compared, px; odd.
+    search
+        How far a pixel may have moved, px, in every direction.
+    filling
+        Continue the motion of the same surface over what could not be measured.
+    progress
+        Called with the fraction done, 0..1.
+    **settings
+        The others of :class:`~stereolag.motion.matcher.FlowMatcher`.
+
+    Returns
+    -------
+    FlowMap
+        Displacement (dy, dx), second minus first, px; NaN where there is none, with a reason for every pixel.
+
+    Raises
+    ------
+    ValueError
+        Settings that are not allowed, or frames that :meth:`FlowMatcher.compute` refuses.
+    """
+    matcher = FlowMatcher(window_size=window_size, search=search, filling=filling, **settings)
+    return matcher.compute(first, second, progress=progress)

@@ -1,0 +1,190 @@
+"""What moves against the world: tests of pixels, and regions of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from stereolag.arrays import DoubleMap, FloatMap, Mask
+from stereolag.inputs import Image, as_grey, grey_level
+from stereolag.motion.own_motion import Points
+from stereolag.motion.pyramid import Flow, fetched, places
+from stereolag.settings import Settings
+
+Box: TypeAlias = tuple[slice, slice]
+"""Rows and columns."""
+
+KMH = 3.6
+"""km/h of one m/s."""
+
+WINDOW = 9
+"""Px, side of the window by which two flows are compared."""
+
+LEAST_VARIANCE = 0.25
+"""Grey levels squared, added to every variance: without texture neither flow is better."""
+
+
+class MovingTest(Settings):
+    """What moves against the world: its flow or its disparity is not what our own motion would give."""
+
+    threshold: float = Field(
+        default=4.0,
+        title="Significance",
+        description="How many times its expected error a motion must be off from a static point's.",
+        gt=0,
+        le=100,
+        json_schema_extra={"step": 0.5},
+    )
+    flow_error: float = Field(
+        default=0.5, title="Error of the flow", description="Expected error of the flow, px.", gt=0, le=64
+    )
+    relative_error: float = Field(
+        default=0.05,
+        title="Relative error of the flow",
+        description="What is added to it for each px that a static point would move.",
+        ge=0,
+        le=1,
+        json_schema_extra={"step": 0.01},
+    )
+    disparity_error: float = Field(
+        default=0.5, title="Error of the disparity", description="Expected error of a disparity, px.", gt=0, le=64
+    )
+    gain: float = Field(
+        default=0.1,
+        title="Gain",
+        description="By how much a window must correlate better along the flow than along that of a static point.",
+        ge=0,
+        le=2,
+        json_schema_extra={"step": 0.05},
+    )
+    coherence: float = Field(
+        default=2.0,
+        title="Coherence",
+        description="How many times the scatter of its pixels the motion of a region must be: mismatches go anywhere.",
+        ge=0,
+        le=100,
+        json_schema_extra={"step": 0.5},
+    )
+    smallest: int = Field(
+        default=300,
+        title="Smallest region",
+        description="A connected region of fewer pixels is no moving thing.",
+        ge=1,
+        le=1_000_000,
+    )
+    opening: int = Field(
+        default=5,
+        title="Opening",
+        description="What is narrower than this is taken away before regions are formed, px.",
+        ge=1,
+        le=51,
+    )
+
+
+@dataclass(frozen=True)
+class MovingRegion:
+    """One thing that moves against the world.
+
+    Attributes
+    ----------
+    row, col, height, width
+        The box around it in the first frame, px.
+    pixels
+        How many there are.
+    distance_m
+        Median depth, metres.
+    motion_m
+        (right, down, forward) against the world between the frames, metres, median of its pixels, in the second
+        frame of the camera.
+    speed_kmh
+        Length of that, km/h; None without a frame rate.
+    """
+
+    row: int
+    col: int
+    height: int
+    width: int
+    pixels: int
+    distance_m: float
+    motion_m: tuple[float, float, float]
+    speed_kmh: float | None
+
+
+def better_explained(images: tuple[Image, Image], flow: Flow, other: Flow, gain: float) -> Mask:
+    """Return (H, W) where the windows of two frames correlate better along one flow than along another.
+
+    Parameters
+    ----------
+    images
+        (H, W) or (H, W, 3 | 4), both frames.
+    flow, other
+        (2, H, W) float32 px; NaN = none. Where either is unknown or leads out of the frame nothing is better.
+    gain
+        By how much.
+    """
+    first, second = (as_grey(image).astype(np.float32) for image in images)
+    known = _within(flow) & _within(other)
+    least = LEAST_VARIANCE * grey_level(*images) ** 2
+    scores = [_correlation(first, fetched(second, np.where(known, one, np.float32(0))), least) for one in (flow, other)]
+    return np.asarray(known & (scores[0] - scores[1] > gain))
+
+
+def _within(flow: Flow) -> Mask:
+    """Return (H, W) where the flow is known and leads to a place whose window lies within the frame."""
+    row, col = places(flow)
+    rows, cols = row.shape
+    margin = WINDOW // 2
+    return np.asarray((row >= margin) & (row < rows - margin) & (col >= margin) & (col < cols - margin))
+
+
+def _correlation(one: Image, other: Image, least: float) -> FloatMap:
+    """Return Pearson's correlation of the windows around every pixel."""
+    size = (WINDOW, WINDOW)
+    one, other = one - one.mean(), other - other.mean()
+    mean, other_mean = cv2.blur(one, size), cv2.blur(other, size)
+    both = cv2.blur(one * other, size) - mean * other_mean
+    own = np.maximum(cv2.blur(one * one, size) - mean * mean, 0) + least
+    others = np.maximum(cv2.blur(other * other, size) - other_mean * other_mean, 0) + least
+    return np.asarray(both / np.sqrt(own * others))
+
+
+def connected(moving: Mask, settings: MovingTest) -> Iterator[tuple[Box, Mask]]:
+    """Yield the box and the mask within it of every connected region that is large enough."""
+    element = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (settings.opening, settings.opening))
+    opened = cv2.morphologyEx(moving.astype(np.uint8), cv2.MORPH_OPEN, element)
+    _, labels, figures, _ = cv2.connectedComponentsWithStats(opened, connectivity=8)
+    for number, (col, row, width, height, pixels) in enumerate(figures):
+        if number > 0 and pixels >= settings.smallest:
+            box = slice(row, row + height), slice(col, col + width)
+            yield box, labels[box] == number
+
+
+def is_coherent(deviations: DoubleMap, settings: MovingTest) -> bool:
+    """Return whether the pixels of a region, (3, n), move as one thing, and significantly."""
+    if deviations.shape[1] < settings.smallest / 2:
+        return False
+    middle = np.median(deviations, axis=1)
+    length = float(np.linalg.norm(middle))
+    scatter = float(np.median(np.linalg.norm(deviations - middle[:, None], axis=0)))
+    return length > settings.threshold and length > settings.coherence * scatter
+
+
+def region_of(box: Box, mask: Mask, after: Points, against_world: FloatMap, frame_rate: float | None) -> MovingRegion:
+    """Return what moves there, by the points (n, 3) of it that have a depth in both frames."""
+    motion = np.median(against_world, axis=0).astype(np.float64)
+    rows, cols = box
+    return MovingRegion(
+        row=int(rows.start),
+        col=int(cols.start),
+        height=mask.shape[0],
+        width=mask.shape[1],
+        pixels=int(np.count_nonzero(mask)),
+        distance_m=float(np.median(after[:, 2])),
+        motion_m=(float(motion[0]), float(motion[1]), float(motion[2])),
+        speed_kmh=None if frame_rate is None else KMH * frame_rate * float(np.linalg.norm(motion)),
+    )

@@ -1,0 +1,128 @@
+"""Our own motion between two frames: the one rigid motion that most of what we see agrees with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.arrays import DoubleMap, FloatMap, Mask
+from stereolag.geometry.calibration import Calibration
+
+MOST_POINTS = 4000
+"""Of all pixels, evenly over the image: more do not make the motion better."""
+
+FEWEST_POINTS = 20
+TRIALS, CONFIDENCE = 500, 0.9999
+
+Points = npt.NDArray[np.float64]
+"""(H, W, 3) metres: X to the right, Y down, Z forward; NaN = none."""
+
+
+@dataclass(frozen=True, eq=False)
+class OwnMotion:
+    """How the static world moves in the frame of the camera: ``X2 = rotation @ X1 + translation``.
+
+    Attributes
+    ----------
+    rotation
+        (3, 3).
+    translation
+        (3,) metres.
+    inliers
+        Share of the pixels asked that agree, 0..1.
+    """
+
+    rotation: npt.NDArray[np.float64]
+    translation: npt.NDArray[np.float64]
+    inliers: float
+
+    @property
+    def travelled(self) -> npt.NDArray[np.float64]:
+        """Return where the camera has gone, in its own first frame: (3,) metres, X right, Y down, Z forward."""
+        return np.asarray(-self.rotation.T @ self.translation)
+
+    def moved(self, points: Points) -> Points:
+        """Return where static points lie in the second frame of the camera."""
+        return np.asarray(points @ self.rotation.T + self.translation)
+
+
+def camera_matrix(calibration: Calibration, shape: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """Return the (3, 3) matrix of the left camera for images of (rows, cols)."""
+    cx = (shape[1] - 1) / 2 if calibration.cx is None else calibration.cx
+    cy = (shape[0] - 1) / 2 if calibration.cy is None else calibration.cy
+    return np.array([[calibration.focal_px, 0, cx], [0, calibration.focal_px, cy], [0, 0, 1]])
+
+
+def seen_points(calibration: Calibration, disparity: FloatMap, row: FloatMap, col: FloatMap) -> Points:
+    """Return the points seen at places (row, col) of the left image with a disparity, px."""
+    matrix = camera_matrix(calibration, disparity.shape)
+    depth = calibration.depth(disparity).astype(np.float64)
+    x, y = (col - matrix[0, 2]) * depth, (row - matrix[1, 2]) * depth
+    return np.stack([x / calibration.focal_px, y / calibration.focal_px, depth], axis=-1)
+
+
+def projected(points: Points, matrix: npt.NDArray[np.float64]) -> tuple[DoubleMap, DoubleMap]:
+    """Return (row, col) at which points are seen; NaN behind the camera."""
+    depth = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+    row = matrix[1, 2] + matrix[1, 1] * points[..., 1] / depth
+    col = matrix[0, 2] + matrix[0, 0] * points[..., 0] / depth
+    return np.asarray(row), np.asarray(col)
+
+
+def estimate_own_motion(
+    points: Points, row: FloatMap, col: FloatMap, matrix: npt.NDArray[np.float64], *, tolerance: float
+) -> OwnMotion:
+    """Return the rigid motion by which most points come to where they are seen in the second frame.
+
+    Parameters
+    ----------
+    points
+        (H, W, 3) metres, seen in the first frame; NaN = none.
+    row, col
+        (H, W) where the same are seen in the second frame, px; NaN = none.
+    matrix
+        (3, 3) of the camera.
+    tolerance
+        Px by which a static point may be seen elsewhere.
+
+    Raises
+    ------
+    ValueError
+        Fewer than 20 points, or no motion that enough of them agree with.
+
+    Notes
+    -----
+    Perspective from points by RANSAC, refined by Levenberg and Marquardt on all that agree (OpenCV's ``solvePnPRansac``
+    and ``solvePnPRefineLM``). OpenCV's random numbers begin anew with each call: the result is always the same.
+    """
+    known: Mask = np.isfinite(points).all(axis=2) & np.isfinite(row) & np.isfinite(col)
+    places = np.flatnonzero(known)
+    if places.size < FEWEST_POINTS:
+        raise ValueError(f"Only {places.size} pixels have both depth and motion; at least {FEWEST_POINTS} are needed.")
+    chosen = places[np.linspace(0, places.size - 1, min(places.size, MOST_POINTS)).astype(np.intp)]
+    world = points.reshape(-1, 3)[chosen]
+    seen = np.column_stack([col.reshape(-1)[chosen], row.reshape(-1)[chosen]]).astype(np.float64)
+    found, turn, shift, agreeing = cv2.solvePnPRansac(
+        world,
+        seen,
+        matrix,
+        None,
+        iterationsCount=TRIALS,
+        reprojectionError=tolerance,
+        confidence=CONFIDENCE,
+        flags=cv2.SOLVEPNP_EPNP,
+    )
+    if not found or agreeing is None or len(agreeing) < FEWEST_POINTS:
+        raise ValueError("No rigid motion explains what is seen: nothing static seems to be in view.")
+    for _ in range(3):
+        turn, shift = cv2.solvePnPRefineLM(world[agreeing[:, 0]], seen[agreeing[:, 0]], matrix, None, turn, shift)
+        rotation = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
+        expected = projected(world @ rotation.T + shift[:, 0], matrix)
+        error = np.hypot(expected[1] - seen[:, 0], expected[0] - seen[:, 1])
+        agreeing = np.flatnonzero(error < tolerance)[:, None]
+        if len(agreeing) < FEWEST_POINTS:
+            raise ValueError("No rigid motion explains what is seen: nothing static seems to be in view.")
+    return OwnMotion(rotation, np.asarray(shift[:, 0], np.float64), len(agreeing) / len(chosen))

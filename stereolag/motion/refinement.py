@@ -1,0 +1,52 @@
+"""Variational refinement: the flow between the windows, by OpenCV."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from stereolag.motion.pyramid import Flow
+from stereolag.settings import Settings
+
+
+class VariationalRefinement(Settings):
+    """Move the flow to where grey levels and gradients of both frames agree best and it is smooth.
+
+    OpenCV's ``VariationalRefinement``, after T. Brox, A. Bruhn, N. Papenberg & J. Weickert, "High accuracy optical flow
+    estimation based on a theory for warping", ECCV 2004.
+    """
+
+    smoothness: float = Field(
+        default=20.0,
+        title="Smoothness",
+        description="Weight of smoothness against agreement (OpenCV's alpha).",
+        gt=0,
+        le=1000,
+        json_schema_extra={"step": 5},
+    )
+    iterations: int = Field(
+        default=3, title="Iterations", description="Of the outer loop (OpenCV's fixedPointIterations).", ge=1, le=100
+    )
+
+
+def refined(
+    flow: Flow, first: npt.NDArray[np.uint8], second: npt.NDArray[np.uint8], settings: VariationalRefinement
+) -> Flow:
+    """Return the flow refined.
+
+    Parameters
+    ----------
+    flow
+        (2, H, W) px, finite.
+    first, second
+        (H, W) uint8.
+    settings
+        How.
+    """
+    refinement = cv2.VariationalRefinement.create()
+    refinement.setAlpha(settings.smoothness)
+    refinement.setFixedPointIterations(settings.iterations)
+    dx, dy = refinement.calcUV(first, second, flow[1].copy(), flow[0].copy())
+    return np.stack([dy, dx])

@@ -1,0 +1,204 @@
+"""Scene flow: the motion of every pixel in metres, our own motion, and what moves against the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.arrays import DoubleMap, FloatMap, Mask
+from stereolag.geometry.calibration import Calibration
+from stereolag.inputs import as_image_pair
+from stereolag.motion.moving import KMH, MovingRegion, MovingTest, better_explained, connected, is_coherent, region_of
+from stereolag.motion.own_motion import (
+    OwnMotion,
+    Points,
+    camera_matrix,
+    estimate_own_motion,
+    projected,
+    seen_points,
+)
+from stereolag.motion.result import FlowMap
+from stereolag.stereo.matcher import DisparityMap
+
+PROBE = 0.5
+"""Px of disparity by which the static flow is varied, to learn how it depends on it."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFlow:
+    """The motion of every pixel between two frames of a stereo camera.
+
+    Attributes
+    ----------
+    motion
+        (H, W, 3) float32 metres, X to the right, Y down, Z forward, in the frame of the camera, which may move itself;
+        NaN = none.
+    against_world
+        (H, W, 3) float32 metres, the same less what a static point would do; 0 of the static scene.
+    significance
+        (H, W) float32: how many times the expected error the pixel is off from a static one; NaN = none.
+    moving
+        (H, W) bool, what moves against the world.
+    labels
+        (H, W) int32, 1 + the index of the region a pixel belongs to; 0 elsewhere.
+    regions
+        The moving things, nearest first.
+    own_motion
+        How the static world moves in the frame of the camera.
+    own_speed_kmh
+        Km/h; None without a frame rate.
+    """
+
+    motion: FloatMap
+    against_world: FloatMap
+    significance: FloatMap
+    moving: Mask
+    labels: npt.NDArray[np.int32]
+    regions: tuple[MovingRegion, ...]
+    own_motion: OwnMotion
+    own_speed_kmh: float | None
+
+
+def scene_flow(
+    first: DisparityMap | FloatMap,
+    second: DisparityMap | FloatMap,
+    flow: FlowMap | tuple[FloatMap, FloatMap],
+    calibration: Calibration,
+    *,
+    frames: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    frame_rate: float | None = None,
+    test: MovingTest | None = None,
+) -> SceneFlow:
+    """Return the motion in space of every pixel, our own motion, and what moves against the world.
+
+    Parameters
+    ----------
+    first, second
+        (H, W) disparities of the two frames, px; NaN = none. What was filled in takes no part.
+    flow
+        From the left image of the first frame to that of the second; a pair (dy, dx) of arrays will do. It should know
+        nothing where the second frame hides the pixel, as after a forward-backward check: what stands before it there
+        would be taken for it.
+    calibration
+        Of the rectified camera.
+    frames
+        The left images of both: then nothing moves that stands as well, by the images. Flows err most on what has no
+        texture, and the road is large.
+    frame_rate
+        Frames per second, for speeds.
+    test
+        What counts as moving.
+
+    Raises
+    ------
+    ValueError
+        Maps of different size, a frame rate that is not above 0, or a scene in which no own motion is found.
+
+    Notes
+    -----
+    Own motion by RANSAC over the pixels, then the residual of each, weighed by its expected error, as in A. Wedel
+    et al., "Stereoscopic scene flow computation for 3D motion understanding", IJCV 95, 2011.
+    """
+    settings = test or MovingTest()
+    if frame_rate is not None and not frame_rate > 0:
+        raise ValueError(f"frame_rate is {frame_rate}; it must be above 0.")
+    here, there = (measured(one) for one in (first, second))
+    dy, dx = (
+        (np.where(flow.filled, np.float32(np.nan), part) for part in (flow.dy, flow.dx))
+        if isinstance(flow, FlowMap)
+        else (np.asarray(part) for part in flow)
+    )
+    if len({here.shape, there.shape, dy.shape, dx.shape}) != 1 or here.ndim != 2:
+        shapes = f"{here.shape}, {there.shape}, {dy.shape} and {dx.shape}"
+        raise ValueError(f"Both disparities, dy and dx have the shapes {shapes}; all must be one (H, W).")
+    matrix = camera_matrix(calibration, here.shape)
+    row, col = places_of(here.shape)
+    row_2, col_2 = row + dy, col + dx
+    arrived = disparity_at(there, row_2, col_2)
+    before = seen_points(calibration, here, row, col)
+    after = seen_points(calibration, arrived, row_2, col_2)
+    own = estimate_own_motion(before, row_2, col_2, matrix, tolerance=3 * settings.flow_error)
+    static = own.moved(before)
+    deviations = _deviations(own, before, (here, arrived), (row_2, col_2), calibration, settings)
+    # A pixel without a disparity in the second frame is judged by its flow alone.
+    squares = np.square(deviations)
+    significance = np.sqrt(squares[0] + squares[1] + np.where(np.isfinite(squares[2]), squares[2], 0))
+    against_world = (after - static).astype(np.float32)
+    moving = significance > settings.threshold
+    if frames is not None:
+        stay = np.stack(projected(static, matrix)) - np.stack([row, col])
+        images = as_image_pair(frames[0], frames[1], ("frames[0]", "frames[1]"))
+        moving &= better_explained(images, np.stack([dy, dx]), stay.astype(np.float32), settings.gain)
+    found = []
+    for box, mask in connected(moving, settings):
+        known = mask & np.isfinite(deviations[(slice(None), *box)]).all(axis=0)
+        if is_coherent(deviations[(slice(None), *box)][:, known], settings):
+            region = region_of(box, mask, after[box][known], against_world[box][known], frame_rate)
+            found.append((region, box, mask))
+    found.sort(key=lambda one: one[0].distance_m)
+    labels = np.zeros(here.shape, np.int32)
+    for number, (_, box, mask) in enumerate(found, start=1):
+        labels[box][mask] = number
+    return SceneFlow(
+        motion=(after - before).astype(np.float32),
+        against_world=against_world,
+        significance=significance.astype(np.float32),
+        moving=labels > 0,
+        labels=labels,
+        regions=tuple(region for region, _, _ in found),
+        own_motion=own,
+        own_speed_kmh=None if frame_rate is None else KMH * frame_rate * float(np.linalg.norm(own.travelled)),
+    )
+
+
+def measured(disparity: DisparityMap | FloatMap) -> FloatMap:
+    """Return the disparities of a map without what was filled in; of an array all of them."""
+    if isinstance(disparity, DisparityMap):
+        return np.where(disparity.filled, np.float32(np.nan), disparity.disparity)
+    return np.asarray(disparity, np.float32)
+
+
+def places_of(shape: tuple[int, ...]) -> tuple[FloatMap, FloatMap]:
+    """Return the (row, col) of every pixel, each (H, W) float32."""
+    row, col = np.indices(shape, dtype=np.float32)
+    return row, col
+
+
+def disparity_at(disparity: FloatMap, row: FloatMap, col: FloatMap) -> FloatMap:
+    """Return the disparity at places between the pixels: of the nearest one, as a mean over an edge is on no surface.
+
+    NaN where the place is unknown, out of the frame or without a disparity.
+    """
+    rows, cols = disparity.shape
+    inside = np.isfinite(row) & np.isfinite(col)
+    y, x = (np.rint(np.where(inside, place, -1)).astype(np.intp) for place in (row, col))
+    inside &= (y >= 0) & (y < rows) & (x >= 0) & (x < cols)
+    return np.where(inside, disparity[np.where(inside, y, 0), np.where(inside, x, 0)], np.float32(np.nan))
+
+
+def _deviations(
+    own: OwnMotion,
+    before: Points,
+    disparities: tuple[FloatMap, FloatMap],
+    seen: tuple[FloatMap, FloatMap],
+    calibration: Calibration,
+    settings: MovingTest,
+) -> DoubleMap:
+    """Return (3, H, W): how many expected errors row, column and disparity are off from those of a static point."""
+    here, arrived = disparities
+    matrix = camera_matrix(calibration, here.shape)
+    scale = calibration.focal_px * calibration.baseline_m
+    row, col = places_of(here.shape)
+
+    def expected(points: Points) -> DoubleMap:
+        moved = own.moved(points)
+        depth = np.where(moved[..., 2] > 0, moved[..., 2], np.nan)
+        return np.stack([*projected(moved, matrix), scale / depth - calibration.doffs_px])
+
+    static = expected(before)
+    slope = (expected(seen_points(calibration, here + np.float32(PROBE), row, col)) - static) / PROBE
+    flow_error = settings.flow_error + settings.relative_error * np.hypot(static[0] - row, static[1] - col)
+    own_error = np.stack([flow_error, flow_error, np.full(here.shape, settings.disparity_error)])
+    return np.asarray((np.stack([*seen, arrived]) - static) / np.hypot(own_error, slope * settings.disparity_error))

@@ -1,0 +1,244 @@
+"""Optical flow: known motions recovered, signs, types, what is refused, and another program's answer."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from openpiv import pyprocess
+from pairs import shifted_pair, texture
+
+from stereolag import Reason, optical_flow
+from stereolag.motion.candidates import (
+    Candidates,
+    best_of_neighbours,
+    best_of_neighbours_reference,
+)
+from stereolag.motion.checks import median_residual, median_residual_reference, return_error
+from stereolag.motion.matcher import FlowMatcher
+from stereolag.motion.smoothing import edge_aware_mean, edge_aware_mean_reference
+from stereolag.settings import SettingsError
+
+DTYPES = [np.uint8, np.uint16, np.float32, np.float64]
+
+
+def middle(values, margin=40):
+    return values[margin:-margin, margin:-margin]
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize(("dy", "dx"), [(0, 0), (0, 9), (-6, 0), (4.3, -11.6), (-25, 31)])
+def test_recovers_a_known_shift(dtype, dy, dx):
+    first, second = shifted_pair(150, 190, dy, dx, dtype=dtype)
+    flow = optical_flow(first, second, search=48)
+    assert np.isfinite(middle(flow.dx)).mean() > 0.98
+    assert abs(np.nanmedian(middle(flow.dy)) - dy) < 0.02
+    assert abs(np.nanmedian(middle(flow.dx)) - dx) < 0.02
+    assert np.nanpercentile(np.hypot(middle(flow.dy) - dy, middle(flow.dx) - dx), 99) < 0.25
+
+
+@pytest.mark.parametrize("shape", [(40, 150), (151, 67), (9, 200), (7, 7)])
+def test_any_size_as_large_as_the_window_gives_a_map(shape):
+    first, second = shifted_pair(*shape, 0, 1)
+    flow = optical_flow(first, second, search=5)
+    assert flow.dy.shape == flow.dx.shape == flow.score.shape == flow.reason.shape == shape
+    assert flow.dx.dtype == flow.dy.dtype == flow.score.dtype == np.float32
+    if min(shape) > 20:
+        assert abs(np.nanmedian(flow.dx) - 1) < 0.02
+
+
+def test_swapping_the_frames_flips_the_sign():
+    first, second = shifted_pair(120, 160, 3.4, -7.7)
+    there, back = optical_flow(first, second, search=20), optical_flow(second, first, search=20)
+    assert abs(np.nanmedian(middle(there.dy)) + np.nanmedian(middle(back.dy))) < 0.02
+    assert abs(np.nanmedian(middle(there.dx)) + np.nanmedian(middle(back.dx))) < 0.02
+
+
+def test_every_pixel_without_motion_has_a_reason_and_filling_leaves_none():
+    first, second = shifted_pair(100, 140, 0, 12)
+    flow = optical_flow(first, second, search=20)
+    np.testing.assert_array_equal(flow.valid, flow.reason == Reason.MEASURED)
+    np.testing.assert_array_equal(flow.valid, np.isfinite(flow.dy))
+    np.testing.assert_array_equal(flow.valid, np.isfinite(flow.score))
+    # What moved out of the frame on the right.
+    assert not flow.valid[:, -8:].any()
+    filled = optical_flow(first, second, search=20, filling=True)
+    assert filled.valid.all() and filled.coverage == 1
+    np.testing.assert_array_equal(filled.filled, ~flow.valid)
+    np.testing.assert_array_equal(filled.dx[flow.valid], flow.dx[flow.valid])
+    assert np.abs(filled.dx[:, -8:] - 12).mean() < 1
+
+
+def test_a_flat_part_has_low_texture():
+    first, second = (image.copy() for image in shifted_pair(120, 160, 0, 0))
+    for image in (first, second):
+        image[30:80, 50:110] = 90
+    flow = optical_flow(first, second, search=10)
+    assert (flow.reason[34:76, 54:106] == Reason.LOW_TEXTURE).all()
+    assert not (flow.reason[:, :40] == Reason.LOW_TEXTURE).any()
+    everywhere = optical_flow(np.full((60, 80), 7, np.uint8), np.full((60, 80), 7, np.uint8), search=10)
+    assert (everywhere.reason == Reason.LOW_TEXTURE).all() and not everywhere.valid.any()
+
+
+def test_what_is_covered_in_the_second_frame_is_not_measured():
+    first = texture(140, 200, seed=3, blur=1.5)
+    second, patch = first.copy(), texture(80, 80, seed=8, blur=1.5)
+    first[30:110, 40:120] = patch
+    second[30:110, 55:135] = patch
+    flow = optical_flow(first, second, search=32)
+    covered, around = flow.reason[40:100, 121:134], flow.reason[40:100, 50:110]
+    assert (covered == Reason.LEFT_RIGHT).mean() > 0.4
+    assert (around == Reason.LEFT_RIGHT).mean() < 0.1
+    assert abs(np.nanmedian(flow.dx[40:100, 50:110]) - 15) < 0.05
+    assert abs(np.nanmedian(flow.dx[:20])) < 0.05
+
+
+def test_a_growing_picture_has_a_growing_flow():
+    first = texture(180, 240, seed=6, blur=1.5)
+    scale, angle = 1.06, np.deg2rad(2)
+    row, col = np.mgrid[:180, :240].astype(np.float32)
+    y, x = row - 90, col - 120
+    # The pixel at p of the first frame is at centre + scale * turned(p - centre) of the second one.
+    true_dy = scale * (np.cos(angle) * y + np.sin(angle) * x) - y
+    true_dx = scale * (np.cos(angle) * x - np.sin(angle) * y) - x
+    back_y, back_x = (np.cos(angle) * y - np.sin(angle) * x) / scale, (np.cos(angle) * x + np.sin(angle) * y) / scale
+    second = cv2.remap(first, (back_x + 120).astype(np.float32), (back_y + 90).astype(np.float32), cv2.INTER_CUBIC)
+    flow = optical_flow(first, second, search=16)
+    error = np.hypot(flow.dy - true_dy, flow.dx - true_dx)[10:-10, 10:-10]
+    assert np.isfinite(error).mean() > 0.9
+    assert np.nanmean(error) < 0.1
+
+
+def particles(rows, cols, move, *, count=1500):
+    rng = np.random.default_rng(11)
+    places = rng.uniform((-20, -20), (rows + 20, cols + 20), (count, 2))
+    row, col = np.mgrid[:rows, :cols]
+    frames = []
+    for dy, dx in ((0.0, 0.0), move):
+        image = np.zeros((rows, cols))
+        for y, x in places + np.array([dy, dx]):
+            near = np.s_[max(0, int(y) - 5) : max(0, int(y) + 6), max(0, int(x) - 5) : max(0, int(x) + 6)]
+            image[near] += 180 * np.exp(-((row[near] - y) ** 2 + (col[near] - x) ** 2) / 2)
+        frames.append(np.clip(image + rng.normal(8, 3, image.shape), 0, 255).astype(np.uint8))
+    return frames
+
+
+@pytest.mark.parametrize("move", [(2.3, -4.6), (-3.5, 5.25)])
+def test_agrees_with_openpiv_on_particles(move):
+    first, second = particles(160, 192, move)
+    u, v, _ = pyprocess.extended_search_area_piv(
+        first.astype(np.int32),
+        second.astype(np.int32),
+        window_size=32,
+        overlap=16,
+        search_area_size=48,
+        sig2noise_method="peak2peak",
+    )
+    flow = optical_flow(first, second, window_size=15, search=16)
+    assert abs(np.nanmedian(middle(flow.dy, 24)) - np.median(v)) < 0.1
+    assert abs(np.nanmedian(middle(flow.dx, 24)) - np.median(u)) < 0.1
+    assert abs(np.nanmedian(middle(flow.dy, 24)) - move[0]) < 0.05
+    assert abs(np.nanmedian(middle(flow.dx, 24)) - move[1]) < 0.05
+
+
+@cache
+def smooth_flow():
+    row, col = np.mgrid[:60, :80].astype(np.float32)
+    noise = np.random.default_rng(2).normal(0, 0.05, (2, 60, 80)).astype(np.float32)
+    return np.stack([0.05 * row, 3 - 0.02 * col]) + noise
+
+
+def test_the_median_test_finds_planted_outliers_and_nothing_else():
+    flow = smooth_flow().copy()
+    planted = np.zeros(flow.shape[1:], np.bool_)
+    planted[7::13, 5::13] = True
+    flow[:, planted] += np.array([[2.0], [-3.0]], np.float32)
+    found = median_residual(flow, 3, 0.1) > 3
+    assert found[planted].all()
+    assert found[~planted].mean() < 0.01
+
+
+@given(st.integers(1, 4), st.integers(0, 2**32 - 1))
+@settings(max_examples=25, deadline=None)
+def test_the_median_residual_equals_its_formula(spacing, seed):
+    rng = np.random.default_rng(seed)
+    flow = rng.normal(size=(2, *rng.integers(spacing + 1, 20, 2))).astype(np.float32).round(1)
+    expected = median_residual_reference(flow, spacing, 0.1)
+    np.testing.assert_allclose(median_residual(flow, spacing, 0.1), expected, rtol=1e-4, atol=1e-5)
+
+
+@given(st.integers(1, 4), st.integers(0, 2**32 - 1))
+@settings(max_examples=25, deadline=None)
+def test_the_best_neighbour_equals_its_formula(spacing, seed):
+    rng = np.random.default_rng(seed)
+    shape = rng.integers(2, 20, 2)
+    given_ = Candidates(
+        rng.normal(size=(2, *shape)).astype(np.float32),
+        rng.normal(size=shape).astype(np.float32),
+        np.ones(shape, np.float32),
+    )
+    found, expected = best_of_neighbours(given_, spacing), best_of_neighbours_reference(given_, spacing)
+    np.testing.assert_array_equal(found.score, expected.score)
+    np.testing.assert_array_equal(found.flow, expected.flow)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=25, deadline=None)
+def test_the_edge_aware_mean_equals_its_formula(seed):
+    rng = np.random.default_rng(seed)
+    shape = tuple(rng.integers(1, 30, 2))
+    flow = rng.normal(size=(2, *shape)).astype(np.float32)
+    weight = rng.uniform(0.1, 1, shape).astype(np.float32)
+    guide = rng.integers(0, 40, shape).astype(np.uint8)
+    expected = edge_aware_mean_reference(flow, weight, guide)
+    np.testing.assert_allclose(edge_aware_mean(flow, weight, guide), expected, atol=2e-4)
+
+
+def test_the_mean_fills_from_the_same_side_of_an_edge():
+    flow = np.zeros((2, 30, 60), np.float32)
+    flow[1, :, 30:] = 10
+    guide = np.where(np.arange(60) < 30, 20, 220).astype(np.uint8) * np.ones((30, 1), np.uint8)
+    weight = np.ones((30, 60), np.float32)
+    weight[:, 25:30] = 0
+    flow[1, :, 25:30] = 99
+    filled = edge_aware_mean(flow, weight, guide)
+    assert np.abs(filled[1, :, :30]).max() < 0.1
+    assert np.abs(filled[1, :, 30:] - 10).max() < 0.1
+
+
+def test_the_way_back_of_a_shift_ends_where_it_began():
+    flow = np.broadcast_to(np.array([2.0, -3.5], np.float32)[:, None, None], (2, 30, 40)).copy()
+    error = return_error(flow, -flow)
+    assert error[:27, 4:].max() < 1e-5
+    assert (error[:, :3] > 100).all()
+    assert abs(return_error(flow, -flow + np.float32(1))[5:20, 10:30] - np.sqrt(2)).max() < 1e-5
+
+
+def test_progress_ends_at_one_and_the_result_says_what_made_it():
+    first, second = shifted_pair(64, 96, 0, 2)
+    told = []
+    flow = optical_flow(first, second, search=16, progress=told.append)
+    assert told[-1] == 1 and told == sorted(told)
+    assert flow.settings == FlowMatcher(search=16) and flow.elapsed_s > 0
+    with pytest.raises(ValueError, match="read-only"):
+        flow.dx[0, 0] = 1
+
+
+def test_what_is_refused_is_named():
+    image = texture(30, 40).astype(np.uint8)
+    with pytest.raises(ValueError, match="first is 40 × 30 and second is 30 × 30"):
+        optical_flow(image, image[:, :30])
+    with pytest.raises(ValueError, match="first holds uint8 and second float64"):
+        optical_flow(image, image.astype(np.float64))
+    with pytest.raises(ValueError, match="window_size is 31 px and the frames are 40 × 30"):
+        optical_flow(image, image, window_size=31)
+    with pytest.raises(SettingsError, match="window_size is 8; it must be odd"):
+        optical_flow(image, image, window_size=8)
+    with pytest.raises(SettingsError, match="serach"):
+        optical_flow(image, image, serach=8)
+    with pytest.raises(SettingsError, match="search is 0"):
+        optical_flow(image, image, search=0)
