@@ -61,11 +61,10 @@ class SequenceFolder:
         self._path, self._suffix = path, suffix
         self._names, self._methods = sequence.names, tuple(matchers)
         self._document = _document(sequence, matchers, suffix, calibration)
+        self.colours: tuple[float, float] | None = None if again else self._noted()
+        """The disparities, px, at the ends of the colours of the video; None until they are known."""
         for method in matchers:
             (path / method).mkdir(parents=True, exist_ok=True)
-        known = None if again else self._noted()
-        self.colours: tuple[float, float] | None = known
-        """The disparities, px, at the ends of the colours of the video; None until they are known."""
         self._records = {} if again else self._finished()
         self._note()
         self._rewrite_table()
