@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from commanded import ran
+from small_drives import DISPARITIES, write_folders
 
 import stereolag as sl
 from stereolag.settings import changed
@@ -16,10 +17,14 @@ from stereolag.settings import changed
 PROJECT = Path(__file__).resolve().parents[2]
 
 
-def test_the_program_in_the_readme_runs_in_the_project_folder() -> None:
+def programs() -> list[str]:
     blocks = re.findall(r"```python\n(.*?)```", (PROJECT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 1
-    command = [sys.executable, "-W", "error", "-c", blocks[0]]
+    assert len(blocks) == 2
+    return blocks
+
+
+def test_the_program_in_the_readme_runs_in_the_project_folder() -> None:
+    command = [sys.executable, "-W", "error", "-c", programs()[0]]
     ran = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=False)
     assert ran.stderr == ""
     lines = ran.stdout.splitlines()
@@ -29,6 +34,14 @@ def test_the_program_in_the_readme_runs_in_the_project_folder() -> None:
     assert 0 < accurate < windows < block < 30
     assert lines[-2] == "[]"
     assert lines[-1].startswith("{")
+
+
+def test_the_drive_in_the_readme_is_computed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_folders(tmp_path / "drive")
+    monkeypatch.chdir(tmp_path)
+    exec(programs()[1], {})
+    assert (tmp_path / "drive.mp4").is_file()
+    assert len([*(tmp_path / "maps").rglob("*.png")]) == len(DISPARITIES)
 
 
 def test_the_commands_in_the_readme_run(
