@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -24,8 +26,16 @@ DISPARITIES = [4 + number % 6 for number in range(12)]
 ACCURATE = preset("accurate", num_disparities=16)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def bare_main() -> Iterator[None]:
+    """Let new processes find no program to run again: tests of pages leave the app there."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(sys.modules, "__main__", ModuleType("__main__"))
+        yield
+
+
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
+def cluster(bare_main: None) -> Iterator[Any]:
     """Start a scheduler and two workers, each a process of its own."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -109,7 +109,8 @@ def test_an_sdist_makes_the_same_wheel(wheel: Path, tmp_path: Path) -> None:
 
 
 def test_the_program_in_the_readme_runs_in_another_folder(scripts: Path, tmp_path: Path) -> None:
-    (program,) = re.findall(r"```python\n(.*?)```", (PROJECT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    readme = (PROJECT / "README.md").read_text(encoding="utf-8")
+    program = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)[0]
     program += "print(samples.__file__, sl.__version__)"
     lines = run([scripts / "python", "-W", "error", "-c", program], tmp_path).splitlines()
     assert lines[0].startswith("50082 1.1356")
