@@ -23,8 +23,8 @@ def workspace(drive: Drive) -> None:
 
 with page(
     "Driving",
-    "Depth maps of a whole drive, one method beside the other, ten frames a second and more. Near is bright, and the "
-    "colours mean the same from the first frame to the last.",
+    "Depth maps of a whole drive, one method beside the other. Near is bright, and the colours "
+    "mean the same from the first frame to the last.",
 ):
     chosen = ask_drive()
     if chosen is not None:

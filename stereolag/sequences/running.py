@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -39,8 +39,6 @@ class SequenceState:
         How many of them have no map.
     elapsed_s, remaining_s
         Seconds; `remaining_s` is NaN until the first frame is done.
-    colours
-        The disparities, px, at the ends of the colours of the video; None until they are known, or without one.
     """
 
     done: int
@@ -48,7 +46,6 @@ class SequenceState:
     damaged: int
     elapsed_s: float
     remaining_s: float
-    colours: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -90,7 +87,6 @@ def run_sequence(
     again: bool = False,
     progress: Callable[[SequenceState], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
-    told: Callable[[Sequence[FrameRecord]], None] | None = None,
 ) -> SequenceResult:
     """Match every frame of a sequence and write its maps, a table of figures and, if wanted, a video.
 
@@ -122,8 +118,6 @@ def run_sequence(
         Told how far the job is, ten times a second.
     cancelled
         Asked as often; once it says yes the job ends within a second, and what was done stays.
-    told
-        Told the figures of every frame, one of each method, as soon as it is matched.
 
     Returns
     -------
@@ -154,7 +148,7 @@ def run_sequence(
         elif video is not None:
             writer = stack.enter_context(VideoWriter(video, sequence.frame_rate, len(sequence)))
         runner = stack.enter_context(runner_at(scheduler))
-        job = _Job(sequence, named, target, writer, runner, calibration, disparity_format, progress, cancelled, told)
+        job = _Job(sequence, named, target, writer, runner, calibration, disparity_format, progress, cancelled)
         return job.run()
 
 
@@ -172,11 +166,10 @@ class _Job:
         suffix: str,
         progress: Callable[[SequenceState], None] | None,
         cancelled: Callable[[], bool] | None,
-        told: Callable[[Sequence[FrameRecord]], None] | None,
     ) -> None:
         self._sequence, self._matchers, self._target, self._writer = sequence, matchers, target, writer
         self._runner, self._calibration, self._suffix = runner, calibration, suffix
-        self._progress, self._cancelled, self._told = progress, cancelled, told
+        self._progress, self._cancelled = progress, cancelled
         self._start = time.perf_counter()
         self._missing = [number for number in range(len(sequence)) if number not in target]
         self._done = self._before = len(sequence) - len(self._missing)
@@ -231,8 +224,6 @@ class _Job:
                     for method, one in frame.maps.items()
                 ]
             self._target.write(frame, records)
-            if self._told is not None:
-                self._told(records)
             self._matched += not frame.problem
             self._done += 1
         if self._writer is not None:
@@ -281,11 +272,7 @@ class _Job:
             elapsed, new = time.perf_counter() - self._start, self._done - self._before
             left = len(self._sequence) - self._done
             remaining = elapsed / new * left if new else math.nan
-            self._progress(
-                SequenceState(
-                    self._done, len(self._sequence), len(self._damaged), elapsed, remaining, self._target.colours
-                )
-            )
+            self._progress(SequenceState(self._done, len(self._sequence), len(self._damaged), elapsed, remaining))
 
 
 def _spread(numbers: list[int] | range, count: int) -> list[int]:

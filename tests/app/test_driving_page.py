@@ -16,7 +16,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.reading import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.ui.depth.handed_over import HANDED
-from stereolag.ui.driving.result import OPENED
+from stereolag.ui.driving.result import OPENED, _table
 from stereolag.ui.driving.work import WORK, DriveWork
 from tests.app import uploads
 
@@ -87,7 +87,7 @@ def test_a_drive_is_computed_played_and_told_of() -> None:
     with av.open(io.BytesIO(video), "r") as container:
         assert sum(1 for _ in container.decode(video=0)) == COUNT
         assert container.streams.video[0].width == 3 * COLS
-    table = (work(app).folder.path / "frames.csv").read_text()
+    table = _table(work(app))
     assert len([*csv.DictReader(io.StringIO(table))]) == 2 * COUNT
     assert {one.label for one in app.get("download_button")} == {"Video (MP4)", "Maps (ZIP)", "Table (CSV)"}
 
@@ -121,7 +121,7 @@ def test_a_damaged_frame_is_said_and_the_others_go_on() -> None:
 def test_what_is_cancelled_stays_and_can_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     app = opened(drive(count=40))
     end = time.monotonic() + 60
-    while not work(app).records:
+    while not work(app).kept.records:
         assert time.monotonic() < end
         time.sleep(0.01)
     start = time.monotonic()

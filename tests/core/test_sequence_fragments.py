@@ -11,7 +11,7 @@ from small_drives import COLS, DISPARITIES, ROWS, write_folders
 
 from stereolag.sequences import open_sequence, run_sequence
 from stereolag.sequences.fragments import VideoPieces, whole_video
-from stereolag.sequences.records import FrameRecord
+from stereolag.sequences.targets import SequenceMemory
 from stereolag.stereo.opencv import StereoBM
 
 RATE = 5
@@ -53,22 +53,19 @@ def test_the_whole_video_has_all_pictures_and_its_index_first() -> None:
         assert (stream.frames, stream.average_rate) == (13, RATE)
 
 
-def test_the_job_draws_into_pieces_and_tells_every_frame(tmp_path: Path) -> None:
+def test_the_job_draws_into_pieces(tmp_path: Path) -> None:
     left, right, _ = write_folders(tmp_path / "frames")
-    video, told = VideoPieces(10.0), list[FrameRecord]()
-    colours = []
+    video, kept = VideoPieces(10.0), SequenceMemory()
     run_sequence(
         open_sequence(left, right),
         {"bm": StereoBM(num_disparities=16, block_size=9)},
-        tmp_path / "out",
+        kept,
         video=video,
-        told=told.extend,
-        progress=lambda state: colours.append(state.colours),
     )
     video.close()
-    assert [record.number for record in told] == [*range(len(DISPARITIES))]
+    assert [number for number, _ in kept.records] == [*range(len(DISPARITIES))]
     assert video.frames == video.collected == len(DISPARITIES)
-    assert colours[-1] is not None
+    assert kept.colours is not None
     with av.open(io.BytesIO(b"".join(video.pieces)), "r") as container:
         assert container.streams.video[0].width == 2 * COLS
         assert container.streams.video[0].height == ROWS

@@ -5,13 +5,13 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Mapping
-from pathlib import Path
 
 import streamlit as st
 
 from stereolag.figures.legends import Legend
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.sequences.fragments import whole_video
+from stereolag.sequences.records import header, lines
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.handed_over import hand_over
 from stereolag.ui.depth.maps import disparity_legends
@@ -53,7 +53,7 @@ def _watch(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher])
     show_player(
         played,
         pieces,
-        [*work.records],
+        [*work.kept.records.values()],
         computed=computed,
         done=not running,
         legends=_legends(work, drive),
@@ -65,9 +65,9 @@ def _watch(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher])
 
 
 def _legends(work: DriveWork, drive: Drive) -> tuple[Legend, ...]:
-    if work.state is None or work.state.colours is None:
+    if work.kept.colours is None:
         return ()
-    return disparity_legends(*work.state.colours, VIRIDIS, drive.calibration)
+    return disparity_legends(*work.kept.colours, VIRIDIS, drive.calibration)
 
 
 def _show_progress(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
@@ -122,7 +122,7 @@ def show_downloads(work: DriveWork, drive: Drive) -> None:
         )
         download_button(
             "Maps (ZIP)",
-            lambda: _maps(work.folder.path),
+            lambda: _maps(work, drive),
             "drive_disparity.zip",
             "application/zip",
             key=f"{KEY}.maps",
@@ -131,7 +131,7 @@ def show_downloads(work: DriveWork, drive: Drive) -> None:
         )
         download_button(
             "Table (CSV)",
-            (work.folder.path / "frames.csv").read_text(encoding="utf-8"),
+            _table(work),
             "frames.csv",
             "text/csv",
             key=f"{KEY}.csv",
@@ -139,10 +139,14 @@ def show_downloads(work: DriveWork, drive: Drive) -> None:
         )
 
 
-def _maps(folder: Path) -> bytes:
+def _table(work: DriveWork) -> str:
+    return header() + lines(work.kept.records.values())
+
+
+def _maps(work: DriveWork, drive: Drive) -> bytes:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:  # PNGs do not get smaller
-        for path in sorted(folder.rglob("*")):
-            if path.is_file() and not path.name.startswith("."):
-                archive.write(path, path.relative_to(folder))
+        for (number, method), data in sorted(work.kept.maps.items()):
+            archive.writestr(f"{method}/{drive.sequence.names[number]}.png", data)
+        archive.writestr("frames.csv", _table(work))
     return file.getvalue()

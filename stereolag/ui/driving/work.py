@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import math
-import shutil
-import tempfile
-import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import streamlit as st
 
 from stereolag.estimates import Estimate
 from stereolag.sequences import SequenceResult, SequenceState, run_sequence
 from stereolag.sequences.fragments import VideoPieces
-from stereolag.sequences.records import FrameRecord
+from stereolag.sequences.targets import SequenceMemory
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.jobs import Job
@@ -27,14 +23,6 @@ FRAMES_AT_ONCE = 4
 """Whose pictures and maps are in memory together."""
 
 
-class PrivateFolder:
-    """A folder that only this process can look into; it goes when nobody refers to it any more, with the session."""
-
-    def __init__(self) -> None:
-        self.path = Path(tempfile.mkdtemp(prefix="stereolag-"))
-        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
-
-
 @dataclass(eq=False)
 class DriveWork:
     """What was made of a sequence so far.
@@ -43,10 +31,8 @@ class DriveWork:
     ----------
     name
         Tells the sequence and the settings from all others.
-    folder
-        Where the maps are.
-    video, records
-        As far as they are there.
+    kept, video
+        Maps, figures and pictures, as far as they are there; in memory, as all that a visitor uploads.
     state
         How far it is.
     begun
@@ -56,9 +42,8 @@ class DriveWork:
     """
 
     name: str
-    folder: PrivateFolder
+    kept: SequenceMemory
     video: VideoPieces
-    records: list[FrameRecord] = field(default_factory=list)
     state: SequenceState | None = None
     begun: int = 1
     job: Job[SequenceResult] = field(init=False)
@@ -85,7 +70,7 @@ def work_on(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> DriveWork:
         return kept
     if kept is not None:
         kept.job.cancel()
-    work = DriveWork(name, PrivateFolder(), VideoPieces(drive.sequence.frame_rate))
+    work = DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate))
     _begin(work, drive, matchers)
     return work
 
@@ -93,7 +78,7 @@ def work_on(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> DriveWork:
 def go_on(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
     """Go on with work that was called off: what is finished is drawn again and not computed again."""
     video = VideoPieces(drive.sequence.frame_rate)
-    _begin(DriveWork(work.name, work.folder, video, work.records, begun=work.begun + 1), drive, matchers)
+    _begin(DriveWork(work.name, work.kept, video, begun=work.begun + 1), drive, matchers)
 
 
 def _begin(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
@@ -105,12 +90,11 @@ def _begin(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher])
             return run_sequence(
                 drive.sequence,
                 matchers,
-                work.folder.path,
+                work.kept,
                 calibration=drive.calibration,
                 video=work.video,
                 progress=told,
                 cancelled=lambda: job.cancelled,
-                told=work.records.extend,
             )
         finally:
             work.video.close()
