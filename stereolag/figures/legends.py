@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import Rgb
+from stereolag.figures.pictures import NO_ANSWER
+from stereolag.geometry.calibration import Calibration
 
 MOST_STEPS = 5
 """Between the values along a legend."""
@@ -72,3 +74,23 @@ def round_values(low: float, high: float, most_steps: int = 8) -> list[float]:
     step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= most_steps)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return [float(f"{number * step:.12g}") for number in range(first, last + 1)]
+
+
+def disparity_legends(low: float, high: float, palette: Rgb, calibration: Calibration | None) -> tuple[Legend, ...]:
+    """Return what the colours of maps mean: disparity, metres where they are known, and none."""
+
+    def metres(disparity: float) -> str:
+        depth = float("nan") if calibration is None else float(calibration.depth(disparity))
+        return f"{depth:.3g} m" if depth == depth else "∞" if calibration else ""
+
+    return (
+        strip_legend(
+            "disparity, px" + (", and distance" if calibration else ""),
+            low,
+            high,
+            palette,
+            ends=("FAR", "NEAR"),
+            below=metres if calibration else None,
+        ),
+        word_legend("", [hexadecimal(NO_ANSWER)], ["no disparity"]),
+    )

@@ -9,11 +9,10 @@ from typing import Any
 
 import streamlit as st
 
-from stereolag.arrays import FloatMap, ReasonMap, Rgb
-from stereolag.figures.legends import Legend, hexadecimal, strip_legend, word_legend
+from stereolag.arrays import FloatMap, ReasonMap
+from stereolag.figures.legends import Legend, disparity_legends
 from stereolag.figures.linked_pictures import DepthScale, Figure, PackedPicture, Picture, Reading, no_depth, packed
-from stereolag.figures.pictures import NO_ANSWER, as_rgb
-from stereolag.geometry.calibration import Calibration
+from stereolag.figures.pictures import as_rgb
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import METHODS
@@ -236,26 +235,6 @@ def truth_picture(view: DepthView, *, small: bool = False) -> list[Picture]:
 def map_legends(view: DepthView) -> tuple[Legend, ...]:
     """Return what the colours of the maps of a pair mean."""
     return disparity_legends(view.low, view.high, view.palette, calibration_of(view.pair))
-
-
-def disparity_legends(low: float, high: float, palette: Rgb, calibration: Calibration | None) -> tuple[Legend, ...]:
-    """Return what the colours of maps mean: disparity, metres where they are known, and none."""
-
-    def metres(disparity: float) -> str:
-        depth = float("nan") if calibration is None else float(calibration.depth(disparity))
-        return f"{depth:.3g} m" if depth == depth else "∞" if calibration else ""
-
-    return (
-        strip_legend(
-            "disparity, px" + (", and distance" if calibration else ""),
-            low,
-            high,
-            palette,
-            ends=("FAR", "NEAR"),
-            below=metres if calibration else None,
-        ),
-        word_legend("", [hexadecimal(NO_ANSWER)], ["no disparity"]),
-    )
 
 
 def _said(reason: Reason) -> str:

@@ -8,13 +8,12 @@ from collections.abc import Mapping
 
 import streamlit as st
 
-from stereolag.figures.legends import Legend
+from stereolag.figures.legends import Legend, disparity_legends
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.sequences.fragments import whole_video
 from stereolag.sequences.records import header, lines
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.handed_over import hand_over
-from stereolag.ui.depth.maps import disparity_legends
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.player import Played, show_player
 from stereolag.ui.driving.settings import title_of
