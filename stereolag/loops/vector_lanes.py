@@ -181,6 +181,37 @@ def larger(typing: Any, one: Any, other: Any) -> Any:
 
 
 @_instruction
+def where_at_most(typing: Any, one: Any, other: Any, then: Any, otherwise: Any) -> Any:
+    """Return `then` where ``one <= other`` (signed integers), and `otherwise` elsewhere."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.select(builder.icmp_signed("<=", *arguments[:2]), *arguments[2:])
+
+    return then(one, other, then, otherwise), generate
+
+
+@_instruction
+def halved(typing: Any, lanes: Any) -> Any:
+    """Return half of each integer, rounded down; its bits are those of a number without sign."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.lshr(arguments[0], ir.Constant(arguments[0].type, [1] * LANES))
+
+    return lanes(lanes), generate
+
+
+@_instruction
+def are_equal(typing: Any, one: Any, other: Any) -> Any:
+    """Return whether all sixteen integers equal those of `other`."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        apart = builder.bitcast(builder.icmp_signed("!=", *arguments), ir.IntType(LANES))
+        return builder.icmp_signed("==", apart, ir.Constant(ir.IntType(LANES), 0))
+
+    return types.boolean(one, other), generate
+
+
+@_instruction
 def where_positive(typing: Any, test: Any, lanes: Any) -> Any:
     """Return `lanes` where `test` (floats) is above 0, and 0 elsewhere."""
 
