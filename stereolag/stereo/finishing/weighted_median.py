@@ -108,9 +108,11 @@ def _median_rows(
     for y in range(first, end):
         for x in range(0, width, LANES):
             centre = (y + radius) * stride + x + radius
-            for neighbour in range(side * side):
-                place = (y + neighbour // side * spacing) * stride + x + neighbour % side * spacing
-                _weigh(planes, centre, place, contrast, weights, neighbour * LANES)
+            at = 0
+            for row in range(y, y + side * spacing, spacing):
+                for place in range(row * stride + x, row * stride + x + side * spacing, spacing):
+                    _weigh(planes, centre, place, contrast, weights, at)
+                    at += LANES
             store(found, x, _median(values, centre, y * stride + x, side, spacing, numbers, weights))
         for x in range(width):
             known = values[y + radius, x + radius] != missing
@@ -146,15 +148,17 @@ def _median(
     own = load(values, centre)
     nothing, missing = splat(0, values.dtype), splat(values[0, 0], values.dtype)
     low, high, total = own, own, nothing
-    for neighbour in range(side * side):
-        at = neighbour * LANES
-        number = load(values, corner + neighbour // side * spacing * stride + neighbour % side * spacing)
-        weight = where_at_most(number, missing, nothing, load(weights, at))
-        number = where_at_most(number, missing, own, number)
-        store(numbers, at, number)
-        store(weights, at, weight)
-        low, high = where_at_most(low, number, low, number), larger(high, number)
-        total = total + weight
+    at = 0
+    for row in range(corner, corner + side * spacing * stride, spacing * stride):
+        for place in range(row, row + side * spacing, spacing):
+            number = load(values, place)
+            weight = where_at_most(number, missing, nothing, load(weights, at))
+            number = where_at_most(number, missing, own, number)
+            store(numbers, at, number)
+            store(weights, at, weight)
+            low, high = where_at_most(low, number, low, number), larger(high, number)
+            total = total + weight
+            at += LANES
     low, high = where_at_most(own, missing, own, low), where_at_most(own, missing, own, high)
     half = halved(total + splat(1, values.dtype))
     while not are_equal(low, high):
