@@ -1,7 +1,7 @@
 """Running sums of the products of two images, for every lag: what a window correlation is made of.
 
 A *column sum* holds the products of one image column over the window's height, for every lag. One row down it gains
-the products that enter and loses those that leave. A *window sum* slides right: one column sum gained and one lost. So
+the products that enter and loses those that leave (:func:`changing_rows`). A *window sum* slides right: one column sum gained and one lost. So
 a window costs the same whatever its size. The lag is the innermost axis, in strips of sixteen
 (:class:`stereolag.stereo.windows.search.LagTable`).
 
@@ -12,48 +12,99 @@ float64 sums by the same code.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numba import types
+from numba.extending import overload
 from numpy.lib.stride_tricks import sliding_window_view
 
 from stereolag.arrays import Array
 from stereolag.loops.compilation import compiled
-from stereolag.loops.vector_lanes import LANES, cast, item, load, splat, store
+from stereolag.loops.vector_lanes import LANES, item, load, paired_products, splat, store
+
+
+NEITHER, ENTERING, BOTH = 0, 1, 2
+"""What a row does to the column sums that end in it: nothing, enter them, or enter as another leaves."""
+
+
+def changing_rows(image: Array, window: int) -> Array:
+    """Return the rows of an image as :func:`change` takes them.
+
+    Parameters
+    ----------
+    image
+        (H, W) uint8 or float64.
+    window
+        How many rows below a pixel lies the one at whose coming it leaves.
+
+    Returns
+    -------
+    ndarray
+        (H, W) int32 of uint8 images: the pixel that enters in the low 16 bits, the one that leaves in the high ones,
+        0 where that would lie above the image. Others stay as they are.
+    """
+    if image.dtype != np.uint8:
+        return image
+    rows = image.astype(np.int32)
+    rows[window:] |= rows[:-window] << 16
+    return rows
+
+
+def left_change(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
+    """Return a left pixel that enters, and the one `back` before it that leaves, in all lanes. In compiled code only."""
+
+
+@overload(left_change, strict=False)
+def _left_change_of_type(left: Any, at: Any, back: Any, which: Any, rows: Any) -> Any:
+    def packed(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
+        enters = np.int32(item(left, at)) if which != NEITHER else np.int32(0)
+        leaves = np.int32(item(left, at - back)) if which == BOTH else np.int32(0)
+        return splat(enters - leaves * 65536, np.int32)
+
+    def apart(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
+        enters = item(left, at) if which != NEITHER else 0.0
+        leaves = item(left, at - back) if which == BOTH else 0.0
+        return splat(enters, rows.dtype), splat(leaves, rows.dtype)
+
+    return packed if isinstance(rows.dtype, types.Integer) else apart
+
+
+def change(left: Any, rows: Array, at: int, back: int) -> Any:
+    """Return by how much the products of a left pixel with sixteen right ones change. In compiled code only."""
+
+
+@overload(change, strict=False)
+def _change_of_type(left: Any, rows: Any, at: Any, back: Any) -> Any:
+    def packed(left: Any, rows: Array, at: int, back: int) -> Any:
+        return paired_products(load(rows, at), left)
+
+    def apart(left: Any, rows: Array, at: int, back: int) -> Any:
+        return left[0] * load(rows, at) - left[1] * load(rows, at - back)
+
+    return packed if isinstance(rows.dtype, types.Integer) else apart
 
 
 @compiled
-def add_row(columns: Array, width: int, left: Array, left_at: int, right: Array, right_at: int, offsets: Array) -> None:
-    """Add one row's products to the column sums: ``columns[x, lag] += left[x] * right[x + lag]``."""
-    at = 0
-    for x in range(width):
-        pixel = splat(item(left, left_at + x), columns.dtype)
-        for strip in range(offsets.size):
-            there = load(right, right_at + x + item(offsets, strip))
-            store(columns, at, load(columns, at) + pixel * cast(there, columns.dtype))
-            at += LANES
-
-
-@compiled
-def replace_row(
+def change_row(
     columns: Array,
     width: int,
     left: Array,
-    left_below: int,
-    left_above: int,
-    right: Array,
-    right_below: int,
-    right_above: int,
+    left_at: int,
+    left_back: int,
+    right_rows: Array,
+    right_at: int,
+    right_back: int,
     offsets: Array,
+    which: int,
 ) -> None:
-    """Move the column sums down one row: the products of the row `below` enter, those of the row `above` leave."""
+    """Change the column sums by a row: ``columns[x, lag] += left[x] * right[x + lag]``, less what leaves."""
     at = 0
     for x in range(width):
-        enters = splat(item(left, left_below + x), columns.dtype)
-        leaves = splat(item(left, left_above + x), columns.dtype)
+        pixel = left_change(left, left_at + x, left_back, which, right_rows)
         for strip in range(offsets.size):
-            offset = x + item(offsets, strip)
-            gain = enters * cast(load(right, right_below + offset), columns.dtype)
-            loss = leaves * cast(load(right, right_above + offset), columns.dtype)
-            store(columns, at, load(columns, at) + gain - loss)
+            there = right_at + x + item(offsets, strip)
+            store(columns, at, load(columns, at) + change(pixel, right_rows, there, right_back))
             at += LANES
 
 
@@ -112,10 +163,10 @@ def energies(total: Array, square: Array, share: float, energy: Array) -> None:
 
 @compiled
 def inverse_roots(energy: Array, floor: float, inverse: Array) -> None:
-    """Set ``1 / sqrt(energy)``, and 0 where the energy is no more than `floor`."""
+    """Set ``1 / sqrt(energy)``, and NaN where the energy is no more than `floor`."""
     for x in range(energy.size):
         root = np.float32(1) / np.sqrt(np.float32(energy[x]))
-        inverse[x] = root if energy[x] > floor else np.float32(0)
+        inverse[x] = root if energy[x] > floor else np.float32(np.nan)
 
 
 @compiled
@@ -173,7 +224,7 @@ def describe_windows(
                 flat = energy[col * step] <= floor
                 texture[row, col] = 0 if flat else np.sqrt(np.float32(energy[col * step])) / window
                 if flat:
-                    inverse[row, col] = 0
+                    inverse[row, col] = np.nan
 
 
 def describe_windows_reference(
@@ -184,6 +235,6 @@ def describe_windows_reference(
     total, square = windows.sum((2, 3)), (windows**2).sum((2, 3))
     energy, about_mean = square - share * total**2, square - total**2 / window**2
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.full(total.shape, 1 / norm) if norm > 0 else np.where(energy > floor, 1 / np.sqrt(energy), 0)
+        inverse = np.full(total.shape, 1 / norm) if norm > 0 else np.where(energy > floor, 1 / np.sqrt(energy), np.nan)
         texture = np.where(about_mean > floor, np.sqrt(about_mean) / window, 0)
-    return total, np.where(texture > 0, inverse, 0), texture
+    return total, np.where(texture > 0, inverse, np.nan), texture

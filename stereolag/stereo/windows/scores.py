@@ -25,42 +25,48 @@ from stereolag.loops.vector_lanes import (
     larger,
     load,
     nearest,
+    positive_part,
     splat,
     store,
-    where_positive,
 )
 from stereolag.stereo.windows.matches import Score, WindowQuery
-from stereolag.stereo.windows.running_sums import slide
+from stereolag.stereo.windows.running_sums import change, left_change, slide
 
 SCALE = 2.0**29
 OFFSET = 1.5
 
+FRACTIONS = 256
+"""Parts of a grey level: the product of so coarse a fraction and a sum of pixels is exact in float32."""
+
 
 @compiled
-def _as_kept(
-    products: Any,
-    left_correction: Any,
-    left_whole: Any,
-    left_fraction: Any,
-    left_scale: Any,
-    right_excess: Any,
-    right_scale: Any,
-) -> Any:
-    """Return the scores of one left window at sixteen lags as they are kept; 0 where `right_scale` is.
+def _left_terms(total: Any, inverse: Any, share: float, products: Array) -> Any:
+    """Return what :func:`_as_kept` needs of a left window, in all lanes: its mean in three parts, and its scale."""
+    mean = total * share
+    whole = nearest(mean, products.dtype)
+    coarse = np.rint((mean - whole) * FRACTIONS) / FRACTIONS
+    return (
+        splat(whole, products.dtype),
+        splat(coarse, np.float32),
+        splat(mean - whole - coarse, np.float32),
+        splat(inverse * np.float32(SCALE), np.float32),
+    )
 
-    ``mean = share * total`` is the mean of a left window l, or 0 for a score that keeps the mean. Split into a whole
-    number m and a fraction f, the covariance with a right window r of n pixels is ::
 
-        sum((l - mean) * r) = sum((l - m) * (r - m)) - f * sum(r - m)
-        sum((l - m) * (r - m)) = sum(l * r) - m * sum(l) - m * (sum(r) - n * m)
+@compiled
+def _as_kept(products: Any, left_terms: Any, right_total: Any, right_inverse: Any) -> Any:
+    """Return the scores of one left window at sixteen lags as they are kept; 0 where `right_inverse` is NaN.
 
-    The second line is exact in integers, and so small that float32 is enough for the first. (Float64 sums need no such
-    care: there m is the mean, and f is 0.)
+    The covariance of a left window, whose mean is ``share * total`` (0 for a score that keeps the mean), with a right
+    window r is ``sum(l * r) - mean * sum(r)``. The mean is split into a whole number, a fraction of 8 bits and the
+    rest: what is large is subtracted in integers, or in float32 without rounding, and little is left to round.
+    (Float64 sums need no such care: there the first part is the mean, and the others are 0.)
     """
-    covariance = cast(products - left_correction - left_whole * right_excess, np.float32)
-    covariance = covariance - left_fraction * cast(right_excess, np.float32)
+    whole, coarse, fine, scale = left_terms
+    total = cast(right_total, np.float32)
+    covariance = cast(products - whole * right_total, np.float32) - coarse * total - fine * total
     zero = splat(OFFSET * SCALE, np.float32)
-    return where_positive(right_scale, cast(covariance * left_scale * right_scale + zero, np.int32))
+    return cast(positive_part(covariance * scale * right_inverse + zero), np.int32)
 
 
 @compiled
@@ -73,11 +79,12 @@ def score_group(
     columns: Array,
     window_sums: Array,
     left: Array,
-    left_below: int,
-    left_above: int,
-    right: Array,
-    right_below: int,
-    right_above: int,
+    left_row: int,
+    left_back: int,
+    right_rows: Array,
+    right_row: int,
+    right_back: int,
+    which: int,
     offsets: Array,
     share: float,
     left_at: int,
@@ -90,47 +97,39 @@ def score_group(
     code_mask: int,
     scores: Array,
     best_lanes: Array,
+    right_key: Array,
 ) -> None:
     """Score `count` left windows of a row at every lag; the first ends at `column` of the tile, the others follow.
 
-    One pass over the lags does it all: the column sums move down a row (as in ``replace_row``), the window sums slide
-    right, the sums become scores (:func:`_as_kept`), and each lane keeps the best.
+    One pass over the lags does it all: the column sums move down a row (as in ``change_row``), the window sums slide
+    right, the sums become scores (:func:`_as_kept`), each lane keeps the best, and so does every right window, unless
+    `right_key` is empty.
     """
     lags = columns.shape[1]
+    seen_from_right = right_key.size > 0
     score_bits = splat(~code_mask, np.int32)
     for member in range(count):
         x = member * step
-        enters = splat(item(left, left_below + x), columns.dtype)
-        leaves = splat(item(left, left_above + x), columns.dtype)
-        total_of_left = item(left_total, left_at + member)
-        mean = total_of_left * share
-        whole = nearest(mean, columns.dtype)
-        left_whole = splat(whole, columns.dtype)
-        left_fraction = splat(mean - whole, np.float32)
-        left_correction = splat(whole * total_of_left, columns.dtype)
-        right_correction = splat(window * window * whole, columns.dtype)
-        left_scale = splat(item(left_inverse, left_at + member) * np.float32(SCALE), np.float32)
+        pixel = left_change(left, left_row + x, left_back, which, right_rows)
+        total, inverse = item(left_total, left_at + member), item(left_inverse, left_at + member)
+        left_terms = _left_terms(total, inverse, share, columns)
         best = splat(0, np.int32)
         at = (column + x) * lags
         gone = at - (window - 1) * lags
-        below, above, there = right_below + x, right_above + x, right_at + x
         first = member * scores.shape[1]
         for strip in range(offsets.size):
             offset = item(offsets, strip)
-            lag = strip * LANES
-            gain = enters * cast(load(right, below + offset), columns.dtype)
-            loss = leaves * cast(load(right, above + offset), columns.dtype)
-            column_sum = load(columns, at + lag) + gain - loss
+            lag, there = strip * LANES, right_at + x + offset
+            column_sum = load(columns, at + lag) + change(pixel, right_rows, right_row + x + offset, right_back)
             store(columns, at + lag, column_sum)
             products = load(window_sums, lag) + column_sum
             store(window_sums, lag, products - load(columns, gone + lag))
-            right_excess = load(right_total, there + offset) - right_correction
-            right_scale = load(right_inverse, there + offset)
-            score = _as_kept(
-                products, left_correction, left_whole, left_fraction, left_scale, right_excess, right_scale
-            )
+            score = _as_kept(products, left_terms, load(right_total, there), load(right_inverse, there))
             store(scores, first + lag, score)
-            best = larger(best, (score & score_bits) | load(codes, lag))
+            key = (score & score_bits) | load(codes, lag)
+            best = larger(best, key)
+            if seen_from_right:
+                store(right_key, there, larger(load(right_key, there), key))
         store(best_lanes, member * LANES, best)
         for off_grid in range(column + x + 1, min(column + x + step, column_end)):
             slide(window_sums, columns, off_grid, off_grid - window + 1)
@@ -141,7 +140,6 @@ def score_products(
     first: int,
     end: int,
     products: Array,
-    window: int,
     share: float,
     left_at: int,
     left_total: Array,
@@ -161,22 +159,13 @@ def score_products(
     """
     lags, score_bits = codes.size, splat(~code_mask, np.int32)
     for member in range(first, end):
-        total_of_left = item(left_total, left_at + member)
-        mean = total_of_left * share
-        whole = nearest(mean, products.dtype)
-        left_whole = splat(whole, products.dtype)
-        left_fraction = splat(mean - whole, np.float32)
-        left_correction = splat(whole * total_of_left, products.dtype)
-        right_correction = splat(window * window * whole, products.dtype)
-        left_scale = splat(item(left_inverse, left_at + member) * np.float32(SCALE), np.float32)
+        total, inverse = item(left_total, left_at + member), item(left_inverse, left_at + member)
+        left_terms = _left_terms(total, inverse, share, products)
         best = splat(0, np.int32)
-        there = item(right_at, member)
         for strip in range(offsets.size):
-            offset, lag = item(offsets, strip), strip * LANES
-            right_excess = load(right_total, there + offset) - right_correction
-            right_scale = load(right_inverse, there + offset)
+            lag, there = strip * LANES, item(right_at, member) + item(offsets, strip)
             product = load(products, member * lags + lag)
-            score = _as_kept(product, left_correction, left_whole, left_fraction, left_scale, right_excess, right_scale)
+            score = _as_kept(product, left_terms, load(right_total, there), load(right_inverse, there))
             store(scores, member * scores.shape[1] + lag, score)
             best = larger(best, (score & score_bits) | load(codes, lag))
         store(best_lanes, member * LANES, best)
