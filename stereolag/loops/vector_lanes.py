@@ -209,14 +209,13 @@ def are_equal(typing: Any, one: Any, other: Any) -> Any:
 
 
 @_instruction
-def positive_part(typing: Any, lanes: Any) -> Any:
-    """Return floats where they are above 0, and 0 elsewhere, also where there is NaN."""
+def at_least(typing: Any, lanes: Any, least: Any) -> Any:
+    """Return the larger of floats and `least`, lane by lane; `least` where there is NaN."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        nothing = ir.Constant(arguments[0].type, None)
-        return builder.select(builder.fcmp_ordered(">", arguments[0], nothing), arguments[0], nothing)
+        return builder.select(builder.fcmp_ordered(">", *arguments), *arguments)
 
-    return lanes(lanes), generate
+    return lanes(lanes, least), generate
 
 
 @_instruction

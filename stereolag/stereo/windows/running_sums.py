@@ -120,37 +120,43 @@ def slide(window_sums: Array, columns: Array, entering: int, leaving: int) -> No
 
 
 @compiled
-def move_down(image: Array, top: int, window: int, column_total: Array, column_square: Array) -> None:
-    """Move the column sums of pixels and of their squares from row ``top - 1`` to row `top`."""
-    for x in range(image.shape[1]):
-        entering, leaving = image[top + window - 1, x], image[top - 1, x]
-        column_total[x] += entering
-        column_total[x] -= leaving
-        column_square[x] += entering * entering
-        column_square[x] -= leaving * leaving
+def add_pixels(row: Array, pixels: Array, column_total: Array, column_square: Array) -> None:
+    """Add a row of an image to the column sums of pixels and of their squares; `pixels` takes it in their type."""
+    for x in range(row.size):
+        pixels[x] = row[x]
+    for x in range(row.size):
+        column_total[x] += pixels[x]
+        column_square[x] += pixels[x] * pixels[x]
 
 
 @compiled
-def fill_columns(image: Array, top: int, window: int, column_total: Array, column_square: Array) -> None:
-    """Set the column sums of the rows from `top` to ``top + window``."""
-    column_total[:] = 0
-    column_square[:] = 0
-    for y in range(top, top + window):
-        for x in range(image.shape[1]):
-            column_total[x] += image[y, x]
-            column_square[x] += image[y, x] * image[y, x]
+def take_pixels(row: Array, pixels: Array, column_total: Array, column_square: Array) -> None:
+    """Take a row of an image off the column sums again."""
+    for x in range(row.size):
+        pixels[x] = row[x]
+    for x in range(row.size):
+        column_total[x] -= pixels[x]
+        column_square[x] -= pixels[x] * pixels[x]
 
 
 @compiled
-def sum_columns(columns: Array, window: int, sums: Array) -> None:
-    """Set ``sums[x] = columns[x : x + window].sum()``."""
-    total = columns[0] - columns[0]
-    for x in range(window - 1):
-        total += columns[x]
-    for x in range(sums.size):
-        total += columns[x + window - 1]
-        sums[x] = total
-        total -= columns[x]
+def sum_columns(columns: Array, count: int, window: int, span: Array, sums: Array) -> None:
+    """Set ``sums[x] = columns[x : x + window].sum()`` for `count` windows.
+
+    All three have room for sixteen more. `span` holds the sums of 1, 2, 4, ... neighbours in turn, and those that the
+    window is made of are added up: no sum waits for the one beside it.
+    """
+    span[:] = columns
+    sums[:] = 0
+    done, width = 0, 1
+    while width <= window:
+        if window & width:
+            for x in range(0, count, LANES):
+                store(sums, x, load(sums, x) + load(span, x + done))
+            done += width
+        for x in range(0, count + window - 2 * width, LANES):
+            store(span, x, load(span, x) + load(span, x + width))
+        width *= 2
 
 
 @compiled
@@ -165,8 +171,16 @@ def energies(total: Array, square: Array, share: float, energy: Array) -> None:
 def inverse_roots(energy: Array, floor: float, inverse: Array) -> None:
     """Set ``1 / sqrt(energy)``, and NaN where the energy is no more than `floor`."""
     for x in range(energy.size):
-        root = np.float32(1) / np.sqrt(np.float32(energy[x]))
-        inverse[x] = root if energy[x] > floor else np.float32(np.nan)
+        known = np.float32(energy[x]) if energy[x] > floor else np.float32(np.nan)
+        inverse[x] = np.float32(1) / np.sqrt(known)
+
+
+@compiled
+def deviations(energy: Array, floor: float, window: int, texture: Array) -> None:
+    """Set the standard deviation, and 0 where the energy is no more than `floor`."""
+    for x in range(energy.size):
+        known = np.float32(energy[x]) if energy[x] > floor else np.float32(0)
+        texture[x] = np.sqrt(known) * np.float32(1 / window)
 
 
 @compiled
@@ -200,17 +214,22 @@ def describe_windows(
         The same: standard deviation. A flat window has none and, there, no inverse norm either. Empty if not asked for.
     """
     columns, width = image.shape[1], image.shape[1] - window + 1
-    column_total, column_square = np.zeros(columns, total.dtype), np.zeros(columns, total.dtype)
-    row_total, row_square = np.zeros(width, total.dtype), np.zeros(width, total.dtype)
-    energy, root = np.zeros(width), np.zeros(width, np.float32)
-    fill_columns(image, first * step, window, column_total, column_square)
+    room = columns + 2 * LANES
+    column_total, column_square = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
+    row_total, row_square = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
+    pixels, span = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
+    energy, root, deviation = np.zeros(width), np.zeros(width, np.float32), np.zeros(width, np.float32)
+    for y in range(first * step, first * step + window - 1):
+        add_pixels(image[y], pixels, column_total, column_square)
     for row in range(total.shape[0]):
-        if row > 0:
-            for top in range((first + row - 1) * step + 1, (first + row) * step + 1):
-                move_down(image, top, window, column_total, column_square)
-        sum_columns(column_total, window, row_total)
-        sum_columns(column_square, window, row_square)
-        total[row] = row_total[::step]
+        bottom = (first + row) * step + window - 1
+        for y in range(bottom if row == 0 else bottom - step + 1, bottom + 1):
+            add_pixels(image[y], pixels, column_total, column_square)
+            if row > 0:
+                take_pixels(image[y - window], pixels, column_total, column_square)
+        sum_columns(column_total, width, window, span, row_total)
+        sum_columns(column_square, width, window, span, row_square)
+        total[row] = row_total[:width:step]
         if norm > 0:
             inverse[row] = 1 / norm
         else:
@@ -220,11 +239,10 @@ def describe_windows(
         if texture.size > 0:
             if norm > 0 or share == 0:
                 energies(row_total, row_square, 1 / window**2, energy)
+            deviations(energy, floor, window, deviation)
+            texture[row] = deviation[::step]
             for col in range(texture.shape[1]):
-                flat = energy[col * step] <= floor
-                texture[row, col] = 0 if flat else np.sqrt(np.float32(energy[col * step])) / window
-                if flat:
-                    inverse[row, col] = np.nan
+                inverse[row, col] = inverse[row, col] if texture[row, col] > 0 else np.float32(np.nan)
 
 
 def describe_windows_reference(

@@ -10,7 +10,7 @@ Inner loops take arrays one by one: Numba counts references on every field taken
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,12 +20,13 @@ from stereolag.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import (
     LANES,
+    at_least,
     cast,
     item,
     larger,
     load,
     nearest,
-    positive_part,
+    put,
     splat,
     store,
 )
@@ -39,22 +40,46 @@ FRACTIONS = 256
 """Parts of a grey level: the product of so coarse a fraction and a sum of pixels is exact in float32."""
 
 
-@compiled
-def _left_terms(total: Any, inverse: Any, share: float, products: Array) -> Any:
-    """Return what :func:`_as_kept` needs of a left window, in all lanes: its mean in three parts, and its scale."""
-    mean = total * share
-    whole = nearest(mean, products.dtype)
-    coarse = np.rint((mean - whole) * FRACTIONS) / FRACTIONS
-    return (
-        splat(whole, products.dtype),
-        splat(coarse, np.float32),
-        splat(mean - whole - coarse, np.float32),
-        splat(inverse * np.float32(SCALE), np.float32),
-    )
+class LeftTerms(NamedTuple):
+    """What the scores of some left windows have in common at every lag, each (windows)."""
+
+    whole: Array
+    """The mean, or 0 for a score that keeps it, rounded; of float64 sums as it is."""
+    coarse: npt.NDArray[np.float32]
+    """What is missing, in 256ths."""
+    fine: npt.NDArray[np.float32]
+    """What is still missing."""
+    scale: npt.NDArray[np.float32]
+    """SCALE / norm; NaN for a window that takes no part."""
 
 
 @compiled
-def _as_kept(products: Any, left_terms: Any, right_total: Any, right_inverse: Any) -> Any:
+def _set_left_terms(
+    count: int,
+    at: int,
+    total: Array,
+    inverse: Array,
+    share: float,
+    whole: Array,
+    coarse: Array,
+    fine: Array,
+    scale: Array,
+) -> None:
+    """Set the terms of `count` windows from window `at` on: ahead of their scores, which would wait for them."""
+    for member in range(count):
+        mean = item(total, at + member) * share
+        nearest_mean = nearest(mean, whole.dtype)
+        rest = mean - nearest_mean
+        put(whole, member, nearest_mean)
+        put(coarse, member, np.rint(rest * FRACTIONS) / FRACTIONS)
+        put(fine, member, rest - np.rint(rest * FRACTIONS) / FRACTIONS)
+        put(scale, member, item(inverse, at + member) * np.float32(SCALE))
+
+
+@compiled
+def _as_kept(
+    products: Any, whole: Any, coarse: Any, fine: Any, scale: Any, right_total: Any, right_inverse: Any
+) -> Any:
     """Return the scores of one left window at sixteen lags as they are kept; 0 where `right_inverse` is NaN.
 
     The covariance of a left window, whose mean is ``share * total`` (0 for a score that keeps the mean), with a right
@@ -62,11 +87,11 @@ def _as_kept(products: Any, left_terms: Any, right_total: Any, right_inverse: An
     rest: what is large is subtracted in integers, or in float32 without rounding, and little is left to round.
     (Float64 sums need no such care: there the first part is the mean, and the others are 0.)
     """
-    whole, coarse, fine, scale = left_terms
     total = cast(right_total, np.float32)
     covariance = cast(products - whole * right_total, np.float32) - coarse * total - fine * total
-    zero = splat(OFFSET * SCALE, np.float32)
-    return cast(positive_part(covariance * scale * right_inverse + zero), np.int32)
+    kept = covariance * scale * right_inverse + splat(OFFSET * SCALE, np.float32)
+    # What is less than 1 becomes 0; compared with 0 itself it would take two instructions.
+    return cast(at_least(kept, splat(0.5, np.float32)), np.int32)
 
 
 @compiled
@@ -78,6 +103,7 @@ def score_group(
     column_end: int,
     columns: Array,
     window_sums: Array,
+    left_terms: LeftTerms,
     left: Array,
     left_row: int,
     left_back: int,
@@ -108,11 +134,13 @@ def score_group(
     lags = columns.shape[1]
     seen_from_right = right_key.size > 0
     score_bits = splat(~code_mask, np.int32)
+    wholes, coarses, fines, scales = left_terms
+    _set_left_terms(count, left_at, left_total, left_inverse, share, wholes, coarses, fines, scales)
     for member in range(count):
         x = member * step
         pixel = left_change(left, left_row + x, left_back, which, right_rows)
-        total, inverse = item(left_total, left_at + member), item(left_inverse, left_at + member)
-        left_terms = _left_terms(total, inverse, share, columns)
+        whole, scale = splat(item(wholes, member), wholes.dtype), splat(item(scales, member), np.float32)
+        coarse, fine = splat(item(coarses, member), np.float32), splat(item(fines, member), np.float32)
         best = splat(0, np.int32)
         at = (column + x) * lags
         gone = at - (window - 1) * lags
@@ -124,7 +152,8 @@ def score_group(
             store(columns, at + lag, column_sum)
             products = load(window_sums, lag) + column_sum
             store(window_sums, lag, products - load(columns, gone + lag))
-            score = _as_kept(products, left_terms, load(right_total, there), load(right_inverse, there))
+            right = load(right_total, there), load(right_inverse, there)
+            score = _as_kept(products, whole, coarse, fine, scale, right[0], right[1])
             store(scores, first + lag, score)
             key = (score & score_bits) | load(codes, lag)
             best = larger(best, key)
@@ -158,14 +187,18 @@ def score_products(
     The first of all is window `left_at` of the left ones; at the first lag each meets the right window `right_at`.
     """
     lags, score_bits = codes.size, splat(~code_mask, np.int32)
+    wholes, scales = np.empty(1, products.dtype), np.empty(1, np.float32)
+    coarses, fines = np.empty(1, np.float32), np.empty(1, np.float32)
     for member in range(first, end):
-        total, inverse = item(left_total, left_at + member), item(left_inverse, left_at + member)
-        left_terms = _left_terms(total, inverse, share, products)
+        _set_left_terms(1, left_at + member, left_total, left_inverse, share, wholes, coarses, fines, scales)
+        whole, scale = splat(item(wholes, 0), wholes.dtype), splat(item(scales, 0), np.float32)
+        coarse, fine = splat(item(coarses, 0), np.float32), splat(item(fines, 0), np.float32)
         best = splat(0, np.int32)
         for strip in range(offsets.size):
             lag, there = strip * LANES, item(right_at, member) + item(offsets, strip)
             product = load(products, member * lags + lag)
-            score = _as_kept(product, left_terms, load(right_total, there), load(right_inverse, there))
+            right = load(right_total, there), load(right_inverse, there)
+            score = _as_kept(product, whole, coarse, fine, scale, right[0], right[1])
             store(scores, member * scores.shape[1] + lag, score)
             best = larger(best, (score & score_bits) | load(codes, lag))
         store(best_lanes, member * LANES, best)

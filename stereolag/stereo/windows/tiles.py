@@ -12,7 +12,7 @@ from stereolag.loops.compilation import compiled
 from stereolag.stereo.windows.prepared_pair import Found, Windows
 from stereolag.stereo.windows.recording import record_group, record_runners_up
 from stereolag.stereo.windows.running_sums import BOTH, ENTERING, NEITHER, change_row, slide
-from stereolag.stereo.windows.scores import score_group
+from stereolag.stereo.windows.scores import LeftTerms, score_group
 from stereolag.stereo.windows.search import LagRange, LagTable
 
 
@@ -23,6 +23,8 @@ class Workspace(NamedTuple):
     """(image columns of the tile, lags): column sums."""
     window: Array
     """(lags): the sliding window sum, without the column that entered last."""
+    left: LeftTerms
+    """(group): those of a few left windows."""
     scores: npt.NDArray[np.int32]
     """(group, lags + 16): the scores of a few left windows; zeros behind the lags."""
     best: npt.NDArray[np.int32]
@@ -65,7 +67,7 @@ def match_tile(
     left_total, left_inverse = left_windows
     right_total, right_inverse = right_windows
     codes, code_mask, offsets, around_code, dy_of, dx_of = table
-    columns, window_sums, scores, best, found_codes = work
+    columns, window_sums, terms, scores, best, found_codes = work
     found_dy, found_dx, around, runner_up, right_key = found
     grid_cols = found_dx.shape[1]
     width = (cols - 1) * step + window
@@ -103,6 +105,7 @@ def match_tile(
                 width,
                 columns,
                 window_sums,
+                terms,
                 left,
                 left_row + column,
                 left_back,

@@ -12,6 +12,7 @@ from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
 from stereolag.stereo.windows.prepared_pair import NO_RIGHT_MATCH, PreparedPair
 from stereolag.stereo.windows.running_sums import changing_rows
+from stereolag.stereo.windows.scores import LeftTerms
 from stereolag.stereo.windows.search import MOST_LAGS
 from stereolag.stereo.windows.tiles import Workspace, as_right_dx, match_tile
 
@@ -125,6 +126,9 @@ class _Matcher:
         return Workspace(
             columns=_aligned((columns, lags), self.pair.sums_dtype),
             window=_aligned((lags,), self.pair.sums_dtype),
+            left=LeftTerms(
+                np.zeros(group, self.pair.sums_dtype), *(np.zeros(group, np.float32) for _ in ("coarse", "fine", "scale"))
+            ),
             scores=_aligned((group, lags + LANES), np.int32),
             best=_aligned((group, LANES), np.int32),
             codes=_aligned((group,), np.int32),
