@@ -219,6 +219,29 @@ def at_least(typing: Any, lanes: Any, least: Any) -> Any:
 
 
 @_instruction
+def smallest(typing: Any, lanes: Any) -> Any:
+    """Return the smallest of sixteen uint16."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        reduce = ir.FunctionType(ir.IntType(16), [arguments[0].type])
+        name = f"llvm.vector.reduce.umin.v{LANES}i16"
+        function = cgutils.get_or_insert_function(builder.module, reduce, name)  # type: ignore[no-untyped-call]
+        return builder.call(function, arguments)
+
+    return types.uint16(lanes), generate
+
+
+@_instruction
+def smaller(typing: Any, one: Any, other: Any) -> Any:
+    """Return the smaller of two integers without sign, lane by lane."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.select(builder.icmp_unsigned("<", *arguments), *arguments)
+
+    return one(one, other), generate
+
+
+@_instruction
 def largest(typing: Any, lanes: Any) -> Any:
     """Return the largest of sixteen int32."""
 

@@ -49,7 +49,7 @@ def weighted_median(
     votes = (2 * (radius // spacing) + 1) ** 2 * contrast * channels
     # Sixteen numbers of 16 bits take half the registers; their lowest says that there is no value.
     narrow = most - least < np.iinfo(np.uint16).max - 4 and votes <= np.iinfo(np.int16).max
-    dtype = np.dtype(np.int16 if narrow else np.int32)
+    dtype: type[np.int16 | np.int32] = np.int16 if narrow else np.int32
     middle = round((float(least) + float(most)) / 2)
     # Beyond the frame there are no values, and room for the last sixteen pixels of a row.
     beyond = radius + -width % LANES
@@ -136,9 +136,7 @@ def _weigh(planes: Array, centre: int, place: int, contrast: int, weights: Array
 
 
 @compiled
-def _median(
-    values: Array, centre: int, corner: int, side: int, spacing: int, numbers: Array, weights: Array
-) -> Any:
+def _median(values: Array, centre: int, corner: int, side: int, spacing: int, numbers: Array, weights: Array) -> Any:
     """Return the medians of sixteen pixels, by halving the range that each may lie in.
 
     No sorting: how much weight lies at or below a value is a plain sum, the same for all. The first neighbour lies at

@@ -23,7 +23,6 @@ from stereolag.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import LANES, item, load, paired_products, splat, store
 
-
 NEITHER, ENTERING, BOTH = 0, 1, 2
 """What a row does to the column sums that end in it: nothing, enter them, or enter as another leaves."""
 
@@ -52,7 +51,7 @@ def changing_rows(image: Array, window: int) -> Array:
 
 
 def left_change(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
-    """Return a left pixel that enters, and the one `back` before it that leaves, in all lanes. In compiled code only."""
+    """Return, in all lanes, a left pixel that enters and the one `back` before it that leaves. In compiled code only."""
 
 
 @overload(left_change, strict=False)

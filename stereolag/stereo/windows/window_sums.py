@@ -127,7 +127,8 @@ class _Matcher:
             columns=_aligned((columns, lags), self.pair.sums_dtype),
             window=_aligned((lags,), self.pair.sums_dtype),
             left=LeftTerms(
-                np.zeros(group, self.pair.sums_dtype), *(np.zeros(group, np.float32) for _ in ("coarse", "fine", "scale"))
+                np.zeros(group, self.pair.sums_dtype),
+                *(np.zeros(group, np.float32) for _ in ("coarse", "fine", "scale")),
             ),
             scores=_aligned((group, lags + LANES), np.int32),
             best=_aligned((group, LANES), np.int32),
