@@ -107,7 +107,7 @@ class _Step(NamedTuple):
 
 
 @compiled
-def _carry(paths: Sums, step: _Step, lag: np.uint64, cost: Any, small: Any) -> Any:
+def _carry(paths: Sums, step: _Step, lag: Any, cost: Any, small: Any) -> Any:
     """Carry one path to sixteen lags, and return their costs."""
     one, two = np.uint64(1), np.uint64(2)
     beside = smaller(load(paths, step.before + lag), load(paths, step.before + lag + two)) + small
@@ -118,7 +118,7 @@ def _carry(paths: Sums, step: _Step, lag: np.uint64, cost: Any, small: Any) -> A
 
 
 @compiled
-def _carry_one(paths: Sums, step: _Step, lag: np.uint64, cost: Any, small: Any) -> Any:
+def _carry_one(paths: Sums, step: _Step, lag: Any, cost: Any, small: Any) -> Any:
     """Carry one path to one lag, and return its cost: for the lags beyond the last sixteen."""
     one, two = np.uint64(1), np.uint64(2)
     beside = np.uint16(min(paths[step.before + lag], paths[step.before + lag + two]) + small)

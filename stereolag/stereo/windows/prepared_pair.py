@@ -110,7 +110,7 @@ class PreparedPair:
         return windows
 
     def right_windows(self, first: int, end: int) -> Windows:
-        """Return the right windows that the lags of these rows of the grid meet, no norms where that is out of the frame.
+        """Return the right windows that the lags of these rows of the grid meet; out of the frame they have no norm.
 
         The first of them is met by the first left window at the first lag, the next one by its neighbour px. Of a
         circular correlation: the right windows at the same places as the left ones.

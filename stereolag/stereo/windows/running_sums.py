@@ -1,13 +1,14 @@
 """Running sums of the products of two images, for every lag: what a window correlation is made of.
 
 A *column sum* holds the products of one image column over the window's height, for every lag. One row down it gains
-the products that enter and loses those that leave (:func:`changing_rows`). A *window sum* slides right: one column sum gained and one lost. So
-a window costs the same whatever its size. The lag is the innermost axis, in strips of sixteen
+the products that enter and loses those that leave, both by one instruction where the pixels are whole numbers
+(:func:`changing_rows`). A *window sum* slides right: one column sum gained and one lost. So a window costs the same
+whatever its size. The lag is the innermost axis, in strips of sixteen
 (:class:`stereolag.stereo.windows.search.LagTable`).
 
-Of an image, ``at``, ``below`` and ``above`` count pixels from its first one, row after row; `offsets` lead from the
-right pixel of the first lag to those of each strip. Sums of uint8 products are int32, and exact; other images have
-float64 sums by the same code.
+Of an image, ``at`` counts pixels from its first one, row after row, and ``back`` leads from a pixel that enters to the
+one above it that leaves; `offsets` lead from the right pixel of the first lag to those of each strip. Sums of uint8
+products are int32, and exact; other images have float64 sums by the same code.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def changing_rows(image: Array, window: int) -> Array:
 
 
 def left_change(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
-    """Return, in all lanes, a left pixel that enters and the one `back` before it that leaves. In compiled code only."""
+    """Return a left pixel that enters and the one `back` before it that leaves, in all lanes; in compiled code only."""
 
 
 @overload(left_change, strict=False)
