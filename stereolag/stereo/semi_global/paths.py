@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,9 +11,9 @@ from pydantic import Field, model_validator
 from stereolag.arrays import Array
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
-from stereolag.loops.vector_lanes import LANES, cast, load, smaller, smallest, splat, store
 from stereolag.progress import Progress, silent
 from stereolag.settings import Settings
+from stereolag.stereo.semi_global.path_steps import PathStep, advance
 
 Costs = npt.NDArray[np.uint8]
 Sums = npt.NDArray[np.uint16]
@@ -94,82 +94,6 @@ def _step(guide: Pixels, first: np.uint64, second: np.uint64) -> np.uint64:
     return a - b if a > b else b - a
 
 
-class _Step(NamedTuple):
-    """What carries one path from a pixel to the next."""
-
-    before: np.uint64
-    """Where the cell of the pixel before begins."""
-    here: np.uint64
-    least: np.uint16
-    """The least of the costs before."""
-    jump: np.uint16
-    """That, plus the large penalty."""
-
-
-@compiled
-def _carry(paths: Sums, step: _Step, lag: Any, cost: Any, small: Any) -> Any:
-    """Carry one path to sixteen lags, and return their costs."""
-    one, two = np.uint64(1), np.uint64(2)
-    beside = smaller(load(paths, step.before + lag), load(paths, step.before + lag + two)) + small
-    best = smaller(smaller(load(paths, step.before + lag + one), beside), splat(step.jump, np.uint16))
-    carried = best - splat(step.least, np.uint16) + cost
-    store(paths, step.here + lag + one, carried)
-    return carried
-
-
-@compiled
-def _carry_one(paths: Sums, step: _Step, lag: Any, cost: Any, small: Any) -> Any:
-    """Carry one path to one lag, and return its cost: for the lags beyond the last sixteen."""
-    one, two = np.uint64(1), np.uint64(2)
-    beside = np.uint16(min(paths[step.before + lag], paths[step.before + lag + two]) + small)
-    best = min(min(paths[step.before + lag + one], beside), step.jump)
-    carried = np.uint16(np.uint16(best - step.least) + cost)
-    paths[step.here + lag + one] = carried
-    return carried
-
-
-@compiled
-def _advance(
-    paths: Sums,
-    costs: Costs,
-    sums: Sums,
-    place: np.uint64,
-    lags: np.uint64,
-    small: np.uint16,
-    along: _Step,
-    first: _Step,
-    second: _Step,
-    third: _Step,
-) -> tuple[np.uint16, np.uint16, np.uint16, np.uint16]:
-    """Carry four paths to the lags at `place` of the volume, whose sums it sets; return the least of each path.
-
-    All four at once, so that a cost is read and a sum written once.
-    """
-    strip = np.uint64(LANES)
-    full = lags - lags % strip
-    small_lanes, most = splat(small, np.uint16), splat(65535, np.uint16)
-    least_0, least_1, least_2, least_3 = most, most, most, most
-    for lag in range(np.uint64(0), full, strip):
-        cost = cast(load(costs, place + lag), np.uint16)
-        cost_0 = _carry(paths, along, lag, cost, small_lanes)
-        cost_1 = _carry(paths, first, lag, cost, small_lanes)
-        cost_2 = _carry(paths, second, lag, cost, small_lanes)
-        cost_3 = _carry(paths, third, lag, cost, small_lanes)
-        least_0, least_1 = smaller(least_0, cost_0), smaller(least_1, cost_1)
-        least_2, least_3 = smaller(least_2, cost_2), smaller(least_3, cost_3)
-        store(sums, place + lag, (cost_0 + cost_1) + (cost_2 + cost_3))
-    low_0, low_1, low_2, low_3 = smallest(least_0), smallest(least_1), smallest(least_2), smallest(least_3)
-    for lag in range(full, lags):
-        one_cost = np.uint16(costs[place + lag])
-        one_0 = _carry_one(paths, along, lag, one_cost, small)
-        one_1 = _carry_one(paths, first, lag, one_cost, small)
-        one_2 = _carry_one(paths, second, lag, one_cost, small)
-        one_3 = _carry_one(paths, third, lag, one_cost, small)
-        low_0, low_1, low_2, low_3 = min(low_0, one_0), min(low_1, one_1), min(low_2, one_2), min(low_3, one_3)
-        sums[place + lag] = np.uint16(np.uint16(one_0 + one_1) + np.uint16(one_2 + one_3))
-    return low_0, low_1, low_2, low_3
-
-
 @compiled
 def _sweep(
     costs3: Costs,
@@ -212,26 +136,26 @@ def _sweep(
             source, target = above + j * cell, above_next + (j + one) * cell
             low, low_next = least_above + j, least_next + j + one
 
-            level = _Step(
+            level = PathStep(
                 along,
                 along_next,
                 least_along,
                 np.uint16(least_along + large[_step(guide, pixel, y * width + behind)]),
             )
             start = least[low]
-            first_step = _Step(source, target, start, np.uint16(start + large[_step(guide, pixel, upper + behind)]))
+            first_step = PathStep(source, target, start, np.uint16(start + large[_step(guide, pixel, upper + behind)]))
             start = least[low + row_least + one]
-            second_step = _Step(
+            second_step = PathStep(
                 source + row + cell, target + row, start, np.uint16(start + large[_step(guide, pixel, upper + x)])
             )
             start = least[low + two * row_least + two]
-            third_step = _Step(
+            third_step = PathStep(
                 source + two * (row + cell),
                 target + two * row,
                 start,
                 np.uint16(start + large[_step(guide, pixel, upper + ahead)]),
             )
-            least_along, low_first, low_second, low_third = _advance(
+            least_along, low_first, low_second, low_third = advance(
                 paths, costs, sums, place, lags, small, level, first_step, second_step, third_step
             )
             least[low_next] = low_first
