@@ -10,7 +10,7 @@ array, whatever its shape; nobody checks them.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 from typing import cast as declare
 
@@ -151,23 +151,20 @@ def _conversion(source: Any, target: Any) -> str:
 
 
 @_instruction
-def shifted(typing: Any, lanes: Any, following: Any) -> Any:
-    """Return lanes 1 to 15 of `lanes`, then lane 0 of `following`."""
+def paired_products(typing: Any, one: Any, other: Any) -> Any:
+    """Return the sum of two products of int16: each int32 lane holds two of them, in its low and its high half.
+
+    Written so that it becomes one instruction where the processor has it (``vpmaddwd``).
+    """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.shuffle_vector(*arguments, _places(list(range(1, LANES + 1))))
+        halves, wide = (ir.VectorType(ir.IntType(bits), 2 * LANES) for bits in (16, 32))
+        first, second = (builder.sext(builder.bitcast(lanes, halves), wide) for lanes in arguments)
+        products = builder.mul(first, second)
+        low, high = (builder.shuffle_vector(products, products, _places(range(at, 2 * LANES, 2))) for at in (0, 1))
+        return builder.add(low, high)
 
-    return lanes(lanes, following), generate
-
-
-@_instruction
-def lowest_lane(typing: Any, lanes: Any) -> Any:
-    """Return lane 0."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.extract_element(arguments[0], ir.Constant(ir.IntType(32), 0))
-
-    return lanes.dtype(lanes), generate
+    return one(one, other), generate
 
 
 @_instruction
@@ -181,14 +178,67 @@ def larger(typing: Any, one: Any, other: Any) -> Any:
 
 
 @_instruction
-def where_positive(typing: Any, test: Any, lanes: Any) -> Any:
-    """Return `lanes` where `test` (floats) is above 0, and 0 elsewhere."""
+def where_at_most(typing: Any, one: Any, other: Any, then: Any, otherwise: Any) -> Any:
+    """Return `then` where ``one <= other`` (signed integers), and `otherwise` elsewhere."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        positive = builder.fcmp_ordered(">", arguments[0], ir.Constant(arguments[0].type, None))
-        return builder.select(positive, arguments[1], ir.Constant(arguments[1].type, None))
+        return builder.select(builder.icmp_signed("<=", *arguments[:2]), *arguments[2:])
 
-    return lanes(test, lanes), generate
+    return then(one, other, then, otherwise), generate
+
+
+@_instruction
+def halved(typing: Any, lanes: Any) -> Any:
+    """Return half of each integer, rounded down; its bits are those of a number without sign."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.lshr(arguments[0], ir.Constant(arguments[0].type, [1] * LANES))
+
+    return lanes(lanes), generate
+
+
+@_instruction
+def are_equal(typing: Any, one: Any, other: Any) -> Any:
+    """Return whether all sixteen integers equal those of `other`."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        apart = builder.bitcast(builder.icmp_signed("!=", *arguments), ir.IntType(LANES))
+        return builder.icmp_signed("==", apart, ir.Constant(ir.IntType(LANES), 0))
+
+    return types.boolean(one, other), generate
+
+
+@_instruction
+def at_least(typing: Any, lanes: Any, least: Any) -> Any:
+    """Return the larger of floats and `least`, lane by lane; `least` where there is NaN."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.select(builder.fcmp_ordered(">", *arguments), *arguments)
+
+    return lanes(lanes, least), generate
+
+
+@_instruction
+def smallest(typing: Any, lanes: Any) -> Any:
+    """Return the smallest of sixteen uint16."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        reduce = ir.FunctionType(ir.IntType(16), [arguments[0].type])
+        name = f"llvm.vector.reduce.umin.v{LANES}i16"
+        function = cgutils.get_or_insert_function(builder.module, reduce, name)  # type: ignore[no-untyped-call]
+        return builder.call(function, arguments)
+
+    return types.uint16(lanes), generate
+
+
+@_instruction
+def smaller(typing: Any, one: Any, other: Any) -> Any:
+    """Return the smaller of two integers without sign, lane by lane."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.select(builder.icmp_unsigned("<", *arguments), *arguments)
+
+    return one(one, other), generate
 
 
 @_instruction
@@ -204,8 +254,8 @@ def largest(typing: Any, lanes: Any) -> Any:
     return types.int32(lanes), generate
 
 
-def _places(lanes: list[int]) -> Any:
-    return ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes)
+def _places(lanes: Sequence[int]) -> Any:
+    return ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), list(lanes))
 
 
 def _let_operator_work(symbol: Callable[[Any, Any], Any], integers: str, floats: str | None) -> None:

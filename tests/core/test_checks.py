@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 
 from stereolag.arrays import Mask
 from stereolag.inputs import flat_energy, local_deviation
-from stereolag.stereo.finishing.checks import TextureTest, ambiguous, least_texture, left_right_disagree, rejected
+from stereolag.stereo.finishing.checks import (
+    TextureTest,
+    ambiguous,
+    least_texture,
+    left_right_disagree,
+    left_right_disagree_reference,
+    rejected,
+)
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matches import LagMap
 
@@ -41,6 +48,9 @@ def test_the_check_is_that_of_the_definition(seed: int, tolerance: int) -> None:
     rng = np.random.default_rng(seed)
     dx, right = rng.integers(-5, 6, (2, 4, 9)).astype(np.int16)
     found = disagree_by_displacement(dx, right, tolerance)
+    col = np.arange(9, dtype=np.int32)
+    plain = left_right_disagree_reference(col + dx, col - right.astype(np.int32), tolerance)
+    np.testing.assert_array_equal(found, plain)
     for y in range(4):
         for x in range(9):
             there = x + int(dx[y, x])

@@ -18,6 +18,7 @@ from stereolag.stereo.finishing.filters import (
     filled_from_behind,
     without_speckles,
 )
+from stereolag.stereo.finishing.speckles import speckles, speckles_reference
 from stereolag.stereo.finishing.weighted_median import weighted_median, weighted_median_reference
 from stereolag.stereo.reasons import Reason
 
@@ -60,6 +61,42 @@ def test_an_edge_of_colour_keeps_its_disparities_apart() -> None:
     disparity[:, 17:] = 20  # fattened by two columns
     found = edge_respecting_median(disparity, guide, MedianFilter())
     assert (found[:, 15:] == 20).all() and (found[:, :15] == 5).all()
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("spread", [40.0, 900.0])
+def test_rows_of_any_length_and_values_far_apart_have_the_same_median(channels: int, spread: float) -> None:
+    rng = np.random.default_rng(3)
+    values = (rng.integers(-256, 256, (7, 37)) * spread / 256).astype(np.float32)
+    values[rng.random(values.shape) < 0.2] = np.nan
+    values[2] = np.nan
+    guide = rng.integers(0, 60, (*values.shape, channels), dtype=np.uint8)
+    expected = weighted_median_reference(np.rint(values * 256) / np.float32(256), guide, 4, 2, 25)
+    np.testing.assert_array_equal(weighted_median(values, guide, 4, 2, 25), expected)
+
+
+def test_a_map_without_a_value_has_no_median() -> None:
+    found = weighted_median(np.full((5, 20), NAN), np.zeros((5, 20, 1), np.uint8), 2, 1, 25)
+    assert np.isnan(found).all()
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 99),
+    rows=st.integers(1, 40),
+    cols=st.integers(1, 40),
+    size=st.sampled_from([1, 2, 5, 30, 200]),
+    difference=st.sampled_from([0.06, 0.5, 2.0]),
+    smooth=st.integers(0, 2),
+)
+def test_speckles_are_those_of_opencv(
+    seed: int, rows: int, cols: int, size: int, difference: float, smooth: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    disparity = (ndimage.gaussian_filter(rng.normal(size=(rows, cols)), smooth) * 9).astype(np.float32)
+    disparity[rng.random((rows, cols)) < 0.2] = np.nan
+    found = speckles(disparity, size, difference)
+    np.testing.assert_array_equal(found, speckles_reference(disparity, size, difference))
 
 
 def measured(disparity: FloatMap) -> npt.NDArray[np.uint8]:

@@ -10,6 +10,8 @@ from pydantic import Field
 
 from stereolag.arrays import FloatMap, Mask, ReasonMap
 from stereolag.inputs import FLAT_TEXTURE, Image, grey_level
+from stereolag.loops.bands import over_bands
+from stereolag.loops.compilation import compiled
 from stereolag.settings import Settings
 from stereolag.stereo.reasons import Reason
 
@@ -94,11 +96,31 @@ def left_right_disagree(match: npt.NDArray[Any], back: npt.NDArray[Any], toleran
     ndarray
         (H, W) bool; true as well where the match lies out of the frame.
     """
-    height, width = match.shape
+    disagree = np.empty(match.shape, np.bool_)
+    over_bands(lambda first, end: _disagreeing_rows(match, back, tolerance, first, end, disagree), match.shape[0])
+    return disagree
+
+
+@compiled
+def _disagreeing_rows(
+    match: npt.NDArray[Any], back: npt.NDArray[Any], tolerance: int, first: int, end: int, disagree: Mask
+) -> None:
+    """Do rows `first` to `end` of :func:`left_right_disagree`."""
+    width = np.int64(match.shape[1])
+    for y in range(first, end):
+        for x in range(width):
+            place = np.int64(match[y, x])
+            inside = (place >= 0) & (place < width)
+            apart = np.int64(back[y, place if inside else 0]) - x
+            disagree[y, x] = (not inside) | (abs(apart) > tolerance)
+
+
+def left_right_disagree_reference(match: npt.NDArray[Any], back: npt.NDArray[Any], tolerance: int) -> Mask:
+    """Return what :func:`left_right_disagree` must equal, by plain NumPy."""
+    width = match.shape[1]
     inside = (match >= 0) & (match < width)
-    place = np.where(inside, match, 0) + np.arange(height, dtype=np.int32)[:, None] * width
-    returned = back.reshape(-1)[place]
-    return np.asarray(~inside | (np.abs(returned - np.arange(width, dtype=np.int32)) > tolerance))
+    returned = np.take_along_axis(back, np.where(inside, match, 0).astype(np.intp), axis=1)
+    return np.asarray(~inside | (np.abs(returned.astype(np.int64) - np.arange(width)) > tolerance))
 
 
 def ambiguous(lowest: npt.NDArray[Any], runner_up: npt.NDArray[Any], margin: int) -> Mask:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
@@ -11,11 +10,9 @@ from stereolag.arrays import FloatMap, ReasonMap
 from stereolag.loops.compilation import compiled
 from stereolag.settings import Settings
 from stereolag.stereo.finishing.checks import rejected
+from stereolag.stereo.finishing.speckles import speckles
 from stereolag.stereo.finishing.weighted_median import weighted_median
 from stereolag.stereo.reasons import Reason
-
-SIXTEENTHS = 16
-NOTHING = -32768
 
 
 class SpeckleFilter(Settings):
@@ -71,12 +68,7 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
     settings
         What is small.
     """
-    known = np.isfinite(disparity)
-    sixteenths = np.full(disparity.shape, NOTHING, np.int16)
-    np.rint(disparity * np.float32(SIXTEENTHS), out=sixteenths, where=known, casting="unsafe")
-    # OpenCV takes away what has at most so many pixels.
-    cv2.filterSpeckles(sixteenths, NOTHING, settings.size - 1, round(settings.difference * SIXTEENTHS))
-    return rejected(disparity, reason, known & (sixteenths == NOTHING), Reason.SPECKLE)
+    return rejected(disparity, reason, speckles(disparity, settings.size, settings.difference), Reason.SPECKLE)
 
 
 def edge_respecting_median(disparity: FloatMap, guide: npt.NDArray[np.uint8], settings: MedianFilter) -> FloatMap:

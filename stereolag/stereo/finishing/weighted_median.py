@@ -11,13 +11,10 @@ import numpy.typing as npt
 from stereolag.arrays import Array, FloatMap
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
+from stereolag.loops.vector_lanes import LANES, are_equal, cast, halved, larger, load, splat, store, where_at_most
 
 UNITS = 256
 """Values are compared in steps of 1/256."""
-
-MISSING = np.iinfo(np.int32).min
-TILE = 256
-"""Pixels of a row that are worked on together: their neighbours stay in the processor's cache."""
 
 
 def weighted_median(
@@ -45,131 +42,130 @@ def weighted_median(
     ndarray
         (H, W) float32, rounded to 1/256.
     """
-    quantised = np.full(values.shape, MISSING, np.int32)
-    known = np.isfinite(values)
-    np.rint(values * np.float32(UNITS), out=quantised, where=known, casting="unsafe")
-    border = (radius, radius, radius, radius)
-    framed = cv2.copyMakeBorder(quantised, *border, cv2.BORDER_CONSTANT, value=MISSING)
+    height, width, channels = guide.shape
+    least, most = np.fmin.reduce(values, axis=None) * UNITS, np.fmax.reduce(values, axis=None) * UNITS
+    if np.isnan(least):
+        return values.copy()
+    votes = (2 * (radius // spacing) + 1) ** 2 * contrast * channels
+    # Sixteen numbers of 16 bits take half the registers; their lowest says that there is no value.
+    narrow = most - least < np.iinfo(np.uint16).max - 4 and votes <= np.iinfo(np.int16).max
+    dtype: type[np.int16 | np.int32] = np.int16 if narrow else np.int32
+    middle = round((float(least) + float(most)) / 2)
+    # Beyond the frame there are no values, and room for the last sixteen pixels of a row.
+    beyond = radius + -width % LANES
+    framed = np.full((height + 2 * radius, width + radius + beyond), np.iinfo(dtype).min, dtype)
     planes = np.stack(
         [
-            cv2.copyMakeBorder(np.ascontiguousarray(plane), *border, cv2.BORDER_REPLICATE)
+            cv2.copyMakeBorder(np.ascontiguousarray(plane), radius, radius, radius, beyond, cv2.BORDER_REPLICATE)
             for plane in np.moveaxis(guide, 2, 0)
         ]
     )
-    out = np.empty(values.shape, np.int32)
+    out = np.empty(values.shape, np.float32)
+    over_bands(lambda first, end: _quantise_rows(values, middle, radius, first, end, framed), height)
     over_bands(
-        lambda first, end: _median_rows(framed, planes, radius, spacing, contrast, first, end, out), values.shape[0]
+        lambda first, end: _median_rows(framed, planes, radius, spacing, contrast, middle, first, end, out), height
     )
-    return np.where(known, out.astype(np.float32) / np.float32(UNITS), np.float32(np.nan))
+    return out
+
+
+@compiled
+def _quantise_rows(values: FloatMap, middle: int, radius: int, first: int, end: int, framed: Array) -> None:
+    """Set rows `first` to `end`, within a frame of the radius, to 256ths less `middle`; what is missing stays."""
+    for y in range(first, end):
+        row, source = framed[y + radius], values[y]
+        for x in range(source.size):
+            known = source[x] == source[x]
+            number = np.int32(np.rint(source[x] * np.float32(UNITS))) if known else np.int32(middle)
+            row[x + radius] = number - np.int32(middle) if known else row[x + radius]
 
 
 @compiled
 def _median_rows(
-    values: Array, planes: Array, radius: int, spacing: int, contrast: int, first: int, end: int, out: Array
+    values: Array,
+    planes: Array,
+    radius: int,
+    spacing: int,
+    contrast: int,
+    middle: int,
+    first: int,
+    end: int,
+    out: FloatMap,
 ) -> None:
-    """Find the medians of rows `first` to `end`, many pixels at once, by halving the range that each may lie in.
+    """Find the medians of rows `first` to `end`, sixteen pixels at once.
 
-    No sorting: how much weight lies at or below a value is a plain sum, the same for every pixel of the tile.
+    Parameters
+    ----------
+    values
+        (H, W) within a frame of the radius, 256ths less `middle`; the lowest number there is says that one is missing.
+    planes
+        (channels, H, W) of the guide, framed alike.
     """
     width, stride = out.shape[1], values.shape[1]
     side = 2 * (radius // spacing) + 1
-    flat, pixels = values.reshape(-1), planes.reshape(-1)
-    value, weight = np.empty(side * side * TILE, np.int32), np.empty(side * side * TILE, np.int32)
-    low, high, total = np.empty(TILE, np.int32), np.empty(TILE, np.int32), np.empty(TILE, np.int32)
-    middle, below = np.empty(TILE, np.int32), np.empty(TILE, np.int32)
+    numbers, weights = np.empty(side * side * LANES, values.dtype), np.empty(side * side * LANES, values.dtype)
+    found = np.empty(width + LANES, values.dtype)
+    missing = values[0, 0]
     for y in range(first, end):
-        for left in range(0, width, TILE):
-            count = np.uint64(min(TILE, width - left))
-            centre = np.uint64((y + radius) * stride + left + radius)
-            for x in range(count):
-                low[x] = high[x] = flat[centre + x]
-                total[x] = 0
-            for neighbour in range(side * side):
-                place = np.uint64((y + neighbour // side * spacing) * stride + left + neighbour % side * spacing)
-                votes = np.uint64(neighbour * TILE)
-                _weigh(pixels, planes.shape[0], flat.size, centre, place, contrast, count, weight, votes)
-                _vote(flat, centre, place, count, value, weight, votes, low, high, total)
-            widest = 0
-            for x in range(count):
-                widest = max(widest, int(high[x]) - int(low[x]))
-            while widest > 0:
-                for x in range(count):
-                    middle[x] = low[x] + ((high[x] - low[x]) >> 1)
-                    below[x] = 0
-                for neighbour in range(side * side):
-                    _count(value, weight, np.uint64(neighbour * TILE), count, middle, below)
-                _halve(total, count, middle, below, low, high)
-                widest //= 2
-            for x in range(count):
-                out[y, left + int(x)] = low[x]
+        for x in range(0, width, LANES):
+            centre = (y + radius) * stride + x + radius
+            at = 0
+            for row in range(y, y + side * spacing, spacing):
+                for place in range(row * stride + x, row * stride + x + side * spacing, spacing):
+                    _weigh(planes, centre, place, contrast, weights, at)
+                    at += LANES
+            store(found, x, _median(values, centre, y * stride + x, side, spacing, numbers, weights))
+        for x in range(width):
+            known = values[y + radius, x + radius] != missing
+            number = np.float32(np.int32(found[x]) + np.int32(middle)) / np.float32(UNITS)
+            out[y, x] = number if known else np.float32(np.nan)
 
 
 @compiled
-def _weigh(
-    pixels: Array,
-    channels: int,
-    plane: int,
-    centre: Any,
-    place: Any,
-    contrast: int,
-    count: Any,
-    weight: Array,
-    votes: Any,
-) -> None:
-    """Set the weight of one neighbour of each pixel of a tile.
+def _weigh(planes: Array, centre: int, place: int, contrast: int, weights: Array, at: int) -> None:
+    """Set the weights of one neighbour of sixteen pixels.
 
-    `centre` and `place` are where the tile and its neighbours begin in a plane of the guide, `votes` where their
-    weights do.
+    `centre` and `place` are where these and their neighbours begin in a plane of the guide, `at` where the weights do.
     """
-    most = np.int32(contrast * channels)
-    for x in range(count):
-        weight[votes + x] = most
+    channels, plane = planes.shape[0], planes.shape[1] * planes.shape[2]
+    weight = splat(contrast * channels, weights.dtype)
     for channel in range(channels):
-        here, there = np.uint64(channel * plane) + centre, np.uint64(channel * plane) + place
-        for x in range(count):
-            apart = np.int32(np.int32(pixels[there + x]) - np.int32(pixels[here + x]))
-            weight[votes + x] -= max(apart, np.int32(-apart))
+        here = cast(load(planes, channel * plane + centre), weights.dtype)
+        there = cast(load(planes, channel * plane + place), weights.dtype)
+        weight = weight - larger(here - there, there - here)
+    store(weights, at, larger(weight, splat(1, weights.dtype)))
 
 
 @compiled
-def _vote(
-    flat: Array,
-    centre: Any,
-    place: Any,
-    count: Any,
-    value: Array,
-    weight: Array,
-    votes: Any,
-    low: Array,
-    high: Array,
-    total: Array,
-) -> None:
-    """Set the value of one neighbour of each pixel; a missing one repeats the middle and weighs nothing."""
-    for x in range(count):
-        known = flat[place + x] != np.int32(MISSING)
-        number = flat[place + x] if known else flat[centre + x]
-        votes_of = max(weight[votes + x], np.int32(1)) if known else np.int32(0)
-        value[votes + x] = number
-        weight[votes + x] = votes_of
-        total[x] += votes_of
-        low[x] = min(low[x], number)
-        high[x] = max(high[x], number)
+def _median(values: Array, centre: int, corner: int, side: int, spacing: int, numbers: Array, weights: Array) -> Any:
+    """Return the medians of sixteen pixels, by halving the range that each may lie in.
 
-
-@compiled
-def _count(value: Array, weight: Array, votes: Any, count: Any, middle: Array, below: Array) -> None:
-    """Add the weight of one neighbour of each pixel to what lies at or below the middle of its range."""
-    for x in range(count):
-        below[x] += weight[votes + x] if value[votes + x] <= middle[x] else np.int32(0)
-
-
-@compiled
-def _halve(total: Array, count: Any, middle: Array, below: Array, low: Array, high: Array) -> None:
-    """Keep the half of each range that holds the median."""
-    for x in range(count):
-        enough = 2 * below[x] >= total[x]
-        high[x] = middle[x] if enough else high[x]
-        low[x] = low[x] if enough else middle[x] + np.int32(1)
+    No sorting: how much weight lies at or below a value is a plain sum, the same for all. The first neighbour lies at
+    `corner`; a missing one repeats the middle and loses its weight, and where the middle is missing there is no range.
+    """
+    stride = values.shape[1]
+    own = load(values, centre)
+    nothing, missing = splat(0, values.dtype), splat(values[0, 0], values.dtype)
+    low, high, total = own, own, nothing
+    at = 0
+    for row in range(corner, corner + side * spacing * stride, spacing * stride):
+        for place in range(row, row + side * spacing, spacing):
+            number = load(values, place)
+            weight = where_at_most(number, missing, nothing, load(weights, at))
+            number = where_at_most(number, missing, own, number)
+            store(numbers, at, number)
+            store(weights, at, weight)
+            low, high = where_at_most(low, number, low, number), larger(high, number)
+            total = total + weight
+            at += LANES
+    low, high = where_at_most(own, missing, own, low), where_at_most(own, missing, own, high)
+    half = halved(total + splat(1, values.dtype))
+    while not are_equal(low, high):
+        middle, below = low + halved(high - low), nothing
+        for at in range(0, side * side * LANES, LANES):
+            below = below + where_at_most(load(numbers, at), middle, load(weights, at), nothing)
+        low = where_at_most(half, below, low, middle + splat(1, values.dtype))
+        high = where_at_most(half, below, middle, high)
+    return low
 
 
 def weighted_median_reference(

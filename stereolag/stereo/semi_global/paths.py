@@ -13,6 +13,7 @@ from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.progress import Progress, silent
 from stereolag.settings import Settings
+from stereolag.stereo.semi_global.path_steps import PathStep, advance
 
 Costs = npt.NDArray[np.uint8]
 Sums = npt.NDArray[np.uint16]
@@ -94,33 +95,6 @@ def _step(guide: Pixels, first: np.uint64, second: np.uint64) -> np.uint64:
 
 
 @compiled
-def _advance(
-    paths: Sums,
-    before: np.uint64,
-    here: np.uint64,
-    costs: Costs,
-    pixel: np.uint64,
-    lags: np.uint64,
-    small: np.uint16,
-    least: np.uint16,
-    jump: np.uint16,
-) -> np.uint16:
-    """Carry one path from the lags at `before` to those at `here`; return the least of the new costs.
-
-    `least` is the least of the old costs, `jump` that plus the large penalty.
-    """
-    one, two = np.uint64(1), np.uint64(2)
-    lowest = np.uint16(65535)
-    for lag in range(lags):
-        beside = np.uint16(min(paths[before + lag], paths[before + lag + two]) + small)
-        best = min(min(paths[before + lag + one], beside), jump)
-        cost = np.uint16(np.uint16(best - least) + np.uint16(costs[pixel + lag]))
-        paths[here + lag + one] = cost
-        lowest = min(lowest, cost)
-    return lowest
-
-
-@compiled
 def _sweep(
     costs3: Costs,
     guide2: Pixels,
@@ -134,8 +108,7 @@ def _sweep(
 ) -> None:
     """Sum the four paths that reach a pixel in reading order, or in its reverse, for the rows `first` to `end`.
 
-    One array holds the costs of all paths, in the row before and in this one: with one array and plain offsets LLVM
-    puts sixteen or more lags in a vector register; with a view for each it does not.
+    One array holds the costs of all paths, in the row before and in this one.
     """
     costs, guide, sums = costs3.reshape(-1), guide2.reshape(-1), sums3.reshape(-1)
     paths, least = front.paths, front.least
@@ -163,30 +136,31 @@ def _sweep(
             source, target = above + j * cell, above_next + (j + one) * cell
             low, low_next = least_above + j, least_next + j + one
 
-            jump = np.uint16(least_along + large[_step(guide, pixel, y * width + behind)])
-            least_along = _advance(paths, along, along_next, costs, place, lags, small, least_along, jump)
-
+            level = PathStep(
+                along,
+                along_next,
+                least_along,
+                np.uint16(least_along + large[_step(guide, pixel, y * width + behind)]),
+            )
             start = least[low]
-            jump = np.uint16(start + large[_step(guide, pixel, upper + behind)])
-            least[low_next] = _advance(paths, source, target, costs, place, lags, small, start, jump)
-
+            first_step = PathStep(source, target, start, np.uint16(start + large[_step(guide, pixel, upper + behind)]))
             start = least[low + row_least + one]
-            jump = np.uint16(start + large[_step(guide, pixel, upper + x)])
-            least[low_next + row_least] = _advance(
-                paths, source + row + cell, target + row, costs, place, lags, small, start, jump
+            second_step = PathStep(
+                source + row + cell, target + row, start, np.uint16(start + large[_step(guide, pixel, upper + x)])
             )
-
             start = least[low + two * row_least + two]
-            jump = np.uint16(start + large[_step(guide, pixel, upper + ahead)])
-            least[low_next + two * row_least] = _advance(
-                paths, source + two * (row + cell), target + two * row, costs, place, lags, small, start, jump
+            third_step = PathStep(
+                source + two * (row + cell),
+                target + two * row,
+                start,
+                np.uint16(start + large[_step(guide, pixel, upper + ahead)]),
             )
-
-            for lag in range(lags):
-                k = lag + one
-                level = np.uint16(paths[along_next + k] + paths[target + k])
-                slanted = np.uint16(paths[target + row + k] + paths[target + two * row + k])
-                sums[place + lag] = np.uint16(level + slanted)
+            least_along, low_first, low_second, low_third = advance(
+                paths, costs, sums, place, lags, small, level, first_step, second_step, third_step
+            )
+            least[low_next] = low_first
+            least[low_next + row_least] = low_second
+            least[low_next + two * row_least] = low_third
             along, along_next = along_next, along
 
 

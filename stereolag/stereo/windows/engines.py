@@ -103,6 +103,8 @@ def estimate_windows(
     margin = (height + lags.rows) * (width + lags.cols + 32)
     # Pixels of other types are compared as float64, once as they are and once framed, and one more on its way.
     matching = 2 * margin if whole else 8 * (4 * pixels + margin)
+    if whole and engine == "window_sums":
+        matching += 4 * margin  # rows that enter beside those that leave
     if engine == "fft":
         slower = SLOWER_WHITENED if score == "phase" else SLOWER_FFT
         area = window_size**2 if circular else (window_size + lags.rows) * (window_size + lags.cols)

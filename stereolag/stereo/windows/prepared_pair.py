@@ -28,7 +28,7 @@ class Windows(NamedTuple):
     total: Array
     """Sum of the pixels."""
     inverse: npt.NDArray[np.float32]
-    """1 / norm; 0 for a window that takes no part."""
+    """1 / norm; NaN for a window that takes no part."""
 
 
 class Found(NamedTuple):
@@ -40,7 +40,7 @@ class Found(NamedTuple):
     """(9 | 3, rows, cols): the scores at and around the peak, in the order of :attr:`LagTable.around`."""
     runner_up: npt.NDArray[np.int32]
     right_key: npt.NDArray[np.int32]
-    """(rows, right windows): score and code of the best left window for each right window."""
+    """(rows, columns of the framed right image): score and code of the best left window for each right window."""
 
 
 class Comparable(NamedTuple):
@@ -80,14 +80,15 @@ class PreparedPair:
         self.share = 0.0 if query.score == "ncc" else 1 / window**2
         inside = query.lags.within(self.height - window, self.width - window)
         self.lags = query.lags if query.circular else inside
-        self.found = self._room(query.runner_up, query.right_matches)
-        self.right_dx = np.full(self.found.right_key.shape, NO_RIGHT_MATCH, np.int16)
-        self.texture = np.empty((self.rows, self.cols), np.float32)
         if self.lags is not None:
             self.right = self.plain_right if query.circular else framed(self.plain_right, self.lags)
             self.table = lag_table(self.lags, self.right.shape[1], wrapped=query.circular)
             self.right_row = max(0, -self.lags.dy_first) + self.lags.dy_first
             self.right_col = max(0, -self.lags.dx_first) + self.lags.dx_first
+        self.found = self._room(query.runner_up, query.right_matches and self.lags is not None)
+        seen = (self.rows, self.width - window + 1) if query.right_matches else (0, 0)
+        self.right_dx = np.full(seen, NO_RIGHT_MATCH, np.int16)
+        self.texture = np.empty((self.rows, self.cols), np.float32)
 
     def _room(self, runner_up: bool, right_matches: bool) -> Found:
         shape = (self.rows, self.cols)
@@ -97,19 +98,19 @@ class PreparedPair:
             dx=np.zeros(shape, np.int16),
             around=np.zeros((9 if vertical else 3, *shape), np.int32),
             runner_up=np.zeros(shape if runner_up else (0, 0), np.int32),
-            right_key=np.zeros((self.rows, self.width - self.window + 1) if right_matches else (0, 0), np.int32),
+            right_key=np.zeros((self.rows, self.right.shape[1]) if right_matches else (0, 0), np.int32),
         )
 
     def left_windows(self, first: int, end: int) -> Windows:
         """Return the left windows of rows `first` to `end` of the grid, and note their texture."""
         # A right window compares the plain scores of several left windows: they need one unit.
-        norm = self.left_norm if self.score == "cross" and self.found.right_key.size else 0.0
+        norm = self.left_norm if self.score == "cross" and self.right_dx.size else 0.0
         windows = self._nothing_yet(end - first, self.cols)
         self._describe(self.left, self.step, first, norm, windows, self.texture[first:end])
         return windows
 
     def right_windows(self, first: int, end: int) -> Windows:
-        """Return the right windows that the lags of these rows of the grid meet, zeros where that is out of the frame.
+        """Return the right windows that the lags of these rows of the grid meet; out of the frame they have no norm.
 
         The first of them is met by the first left window at the first lag, the next one by its neighbour px. Of a
         circular correlation: the right windows at the same places as the left ones.
@@ -133,7 +134,7 @@ class PreparedPair:
         return windows
 
     def _nothing_yet(self, rows: int, cols: int) -> Windows:
-        return Windows(np.zeros((rows, cols), self.sums_dtype), np.zeros((rows, cols), np.float32))
+        return Windows(np.zeros((rows, cols), self.sums_dtype), np.full((rows, cols), np.nan, np.float32))
 
     def _describe(self, image: Array, step: int, first: int, norm: float, windows: Windows, texture: Array) -> None:
         describe_windows(image, self.window, step, first, self.share, norm, self.floor, *windows, texture)

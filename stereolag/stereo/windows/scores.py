@@ -10,7 +10,7 @@ Inner loops take arrays one by one: Numba counts references on every field taken
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,47 +20,78 @@ from stereolag.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import (
     LANES,
+    at_least,
     cast,
     item,
     larger,
     load,
     nearest,
+    put,
     splat,
     store,
-    where_positive,
 )
 from stereolag.stereo.windows.matches import Score, WindowQuery
-from stereolag.stereo.windows.running_sums import slide
+from stereolag.stereo.windows.running_sums import change, left_change, slide
 
 SCALE = 2.0**29
 OFFSET = 1.5
 
+FRACTIONS = 256
+"""Parts of a grey level: the product of so coarse a fraction and a sum of pixels is exact in float32."""
+
+
+class LeftTerms(NamedTuple):
+    """What the scores of some left windows have in common at every lag, each (windows)."""
+
+    whole: Array
+    """The mean, or 0 for a score that keeps it, rounded; of float64 sums as it is."""
+    coarse: npt.NDArray[np.float32]
+    """What is missing, in 256ths."""
+    fine: npt.NDArray[np.float32]
+    """What is still missing."""
+    scale: npt.NDArray[np.float32]
+    """SCALE / norm; NaN for a window that takes no part."""
+
+
+@compiled
+def _set_left_terms(
+    count: int,
+    at: int,
+    total: Array,
+    inverse: Array,
+    share: float,
+    whole: Array,
+    coarse: Array,
+    fine: Array,
+    scale: Array,
+) -> None:
+    """Set the terms of `count` windows from window `at` on: ahead of their scores, which would wait for them."""
+    for member in range(count):
+        mean = item(total, at + member) * share
+        nearest_mean = nearest(mean, whole.dtype)
+        rest = mean - nearest_mean
+        put(whole, member, nearest_mean)
+        put(coarse, member, np.rint(rest * FRACTIONS) / FRACTIONS)
+        put(fine, member, rest - np.rint(rest * FRACTIONS) / FRACTIONS)
+        put(scale, member, item(inverse, at + member) * np.float32(SCALE))
+
 
 @compiled
 def _as_kept(
-    products: Any,
-    left_correction: Any,
-    left_whole: Any,
-    left_fraction: Any,
-    left_scale: Any,
-    right_excess: Any,
-    right_scale: Any,
+    products: Any, whole: Any, coarse: Any, fine: Any, scale: Any, right_total: Any, right_inverse: Any
 ) -> Any:
-    """Return the scores of one left window at sixteen lags as they are kept; 0 where `right_scale` is.
+    """Return the scores of one left window at sixteen lags as they are kept; 0 where `right_inverse` is NaN.
 
-    ``mean = share * total`` is the mean of a left window l, or 0 for a score that keeps the mean. Split into a whole
-    number m and a fraction f, the covariance with a right window r of n pixels is ::
-
-        sum((l - mean) * r) = sum((l - m) * (r - m)) - f * sum(r - m)
-        sum((l - m) * (r - m)) = sum(l * r) - m * sum(l) - m * (sum(r) - n * m)
-
-    The second line is exact in integers, and so small that float32 is enough for the first. (Float64 sums need no such
-    care: there m is the mean, and f is 0.)
+    The covariance of a left window, whose mean is ``share * total`` (0 for a score that keeps the mean), with a right
+    window r is ``sum(l * r) - mean * sum(r)``. The mean is split into a whole number, a fraction of 8 bits and the
+    rest: what is large is subtracted in integers, or in float32 without rounding, and little is left to round.
+    (Float64 sums need no such care: there the first part is the mean, and the others are 0.)
     """
-    covariance = cast(products - left_correction - left_whole * right_excess, np.float32)
-    covariance = covariance - left_fraction * cast(right_excess, np.float32)
-    zero = splat(OFFSET * SCALE, np.float32)
-    return where_positive(right_scale, cast(covariance * left_scale * right_scale + zero, np.int32))
+    total = cast(right_total, np.float32)
+    covariance = cast(products - whole * right_total, np.float32) - coarse * total - fine * total
+    kept = covariance * scale * right_inverse + splat(OFFSET * SCALE, np.float32)
+    # What is less than 1 becomes 0; compared with 0 itself it would take two instructions.
+    return cast(at_least(kept, splat(0.5, np.float32)), np.int32)
 
 
 @compiled
@@ -72,12 +103,14 @@ def score_group(
     column_end: int,
     columns: Array,
     window_sums: Array,
+    left_terms: LeftTerms,
     left: Array,
-    left_below: int,
-    left_above: int,
-    right: Array,
-    right_below: int,
-    right_above: int,
+    left_row: int,
+    left_back: int,
+    right_rows: Array,
+    right_row: int,
+    right_back: int,
+    which: int,
     offsets: Array,
     share: float,
     left_at: int,
@@ -90,47 +123,42 @@ def score_group(
     code_mask: int,
     scores: Array,
     best_lanes: Array,
+    right_key: Array,
 ) -> None:
     """Score `count` left windows of a row at every lag; the first ends at `column` of the tile, the others follow.
 
-    One pass over the lags does it all: the column sums move down a row (as in ``replace_row``), the window sums slide
-    right, the sums become scores (:func:`_as_kept`), and each lane keeps the best.
+    One pass over the lags does it all: the column sums move down a row (as in ``change_row``), the window sums slide
+    right, the sums become scores (:func:`_as_kept`), each lane keeps the best, and so does every right window, unless
+    `right_key` is empty.
     """
     lags = columns.shape[1]
+    seen_from_right = right_key.size > 0
     score_bits = splat(~code_mask, np.int32)
+    wholes, coarses, fines, scales = left_terms
+    _set_left_terms(count, left_at, left_total, left_inverse, share, wholes, coarses, fines, scales)
     for member in range(count):
         x = member * step
-        enters = splat(item(left, left_below + x), columns.dtype)
-        leaves = splat(item(left, left_above + x), columns.dtype)
-        total_of_left = item(left_total, left_at + member)
-        mean = total_of_left * share
-        whole = nearest(mean, columns.dtype)
-        left_whole = splat(whole, columns.dtype)
-        left_fraction = splat(mean - whole, np.float32)
-        left_correction = splat(whole * total_of_left, columns.dtype)
-        right_correction = splat(window * window * whole, columns.dtype)
-        left_scale = splat(item(left_inverse, left_at + member) * np.float32(SCALE), np.float32)
+        pixel = left_change(left, left_row + x, left_back, which, right_rows)
+        whole, scale = splat(item(wholes, member), wholes.dtype), splat(item(scales, member), np.float32)
+        coarse, fine = splat(item(coarses, member), np.float32), splat(item(fines, member), np.float32)
         best = splat(0, np.int32)
         at = (column + x) * lags
         gone = at - (window - 1) * lags
-        below, above, there = right_below + x, right_above + x, right_at + x
         first = member * scores.shape[1]
         for strip in range(offsets.size):
             offset = item(offsets, strip)
-            lag = strip * LANES
-            gain = enters * cast(load(right, below + offset), columns.dtype)
-            loss = leaves * cast(load(right, above + offset), columns.dtype)
-            column_sum = load(columns, at + lag) + gain - loss
+            lag, there = strip * LANES, right_at + x + offset
+            column_sum = load(columns, at + lag) + change(pixel, right_rows, right_row + x + offset, right_back)
             store(columns, at + lag, column_sum)
             products = load(window_sums, lag) + column_sum
             store(window_sums, lag, products - load(columns, gone + lag))
-            right_excess = load(right_total, there + offset) - right_correction
-            right_scale = load(right_inverse, there + offset)
-            score = _as_kept(
-                products, left_correction, left_whole, left_fraction, left_scale, right_excess, right_scale
-            )
+            right = load(right_total, there), load(right_inverse, there)
+            score = _as_kept(products, whole, coarse, fine, scale, right[0], right[1])
             store(scores, first + lag, score)
-            best = larger(best, (score & score_bits) | load(codes, lag))
+            key = (score & score_bits) | load(codes, lag)
+            best = larger(best, key)
+            if seen_from_right:
+                store(right_key, there, larger(load(right_key, there), key))
         store(best_lanes, member * LANES, best)
         for off_grid in range(column + x + 1, min(column + x + step, column_end)):
             slide(window_sums, columns, off_grid, off_grid - window + 1)
@@ -141,7 +169,6 @@ def score_products(
     first: int,
     end: int,
     products: Array,
-    window: int,
     share: float,
     left_at: int,
     left_total: Array,
@@ -160,23 +187,18 @@ def score_products(
     The first of all is window `left_at` of the left ones; at the first lag each meets the right window `right_at`.
     """
     lags, score_bits = codes.size, splat(~code_mask, np.int32)
+    wholes, scales = np.empty(1, products.dtype), np.empty(1, np.float32)
+    coarses, fines = np.empty(1, np.float32), np.empty(1, np.float32)
     for member in range(first, end):
-        total_of_left = item(left_total, left_at + member)
-        mean = total_of_left * share
-        whole = nearest(mean, products.dtype)
-        left_whole = splat(whole, products.dtype)
-        left_fraction = splat(mean - whole, np.float32)
-        left_correction = splat(whole * total_of_left, products.dtype)
-        right_correction = splat(window * window * whole, products.dtype)
-        left_scale = splat(item(left_inverse, left_at + member) * np.float32(SCALE), np.float32)
+        _set_left_terms(1, left_at + member, left_total, left_inverse, share, wholes, coarses, fines, scales)
+        whole, scale = splat(item(wholes, 0), wholes.dtype), splat(item(scales, 0), np.float32)
+        coarse, fine = splat(item(coarses, 0), np.float32), splat(item(fines, 0), np.float32)
         best = splat(0, np.int32)
-        there = item(right_at, member)
         for strip in range(offsets.size):
-            offset, lag = item(offsets, strip), strip * LANES
-            right_excess = load(right_total, there + offset) - right_correction
-            right_scale = load(right_inverse, there + offset)
+            lag, there = strip * LANES, item(right_at, member) + item(offsets, strip)
             product = load(products, member * lags + lag)
-            score = _as_kept(product, left_correction, left_whole, left_fraction, left_scale, right_excess, right_scale)
+            right = load(right_total, there), load(right_inverse, there)
+            score = _as_kept(product, whole, coarse, fine, scale, right[0], right[1])
             store(scores, member * scores.shape[1] + lag, score)
             best = larger(best, (score & score_bits) | load(codes, lag))
         store(best_lanes, member * LANES, best)

@@ -169,7 +169,6 @@ class _Products(_Surfaces):
                 begin,
                 end,
                 products.reshape(some.size, -1),
-                pair.window,
                 pair.share,
                 int(some[0]),
                 *left,

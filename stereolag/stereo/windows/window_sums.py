@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -12,6 +11,8 @@ from stereolag.loops.vector_lanes import LANES
 from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
 from stereolag.stereo.windows.prepared_pair import NO_RIGHT_MATCH, PreparedPair
+from stereolag.stereo.windows.running_sums import changing_rows
+from stereolag.stereo.windows.scores import LeftTerms
 from stereolag.stereo.windows.search import MOST_LAGS
 from stereolag.stereo.windows.tiles import Workspace, as_right_dx, match_tile
 
@@ -75,7 +76,6 @@ class _Matcher:
 
     def __init__(self, query: WindowQuery) -> None:
         self.pair = PreparedPair(query)
-        self.framed_left = cv2.copyMakeBorder(self.pair.left, 0, 1, 0, 0, cv2.BORDER_CONSTANT)
 
     @property
     def most_rows(self) -> int:
@@ -90,16 +90,19 @@ class _Matcher:
         left = pair.left_windows(first, end)
         if pair.lags is not None:
             right = pair.right_windows(first, end)
+            top, bottom = first * pair.step, (end - 1) * pair.step + pair.window + pair.lags.rows - 1
+            right_rows = changing_rows(pair.right[top + pair.right_row : bottom + pair.right_row], pair.window)
+            found = pair.found._replace(right_key=pair.found.right_key[first:end])
             columns = max(CACHE_BYTES // (pair.table.codes.size * np.dtype(pair.sums_dtype).itemsize), 4 * pair.window)
             tile = max(1, (columns - pair.window) // pair.step + 1)
             work = self._workspace(min((tile - 1) * pair.step + pair.window, pair.width))
             for col in range(0, pair.cols, tile):
                 match_tile(
-                    self.framed_left,
-                    pair.right,
+                    pair.left,
+                    right_rows,
                     left,
                     right,
-                    pair.right_row,
+                    -top,
                     pair.right_col,
                     pair.table,
                     pair.window,
@@ -108,13 +111,13 @@ class _Matcher:
                     first,
                     col,
                     min(tile, pair.cols - col),
-                    pair.lags.dx_first,
                     work,
-                    pair.found,
+                    found,
                 )
         pair.rescale(first, end, left.inverse)
         if pair.lags is not None and pair.right_dx.size:
-            keys, right_dx = pair.found.right_key[first:end], pair.right_dx[first:end]
+            margin = max(0, -pair.lags.dx_first)
+            keys, right_dx = pair.found.right_key[first:end, margin:], pair.right_dx[first:end]
             as_right_dx(keys, pair.table.dx, pair.table.code_mask, NO_RIGHT_MATCH, right_dx)
 
     def _workspace(self, columns: int) -> Workspace:
@@ -123,10 +126,13 @@ class _Matcher:
         return Workspace(
             columns=_aligned((columns, lags), self.pair.sums_dtype),
             window=_aligned((lags,), self.pair.sums_dtype),
+            left=LeftTerms(
+                np.zeros(group, self.pair.sums_dtype),
+                *(np.zeros(group, np.float32) for _ in ("coarse", "fine", "scale")),
+            ),
             scores=_aligned((group, lags + LANES), np.int32),
             best=_aligned((group, LANES), np.int32),
             codes=_aligned((group,), np.int32),
-            right_best=_aligned((lags if self.pair.found.right_key.size else 0,), np.int32),
         )
 
 
