@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 
 from stereolag.stereo.finishing.checks import LeftRightCheck, TextureTest
 from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
+from stereolag.stereo.finishing.surfaces import SurfaceFilling
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
@@ -58,6 +59,7 @@ PRESETS: dict[PresetName, Preset] = {
             left_right=LeftRightCheck(),
             speckle=SpeckleFilter(),
             filling=True,
+            surfaces=SurfaceFilling(),
             median=MedianFilter(),
         ),
     ),

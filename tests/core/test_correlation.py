@@ -15,6 +15,7 @@ from stereolag.settings import Applies, Settings, SettingsError, marker
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.finishing.checks import LeftRightCheck
 from stereolag.stereo.finishing.filters import MedianFilter
+from stereolag.stereo.finishing.surfaces import SurfaceFilling
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
@@ -176,9 +177,11 @@ CONTRADICTIONS: list[tuple[type[StereoMatcher], str, dict[str, object]]] = [
     (CorrelationMatcher, "left_right", {"engine": "fft", "left_right": LeftRightCheck()}),
     (CorrelationMatcher, "left_right", {"search": SearchArea.centred(40), "left_right": LeftRightCheck()}),
     (CorrelationMatcher, "filling", {"search": SearchArea.rectified(16, vertical=1), "filling": True}),
+    (CorrelationMatcher, "surfaces", {"surfaces": SurfaceFilling()}),
     (CorrelationMatcher, "median", {"search": SearchArea.centred(40), "median": MedianFilter()}),
     (StereoBM, "speckle_range", {"speckle_range": 2}),
     (StereoSGBM, "speckle_range", {"speckle_window_size": 0, "speckle_range": 3}),
+    (SemiGlobalMatcher, "surfaces", {"filling": False, "surfaces": SurfaceFilling()}),
     (SemiGlobalMatcher, "cost.gradient_limit", {"cost": {"gradient": 0, "gradient_limit": 9}}),
 ]
 

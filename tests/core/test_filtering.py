@@ -13,8 +13,6 @@ from stereolag.stereo.finishing.filters import (
     MedianFilter,
     SpeckleFilter,
     edge_respecting_median,
-    fill_rows,
-    fill_rows_reference,
     filled_from_behind,
     without_speckles,
 )
@@ -123,14 +121,6 @@ def test_gaps_before_speckles_keep_their_reason() -> None:
     disparity = np.full((9, 9), NAN)
     found, reason = without_speckles(disparity, measured(disparity), SpeckleFilter())
     assert np.isnan(found).all() and (reason == Reason.LEFT_RIGHT).all()
-
-
-@given(st.integers(0, 99), st.floats(0, 1))
-def test_rows_are_filled_as_by_the_formula(seed: int, gaps: float) -> None:
-    rng = np.random.default_rng(seed)
-    disparity = rng.normal(0, 9, (5, 12)).astype(np.float32)
-    disparity[rng.random((5, 12)) < gaps] = np.nan
-    np.testing.assert_array_equal(fill_rows(disparity), fill_rows_reference(disparity))
 
 
 def test_a_gap_takes_the_farther_end() -> None:

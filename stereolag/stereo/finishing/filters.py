@@ -7,9 +7,9 @@ import numpy.typing as npt
 from pydantic import Field
 
 from stereolag.arrays import FloatMap, ReasonMap
-from stereolag.loops.compilation import compiled
 from stereolag.settings import Settings
 from stereolag.stereo.finishing.checks import rejected
+from stereolag.stereo.finishing.gap_ends import filled_from_ends
 from stereolag.stereo.finishing.speckles import speckles
 from stereolag.stereo.finishing.weighted_median import weighted_median
 from stereolag.stereo.reasons import Reason
@@ -95,9 +95,10 @@ def edge_respecting_median(disparity: FloatMap, guide: npt.NDArray[np.uint8], se
 def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap, ReasonMap]:
     """Return the map with every gap filled.
 
-    Along its row a gap takes the smaller disparity of its two ends: what one camera cannot see lies on the farther
-    surface, and the ground, which fills most of the gaps of a street, has one depth along a row. Fills from eight or
-    sixteen directions were worse on it. A row without any measurement repeats the nearest row that has one.
+    Along its row a gap takes the smaller disparity of its two ends (`filled_from_ends`): what one camera cannot see
+    lies on the farther surface, and the ground, which fills most of the gaps of a street, has one depth along a row.
+    Fills from eight or sixteen directions were worse on it. A row without any measurement repeats the nearest row that
+    has one.
 
     Parameters
     ----------
@@ -111,7 +112,7 @@ def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap
     tuple of ndarray
         The map, and its reasons with FILLED where it was filled. A map without a single measurement stays as it is.
     """
-    filled = fill_rows(disparity)
+    filled = filled_from_ends(disparity)
     known = np.flatnonzero(np.isfinite(filled[:, 0]))
     if known.size == 0:
         return disparity, reason
@@ -121,37 +122,3 @@ def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap
     nearest = np.where(rows - known[before] <= np.abs(known[after] - rows), known[before], known[after])
     nearest[known] = known
     return filled[nearest], np.where(np.isnan(disparity), np.uint8(Reason.FILLED), reason)
-
-
-@compiled
-def fill_rows(disparity: FloatMap) -> FloatMap:
-    """Return the map with each gap in a row filled from the smaller, the farther, of its two ends.
-
-    A gap at the end of a row has one end only; a row without a value stays NaN. Equals :func:`fill_rows_reference`.
-    """
-    height, width = disparity.shape
-    out = disparity.copy()
-    for y in range(height):
-        last = np.float32(np.nan)
-        start = 0
-        for x in range(width + 1):
-            if x < width and np.isnan(disparity[y, x]):
-                continue
-            after = disparity[y, x] if x < width else np.float32(np.nan)
-            value = after if np.isnan(last) or after < last else last
-            for gap in range(start, x):
-                out[y, gap] = value
-            last, start = after, x + 1
-    return out
-
-
-def fill_rows_reference(disparity: FloatMap) -> FloatMap:
-    """Return what :func:`fill_rows` must equal, by plain NumPy."""
-    height, width = disparity.shape
-    known = np.isfinite(disparity)
-    cols = np.arange(width)
-    before = np.maximum.accumulate(np.where(known, cols, -1), axis=1)
-    after = np.minimum.accumulate(np.where(known, cols, width)[:, ::-1], axis=1)[:, ::-1]
-    rows = np.arange(height)[:, None]
-    framed = np.pad(disparity, ((0, 0), (1, 1)), constant_values=np.nan)
-    return np.asarray(np.fmin(framed[rows, before + 1], framed[rows, after + 1]))

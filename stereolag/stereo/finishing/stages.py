@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from stereolag.inputs import Image, as_eight_bit
+from stereolag.settings import Applies
 from stereolag.stereo.finishing.filters import (
     MedianFilter,
     SpeckleFilter,
@@ -15,6 +16,7 @@ from stereolag.stereo.finishing.filters import (
     filled_from_behind,
     without_speckles,
 )
+from stereolag.stereo.finishing.surfaces import SurfaceFilling, filled_along_surfaces
 from stereolag.stereo.matcher import PixelMatches
 
 Speckle = Annotated[
@@ -23,6 +25,14 @@ Speckle = Annotated[
 ]
 Filling = Annotated[
     bool, Field(title="Fill gaps", description="Continue the surface behind over what could not be measured.")
+]
+Surfaces = Annotated[
+    SurfaceFilling | None,
+    Applies(lambda settings: settings.filling, "needs filling"),
+    Field(
+        title="Slanted surfaces",
+        description="Fill gaps by patches of like colour, each a slanted plane, and not along the row alone.",
+    ),
 ]
 Median = Annotated[
     MedianFilter | None,
@@ -45,6 +55,10 @@ class Finishing(Protocol):
         """Return whether gaps are filled."""
 
     @property
+    def surfaces(self) -> SurfaceFilling | None:
+        """Return how gaps are filled as slanted surfaces; None: along their rows."""
+
+    @property
     def median(self) -> MedianFilter | None:
         """Return how the map is smoothed; None leaves it as it is."""
 
@@ -62,7 +76,7 @@ def finished(found: PixelMatches, left: Image, right: Image, settings: Finishing
     found
         What was measured.
     left, right
-        The images; the median follows the edges of the left one.
+        The images; patches and median follow the edges of the left one.
     settings
         Which stages, and how.
     """
@@ -72,7 +86,10 @@ def finished(found: PixelMatches, left: Image, right: Image, settings: Finishing
     if settings.speckle is not None:
         disparity, reason = without_speckles(disparity, reason, settings.speckle)
     if settings.filling:
-        disparity, reason = filled_from_behind(disparity, reason)
+        measured = disparity
+        disparity, reason = filled_from_behind(measured, reason)
+        if settings.surfaces is not None:
+            disparity = filled_along_surfaces(measured, disparity, as_eight_bit(left, right)[0], settings.surfaces)
     if settings.median is not None:
         disparity = edge_respecting_median(disparity, as_eight_bit(left, right)[0], settings.median)
     # After a search in two dimensions only speckles are taken away: nothing is filled.

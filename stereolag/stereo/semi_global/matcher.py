@@ -21,7 +21,7 @@ from stereolag.stereo.finishing.checks import (
     least_texture,
     left_right_disagree,
 )
-from stereolag.stereo.finishing.stages import Filling, Median, Speckle, finished
+from stereolag.stereo.finishing.stages import Filling, Median, Speckle, Surfaces, finished
 from stereolag.stereo.matcher import MinDisparity, NumDisparities, PixelMatches, StereoMatcher
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global.costs import MatchingCost
@@ -73,6 +73,7 @@ class SemiGlobalMatcher(StereoMatcher):
     )
     speckle: Speckle = None
     filling: Filling = False
+    surfaces: Surfaces = None
     median: Median = None
 
     @field_validator("window_size")

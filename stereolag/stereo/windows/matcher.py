@@ -20,7 +20,7 @@ from stereolag.stereo.finishing.checks import (
     least_texture,
     left_right_disagree,
 )
-from stereolag.stereo.finishing.stages import Filling, Median, Speckle, finished, is_finished
+from stereolag.stereo.finishing.stages import Filling, Median, Speckle, Surfaces, finished, is_finished
 from stereolag.stereo.matcher import FARTHEST_FIRST, LARGEST_COUNT, PixelMatches, StereoMatcher
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.engines import Engine, cheaper_engine, estimate_windows, find_matches
@@ -120,6 +120,7 @@ class CorrelationMatcher(StereoMatcher):
     )
     speckle: Speckle = None
     filling: Annotated[Filling, Applies(_along_the_row, ALONG_THE_ROW)] = False
+    surfaces: Surfaces = None
     median: Annotated[Median, Applies(_along_the_row, ALONG_THE_ROW)] = None
 
     @model_validator(mode="after")

@@ -1,0 +1,143 @@
+"""Gaps filled along their rows, from what was measured around their two ends."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stereolag.arrays import Array, FloatMap
+from stereolag.loops.bands import over_bands
+from stereolag.loops.compilation import compiled
+
+INWARD, BESIDE = 6, 3
+"""The surface at an end of a gap: columns inward, and rows up and down, px."""
+
+WIDE = 4
+"""A gap of fewer px takes its end pixels as they are: there are many of them, and nothing is gained."""
+
+SAME_SURFACE = 4.0
+"""Farthest that a pixel of that surface lies from the end of the gap, px of disparity."""
+
+SLANT_COLS, SLANT_ROWS = 24, 12
+"""The surface that is continued to the left edge: columns inward, and rows up and down, px."""
+
+STEEPEST = 0.1
+"""Most that it may rise or fall from column to column, px of disparity."""
+
+COVERED = 0.85
+"""The share of that surface that must be measured to continue its slant; a ragged one leads astray."""
+
+
+def filled_from_ends(disparity: FloatMap) -> FloatMap:
+    """Return the map with the gaps of each row filled from the farther of the surfaces at their two ends.
+
+    The surface at an end is the mean of what was measured close to it: a single pixel is noisy, and makes stripes. The
+    gap at the left edge, which the right camera does not see, continues the slant of the surface beside it if that is
+    measured well. A row without a value stays NaN.
+
+    Parameters
+    ----------
+    disparity
+        (H, W) float32 px; NaN = none.
+    """
+    out = disparity.copy()
+    over_bands(lambda first, end: fill_between_ends(disparity, first, end, out), len(out))
+    return out
+
+
+@compiled
+def fill_between_ends(disparity: Array, first: int, end: int, out: Array) -> None:
+    """Fill the gaps of rows `first` to `end`. Equals :func:`fill_between_ends_reference`."""
+    width = disparity.shape[1]
+    for y in range(first, end):
+        start = 0
+        for x in range(width + 1):
+            if x < width and np.isnan(disparity[y, x]):
+                continue
+            if start < x and not (start == 0 and x == width):
+                value = np.float32(np.inf)
+                wide = x - start >= WIDE
+                if start > 0:
+                    value = _surface(disparity, y, start - 1, -1) if wide else disparity[y, start - 1]
+                if x < width:
+                    value = min(value, _surface(disparity, y, x, 1) if wide else disparity[y, x])
+                slant = _slant(disparity, y, x, value) if start == 0 else np.float32(0)
+                # The mean of a surface is its value in the middle of it.
+                middle = np.float32(x + (INWARD - 1) / 2 if wide else x)
+                for gap in range(start, x):
+                    out[y, gap] = value - slant * (middle - np.float32(gap))
+            start = x + 1
+
+
+@compiled
+def _surface(disparity: Array, y: int, x: int, inward: int) -> np.float32:
+    """Return the mean of what was measured near an end of a gap, within reach of the end itself."""
+    height, width = disparity.shape
+    left = x if inward > 0 else max(0, x - INWARD + 1)
+    right = min(width, x + INWARD) if inward > 0 else x + 1
+    end = disparity[y, x]
+    total, count = np.float32(0), np.float32(0)
+    for row in range(max(0, y - BESIDE), min(height, y + BESIDE + 1)):
+        for col in range(left, right):
+            apart = disparity[row, col] - end
+            near = abs(apart) <= np.float32(SAME_SURFACE)  # not of NaN
+            total += apart if near else np.float32(0)
+            count += np.float32(1) if near else np.float32(0)
+    return np.float32(end + total / count)
+
+
+@compiled
+def _slant(disparity: Array, y: int, x: int, value: Any) -> np.float32:
+    """Return the change per column of the plane fitted to what lies right of (y, x); 0 where little was measured."""
+    height, width = disparity.shape
+    top, bottom, right = max(0, y - SLANT_ROWS), min(height, y + SLANT_ROWS + 1), min(width, x + SLANT_COLS)
+    n = sx = sy = sz = sxx = sxy = syy = sxz = syz = 0.0
+    for row in range(top, bottom):
+        for col in range(x, right):
+            z = float(disparity[row, col]) - value
+            if abs(z) <= SAME_SURFACE:
+                u, v = float(col - x), float(row - y)
+                n, sx, sy, sz = n + 1, sx + u, sy + v, sz + z
+                sxx, sxy, syy = sxx + u * u, sxy + u * v, syy + v * v
+                sxz, syz = sxz + u * z, syz + v * z
+    if n < COVERED * (bottom - top) * SLANT_COLS:
+        return np.float32(0)
+    cxx, cxy, cyy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
+    cxz, cyz = sxz - sx * sz / n, syz - sy * sz / n
+    scale = cxx * cyy - cxy * cxy
+    if scale <= 0:
+        return np.float32(0)
+    return np.float32(min(max((cxz * cyy - cyz * cxy) / scale, -STEEPEST), STEEPEST))
+
+
+def fill_between_ends_reference(disparity: FloatMap) -> FloatMap:
+    """Return what :func:`fill_between_ends` must make of all rows, but for rounding, by plain NumPy."""
+    out = disparity.copy()
+
+    def surface(y: int, x: int, cols: slice) -> Any:
+        near = disparity[max(0, y - BESIDE) : y + BESIDE + 1, cols]
+        return near[np.abs(near - disparity[y, x]) <= SAME_SURFACE].mean(dtype=np.float64)
+
+    def slant(y: int, x: int, value: float) -> float:
+        top = max(0, y - SLANT_ROWS)
+        apart = disparity[top : y + SLANT_ROWS + 1, x : x + SLANT_COLS] - value
+        rows, cols = np.nonzero(np.abs(apart) <= SAME_SURFACE)
+        if len(rows) < COVERED * len(apart) * SLANT_COLS:
+            return 0.0
+        places = np.column_stack([cols, rows, np.ones(len(rows))])
+        return float(np.clip(np.linalg.lstsq(places, apart[rows, cols])[0][0], -STEEPEST, STEEPEST))
+
+    width = disparity.shape[1]
+    for y, row in enumerate(disparity):
+        edges = np.flatnonzero(np.diff(np.isnan(row), prepend=False, append=False))
+        for start, x in edges.reshape(-1, 2):
+            if x - start < WIDE:
+                ends = [row[place] for place in (start - 1, x) if 0 <= place < width]
+            else:
+                ends = [surface(y, start - 1, slice(max(0, start - INWARD), start))] if start > 0 else []
+                ends += [surface(y, x, slice(x, x + INWARD))] if x < width else []
+            if ends:
+                away = np.arange(x - start, 0, -1) + (0 if x - start < WIDE else (INWARD - 1) / 2)
+                out[y, start:x] = min(ends) - (slant(y, x, min(ends)) * away if start == 0 else 0)
+    return out
