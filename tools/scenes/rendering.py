@@ -8,19 +8,32 @@ from .scene import StereoScene
 SAMPLES_PER_PASS = 16  # bounds the memory of one pass; passes are averaged
 
 
-def render(scene: mi.Scene, description: StereoScene, eye: str, spp: int, seed: int) -> np.ndarray:
+def render(
+    scene: mi.Scene,
+    description: StereoScene,
+    eye: str,
+    spp: int,
+    seed: int,
+    *,
+    per_pass: int = SAMPLES_PER_PASS,
+    brightest: float = np.inf,
+    veil: np.ndarray | float = 0.0,
+) -> np.ndarray:
     """The picture of one eye, ``(height, width, 3)`` uint8.
+
+    `brightest` cuts what a pixel gets in one pass, so that a rare path by way of a
+    mirror leaves no spark; `veil` is light that the lens scatters over the picture.
 
     `seed` decides every random number; give the two eyes different ones, so that
     the noise of one says nothing about the noise of the other.
     """
     sensor = mi.load_dict(description.camera.sensor(eye))
-    passes = max(1, spp // SAMPLES_PER_PASS)
+    passes = max(1, spp // per_pass)
     light = np.zeros((description.camera.height, description.camera.width, 3))
     for number in range(passes):
-        image = mi.render(scene, sensor=sensor, spp=min(spp, SAMPLES_PER_PASS), seed=seed * 10_000 + number)
-        light += np.asarray(image, dtype=np.float64)
-    picture = _develop(light / passes * description.exposure)
+        image = mi.render(scene, sensor=sensor, spp=min(spp, per_pass), seed=seed * 10_000 + number)
+        light += np.minimum(np.asarray(image, dtype=np.float64), brightest)
+    picture = _develop((light / passes + veil) * description.exposure)
     noise = np.random.default_rng(seed).normal(0.0, description.sensor_noise, picture.shape)
     return np.clip(np.round(picture * 255 + noise), 0, 255).astype(np.uint8)
 
