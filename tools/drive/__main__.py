@@ -18,7 +18,7 @@ PARTS = ("left", "right", "disparity", "occlusion", "objects")
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tools.drive", description=__doc__)
     parser.add_argument("--work", type=Path, required=True, help="folder of the frames; finished ones are kept")
-    parser.add_argument("--spp", type=int, default=48, help="light paths a pixel (default 48)")
+    parser.add_argument("--spp", type=int, default=25, help="light paths a pixel, a multiple of 25 (default 25)")
     parser.add_argument("--frames", type=int, nargs="*", metavar="N", help=f"which, of 0 to {FRAMES - 1}; all if none")
     parser.add_argument("--pack", action="store_true", help="write the finished frames into assets/drive instead")
     arguments = parser.parse_args()
@@ -30,7 +30,7 @@ def main() -> None:
     if not missing:
         return
     world = build()
-    for number in missing:
+    for number in dict.fromkeys(missing):
         begin, worked = time.perf_counter(), time.process_time()
         _write(arguments.work, number, frame(world, number, arguments.spp))
         elapsed, worked = time.perf_counter() - begin, time.process_time() - worked

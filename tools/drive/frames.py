@@ -13,6 +13,7 @@ from .course import FRAME_RATE, RUNS, camera
 from .world import SUN_AZIMUTH, SUN_ELEVATION, World, sun_direction
 
 GLARE = 27.0  # of the light from the sun, over the squared angle from it in degrees
+PER_PASS = 25  # the orthogonal sampler wants the square of a prime
 EYES = ("left", "right")
 
 
@@ -33,14 +34,7 @@ def frame(world: World, number: int, spp: int) -> Frame:
     truth = trace(scene, view)
     pictures = [
         render(
-            scene,
-            description,
-            eye,
-            spp,
-            seed=1 + 2 * number + side,
-            per_pass=4,
-            brightest=2.0,
-            veil=_veil(scene, view, eye),
+            scene, description, eye, spp, seed=1 + 2 * number + side, per_pass=PER_PASS, veil=_veil(scene, view, eye)
         )
         for side, eye in enumerate(EYES)
     ]
