@@ -153,17 +153,10 @@ class DriveExample:
     def motions(self, frame: int) -> Float64Array:
         """Return how every body moves from `frame` to the next, as the left camera sees it.
 
-        Parameters
-        ----------
-        frame
-            From 0; not the last.
-
         Returns
         -------
         motions
-            ``(bodies, 4, 4)``: entry `n` takes body `n` from the left camera's coordinates of this frame (metres, x to
-            the right, y down, z forwards) to those of the next. With disparity and objects they are what
-            `stereolag.geometry.rigid_motion` makes exact flow of.
+            ``(bodies, 4, 4)``, for `stereolag.geometry.rigid_motion`, which makes exact flow of them.
 
         Raises
         ------
@@ -233,13 +226,7 @@ def stereo_pairs() -> dict[str, StereoExample]:
 
 
 def drives() -> dict[str, DriveExample]:
-    """Return the drives by name.
-
-    Raises
-    ------
-    FileNotFoundError
-        The examples are neither within the package nor beside it.
-    """
+    """Return the drives by name; absent examples are a FileNotFoundError."""
     folder = _folder("drive")
     return {path.parent.name: _drive_example(path) for path in sorted(folder.glob("*/poses.json"))}
 

@@ -11,7 +11,7 @@ from .course import BASELINE_M, FOCAL_PX, FRAME_RATE, FRAMES, RUNS, camera, came
 from .frames import EYES
 
 DESTINATION = Path(__file__).parents[2] / "assets" / "drive" / "motorway"
-QUALITY = 88  # of WebP: what that costs the matchers stands in benchmarks/NOTES.md
+QUALITY = 95  # of WebP: what that costs the matchers stands in benchmarks/NOTES.md
 TRUTHS = ("disparity", "occlusion", "objects")
 
 
