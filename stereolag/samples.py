@@ -11,6 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+Float64Array = npt.NDArray[np.float64]
+
 PACKAGE = Path(__file__).resolve().parent
 INSTALLED = PACKAGE / "assets"
 ASSETS = INSTALLED if INSTALLED.is_dir() else PACKAGE.parent / "assets"
@@ -99,6 +104,74 @@ class StereoExample:
     num_disparities: int
 
 
+@dataclass(frozen=True)
+class DriveExample:
+    """The frames of a drive: rectified stereo pairs in order of time, with the exact disparity and motion of each.
+
+    Attributes
+    ----------
+    name, title, description
+        The key, a heading, and a sentence or two.
+    left, right
+        RGB pictures, one for each frame, all of the same size.
+    disparity
+        The truth in the left view: 16-bit PNGs of px × 256, 0 where it is infinitely far.
+    occlusion
+        PNGs, not zero where the right view cannot see what the left view sees.
+    objects
+        8-bit PNGs: the number of the body that each left pixel shows, 0 for all that stands still.
+    object_names
+        Of each number; the first stands for the world.
+    calibration
+        A JSON file with focal length, baseline and principal point.
+    poses
+        A JSON file: where the left camera and every body are in each frame.
+    frame_rate
+        Frames per second.
+    num_disparities
+        Px; every disparity of the drive is smaller.
+    """
+
+    name: str
+    title: str
+    description: str
+    left: tuple[Path, ...]
+    right: tuple[Path, ...]
+    disparity: tuple[Path, ...]
+    occlusion: tuple[Path, ...]
+    objects: tuple[Path, ...]
+    object_names: tuple[str, ...]
+    calibration: Path
+    poses: Path
+    frame_rate: float
+    num_disparities: int
+
+    def __len__(self) -> int:
+        """How many frames there are."""
+        return len(self.left)
+
+    def motions(self, frame: int) -> Float64Array:
+        """Return how every body moves from `frame` to the next, as the left camera sees it.
+
+        Returns
+        -------
+        motions
+            ``(bodies, 4, 4)``, for `stereolag.geometry.rigid_motion`, which makes exact flow of them.
+
+        Raises
+        ------
+        ValueError
+            There is no such frame, or none after it.
+        """
+        if not 0 <= frame < len(self) - 1:
+            raise ValueError(f"frame is {frame}; allowed are 0 to {len(self) - 2}, which have one after them.")
+        entry = _read(self.poses)
+        cameras = np.asarray(entry["camera"], dtype=np.float64)
+        bodies = np.asarray(entry["objects"], dtype=np.float64)
+        here, there = bodies[frame], bodies[frame + 1]
+        return np.asarray(np.linalg.inv(cameras[frame + 1]) @ there @ np.linalg.inv(here) @ cameras[frame])
+
+
 def recordings() -> dict[str, RecordingExample]:
     """Return the pairs of recordings by name.
 
@@ -150,6 +223,37 @@ def stereo_pairs() -> dict[str, StereoExample]:
     """
     calibrations = sorted(_folder("stereo").glob("*/calibration.json"))
     return {path.parent.name: _stereo_example(path) for path in calibrations}
+
+
+def drives() -> dict[str, DriveExample]:
+    """Return the drives by name; absent examples are a FileNotFoundError."""
+    folder = _folder("drive")
+    return {path.parent.name: _drive_example(path) for path in sorted(folder.glob("*/poses.json"))}
+
+
+def _drive_example(poses: Path) -> DriveExample:
+    folder = poses.parent
+    calibration = _read(folder / "calibration.json")
+    entry = _read(poses)
+
+    def frames(part: str) -> tuple[Path, ...]:
+        return tuple(sorted((folder / part).iterdir()))
+
+    return DriveExample(
+        name=folder.name,
+        title=calibration["title"],
+        description=calibration["description"],
+        left=frames("left"),
+        right=frames("right"),
+        disparity=frames("disparity"),
+        occlusion=frames("occlusion"),
+        objects=frames("objects"),
+        object_names=tuple(entry["object_names"]),
+        calibration=folder / "calibration.json",
+        poses=poses,
+        frame_rate=float(entry["frame_rate"]),
+        num_disparities=calibration["num_disparities"],
+    )
 
 
 def _stereo_example(calibration: Path) -> StereoExample:

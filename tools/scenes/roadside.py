@@ -1,5 +1,6 @@
 """What stands along a motorway: barriers, rails, signs, a bridge and the surface itself."""
 
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -16,12 +17,23 @@ TEXELS = 170.0  # a metre
 WHITE, BLACK = (242, 242, 240), (10, 10, 10)
 
 
-def carriageway(rng: np.random.Generator, centre: float, length: float) -> mi.Mesh:
-    """Three lanes along y with edge lines, dashes, wheel tracks and repairs."""
+def carriageway(
+    rng: np.random.Generator,
+    centre: float,
+    length: float,
+    *,
+    contrast: float = 1.0,
+    finish: Callable[..., dict[str, Any]] = matte,
+) -> mi.Mesh:
+    """Three lanes along y with edge lines, dashes, wheel tracks and repairs.
+
+    `contrast` scales what the stones of the asphalt show; `finish` makes its surface of the texture.
+    """
     width = 3 * LANE + 1.5
     rows, columns = int(PERIOD * TEXELS), int(width * TEXELS)
     tile = textures.asphalt((1024, 1024), rng)
     picture = np.tile(tile, (rows // 1024 + 1, columns // 1024 + 1, 1))[:rows, :columns]
+    picture = picture.mean(axis=(0, 1)) * (1 - contrast) + picture * contrast
     stains = cv2.resize(textures.fractal_noise((512, 256), rng, slope=1.3), (columns, rows))
     picture = picture * (1 + 0.05 * stains[..., None])
     x = np.arange(columns) / TEXELS - width / 2
@@ -37,7 +49,7 @@ def carriageway(rng: np.random.Generator, centre: float, length: float) -> mi.Me
         picture[row : row + tall, column : column + wide] *= rng.uniform(0.72, 0.85)
     picture = np.where(_markings(x, rows, rng)[..., None], _paint((rows, columns), rng), picture)
     surface = plane((centre - width / 2, -5, 0), (width, 0, 0), (0, length, 0))
-    return surface.shape(matte(picture, repeat=(1.0, length / PERIOD)))
+    return surface.shape(finish(picture, repeat=(1.0, length / PERIOD)))
 
 
 def _markings(x: np.ndarray, rows: int, rng: np.random.Generator) -> np.ndarray:

@@ -20,12 +20,19 @@ class StereoScene:
     exposure: float = 1.0
     max_depth: int = 6
     sensor_noise: float = 0.8  # standard deviation, 8-bit levels
+    sampler: str = "independent"
+    brightest: float | None = None  # what one light path may bring at most; None: anything
 
     def load(self) -> mi.Scene:
         return mi.load_dict(
             {
                 "type": "scene",
-                "integrator": {"type": "path", "max_depth": self.max_depth},
+                "integrator": self._integrator(),
                 **self.objects,
             }
         )
+
+    def _integrator(self) -> dict[str, Any]:
+        if self.brightest is None:
+            return {"type": "path", "max_depth": self.max_depth}
+        return {"type": "bounded_paths", "max_depth": self.max_depth, "brightest": self.brightest}

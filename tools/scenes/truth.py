@@ -24,13 +24,7 @@ def trace(scene: mi.Scene, camera: StereoCamera) -> Truth:
 
     Neither is averaged over a pixel, so no depth between an edge and its background is made up.
     """
-    sensor = mi.load_dict(camera.sensor("left"))
-    rows, columns = np.mgrid[: camera.height, : camera.width]
-    centre = mi.Point2f(
-        mi.Float((columns.ravel() + 0.5) / camera.width),
-        mi.Float((rows.ravel() + 0.5) / camera.height),
-    )
-    ray, _ = sensor.sample_ray(0.0, 0.5, centre, mi.Point2f(0.5))
+    ray = centre_rays(camera)
     hit = scene.ray_intersect(ray)
     seen = hit.is_valid()
 
@@ -44,8 +38,20 @@ def trace(scene: mi.Scene, camera: StereoCamera) -> Truth:
 
     shape = camera.height, camera.width
     pixels = np.array(disparity, dtype=np.float64).reshape(shape)
-    out_of_frame = columns - pixels < -0.5
+    out_of_frame = np.arange(camera.width) - pixels < -0.5
     return Truth(pixels, np.array(hidden, dtype=bool).reshape(shape) | out_of_frame)
+
+
+def centre_rays(camera: StereoCamera) -> mi.Ray3f:
+    """One ray through the exact centre of every left pixel, row by row."""
+    sensor = mi.load_dict(camera.sensor("left"))
+    rows, columns = np.mgrid[: camera.height, : camera.width]
+    centre = mi.Point2f(
+        mi.Float((columns.ravel() + 0.5) / camera.width),
+        mi.Float((rows.ravel() + 0.5) / camera.height),
+    )
+    ray, _ = sensor.sample_ray(0.0, 0.5, centre, mi.Point2f(0.5))
+    return ray
 
 
 def encode(truth: Truth, num_disparities: int) -> np.ndarray:

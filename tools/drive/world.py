@@ -1,0 +1,169 @@
+"""The motorway and its traffic: geometry and textures, built once for all frames."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from ..scenes import textures
+from ..scenes.camera import StereoCamera
+from ..scenes.materials import VERTEX_COLOUR, glossy, matte
+from ..scenes.meshes import box, join, plane, terrain
+from ..scenes.roadside import (
+    bridge,
+    carriageway,
+    direction,
+    guard_rail,
+    median_barrier,
+    panel,
+    sign,
+    speed_limit,
+    warning,
+)
+from ..scenes.scene import StereoScene
+from ..scenes.sky import sky
+from ..scenes.vegetation import forest, grass, tree
+from ..scenes.vehicles import ESTATE, HATCHBACK, SALOON, car, lorry
+from .course import RUNS
+
+LENGTH = 576.0
+BRIDGES = (88.0, 330.0)
+SUN_AZIMUTH, SUN_ELEVATION = 27.0, 21.0
+
+
+@dataclass(frozen=True)
+class World:
+    """`still` is all that never moves; `vehicles` are groups of shapes about their own origins, by name."""
+
+    still: dict[str, Any]
+    vehicles: dict[str, mi.Object]
+
+    def at(self, time: float, camera: StereoCamera) -> tuple[StereoScene, mi.Scene]:
+        """The description and the scene at `time`, s; vehicle `name` is its shape ``name``."""
+        placed: dict[str, Any] = {}
+        for name, group in self.vehicles.items():
+            pose = mi.ScalarTransform4f(RUNS[name].pose(time))
+            placed[f"{name}_model"] = group  # a scene knows only those groups that are among its own
+            placed[name] = {"type": "instance", "to_world": pose, "group": group}
+        description = StereoScene(
+            title="Drive",
+            description="Six seconds on a motorway: a lane change, traffic on both sides, and a bridge.",
+            camera=camera,
+            objects={**self.still, **placed},
+            exposure=1.3,
+            max_depth=3,
+            sensor_noise=0.7,
+            sampler="orthogonal",  # half the noise of independent samples, for the price of a fourth of them
+            brightest=3.0,
+        )
+        return description, description.load()
+
+
+def build() -> World:
+    rng = np.random.default_rng(11)
+    parts = {**_roads(rng), **_signs(), **_bridges(rng), **_verges(rng)}
+    parts["sky"] = sky(rng, sun_azimuth=SUN_AZIMUTH, sun_elevation=SUN_ELEVATION, sun_strength=3.6, cloudiness=0.45)
+    return World(_loaded(parts), _vehicles(rng))
+
+
+def sun_direction() -> np.ndarray:
+    azimuth, elevation = np.radians(SUN_AZIMUTH), np.radians(SUN_ELEVATION)
+    return np.array([np.sin(azimuth) * np.cos(elevation), np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
+
+
+def _loaded(parts: dict[str, Any]) -> dict[str, Any]:
+    """Groups become objects, so that a new scene of them shares their geometry; instances stay descriptions."""
+    groups = {name: mi.load_dict(part) for name, part in parts.items() if _kind(part) == "shapegroup"}
+    loaded: dict[str, Any] = {}
+    for name, part in parts.items():
+        if _kind(part) == "instance":
+            loaded[name] = mi.load_dict({**part, "group": groups[part["group"]["id"]]})
+        elif name not in groups:
+            loaded[name] = mi.load_dict(part) if isinstance(part, dict) else part
+    return groups | loaded
+
+
+def _kind(part: Any) -> str:
+    return part["type"] if isinstance(part, dict) else ""
+
+
+def _asphalt(picture: np.ndarray, repeat: tuple[float, float]) -> dict[str, Any]:
+    """Worn smooth by tyres: it shines against the sun."""
+    return {
+        "type": "blendbsdf",
+        "weight": 0.22,
+        "worn": matte(picture, repeat),
+        "polished": glossy(picture, 0.30, repeat),
+    }
+
+
+def _roads(rng: np.random.Generator) -> dict[str, Any]:
+    return {
+        "road": carriageway(rng, 0.0, LENGTH, contrast=0.22, finish=_asphalt),
+        "opposite_road": carriageway(rng, -13.0, LENGTH, contrast=0.5, finish=_asphalt),
+        "median": median_barrier(rng, -6.45, LENGTH),
+        **guard_rail("rail_right", rng, 6.75, -1, LENGTH),
+        **guard_rail("rail_left", rng, -20.2, 1, LENGTH),
+    }
+
+
+def _vehicles(rng: np.random.Generator) -> dict[str, mi.Object]:
+    shapes = {
+        "slow_hatchback": car("a", HATCHBACK, (0.03, 0.30, 0.36), (0, 0), rng),
+        "overtaking_estate": car("b", ESTATE, (0.80, 0.81, 0.80), (0, 0), rng),
+        "overtaking_saloon": car("c", SALOON, (0.52, 0.06, 0.06), (0, 0), rng),
+        "saloon_ahead": car("d", SALOON, (0.24, 0.25, 0.28), (0, 0), rng),
+        "lorry": lorry("e", (0.0, 0.0), rng),
+        "oncoming_hatchback": car("f", HATCHBACK, (0.82, 0.68, 0.12), (0, 0), rng),
+        "oncoming_saloon": car("g", SALOON, (0.10, 0.10, 0.11), (0, 0), rng),
+        "oncoming_estate": car("h", ESTATE, (0.12, 0.22, 0.48), (0, 0), rng),
+    }
+    return {name: mi.load_dict({"type": "shapegroup", **shapes[name]}) for name in RUNS}
+
+
+def _signs() -> dict[str, Any]:
+    names = direction(("Nordhafen", "Airport"), (13, 56, 140))
+    exit_board = direction(("Exit 24", "Seeburg"), (8, 92, 51))
+    return {
+        **sign("limit", speed_limit("100"), (7.5, 27.0, 2.5), 0.95, "disc"),
+        **sign("caution", warning(), (7.6, 58.0, 2.6), 1.15, "triangle"),
+        **sign("exit", exit_board, (12.6, 76.0, 4.4), 3.8, "board"),
+        **panel("gantry", names, (0.6, BRIDGES[0] - 0.4, 7.0), 5.2, "board"),
+        **sign("limit_left", speed_limit("80"), (-21.0, 70.0, 2.5), 0.95, "disc"),
+        **sign("limit_again", speed_limit("120"), (7.5, 128.0, 2.5), 0.95, "disc"),
+        **sign("exit_again", exit_board, (12.4, 168.0, 4.4), 3.8, "board"),
+        **sign("caution_again", warning(), (7.6, 192.0, 2.6), 1.15, "triangle"),
+        **panel("gantry_again", names, (-0.2, BRIDGES[1] - 0.4, 7.0), 5.2, "board"),
+    }
+
+
+def _bridges(rng: np.random.Generator) -> dict[str, Any]:
+    return {
+        f"{name}_{number}": shape
+        for number, y in enumerate(BRIDGES)
+        for name, shape in bridge(rng, y=y, clearance=5.8).items()
+    }
+
+
+def _verges(rng: np.random.Generator) -> dict[str, Any]:
+    turf = matte(textures.turf((1024, 1024), rng))
+    right = terrain((6.2, 150), (-5, 760), 0.02, rng, tile=5.0).moved((0, 0, -0.04))
+    left = terrain((-170, -19.4), (-5, 760), 0.02, rng, tile=5.0).moved((0, 0, -0.04))
+    strip = plane((-6.9, -5, -0.01), (0.9, 0, 0), (0, LENGTH, 0), tile=4.0)
+    distance = 9 + 195 * rng.random(90_000)
+    roots = np.stack([6.4 + rng.random(90_000) ** 1.5 * 12, distance, np.full(90_000, -0.05)], -1)
+    kinds = [tree(rng, h, crown_width=5.0, crown_height=h * 0.72, leaf=0.16, leaves=26_000) for h in (8.0, 9.5)]
+    stands = [(15 + 9 * rng.random(), y + rng.normal(0, 2), rng.uniform(0.6, 1.15)) for y in np.arange(20, 420, 9.0)]
+    stands += [(-25 - 9 * rng.random(), y + rng.normal(0, 2), rng.uniform(0.7, 1.2)) for y in np.arange(24, 420, 8.0)]
+    stands += [(x, 500 + rng.normal(0, 20), rng.uniform(1.6, 2.4)) for x in np.arange(-190, 191, 8.0)]
+    stands = [stand for stand in stands if all(abs(stand[1] - y - 4.5) > 9 for y in BRIDGES)]
+    posts = [box((0.12, 0.08, 1.1), radius=0.02).moved((7.3, y, 0.5)) for y in np.arange(12.5, 400, 25.0)]
+    return {
+        "verge_right": right.shape(turf, smooth=True),
+        "verge_left": left.shape(turf, smooth=True),
+        "median_strip": strip.shape(matte(textures.concrete((512, 512), rng))),
+        "tufts": grass(rng, roots, 0.28).shape(matte(VERTEX_COLOUR)),
+        "marker_posts": join(posts).shape(glossy((0.9, 0.9, 0.88), 0.3)),
+        **forest(rng, "tree", kinds, stands),
+    }
