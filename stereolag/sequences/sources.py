@@ -54,6 +54,11 @@ class StereoSequence(ABC):
     names: tuple[str, ...]
     frame_rate: float
 
+    @property
+    def has_truth(self) -> bool:
+        """Return whether the true disparity of any frame is known."""
+        return False
+
     @abstractmethod
     def reader(self, number: int) -> FrameReader:
         """Return what reads a frame: small, and it can be pickled; opens nothing yet."""
@@ -85,6 +90,11 @@ class PictureFiles(StereoSequence):
     files: tuple[FrameFiles, ...]
     frame_rate: float = USUAL_RATE
 
+    @property
+    def has_truth(self) -> bool:
+        """Return whether a frame has a file of true disparities."""
+        return _any_truth(self.files)
+
     def reader(self, number: int) -> FrameReader:
         """Return what reads a frame from its files."""
         return partial(_read_files, self.files[number])
@@ -98,6 +108,11 @@ class ArchivedPictures(StereoSequence):
     files: tuple[FrameFiles, ...]
     archive: Path | Archive
     frame_rate: float = USUAL_RATE
+
+    @property
+    def has_truth(self) -> bool:
+        """Return whether a frame has a file of true disparities."""
+        return _any_truth(self.files)
 
     def reader(self, number: int) -> FrameReader:
         """Return what reads a frame from the archive."""
@@ -130,6 +145,10 @@ class SideBySideVideo(StereoSequence):
     def reader(self, number: int) -> FrameReader:
         """Return what reads a frame and halves it."""
         return partial(_read_halves, self._video, number)
+
+
+def _any_truth(files: tuple[FrameFiles, ...]) -> bool:
+    return any(one.truth is not None for one in files)
 
 
 def _numbers(count: int) -> tuple[str, ...]:
