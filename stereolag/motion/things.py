@@ -191,7 +191,9 @@ def fitted_shift(sight: Sight, box: Box, mask: Mask) -> RigidShift | None:
         step = np.linalg.solve(normal, np.einsum("nki,nk,nk->i", slopes, weight, residual))
         motion = np.asarray(motion + step, np.float64)
     witnesses = min(max(len(static) / ALIKE, 1.0), MOST_WITNESSES)
-    return RigidShift(motion, np.linalg.inv(normal) * (len(static) / witnesses))
+    return RigidShift(
+        np.asarray(motion, np.float64), np.asarray(np.linalg.inv(normal) * (len(static) / witnesses), np.float64)
+    )
 
 
 def explained(views: Views, box: Box, motion: Vector) -> FloatMap:
