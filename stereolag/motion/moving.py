@@ -82,7 +82,7 @@ class MovingTest(Settings):
     coherence: float = Field(
         default=2.0,
         title="Coherence",
-        description="How many times the scatter of its pixels the motion of a region must be: mismatches go anywhere.",
+        description="How many times better one motion must explain a region than none: mismatches go anywhere.",
         ge=0,
         le=100,
         json_schema_extra={"step": 0.5},
@@ -195,14 +195,21 @@ def connected(moving: Mask, settings: MovingTest) -> Iterator[tuple[Box, Mask]]:
             yield box, labels[box] == number
 
 
-def is_coherent(deviations: DoubleMap, settings: MovingTest) -> bool:
-    """Return whether the pixels of a region, (3, n), move as one thing, and significantly."""
-    if deviations.shape[1] < settings.smallest / 2:
+def moves_as_one(standing: DoubleMap, moving: DoubleMap, settings: MovingTest) -> bool:
+    """Return whether the pixels of a region move as one thing, and significantly.
+
+    Parameters
+    ----------
+    standing, moving
+        (3, n): how many expected errors row, column and disparity are off from those of points that stand, and from
+        those of one thing that moves.
+    settings
+        How far off, and how much better it must be.
+    """
+    if standing.shape[1] < settings.smallest / 2:
         return False
-    middle = np.median(deviations, axis=1)
-    length = float(np.linalg.norm(middle))
-    scatter = float(np.median(np.linalg.norm(deviations - middle[:, None], axis=0)))
-    return length > settings.threshold and length > settings.coherence * scatter
+    before, after = (float(np.median(np.linalg.norm(one, axis=0))) for one in (standing, moving))
+    return before > settings.threshold and before > settings.coherence * after
 
 
 def region_of(

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from stereolag.arrays import DoubleMap, FloatMap, Mask
 from stereolag.geometry.calibration import Calibration
 from stereolag.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level
-from stereolag.motion.moving import KMH, MovingRegion, MovingTest, better_explained, connected, is_coherent, region_of
+from stereolag.motion.moving import KMH, MovingRegion, MovingTest, better_explained, connected, moves_as_one, region_of
 from stereolag.motion.own_motion import (
     LEAST_DISPARITY,
     OwnMotion,
@@ -22,7 +22,7 @@ from stereolag.motion.own_motion import (
     seen_points,
 )
 from stereolag.motion.result import FlowMap
-from stereolag.motion.things import Sight, Views, above_ground, whole_things
+from stereolag.motion.things import Sight, Views, above_ground, fitted_shift, whole_things
 from stereolag.stereo.matcher import DisparityMap
 
 BLUR = 1.0
@@ -136,7 +136,9 @@ def scene_flow(
         image=images and images[0],
     )
     static = own.moved(before)
-    deviations = _deviations(own, before, (here, arrived), (row_2, col_2), calibration, settings)
+    errors = _expected_errors(own, before, here, calibration, settings)
+    deviations = (np.stack([row_2, col_2, arrived]) - expected_sight(static, calibration, matrix)) / errors
+    sight = Sight(static, row_2, col_2, arrived, calibration, matrix)
     # A pixel without a disparity in the second frame is judged by its flow alone.
     squares = np.square(deviations)
     significance = np.sqrt(squares[0] + squares[1] + np.where(np.isfinite(squares[2]), squares[2], 0))
@@ -149,9 +151,14 @@ def scene_flow(
     seeds = []
     for box, mask in connected(moving, settings):
         known = mask & np.isfinite(deviations[(slice(None), *box)]).all(axis=0)
-        if is_coherent(deviations[(slice(None), *box)][:, known], settings):
+        shift = fitted_shift(sight, box, known)
+        if shift is None:
+            continue
+        expected = expected_sight(static[box][known] + shift.motion, calibration, matrix)
+        seen = np.stack([part[box][known] for part in (row_2, col_2, arrived)])
+        at = (slice(None), *box)
+        if moves_as_one(deviations[at][:, known], (seen - expected) / errors[at][:, known], settings):
             seeds.append((box, mask))
-    sight = Sight(static, row_2, col_2, arrived, calibration, matrix)
     views = None if images is None else _views(images, own, with_gaps_filled(first), calibration, matrix)
     travelled = float(np.linalg.norm(own.travelled))
     found = []
@@ -204,30 +211,25 @@ def disparity_at(disparity: FloatMap, row: FloatMap, col: FloatMap) -> FloatMap:
     return np.where(inside, disparity[np.where(inside, y, 0), np.where(inside, x, 0)], np.float32(np.nan))
 
 
-def _deviations(
-    own: OwnMotion,
-    before: Points,
-    disparities: tuple[FloatMap, FloatMap],
-    seen: tuple[FloatMap, FloatMap],
-    calibration: Calibration,
-    settings: MovingTest,
+def expected_sight(points: Points, calibration: Calibration, matrix: npt.NDArray[np.float64]) -> DoubleMap:
+    """Return (3, ...): row, column and disparity, px, at which points (..., 3) are seen; NaN behind the camera."""
+    depth = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+    disparity = calibration.focal_px * calibration.baseline_m / depth - calibration.doffs_px
+    return np.stack([*projected(points, matrix), disparity])
+
+
+def _expected_errors(
+    own: OwnMotion, before: Points, disparity: FloatMap, calibration: Calibration, settings: MovingTest
 ) -> DoubleMap:
-    """Return (3, H, W): how many expected errors row, column and disparity are off from those of a static point."""
-    here, arrived = disparities
-    matrix = camera_matrix(calibration, here.shape)
-    scale = calibration.focal_px * calibration.baseline_m
-    row, col = places_of(here.shape)
-
-    def expected(points: Points) -> DoubleMap:
-        moved = own.moved(points)
-        depth = np.where(moved[..., 2] > 0, moved[..., 2], np.nan)
-        return np.stack([*projected(moved, matrix), scale / depth - calibration.doffs_px])
-
-    static = expected(before)
-    slope = (expected(seen_points(calibration, here + np.float32(PROBE), row, col)) - static) / PROBE
+    """Return (3, H, W) px: the expected errors of row, column and disparity of a static point in the second frame."""
+    matrix = camera_matrix(calibration, disparity.shape)
+    row, col = places_of(disparity.shape)
+    static = expected_sight(own.moved(before), calibration, matrix)
+    varied = own.moved(seen_points(calibration, disparity + np.float32(PROBE), row, col))
+    slope = (expected_sight(varied, calibration, matrix) - static) / PROBE
     flow_error = settings.flow_error + settings.relative_error * np.hypot(static[0] - row, static[1] - col)
-    own_error = np.stack([flow_error, flow_error, np.full(here.shape, settings.disparity_error)])
-    return np.asarray((np.stack([*seen, arrived]) - static) / np.hypot(own_error, slope * settings.disparity_error))
+    own_error = np.stack([flow_error, flow_error, np.full(disparity.shape, settings.disparity_error)])
+    return np.asarray(np.hypot(own_error, slope * settings.disparity_error))
 
 
 def _views(
