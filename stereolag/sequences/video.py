@@ -53,11 +53,15 @@ def panels(
     *,
     more: Sequence[Rgb] = (),
 ) -> Rgb:
-    """Return the left picture, the maps and `more` pictures side by side, near bright, (H, n * W, 3) uint8."""
+    """Return the left picture, the maps and `more` pictures side by side, near bright, (H, n * W, 3) uint8.
+
+    Each is cut to an even width and height: H.264 has one colour for two by two pixels, and none lies in two pictures.
+    """
+    rows, cols = (side // 2 * 2 for side in left.shape[:2])
     table = np.ascontiguousarray(colour_table(palette)[:, None])
     parts = [as_rgb(left)]
     parts += [np.asarray(cv2.applyColorMap(colour_numbers(one, *colours), table)) for one in maps]
-    return np.concatenate([*parts, *more], axis=1)
+    return np.concatenate([part[:rows, :cols] for part in [*parts, *more]], axis=1)
 
 
 def index_first(most_frames: int) -> dict[str, str]:
