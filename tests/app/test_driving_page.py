@@ -200,7 +200,7 @@ def test_what_is_no_sequence_is_refused_in_a_sentence(data: bytes, said: str) ->
 
 
 def with_motion(app: AppTest, how: str) -> AppTest:
-    next(one for one in app.get("button_group") if one.key == "driving.motion").set_value([how]).run()
+    next(one for one in app.get("button_group") if one.key == "driving.motion").set_value(how).run()
     return finished(app)
 
 
