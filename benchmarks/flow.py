@@ -12,11 +12,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.drive_motion import drive_lines
 from benchmarks.pairs import DATA, true_pairs
 from benchmarks.timing import interleaved
 from stereolag import optical_flow, read_disparity, read_image
 from stereolag.inputs import as_grey
-from stereolag.samples import stereo_pairs
+from stereolag.samples import DriveExample, drives, stereo_pairs
 
 Picture: TypeAlias = npt.NDArray[np.uint8]
 Flow: TypeAlias = npt.NDArray[np.float32]
@@ -193,7 +194,17 @@ def flow_table() -> tuple[str, dict[str, object]]:
             for name, (_, judgements, seconds) in found.items()
         },
     }
+    for name, drive in _drives().items():
+        more, values[name] = drive_lines(drive, METHODS)
+        lines += more
     return "\n".join([*summary, "", heading, "", *lines]), values
+
+
+def _drives() -> dict[str, DriveExample]:
+    try:
+        return drives()
+    except FileNotFoundError:
+        return {}
 
 
 def merit(found: Any, peer: str) -> float:

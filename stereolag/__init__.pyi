@@ -7,6 +7,7 @@ from .geometry.calibration import Calibration
 from .geometry.rectification import Rectified, rectify
 from .motion.matcher import optical_flow
 from .motion.result import FlowMap
+from .motion.scene_flow import SceneFlow, scene_flow
 from .reading import read_calibration, read_disparity, read_image, read_matcher, read_signal
 from .signals import SignalLag, signal_lag
 from .stereo.evaluation import Evaluation, evaluate
@@ -32,6 +33,7 @@ __all__ = [
     "FlowMap",
     "Reason",
     "Rectified",
+    "SceneFlow",
     "SearchArea",
     "SemiGlobalMatcher",
     "SignalLag",
@@ -53,6 +55,7 @@ __all__ = [
     "read_matcher",
     "read_signal",
     "rectify",
+    "scene_flow",
     "signal_lag",
     "suggest",
     "write_disparity",

@@ -150,6 +150,10 @@ class DriveExample:
         """How many frames there are."""
         return len(self.left)
 
+    def read_poses(self) -> Any:
+        """Return what `poses` holds: of each frame the camera and all objects, 4 × 4 to the world."""
+        return _read(self.poses)
+
     def motions(self, frame: int) -> Float64Array:
         """Return how every body moves from `frame` to the next, as the left camera sees it.
 
@@ -165,7 +169,7 @@ class DriveExample:
         """
         if not 0 <= frame < len(self) - 1:
             raise ValueError(f"frame is {frame}; allowed are 0 to {len(self) - 2}, which have one after them.")
-        entry = _read(self.poses)
+        entry = self.read_poses()
         cameras = np.asarray(entry["camera"], dtype=np.float64)
         bodies = np.asarray(entry["objects"], dtype=np.float64)
         here, there = bodies[frame], bodies[frame + 1]

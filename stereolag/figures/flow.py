@@ -136,6 +136,15 @@ def with_arrows(image: Image, dy: FloatMap, dx: FloatMap, *, spacing: int = 24, 
     return picture
 
 
+def colour_wheel(largest: float, size: int = 160) -> Rgba:
+    """Return the wheel of all directions, `largest` px at its rim, (size, size, 4), transparent around it."""
+    radius = (size - 1) / 2
+    row, col = np.mgrid[:size, :size].astype(np.float32)
+    dy, dx = (row - radius) / radius * largest, (col - radius) / radius * largest
+    outside = np.hypot(dy, dx) > largest
+    return flow_colours(np.where(outside, np.nan, dy), np.where(outside, np.nan, dx), largest)
+
+
 def wheel_legend(largest: float, size: int = 160) -> Rgba:
     """Return the wheel of all directions, `largest` px at its rim, with that length written beside it.
 
@@ -151,11 +160,7 @@ def wheel_legend(largest: float, size: int = 160) -> Rgba:
     ndarray
         (rows, size, 4) uint8 RGBA, transparent around the wheel; the length stands below it.
     """
-    radius = (size - 1) / 2
-    row, col = np.mgrid[:size, :size].astype(np.float32)
-    dy, dx = (row - radius) / radius * largest, (col - radius) / radius * largest
-    outside = np.hypot(dy, dx) > largest
-    wheel = flow_colours(np.where(outside, np.nan, dy), np.where(outside, np.nan, dx), largest)
+    wheel = colour_wheel(largest, size)
     text = max(11, size // 9)
     canvas = PillowImage.new("RGBA", (size, size + 2 * text))
     canvas.paste(PillowImage.fromarray(wheel), (0, 0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,8 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import Rgb
-from stereolag.figures.pictures import NO_ANSWER
+from stereolag.figures.flow import colour_wheel
+from stereolag.figures.pictures import NO_ANSWER, rgba_png
 from stereolag.geometry.calibration import Calibration
+
+WHEEL_PX = 144
+"""Its diameter; shown at half of that."""
 
 MOST_STEPS = 5
 """Between the values along a legend."""
@@ -35,6 +40,8 @@ class Legend:
         Whether the colours run into each other.
     ticks
         (share of the strip, word, word below it): values along it.
+    picture
+        The colours as a picture instead, such as a wheel: the address of its data; "" = none.
     """
 
     title: str
@@ -42,6 +49,7 @@ class Legend:
     words: tuple[str, ...]
     strip: bool
     ticks: tuple[tuple[float, str, str], ...] = ()
+    picture: str = ""
 
 
 def strip_legend(
@@ -61,6 +69,12 @@ def strip_legend(
 def word_legend(title: str, colours: Sequence[str], words: Sequence[str]) -> Legend:
     """Return the legend of colours, as CSS writes them, that each stand for a word."""
     return Legend(title, tuple(colours), tuple(words), False)
+
+
+def wheel_legend(title: str, largest: float) -> Legend:
+    """Return the legend of the colours of a flow: the wheel of all directions, `largest` px at its rim."""
+    data = base64.b64encode(rgba_png(colour_wheel(largest, WHEEL_PX))).decode()
+    return Legend(title, (), (f"white: none, rim: {largest:g} px",), False, picture=f"data:image/png;base64,{data}")
 
 
 def hexadecimal(colour: Sequence[int] | npt.NDArray[np.uint8]) -> str:

@@ -63,6 +63,12 @@ def png(picture: Rgb) -> bytes:
     return data.tobytes()
 
 
+def rgba_png(picture: npt.NDArray[np.uint8]) -> bytes:
+    """Return an (H, W, 4) RGBA image as the bytes of a PNG."""
+    _, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGBA2BGRA))
+    return data.tobytes()
+
+
 def jpeg(picture: Rgb) -> bytes:
     """Return an RGB photograph as the bytes of a JPEG that looks the same, for a page to show."""
     bgr = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2BGR)

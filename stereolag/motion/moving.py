@@ -4,29 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from stereolag.arrays import DoubleMap, FloatMap, Mask
 from stereolag.inputs import Image, as_grey, grey_level
-from stereolag.motion.own_motion import Points
 from stereolag.motion.pyramid import Flow, fetched, places
 from stereolag.settings import Settings
 
 Box: TypeAlias = tuple[slice, slice]
 """Rows and columns."""
 
+Vector: TypeAlias = npt.NDArray[np.float64]
+"""(3,) metres: to the right, down, forward."""
+
 KMH = 3.6
 """km/h of one m/s."""
+
+OWN_ERROR = 0.01
+"""Share of the way travelled by which our own motion may be wrong, and with it that of everything else."""
+
+MOST_ERROR_KMH, MOST_SHARE = 6.0, 0.1
+"""Km/h, and a share of the speed: the larger of the two is what a speed that is told may be off by."""
 
 WINDOW = 9
 """Px, side of the window by which two flows are compared."""
 
 LEAST_VARIANCE = 0.25
 """Grey levels squared, added to every variance: without texture neither flow is better."""
+
+
+class RigidShift(NamedTuple):
+    """How a thing moves against the world between two frames; it does not turn."""
+
+    motion: Vector
+    covariance: npt.NDArray[np.float64]
+    """(3, 3) square metres."""
 
 
 class MovingTest(Settings):
@@ -65,7 +82,7 @@ class MovingTest(Settings):
     coherence: float = Field(
         default=2.0,
         title="Coherence",
-        description="How many times the scatter of its pixels the motion of a region must be: mismatches go anywhere.",
+        description="How many times better one motion must explain a region than none: mismatches go anywhere.",
         ge=0,
         le=100,
         json_schema_extra={"step": 0.5},
@@ -97,12 +114,13 @@ class MovingRegion:
     pixels
         How many there are.
     distance_m
-        Median depth, metres.
+        Median depth in the first frame, metres.
     motion_m
-        (right, down, forward) against the world between the frames, metres, median of its pixels, in the second
-        frame of the camera.
+        (right, down, forward) against the world between the frames, metres, in the second frame of the camera.
     speed_kmh
         Length of that, km/h; None without a frame rate.
+    speed_error_kmh
+        Its standard error, km/h.
     """
 
     row: int
@@ -113,6 +131,14 @@ class MovingRegion:
     distance_m: float
     motion_m: tuple[float, float, float]
     speed_kmh: float | None
+    speed_error_kmh: float | None
+
+    @property
+    def trusted(self) -> bool:
+        """Return whether the speed is known well enough to be told."""
+        if self.speed_kmh is None or self.speed_error_kmh is None:
+            return False
+        return self.speed_error_kmh <= max(MOST_ERROR_KMH, MOST_SHARE * self.speed_kmh)
 
 
 def better_explained(images: tuple[Image, Image], flow: Flow, other: Flow, gain: float) -> Mask:
@@ -129,8 +155,8 @@ def better_explained(images: tuple[Image, Image], flow: Flow, other: Flow, gain:
     """
     first, second = (as_grey(image).astype(np.float32) for image in images)
     known = _within(flow) & _within(other)
-    least = LEAST_VARIANCE * grey_level(*images) ** 2
-    scores = [_correlation(first, fetched(second, np.where(known, one, np.float32(0))), least) for one in (flow, other)]
+    least = flat_variance(grey_level(*images))
+    scores = [correlation(first, fetched(second, np.where(known, one, np.float32(0))), least) for one in (flow, other)]
     return np.asarray(known & (scores[0] - scores[1] > gain))
 
 
@@ -142,7 +168,12 @@ def _within(flow: Flow) -> Mask:
     return np.asarray((row >= margin) & (row < rows - margin) & (col >= margin) & (col < cols - margin))
 
 
-def _correlation(one: Image, other: Image, least: float) -> FloatMap:
+def flat_variance(level: float) -> float:
+    """Return what is added to every variance, where one grey level of 255 is so much."""
+    return LEAST_VARIANCE * level**2
+
+
+def correlation(one: Image, other: Image, least: float) -> FloatMap:
     """Return Pearson's correlation of the windows around every pixel."""
     size = (WINDOW, WINDOW)
     one, other = one - one.mean(), other - other.mean()
@@ -164,27 +195,41 @@ def connected(moving: Mask, settings: MovingTest) -> Iterator[tuple[Box, Mask]]:
             yield box, labels[box] == number
 
 
-def is_coherent(deviations: DoubleMap, settings: MovingTest) -> bool:
-    """Return whether the pixels of a region, (3, n), move as one thing, and significantly."""
-    if deviations.shape[1] < settings.smallest / 2:
+def moves_as_one(standing: DoubleMap, moving: DoubleMap, settings: MovingTest) -> bool:
+    """Return whether the pixels of a region move as one thing, and significantly.
+
+    Parameters
+    ----------
+    standing, moving
+        (3, n): how many expected errors row, column and disparity are off from those of points that stand, and from
+        those of one thing that moves.
+    settings
+        How far off, and how much better it must be.
+    """
+    if standing.shape[1] < settings.smallest / 2:
         return False
-    middle = np.median(deviations, axis=1)
-    length = float(np.linalg.norm(middle))
-    scatter = float(np.median(np.linalg.norm(deviations - middle[:, None], axis=0)))
-    return length > settings.threshold and length > settings.coherence * scatter
+    before, after = (float(np.median(np.linalg.norm(one, axis=0))) for one in (standing, moving))
+    return before > settings.threshold and before > settings.coherence * after
 
 
-def region_of(box: Box, mask: Mask, after: Points, against_world: FloatMap, frame_rate: float | None) -> MovingRegion:
-    """Return what moves there, by the points (n, 3) of it that have a depth in both frames."""
-    motion = np.median(against_world, axis=0).astype(np.float64)
+def region_of(
+    box: Box, mask: Mask, distance_m: float, shift: RigidShift, own: float, frame_rate: float | None
+) -> MovingRegion:
+    """Return what moves there; `own` is how far the camera travelled, metres."""
     rows, cols = box
+    row, col = np.nonzero(mask)
+    length = float(np.linalg.norm(shift.motion))
+    along = shift.motion / max(length, 1e-9)
+    error = float(np.sqrt(along @ shift.covariance @ along + (OWN_ERROR * own) ** 2))
+    speed, speed_error = (None, None) if frame_rate is None else (KMH * frame_rate * length, KMH * frame_rate * error)
     return MovingRegion(
-        row=int(rows.start),
-        col=int(cols.start),
-        height=mask.shape[0],
-        width=mask.shape[1],
-        pixels=int(np.count_nonzero(mask)),
-        distance_m=float(np.median(after[:, 2])),
-        motion_m=(float(motion[0]), float(motion[1]), float(motion[2])),
-        speed_kmh=None if frame_rate is None else KMH * frame_rate * float(np.linalg.norm(motion)),
+        row=int(rows.start + row.min()),
+        col=int(cols.start + col.min()),
+        height=int(np.ptp(row) + 1),
+        width=int(np.ptp(col) + 1),
+        pixels=int(row.size),
+        distance_m=distance_m,
+        motion_m=(float(shift.motion[0]), float(shift.motion[1]), float(shift.motion[2])),
+        speed_kmh=speed,
+        speed_error_kmh=speed_error,
     )

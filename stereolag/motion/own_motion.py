@@ -10,9 +10,19 @@ import numpy.typing as npt
 
 from stereolag.arrays import DoubleMap, FloatMap, Mask
 from stereolag.geometry.calibration import Calibration
+from stereolag.inputs import Image, as_grey
 
 MOST_POINTS = 4000
 """Of all pixels, evenly over the image: more do not make the motion better."""
+
+CELL = 8
+"""Px, side of the cells of the image that give their best pixel each, where the image is known."""
+
+FLAT_SHARE = 0.3
+"""Of the cells, those with the least structure: a flow errs most on what has none."""
+
+LEAST_DISPARITY = 2.0
+"""Px: what is farther away agrees with any translation, and would outvote what is near."""
 
 FEWEST_POINTS = 20
 TRIALS, CONFIDENCE = 500, 0.9999
@@ -56,9 +66,16 @@ def camera_matrix(calibration: Calibration, shape: tuple[int, int]) -> npt.NDArr
     return np.array([[calibration.focal_px, 0, cx], [0, calibration.focal_px, cy], [0, 0, 1]])
 
 
-def seen_points(calibration: Calibration, disparity: FloatMap, row: FloatMap, col: FloatMap) -> Points:
-    """Return the points seen at places (row, col) of the left image with a disparity, px."""
-    matrix = camera_matrix(calibration, disparity.shape)
+def seen_points(
+    calibration: Calibration,
+    disparity: FloatMap,
+    row: FloatMap,
+    col: FloatMap,
+    matrix: npt.NDArray[np.float64] | None = None,
+) -> Points:
+    """Return the points seen at places (row, col) of the left image with a disparity, px; `matrix` as of the camera."""
+    if matrix is None:
+        matrix = camera_matrix(calibration, (disparity.shape[0], disparity.shape[1]))
     depth = calibration.depth(disparity).astype(np.float64)
     x, y = (col - matrix[0, 2]) * depth, (row - matrix[1, 2]) * depth
     return np.stack([x / calibration.focal_px, y / calibration.focal_px, depth], axis=-1)
@@ -73,7 +90,14 @@ def projected(points: Points, matrix: npt.NDArray[np.float64]) -> tuple[DoubleMa
 
 
 def estimate_own_motion(
-    points: Points, row: FloatMap, col: FloatMap, matrix: npt.NDArray[np.float64], *, tolerance: float
+    points: Points,
+    row: FloatMap,
+    col: FloatMap,
+    matrix: npt.NDArray[np.float64],
+    *,
+    tolerance: float,
+    farthest: float = np.inf,
+    image: Image | None = None,
 ) -> OwnMotion:
     """Return the rigid motion by which most points come to where they are seen in the second frame.
 
@@ -87,6 +111,10 @@ def estimate_own_motion(
         (3, 3) of the camera.
     tolerance
         Px by which a static point may be seen elsewhere.
+    farthest
+        Metres; what is farther away is not asked.
+    image
+        (H, W) or (H, W, 3 | 4), the first frame: then corners are asked, and else pixels evenly over the image.
 
     Raises
     ------
@@ -98,8 +126,8 @@ def estimate_own_motion(
     Perspective from points by RANSAC, refined by Levenberg and Marquardt on all that agree (OpenCV's ``solvePnPRansac``
     and ``solvePnPRefineLM``). OpenCV's random numbers begin anew with each call: the result is always the same.
     """
-    known: Mask = np.isfinite(points).all(axis=2) & np.isfinite(row) & np.isfinite(col)
-    places = np.flatnonzero(known)
+    known: Mask = np.isfinite(points).all(axis=2) & np.isfinite(row) & np.isfinite(col) & (points[..., 2] < farthest)
+    places = np.flatnonzero(known) if image is None else corners(image, known)
     if places.size < FEWEST_POINTS:
         raise ValueError(f"Only {places.size} pixels have both depth and motion; at least {FEWEST_POINTS} are needed.")
     chosen = places[np.linspace(0, places.size - 1, min(places.size, MOST_POINTS)).astype(np.intp)]
@@ -113,7 +141,7 @@ def estimate_own_motion(
         iterationsCount=TRIALS,
         reprojectionError=tolerance,
         confidence=CONFIDENCE,
-        flags=cv2.SOLVEPNP_EPNP,
+        flags=cv2.SOLVEPNP_P3P,
     )
     if not found or agreeing is None or len(agreeing) < FEWEST_POINTS:
         raise ValueError("No rigid motion explains what is seen: nothing static seems to be in view.")
@@ -126,3 +154,25 @@ def estimate_own_motion(
         if len(agreeing) < FEWEST_POINTS:
             raise ValueError("No rigid motion explains what is seen: nothing static seems to be in view.")
     return OwnMotion(rotation, np.asarray(shift[:, 0], np.float64), len(agreeing) / len(chosen))
+
+
+def corners(image: Image, known: Mask) -> npt.NDArray[np.intp]:
+    """Return the places, as indices of the flat image, of the best corner of every cell among the pixels known.
+
+    The smaller eigenvalue of the structure tensor says how well a window is told from its neighbours (Shi & Tomasi,
+    "Good features to track", CVPR 1994).
+    """
+    grey = cv2.GaussianBlur(as_grey(image).astype(np.float32), (0, 0), 1.0)
+    strength = np.where(known, cv2.cornerMinEigenVal(grey, 7), np.float32(-1))
+    rows, cols = (side // CELL for side in strength.shape)
+    cells = strength[: rows * CELL, : cols * CELL].reshape(rows, CELL, cols, CELL).swapaxes(1, 2)
+    flat = cells.reshape(rows, cols, CELL * CELL)
+    best, strongest = flat.argmax(axis=2), flat.max(axis=2)
+    there = strongest >= 0
+    if not there.any():
+        return np.empty(0, np.intp)
+    there &= strongest >= np.quantile(strongest[there], FLAT_SHARE)
+    row, col = np.nonzero(there)
+    inside = best[there]
+    found = (row * CELL + inside // CELL) * known.shape[1] + col * CELL + inside % CELL
+    return np.asarray(found, np.intp)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import DoubleMap, FloatMap, Mask
 from stereolag.geometry.calibration import Calibration
-from stereolag.inputs import as_image_pair
-from stereolag.motion.moving import KMH, MovingRegion, MovingTest, better_explained, connected, is_coherent, region_of
+from stereolag.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level
+from stereolag.motion.moving import KMH, MovingRegion, MovingTest, better_explained, connected, moves_as_one, region_of
 from stereolag.motion.own_motion import (
+    LEAST_DISPARITY,
     OwnMotion,
     Points,
     camera_matrix,
@@ -20,7 +22,11 @@ from stereolag.motion.own_motion import (
     seen_points,
 )
 from stereolag.motion.result import FlowMap
+from stereolag.motion.things import Sight, Views, above_ground, fitted_shift, whole_things
 from stereolag.stereo.matcher import DisparityMap
+
+BLUR = 1.0
+"""Px, standard deviation, before it is asked where things end: a window is moved by steps that are not finer."""
 
 PROBE = 0.5
 """Px of disparity by which the static flow is varied, to learn how it depends on it."""
@@ -119,37 +125,59 @@ def scene_flow(
     arrived = disparity_at(there, row_2, col_2)
     before = seen_points(calibration, here, row, col)
     after = seen_points(calibration, arrived, row_2, col_2)
-    own = estimate_own_motion(before, row_2, col_2, matrix, tolerance=3 * settings.flow_error)
+    images = None if frames is None else as_image_pair(frames[0], frames[1], ("frames[0]", "frames[1]"))
+    own = estimate_own_motion(
+        before,
+        row_2,
+        col_2,
+        matrix,
+        tolerance=3 * settings.flow_error,
+        farthest=calibration.focal_px * calibration.baseline_m / LEAST_DISPARITY,
+        image=images and images[0],
+    )
     static = own.moved(before)
-    deviations = _deviations(own, before, (here, arrived), (row_2, col_2), calibration, settings)
+    errors = _expected_errors(own, before, here, calibration, settings)
+    deviations = (np.stack([row_2, col_2, arrived]) - expected_sight(static, calibration, matrix)) / errors
+    sight = Sight(static, row_2, col_2, arrived, calibration, matrix)
     # A pixel without a disparity in the second frame is judged by its flow alone.
     squares = np.square(deviations)
     significance = np.sqrt(squares[0] + squares[1] + np.where(np.isfinite(squares[2]), squares[2], 0))
     against_world = (after - static).astype(np.float32)
     moving = significance > settings.threshold
-    if frames is not None:
+    if images is not None:
         stay = np.stack(projected(static, matrix)) - np.stack([row, col])
-        images = as_image_pair(frames[0], frames[1], ("frames[0]", "frames[1]"))
         moving &= better_explained(images, np.stack([dy, dx]), stay.astype(np.float32), settings.gain)
-    found = []
+        moving &= above_ground(with_gaps_filled(first))
+    seeds = []
     for box, mask in connected(moving, settings):
         known = mask & np.isfinite(deviations[(slice(None), *box)]).all(axis=0)
-        if is_coherent(deviations[(slice(None), *box)][:, known], settings):
-            region = region_of(box, mask, after[box][known], against_world[box][known], frame_rate)
-            found.append((region, box, mask))
+        shift = fitted_shift(sight, box, known)
+        if shift is None:
+            continue
+        expected = expected_sight(static[box][known] + shift.motion, calibration, matrix)
+        seen = np.stack([part[box][known] for part in (row_2, col_2, arrived)])
+        at = (slice(None), *box)
+        if moves_as_one(deviations[at][:, known], (seen - expected) / errors[at][:, known], settings):
+            seeds.append((box, mask))
+    views = None if images is None else _views(images, own, with_gaps_filled(first), calibration, matrix)
+    travelled = float(np.linalg.norm(own.travelled))
+    found = []
+    for thing in whole_things(seeds, sight, views, settings.smallest):
+        distance = float(np.nanmedian(before[thing.box][thing.mask][:, 2]))
+        found.append((region_of(thing.box, thing.mask, distance, thing.shift, travelled, frame_rate), thing))
     found.sort(key=lambda one: one[0].distance_m)
     labels = np.zeros(here.shape, np.int32)
-    for number, (_, box, mask) in enumerate(found, start=1):
-        labels[box][mask] = number
+    for number, (_, thing) in enumerate(found, start=1):
+        labels[thing.box][thing.mask] = number
     return SceneFlow(
         motion=(after - before).astype(np.float32),
         against_world=against_world,
         significance=significance.astype(np.float32),
         moving=labels > 0,
         labels=labels,
-        regions=tuple(region for region, _, _ in found),
+        regions=tuple(region for region, _ in found),
         own_motion=own,
-        own_speed_kmh=None if frame_rate is None else KMH * frame_rate * float(np.linalg.norm(own.travelled)),
+        own_speed_kmh=None if frame_rate is None else KMH * frame_rate * travelled,
     )
 
 
@@ -158,6 +186,11 @@ def measured(disparity: DisparityMap | FloatMap) -> FloatMap:
     if isinstance(disparity, DisparityMap):
         return np.where(disparity.filled, np.float32(np.nan), disparity.disparity)
     return np.asarray(disparity, np.float32)
+
+
+def with_gaps_filled(disparity: DisparityMap | FloatMap) -> FloatMap:
+    """Return the disparities of a map with what was filled in."""
+    return disparity.disparity if isinstance(disparity, DisparityMap) else np.asarray(disparity, np.float32)
 
 
 def places_of(shape: tuple[int, ...]) -> tuple[FloatMap, FloatMap]:
@@ -178,27 +211,46 @@ def disparity_at(disparity: FloatMap, row: FloatMap, col: FloatMap) -> FloatMap:
     return np.where(inside, disparity[np.where(inside, y, 0), np.where(inside, x, 0)], np.float32(np.nan))
 
 
-def _deviations(
-    own: OwnMotion,
-    before: Points,
-    disparities: tuple[FloatMap, FloatMap],
-    seen: tuple[FloatMap, FloatMap],
-    calibration: Calibration,
-    settings: MovingTest,
+def expected_sight(points: Points, calibration: Calibration, matrix: npt.NDArray[np.float64]) -> DoubleMap:
+    """Return (3, ...): row, column and disparity, px, at which points (..., 3) are seen; NaN behind the camera."""
+    depth = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+    disparity = calibration.focal_px * calibration.baseline_m / depth - calibration.doffs_px
+    return np.stack([*projected(points, matrix), disparity])
+
+
+def _expected_errors(
+    own: OwnMotion, before: Points, disparity: FloatMap, calibration: Calibration, settings: MovingTest
 ) -> DoubleMap:
-    """Return (3, H, W): how many expected errors row, column and disparity are off from those of a static point."""
-    here, arrived = disparities
-    matrix = camera_matrix(calibration, here.shape)
-    scale = calibration.focal_px * calibration.baseline_m
-    row, col = places_of(here.shape)
-
-    def expected(points: Points) -> DoubleMap:
-        moved = own.moved(points)
-        depth = np.where(moved[..., 2] > 0, moved[..., 2], np.nan)
-        return np.stack([*projected(moved, matrix), scale / depth - calibration.doffs_px])
-
-    static = expected(before)
-    slope = (expected(seen_points(calibration, here + np.float32(PROBE), row, col)) - static) / PROBE
+    """Return (3, H, W) px: the expected errors of row, column and disparity of a static point in the second frame."""
+    matrix = camera_matrix(calibration, disparity.shape)
+    row, col = places_of(disparity.shape)
+    static = expected_sight(own.moved(before), calibration, matrix)
+    varied = own.moved(seen_points(calibration, disparity + np.float32(PROBE), row, col))
+    slope = (expected_sight(varied, calibration, matrix) - static) / PROBE
     flow_error = settings.flow_error + settings.relative_error * np.hypot(static[0] - row, static[1] - col)
-    own_error = np.stack([flow_error, flow_error, np.full(here.shape, settings.disparity_error)])
-    return np.asarray((np.stack([*seen, arrived]) - static) / np.hypot(own_error, slope * settings.disparity_error))
+    own_error = np.stack([flow_error, flow_error, np.full(disparity.shape, settings.disparity_error)])
+    return np.asarray(np.hypot(own_error, slope * settings.disparity_error))
+
+
+def _views(
+    images: tuple[Image, Image],
+    own: OwnMotion,
+    disparity: FloatMap,
+    calibration: Calibration,
+    matrix: npt.NDArray[np.float64],
+) -> Views:
+    """Return what says where things end."""
+    grey = [as_grey(image) for image in images]
+    row, col = places_of(disparity.shape)
+    return Views(
+        first=np.asarray(cv2.GaussianBlur(grey[0].astype(np.float32), (0, 0), BLUR), np.float32),
+        second=np.asarray(cv2.GaussianBlur(grey[1].astype(np.float32), (0, 0), BLUR), np.float32),
+        guide=as_eight_bit(*grey)[0],
+        level=grey_level(*grey),
+        points=own.moved(seen_points(calibration, disparity, row, col, matrix)),
+        disparity=disparity,
+        standing=above_ground(disparity),
+        origin=own.translation,
+        calibration=calibration,
+        matrix=matrix,
+    )

@@ -14,7 +14,7 @@ from stereolag.export.settings import settings_document
 from stereolag.export.writing import DISPARITY_FORMATS, write_file
 from stereolag.geometry.calibration import Calibration
 from stereolag.sequences.matching import PNG, MatchedFrame
-from stereolag.sequences.records import FrameRecord, header, lines, read_records
+from stereolag.sequences.records import MOTION, FrameRecord, header, lines, read_records
 from stereolag.sequences.sources import StereoSequence
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.version import VERSION
@@ -108,8 +108,10 @@ class SequenceFolder:
             for record in read_records(self._path / TABLE)
             if not record.problem
             and record.number < len(self._names)
-            and record.method in self._methods
-            and _is_whole(self._file(record.number, record.method))
+            and (
+                record.method == MOTION
+                or (record.method in self._methods and _is_whole(self._file(record.number, record.method)))
+            )
         }
 
     def _noted(self) -> tuple[float, float] | None:
@@ -136,7 +138,7 @@ class SequenceFolder:
 
     def _rewrite_table(self) -> None:
         order = {method: place for place, method in enumerate(self._methods)}
-        ordered = sorted(self._records.values(), key=lambda one: (one.number, order.get(one.method, -1)))
+        ordered = sorted(self._records.values(), key=lambda one: (one.number, order.get(one.method, len(order))))
         write_file(self._path / TABLE, (header() + lines(ordered)).encode())
 
 

@@ -20,6 +20,9 @@ from stereolag.stereo.matcher import DisparityMap
 
 BAD_PX = 2.0
 
+MOTION = "motion"
+"""What stands in the column of the method in the lines that tell of motion."""
+
 
 class FrameFigures(NamedTuple):
     """What a frame alone tells of the map of one method: those of a :class:`FrameRecord`; NaN = not known."""
@@ -52,6 +55,10 @@ class FrameRecord:
         Disparity and depth of the nearest obstacle; metres with a calibration.
     bad_2_percent, epe_px
         Pixels that are off by more than 2 px or missing, and the mean error of the others, against the truth.
+    own_speed_kmh
+        Of the camera since the frame before; in the lines of the motion alone, whose coverage is that of the flow.
+    moving
+        What moves against the world, nearest first: its distance, and its speed where that is known well enough.
     flicker_px
         Mean change of the disparity since the frame before, where the picture did not change.
     problem
@@ -68,12 +75,14 @@ class FrameRecord:
     nearest_m: float = math.nan
     bad_2_percent: float = math.nan
     epe_px: float = math.nan
+    own_speed_kmh: float = math.nan
+    moving: str = ""
     flicker_px: float = math.nan
     problem: str = ""
 
 
 COLUMNS = tuple(field.name for field in fields(FrameRecord))
-_WHOLE, _TEXTS = {"number"}, {"name", "method", "problem"}
+_WHOLE, _TEXTS = {"number"}, {"name", "method", "moving", "problem"}
 
 
 def figures_of(result: DisparityMap, truth: Truth | None, calibration: Calibration | None) -> FrameFigures:

@@ -13,11 +13,13 @@ from typing import BinaryIO
 
 import numpy as np
 
+from stereolag.figures.pictures import as_rgb
 from stereolag.geometry.calibration import Calibration
 from stereolag.inputs import Image
 from stereolag.sequences.flicker import flicker, same_picture_size, still_pixels
 from stereolag.sequences.folder import SequenceFolder
 from stereolag.sequences.matching import PNG, FrameTask, MatchedFrame, finished_frame
+from stereolag.sequences.motion import MotionWatch
 from stereolag.sequences.records import FrameRecord, damaged_records
 from stereolag.sequences.runners import Runner, in_order, runner_at
 from stereolag.sequences.sources import StereoSequence, Truth
@@ -39,6 +41,7 @@ def run_sequence(
     video: str | os.PathLike[str] | BinaryIO | VideoWriter | None = None,
     colours: tuple[float, float] | None = None,
     truth_in_video: bool = False,
+    motion: MotionWatch | None = None,
     disparity_format: str = PNG,
     scheduler: str | None = None,
     again: bool = False,
@@ -65,7 +68,9 @@ def run_sequence(
     colours
         The disparities, px, at the ends of that range; chosen by five frames unless given.
     truth_in_video
-        Whether the true disparity is shown there, too, last.
+        Whether the true disparity is shown there, too, after the maps.
+    motion
+        Tells what moves; with a video the flow is shown there, last, and what moves is outlined in the left picture.
     disparity_format
         ``".png"``, or ``".pfm"`` or ``".npy"``, which hold any disparity.
     scheduler
@@ -118,6 +123,7 @@ def run_sequence(
             progress,
             cancelled,
             with_truth=truth_in_video and writer is not None,
+            motion=motion,
         )
         return job.run()
 
@@ -138,10 +144,12 @@ class _Job:
         cancelled: Callable[[], bool] | None,
         *,
         with_truth: bool,
+        motion: MotionWatch | None,
     ) -> None:
         self._sequence, self._matchers, self._target, self._writer = sequence, matchers, target, writer
         self._runner, self._calibration, self._suffix = runner, calibration, suffix
         self._progress, self._cancelled, self._with_truth = progress, cancelled, with_truth
+        self._motion = motion
         self._start = time.perf_counter()
         self._missing = [number for number in range(len(sequence)) if number not in target]
         self._done = self._before = len(sequence) - len(self._missing)
@@ -184,6 +192,10 @@ class _Job:
 
     def _take(self, frame: MatchedFrame) -> None:
         """Write a frame, if it is new, and draw it."""
+        seen = None
+        if self._motion is not None and not frame.problem:
+            self._motion.lock_colours(self._look_at)
+            seen = self._motion.since_before(frame.number, self._look_at)
         if frame.number not in self._target:
             name, moment = self._sequence.names[frame.number], frame.number / self._sequence.frame_rate
             if frame.problem:
@@ -195,6 +207,8 @@ class _Job:
                     FrameRecord(frame.number, name, moment, method, flicker_px=changes[method], **one.figures._asdict())
                     for method, one in frame.maps.items()
                 ]
+                if self._motion is not None and seen is not None:
+                    records.append(self._motion.record(frame.number, seen))
             self._target.write(frame, records)
             self._matched += not frame.problem
             self._done += 1
@@ -205,7 +219,11 @@ class _Job:
                 disparities = [one.disparity for one in frame.maps.values()]
                 if self._with_truth:
                     disparities.append(_truth_of(frame, frame.left))
-                self._writer.write(panels(frame.left, disparities, self._target.colours))
+                left, more = as_rgb(frame.left), []
+                if self._motion is not None:
+                    left, flow = self._motion.drawn(frame.left, seen)
+                    more = [flow]
+                self._writer.write(panels(left, disparities, self._target.colours, more=more))
         self._last = frame
         self._look()
 
@@ -238,6 +256,9 @@ class _Job:
             in_colour=self._writer is not None,
             with_truth=self._with_truth,
         )
+
+    def _look_at(self, fraction: float) -> None:
+        self._look()
 
     def _look(self) -> None:
         """Tell the progress; end the work, by CancelledError, where it was called off."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import av
+import moving_drives
 import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
@@ -196,3 +197,43 @@ def test_what_is_no_sequence_is_refused_in_a_sentence(data: bytes, said: str) ->
     assert not app.exception
     assert said in app.error[0].value
     assert WORK not in app.session_state
+
+
+def with_motion(app: AppTest, how: str) -> AppTest:
+    next(one for one in app.get("button_group") if one.key == "driving.motion").set_value(how).run()
+    return finished(app)
+
+
+def test_motion_without_a_calibration_is_the_flow_alone_and_the_page_says_why() -> None:
+    app = opened(moving_drives.archive(3))
+    assert not any("need metres" in one.value for one in app.caption)
+    app = with_motion(app, "colours")
+    shown = player(app)
+    assert shown["titles"] == ["Left image", "Convolution, fast", "StereoBM", "Optical flow"]
+    assert any("need metres: give a calibration" in one.value for one in app.caption)
+    wheel = shown["legends"][-1]
+    assert wheel["picture"].startswith("data:image/png;base64,") and "rim" in wheel["words"][0]
+    assert "Own speed" not in {chart["name"] for chart in shown["charts"]}
+    assert "km/h" not in _table(work(app))
+    app = with_motion(app, "off")
+    assert player(app)["titles"] == ["Left image", "Convolution, fast", "StereoBM"]
+
+
+def test_motion_with_a_calibration_tells_speeds() -> None:
+    app = opened(moving_drives.archive(4))
+    app.number_input(key="driving.focal").set_value(moving_drives.CAMERA.focal_px)
+    app.number_input(key="driving.baseline").set_value(moving_drives.CAMERA.baseline_m).run()
+    app = with_motion(app, "arrows")
+    shown = player(app)
+    assert shown["titles"][-1] == "Optical flow" and all(not legend["picture"] for legend in shown["legends"])
+    (speeds,) = next(chart["series"] for chart in shown["charts"] if chart["name"] == "Own speed")
+    assert speeds["place"] == 2 and speeds["values"][0] is None
+    assert speeds["values"][1:] == pytest.approx([moving_drives.OWN_KMH] * 3, rel=0.05)
+    rows = [row for row in csv.DictReader(io.StringIO(_table(work(app)))) if row["method"] == "motion"]
+    assert len(rows) == 3 and all("km/h" in row["moving"] for row in rows)
+    before = shown["name"]
+    next(box for box in app.number_input if box.label == "Frames a second").set_value(20.0).run()
+    app = finished(app)
+    assert player(app)["name"] != before
+    (speeds,) = next(chart["series"] for chart in player(app)["charts"] if chart["name"] == "Own speed")
+    assert speeds["values"][1:] == pytest.approx([2 * moving_drives.OWN_KMH] * 3, rel=0.05)

@@ -16,7 +16,7 @@ FLOORS = (
     {"arrays", "progress", "version", "samples"},
     {"settings", "inputs", "loops"},
     {"limits", "searches", "figures.pictures"},
-    {"estimates"},
+    {"estimates", "figures.flow", "figures.outlines"},
     {"signals", "templates", "geometry", "stereo.estimates", "stereo.reasons"},
     {"stereo.matcher"},
     {"stereo.finishing"},
@@ -29,8 +29,8 @@ FLOORS = (
     {"figures", "warming"},
     {"ui", "commands"},
 )
-"""From the ground up: a room imports from the floors below, and within itself. Of the figures one module stands lower:
-arrays as coloured pictures, which videos are made of too."""
+"""From the ground up: a room imports from the floors below, and within itself. Of the figures some modules stand lower:
+arrays as coloured pictures, flows and outlines, which videos are made of too."""
 
 ALLOWED_BESIDE = {("export", "stereolag")}
 """A program that was written out calls the public names: what writes it asks which these are."""

@@ -143,7 +143,7 @@ def test_a_flow_that_the_frames_contradict_moves_nothing():
     second = picture.copy()
     second[30:80, 106:176] = picture[30:80, 100:170]
     moved = scene_flow(known.first, known.first, wrong, CAMERA, frames=(picture, second))
-    assert moved.moving[35:75, 105:165].mean() > 0.95
+    assert moved.moving[35:75, 105:165].mean() > 0.85
 
 
 def test_a_flow_is_better_only_where_it_is_known_and_within_the_frame():

@@ -14,10 +14,11 @@ from pairs import texture
 
 from stereolag import Calibration, StereoBM, StereoSGBM
 from stereolag.export.maps import kitti_png, pfm
+from stereolag.geometry.ground import ground_of
 from stereolag.reading import read_disparity
 from stereolag.sequences.flicker import flicker, still_pixels
 from stereolag.sequences.matching import FrameMap, as_stored, read_back
-from stereolag.sequences.obstacles import ground_of, nearest_obstacle
+from stereolag.sequences.obstacles import nearest_obstacle
 from stereolag.sequences.records import COLUMNS, FrameFigures, FrameRecord, figures_of, header, lines, read_records
 
 FloatMap = npt.NDArray[np.float32]

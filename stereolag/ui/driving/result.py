@@ -7,14 +7,14 @@ import zipfile
 
 import streamlit as st
 
-from stereolag.figures.legends import Legend, disparity_legends
+from stereolag.figures.legends import Legend, disparity_legends, wheel_legend
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.sequences.fragments import whole_video
-from stereolag.sequences.records import header, lines
+from stereolag.sequences.records import MOTION, header, lines
 from stereolag.ui.depth.handed_over import hand_over
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.player import Played, show_player
-from stereolag.ui.driving.settings import Asked, title_of
+from stereolag.ui.driving.settings import MOTION_TITLE, Asked, title_of
 from stereolag.ui.driving.work import DriveWork, go_on
 from stereolag.ui.jobs import waiting_in_words
 from stereolag.ui.private_files import download_button
@@ -41,7 +41,7 @@ def _watch(work: DriveWork, drive: Drive, asked: Asked) -> None:
     played = Played(
         work.video_name,
         asked.titles,
-        {name: title_of(name) for name in asked.matchers},
+        {name: title_of(name) for name in asked.matchers} | ({MOTION: MOTION_TITLE} if asked.motion else {}),
         (drive.first.left.shape[0], drive.first.left.shape[1]),
         drive.sequence.frame_rate,
         drive.sequence.names,
@@ -64,7 +64,10 @@ def _watch(work: DriveWork, drive: Drive, asked: Asked) -> None:
 def _legends(work: DriveWork, drive: Drive) -> tuple[Legend, ...]:
     if work.kept.colours is None:
         return ()
-    return disparity_legends(*work.kept.colours, VIRIDIS, drive.calibration)
+    legends = disparity_legends(*work.kept.colours, VIRIDIS, drive.calibration)
+    if work.watch is None or work.watch.largest is None or work.watch.settings.arrows:
+        return legends
+    return *legends, wheel_legend("motion since the frame before", work.watch.largest)
 
 
 def _show_progress(work: DriveWork, drive: Drive, asked: Asked) -> None:

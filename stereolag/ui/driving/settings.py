@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import streamlit as st
 
+from stereolag.sequences.motion import SequenceMotion
 from stereolag.settings import SettingsError
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
@@ -22,6 +23,9 @@ OFFERED = {
 FROM_DEPTH_PAGE = "as on the depth page"
 AT_FIRST = ("fast", "bm")
 TRUTH_TITLE = "True disparity"
+MOTION_TITLE = "Optical flow"
+NO_MOTION, COLOURS, ARROWS = "off", "colours", "arrows"
+MOTIONS = {NO_MOTION: "Off", COLOURS: "Flow in colours", ARROWS: "Flow as arrows"}
 MOST = 256
 """Px; the disparities that KITTI's PNG holds lie below."""
 
@@ -31,11 +35,13 @@ class Asked(NamedTuple):
 
     matchers: dict[str, StereoMatcher]
     truth_in_video: bool = False
+    motion: SequenceMotion | None = None
 
     @property
     def titles(self) -> list[str]:
         """Return the titles of the pictures of the video, in order."""
-        return ["Left image", *map(title_of, self.matchers), *([TRUTH_TITLE] if self.truth_in_video else [])]
+        more = [*([TRUTH_TITLE] if self.truth_in_video else []), *([MOTION_TITLE] if self.motion else [])]
+        return ["Left image", *map(title_of, self.matchers), *more]
 
 
 def ask_methods(drive: Drive) -> Asked:
@@ -84,7 +90,42 @@ def ask_methods(drive: Drive) -> Asked:
             found[name] = made[name].with_search_range(first, min(count, MOST - first))
         except SettingsError as error:
             st.error(f"{titles[name]}: {error}")
-    return Asked(found, truth)
+    return Asked(found, truth, _ask_motion(drive))
+
+
+def _ask_motion(drive: Drive) -> SequenceMotion | None:
+    """Ask whether motion is to be shown, and how."""
+    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
+        shown = st.segmented_control(
+            "Motion",
+            [*MOTIONS],
+            default=NO_MOTION,
+            format_func=MOTIONS.__getitem__,
+            required=True,
+            key=f"{KEY}.motion",
+            persist_state="session",
+            help="The optical flow since the frame before, by correlation in two dimensions; with a calibration our "
+            "own speed, too, and what moves against the world, outlined with its speed. It takes about a second a "
+            "frame.",
+        )
+        if shown == NO_MOTION:
+            return None
+        rate = drive.sequence.frame_rate
+        if drive.calibration is None:
+            st.caption(
+                "Speeds, and what moves against the world, need metres: give a calibration above.", width="content"
+            )
+        else:
+            rate = st.number_input(
+                "Frames a second",
+                0.1,
+                10_000.0,
+                float(rate),
+                key=f"{KEY}.rate.{drive.digest}",
+                width=170,
+                help="Of the camera. Speeds are as right as this number; pictures do not tell it, and 10 is assumed.",
+            )
+    return SequenceMotion(arrows=shown == ARROWS, frame_rate=rate)
 
 
 def title_of(name: str) -> str:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import hashlib
 import math
 import threading
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import streamlit as st
 from cachetools import LRUCache
 
 from stereolag.estimates import Estimate
+from stereolag.motion.matcher import FlowMatcher
 from stereolag.sequences import SequenceResult, SequenceState, run_sequence
 from stereolag.sequences.fragments import VideoPieces
+from stereolag.sequences.motion import MotionWatch
 from stereolag.sequences.targets import SequenceMemory
-from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import preset
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.settings import Asked
 from stereolag.ui.jobs import Job
@@ -40,6 +41,8 @@ class DriveWork:
     ----------
     name
         Tells the sequence and the settings from all others.
+    watch
+        Tells what moves; None where that was not asked for.
     kept, video
         Maps, figures and pictures, as far as they are there; in memory, as all that a visitor uploads.
     state
@@ -53,6 +56,7 @@ class DriveWork:
     name: str
     kept: SequenceMemory
     video: VideoPieces
+    watch: MotionWatch | None = None
     state: SequenceState | None = None
     begun: int = 1
     job: Job[SequenceResult] = field(init=False)
@@ -71,7 +75,7 @@ class DriveWork:
 def work_on(drive: Drive, asked: Asked) -> DriveWork:
     """Return the work on a sequence with these settings; it begins where there is none, in place of any other."""
     settings = [f"{name} {matcher.model_dump_json()}" for name, matcher in asked.matchers.items()]
-    told = "\0".join([drive.digest, repr(drive.calibration), str(asked.truth_in_video), *settings])
+    told = "\0".join([drive.digest, repr(drive.calibration), str(asked.truth_in_video), repr(asked.motion), *settings])
     name = hashlib.sha256(told.encode()).hexdigest()
     kept: DriveWork | None = st.session_state.get(WORK)
     if kept is not None and kept.name == name:
@@ -81,7 +85,8 @@ def work_on(drive: Drive, asked: Asked) -> DriveWork:
     with _examples_lock:
         work = _examples.get(name)
     if work is None:
-        work = DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate))
+        video, watch = VideoPieces(drive.sequence.frame_rate), motion_watch(drive, asked)
+        work = DriveWork(name, SequenceMemory(), video, watch)
         _begin(work, drive, asked)
     st.session_state[WORK] = work
     return work
@@ -90,7 +95,7 @@ def work_on(drive: Drive, asked: Asked) -> DriveWork:
 def go_on(work: DriveWork, drive: Drive, asked: Asked) -> None:
     """Go on with work that was called off: what is finished is drawn again and not computed again."""
     video = VideoPieces(drive.sequence.frame_rate)
-    again = DriveWork(work.name, work.kept, video, begun=work.begun + 1)
+    again = DriveWork(work.name, work.kept, video, work.watch, begun=work.begun + 1)
     _begin(again, drive, asked)
     st.session_state[WORK] = again
 
@@ -108,6 +113,7 @@ def _begin(work: DriveWork, drive: Drive, asked: Asked) -> None:
                 calibration=drive.calibration,
                 video=work.video,
                 truth_in_video=asked.truth_in_video,
+                motion=work.watch,
                 progress=told,
                 cancelled=lambda: job.cancelled,
             )
@@ -118,13 +124,26 @@ def _begin(work: DriveWork, drive: Drive, asked: Asked) -> None:
                 _examples[work.name] = work
         return result
 
-    work.job = Job(compute, estimate(drive, asked.matchers))
+    work.job = Job(compute, estimate(drive, asked))
     this_visit().jobs[WORK] = work.name, work.job
 
 
-def estimate(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> Estimate:
+def motion_watch(drive: Drive, asked: Asked) -> MotionWatch | None:
+    """Return what tells of motion, if that is asked for: by the fast preset over the range of the first method."""
+    if asked.motion is None:
+        return None
+    reach = next(iter(asked.matchers.values())).reach()
+    matcher = preset("fast")
+    if reach is not None:
+        matcher = matcher.with_search_range(*reach)
+    return MotionWatch(drive.sequence, matcher, drive.calibration, asked.motion)
+
+
+def estimate(drive: Drive, asked: Asked) -> Estimate:
     """Return what it takes to compute the maps of all frames."""
     left = drive.first.left
-    each = [matcher.estimate(left.shape, left.dtype) for matcher in matchers.values()]
+    each = [matcher.estimate(left.shape, left.dtype) for matcher in asked.matchers.values()]
+    if asked.motion is not None:
+        each.append(FlowMatcher().estimate(left.shape, left.dtype))
     memory = max(one.memory for one in each) + FRAMES_AT_ONCE * (2 * left.nbytes + 13 * left.shape[0] * left.shape[1])
     return Estimate(memory, len(drive.sequence) * math.fsum(one.seconds for one in each))

@@ -7,9 +7,14 @@ function element(tag, className, ...children) {
   return made;
 }
 
-function legend({ title, colours, words, strip, ticks }) {
+function legend({ title, colours, words, strip, ticks, picture }) {
   const box = element("div", strip ? "legend along" : "legend", ...(title ? [element("span", "title", title)] : []));
-  if (strip) {
+  if (picture) {
+    const shown = element("img", "wheel");
+    shown.src = picture;
+    shown.alt = words[0];
+    box.append(shown, element("span", "", words[0]));
+  } else if (strip) {
     const bar = element("span", "strip");
     bar.style.background = `linear-gradient(to right, ${colours.join(", ")})`;
     const scale = element("span", "ticks", ...ticks.map(([share, word, below]) => {

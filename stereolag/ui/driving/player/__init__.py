@@ -46,6 +46,7 @@ CHARTS = (
     Chart("Nearest obstacle", "nearest_px", "px", 1),
     Chart("Wrong by over 2 px", "bad_2_percent", "%", 1),
     Chart("Flicker", "flicker_px", "px", 2),
+    Chart("Own speed", "own_speed_kmh", "km/h", 0),
 )
 
 
@@ -137,7 +138,12 @@ def described(played: Played, records: Sequence[FrameRecord]) -> dict[str, Any]:
             if math.isfinite(value):
                 values[record.method][record.number] = round(value, 3)
         if any(one is not None for column in values.values() for one in column):
-            series = [{"title": title, "values": values[method]} for method, title in played.methods.items()]
+            # Each keeps its place, and so its colour, also where others have nothing to tell.
+            series = [
+                {"title": title, "values": values[method], "place": place}
+                for place, (method, title) in enumerate(played.methods.items())
+                if any(one is not None for one in values[method])
+            ]
             charts.append(
                 {
                     "name": chart.name,

@@ -210,7 +210,7 @@ class Player {
     const low = from_zero ? 0 : Math.min(...known);
     const high = Math.max(...known, low + 1e-9);
     const svg = made("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": name });
-    const rows = series.map(({ title, values }, index) => ({ title, values, colour: COLOURS[index % COLOURS.length] }));
+    const rows = series.map(({ title, values, place }) => ({ title, values, colour: COLOURS[place % COLOURS.length] }));
     for (const { values, colour } of rows) {
       const places = values.map((value, frame) => value == null ? null : `${this.x(frame)} ${HEIGHT - 2 - ((value - low) / (high - low)) * (HEIGHT - 6)}`);
       const d = places.map((place, at) => place && `${at && places[at - 1] ? "L" : "M"}${place}`).filter(Boolean).join("");

@@ -1,0 +1,285 @@
+"""Things that move: how each one moves as a whole, how sure that is, and where it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.arrays import FloatMap, Mask
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.ground import ground_of
+from stereolag.motion.moving import Box, RigidShift, Vector, correlation, flat_variance
+from stereolag.motion.own_motion import Points, projected, seen_points
+from stereolag.motion.smoothing import edge_aware_mean
+
+ROUNDS = 2
+"""How often a thing is grown by its motion, and its motion fitted to all of it."""
+
+STEPS = 8
+"""Of the fit: each weighs its witnesses by how well they agreed with the one before."""
+
+FEWEST = 30
+"""Pixels with a disparity in both frames, without which no motion is fitted."""
+
+ALIKE = 64
+"""Px of a region whose errors are one: a flow is as smooth as its windows are wide."""
+
+MOST_WITNESSES = 12
+"""What all pixels share, as a disparity drawn towards whole pixels, no mean takes away."""
+
+LEAST_SCATTER = 0.2
+"""Px, of flow and disparity: no fit is better than that."""
+
+SLACK = (-1.0, -0.67, -0.33, 0.0, 0.33, 0.67, 1.0)
+"""Px by which the disparity of a point may be wrong that stands, when frames are asked whether it does."""
+
+LENGTH = 4.0
+"""Metres by which a thing may be nearer or farther than its middle."""
+
+GAIN = 0.02
+"""By how much the windows of a thing, in their middle, must correlate better if it moves."""
+
+MARGIN = 0.6
+"""Of the size of what is known of a thing: how far around it is looked for the rest."""
+
+LEAST_MARGIN = 16
+"""Px."""
+
+DOUBT = 0.06
+"""By how much windows may say that it stands, and it still belongs to what moves at its distance."""
+
+LOWEST = 0.12
+"""Height above the ground, in heights of the camera, from which on something is no ground."""
+
+BRIDGED, BRIDGED_SHARE = 9, 0.3
+"""Px, and a share of the height of what is known: gaps up to the larger of the two are closed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """What is asked where a thing ends.
+
+    Attributes
+    ----------
+    first, second
+        (H, W) float32, both frames, grey.
+    guide
+        (H, W) uint8, the first of them.
+    level
+        One grey level of 255 in their units.
+    points
+        (H, W, 3) metres, where every pixel would be in the second frame if it stood still; gaps may be filled.
+    disparity
+        (H, W) px of the first frame; gaps may be filled.
+    standing
+        (H, W) bool, what is no ground: shadows move, too.
+    """
+
+    first: FloatMap
+    second: FloatMap
+    guide: npt.NDArray[np.uint8]
+    level: float
+    points: Points
+    disparity: FloatMap
+    standing: Mask
+    origin: Vector
+    """Metres: where the first camera stood, as the second one sees it."""
+    calibration: Calibration
+    matrix: npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What was measured of every pixel.
+
+    Attributes
+    ----------
+    static
+        (H, W, 3) metres, where it would be in the second frame if it stood still; NaN = none.
+    row, col, disparity
+        (H, W) px, as it is seen in the second frame; NaN = none.
+    """
+
+    static: Points
+    row: FloatMap
+    col: FloatMap
+    disparity: FloatMap
+    calibration: Calibration
+    matrix: npt.NDArray[np.float64]
+
+
+class Thing(NamedTuple):
+    """Something that moves: where it is seen in the first frame, and how it moves."""
+
+    box: Box
+    mask: Mask
+    shift: RigidShift
+
+
+def whole_things(seeds: Sequence[tuple[Box, Mask]], sight: Sight, views: Views | None, smallest: int) -> list[Thing]:
+    """Return the things that regions are parts of, none of them twice, and without those that the frames deny."""
+    taken = np.zeros(sight.row.shape, np.bool_)
+    found = []
+    for box, seed in sorted(seeds, key=lambda one: -np.count_nonzero(one[1])):
+        if 2 * np.count_nonzero(seed & taken[box]) > np.count_nonzero(seed):
+            continue
+        shift = fitted_shift(sight, box, seed)
+        mask = seed
+        for _ in range(ROUNDS if views is not None and shift is not None else 0):
+            assert views is not None and shift is not None
+            box, mask = extent(views, box, mask, shift.motion)
+            mask &= ~taken[box]
+            if np.count_nonzero(mask) < smallest:
+                shift = None
+                break
+            shift = fitted_shift(sight, box, mask) or shift
+            if np.median(explained(views, box, shift.motion)[mask]) < GAIN:
+                shift = None
+                break
+        if shift is not None:
+            taken[box] |= mask
+            found.append(Thing(box, mask, shift))
+    return found
+
+
+def fitted_shift(sight: Sight, box: Box, mask: Mask) -> RigidShift | None:
+    """Return the shift by which the points of a thing come to where they are seen in the second frame; None of too few.
+
+    Rows and columns say how it grows as it comes nearer, which is surer than its disparity where it is large in the
+    picture; where it is small and far, both are weak and the covariance says so.
+
+    Notes
+    -----
+    Gauss-Newton with the weights of Geman and McClure; the scatter of each coordinate by its median.
+    """
+    static = sight.static[box][mask]
+    row, col, disparity = (part[box][mask] for part in (sight.row, sight.col, sight.disparity))
+    known = np.isfinite(static).all(axis=1) & np.isfinite(row) & np.isfinite(col)
+    static, row, col, disparity = static[known], row[known], col[known], disparity[known]
+    with_disparity = np.isfinite(disparity)
+    if np.count_nonzero(with_disparity) < FEWEST:
+        return None
+    after = seen_points(
+        sight.calibration, disparity[with_disparity], row[with_disparity], col[with_disparity], sight.matrix
+    )
+    start = np.median(after - static[with_disparity], axis=0)
+    focal, scale = sight.calibration.focal_px, sight.calibration.focal_px * sight.calibration.baseline_m
+    motion: Vector = start.astype(np.float64)
+    normal = np.eye(3)
+    seen = np.stack([row, col, np.where(with_disparity, disparity, 0)], axis=1).astype(np.float64)
+    for _ in range(STEPS):
+        moved = static + motion
+        depth = np.maximum(moved[:, 2], 0.1)
+        expected = np.stack([*projected(moved, sight.matrix), scale / depth - sight.calibration.doffs_px], axis=1)
+        residual = np.nan_to_num(seen - expected)
+        residual[~with_disparity, 2] = 0
+        slopes = np.zeros((len(static), 3, 3))
+        slopes[:, 0, 1] = slopes[:, 1, 0] = focal / depth
+        slopes[:, 0, 2], slopes[:, 1, 2] = -focal * moved[:, 1] / depth**2, -focal * moved[:, 0] / depth**2
+        slopes[:, 2, 2] = -scale / depth**2
+        slopes[~with_disparity, 2] = 0
+        scatter = np.maximum(1.4826 * np.median(np.abs(residual), axis=0), LEAST_SCATTER)
+        scatter[2] = max(1.4826 * float(np.median(np.abs(residual[with_disparity, 2]))), LEAST_SCATTER)
+        share = residual / (3 * scatter)
+        weight = 1 / np.square(1 + np.square(share)) / np.square(scatter)
+        normal = np.einsum("nki,nk,nkj->ij", slopes, weight, slopes) + 1e-9 * np.eye(3)
+        step = np.linalg.solve(normal, np.einsum("nki,nk,nk->i", slopes, weight, residual))
+        motion = np.asarray(motion + step, np.float64)
+    witnesses = min(max(len(static) / ALIKE, 1.0), MOST_WITNESSES)
+    return RigidShift(
+        np.asarray(motion, np.float64), np.asarray(np.linalg.inv(normal) * (len(static) / witnesses), np.float64)
+    )
+
+
+def explained(views: Views, box: Box, motion: Vector) -> FloatMap:
+    """Return by how much the windows of a box correlate better if what they show moves so than if it stands."""
+    points = views.points[box]
+    scale = views.calibration.focal_px * views.calibration.baseline_m
+    standing = np.full(points.shape[:2], -1, np.float32)
+    own = views.disparity[box] + views.calibration.doffs_px
+    for slack in SLACK:
+        # A point whose disparity is a little larger is nearer by so much, along its ray.
+        factor = own / np.maximum(own + slack, scale / 1e4)
+        shifted = _moved_along(points, views, box, factor)
+        standing = np.maximum(standing, _correlated(views, box, shifted))
+    return np.asarray(_correlated(views, box, points + motion) - standing)
+
+
+def _moved_along(points: Points, views: Views, box: Box, factor: FloatMap) -> Points:
+    """Return static points as they would be if the first frame had seen them at `factor` times their depth.
+
+    What the camera did between the frames is a turn and a shift; far from it, `points` moves along itself but for the
+    shift, which is `points` at depth 0.
+    """
+    return np.asarray(views.origin + factor[..., None] * (points - views.origin))
+
+
+def _correlated(views: Views, box: Box, points: Points) -> FloatMap:
+    row, col = (part.astype(np.float32) for part in projected(points, views.matrix))
+    rows, cols = views.first.shape
+    inside = (row > -0.5) & (row < rows - 0.5) & (col > -0.5) & (col < cols - 0.5)
+    there = cv2.remap(
+        views.second,
+        np.where(inside, col, -1),
+        np.where(inside, row, -1),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    found = correlation(views.first[box], there, flat_variance(views.level))
+    return np.where(inside, found, np.float32(-1))
+
+
+def extent(views: Views, box: Box, seed: Mask, motion: Vector) -> tuple[Box, Mask]:
+    """Return the box and the mask within it of the thing that a part of it, `seed`, belongs to.
+
+    It is what lies as far away as the part, hangs together with it, and is seen to move as it does: evidence is
+    carried from where the frames tell one motion from the other to where they do not, up to the edges of the image.
+    """
+    wide = _widened(box, views.first.shape)
+    known = np.zeros(views.first.shape, np.bool_)
+    known[box] = seed
+    known = known[wide]
+    disparity = views.disparity[wide]
+    middle = float(np.median(disparity[known & np.isfinite(disparity)]))
+    depth, own = views.calibration.depth(disparity), float(views.calibration.depth(middle))
+    reach = LENGTH + 2 * float(views.calibration.depth_uncertainty(middle, 0.5))
+    near = (np.abs(depth - own) < reach) & views.standing[wide]
+    gain = np.nan_to_num(explained(views, wide, motion))
+    weight = np.abs(gain).astype(np.float32)
+    carried = edge_aware_mean(
+        np.stack([gain, gain]).astype(np.float32), weight, np.ascontiguousarray(views.guide[wide])
+    )[0]
+    member = (near & (carried > -DOUBT)).astype(np.uint8)
+    member = cv2.morphologyEx(member, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    _, labels = cv2.connectedComponents(member, connectivity=4)
+    parts = np.unique(labels[known & (member > 0)])
+    whole = np.isin(labels, parts[parts > 0]).astype(np.uint8)
+    gap = max(BRIDGED, round(BRIDGED_SHARE * np.ptp(np.nonzero(known)[0])))
+    bridge = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (gap, gap))
+    whole = np.pad(whole, gap)
+    whole = np.asarray(cv2.morphologyEx(whole, cv2.MORPH_CLOSE, bridge), np.uint8)
+    outlines, _ = cv2.findContours(whole, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(whole, outlines, -1, 1, cv2.FILLED)
+    return wide, whole[gap:-gap, gap:-gap] > 0
+
+
+def _widened(box: Box, shape: tuple[int, ...]) -> Box:
+    wide = []
+    for side, length in zip(box, shape, strict=True):
+        margin = max(LEAST_MARGIN, round(MARGIN * (side.stop - side.start)))
+        wide.append(slice(max(0, int(side.start) - margin), min(length, int(side.stop) + margin)))
+    return wide[0], wide[1]
+
+
+def above_ground(disparity: FloatMap) -> Mask:
+    """Return (H, W) what rises above the ground; everything where no ground is seen."""
+    ground = ground_of(disparity)
+    if ground is None:
+        return np.ones(disparity.shape, np.bool_)
+    below = np.float32(ground.slope) * (np.arange(len(disparity), dtype=np.float32) - np.float32(ground.horizon))
+    return np.asarray(disparity * np.float32(1 - LOWEST) > below[:, None])

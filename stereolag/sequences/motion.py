@@ -1,0 +1,197 @@
+"""What moves in a sequence: the flow since the frame before, our own speed, and what moves against the world."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from stereolag.arrays import FloatMap, Rgb
+from stereolag.figures.flow import flow_colours, largest_motion, with_arrows
+from stereolag.figures.outlines import outline_of, with_outlines
+from stereolag.figures.pictures import NO_ANSWER, as_rgb
+from stereolag.geometry.calibration import Calibration
+from stereolag.inputs import Image
+from stereolag.motion.matcher import optical_flow
+from stereolag.motion.scene_flow import SceneFlow, scene_flow
+from stereolag.progress import Progress
+from stereolag.sequences.records import MOTION, FrameRecord
+from stereolag.sequences.sources import StereoFrame, StereoSequence
+from stereolag.settings import Settings
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+
+SAMPLED = 5
+"""Frames, spread over the sequence, that choose the length at the rim of the wheel."""
+
+ARROW_EVERY = 1 / 28
+"""Of the width, between arrows."""
+
+DIMMED = 0.45
+"""How bright the picture under the arrows is."""
+
+
+class SequenceMotion(Settings):
+    """What is told and drawn of the motion from frame to frame."""
+
+    arrows: bool = Field(
+        default=False, title="Arrows", description="Draw the flow as arrows on the picture, not as colours."
+    )
+    frame_rate: float | None = Field(
+        default=None,
+        title="Frames a second",
+        description="Of the camera, for speeds; None: that of the sequence.",
+        gt=0,
+        le=10_000,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMotion:
+    """What moved between a frame and the one before it.
+
+    Attributes
+    ----------
+    dy, dx
+        (H, W) float32 px by which what a pixel shows has moved since the frame before; NaN = not known.
+    coverage
+        Share of the pixels that have a flow, 0..1.
+    scene
+        The motion in metres; None without a calibration, or where nothing that stands was found.
+    milliseconds
+        Of all of it.
+    """
+
+    dy: FloatMap
+    dx: FloatMap
+    coverage: float
+    scene: SceneFlow | None
+    milliseconds: float
+
+    def things(self) -> str:
+        """Return what moves against the world, nearest first, as the table has it."""
+        regions = () if self.scene is None else self.scene.regions
+        return "; ".join(
+            f"{one.distance_m:.1f} m" + (f" {one.speed_kmh:.0f} km/h" if one.trusted else "") for one in regions
+        )
+
+
+class MotionWatch:
+    """Tells of each frame of a sequence what moved since the one before.
+
+    It looks back: in a car that drives on, what is seen now was in the picture before, and not the other way round.
+
+    Parameters
+    ----------
+    sequence
+        Whose frames.
+    matcher
+        Gives the disparities, with a calibration.
+    calibration
+        Of the left camera; without it there is the flow alone.
+    settings
+        What is drawn.
+
+    Attributes
+    ----------
+    largest
+        Px at the rim of the wheel; None until it is known.
+    """
+
+    def __init__(
+        self,
+        sequence: StereoSequence,
+        matcher: StereoMatcher,
+        calibration: Calibration | None,
+        settings: SequenceMotion | None = None,
+    ) -> None:
+        self._sequence, self._matcher, self._calibration = sequence, matcher, calibration
+        self.settings = settings or SequenceMotion()
+        self.largest: float | None = None
+        self._last: tuple[int, StereoFrame, DisparityMap | None] | None = None
+
+    def since_before(self, number: int, progress: Progress | None = None) -> FrameMotion | None:
+        """Return what moved since the frame before; None of the first one, and beside a damaged one."""
+        if number == 0:
+            return None
+        start = time.perf_counter()
+        try:
+            before, disparity_before = self._matched(number - 1, progress)
+            now, disparity = self._matched(number, progress)
+            self._last = number, now, disparity
+            flow = optical_flow(now.left, before.left, progress=progress)
+        except (ValueError, OSError):
+            return None
+        scene = None
+        if self._calibration is not None and disparity is not None and disparity_before is not None:
+            try:
+                scene = scene_flow(
+                    disparity,
+                    disparity_before,
+                    flow,
+                    self._calibration,
+                    frames=(now.left, before.left),
+                    frame_rate=self.settings.frame_rate or self._sequence.frame_rate,
+                )
+            except ValueError:  # nothing that stands is in view
+                scene = None
+        return FrameMotion(-flow.dy, -flow.dx, flow.coverage, scene, 1e3 * (time.perf_counter() - start))
+
+    def lock_colours(self, progress: Progress | None = None) -> None:
+        """Choose the length at the rim of the wheel by frames from all over the sequence, once."""
+        if self.largest is not None:
+            return
+        numbers = np.unique(np.linspace(1, max(1, len(self._sequence) - 1), SAMPLED).round().astype(int))
+        flows = []
+        for number in numbers[numbers < len(self._sequence)]:
+            try:
+                now, before = (self._sequence.frame(int(one)).left for one in (number, number - 1))
+                flow = optical_flow(now, before, progress=progress)
+            except (ValueError, OSError):
+                continue
+            flows.append((flow.dy, flow.dx))
+        self.largest = largest_motion(*flows) if flows else 1.0
+
+    def drawn(self, left: Image, motion: FrameMotion | None) -> tuple[Rgb, Rgb]:
+        """Return the left picture with what moves outlined in it, and the picture of the flow."""
+        picture = as_rgb(left)
+        if motion is None or motion.dx.shape != picture.shape[:2]:
+            return picture, np.full_like(picture, NO_ANSWER)
+        if self.settings.arrows:
+            spacing = max(8, round(picture.shape[1] * ARROW_EVERY))
+            dim = (picture * np.float32(DIMMED)).astype(np.uint8)
+            seen = with_arrows(dim, motion.dy, motion.dx, spacing=spacing)
+        else:
+            colours = flow_colours(motion.dy, motion.dx, self.largest or 1.0)
+            seen = np.where(colours[..., 3:] > 0, colours[..., :3], np.uint8(NO_ANSWER[0]))
+        if motion.scene is None:
+            return picture, seen
+        outlines = [
+            outline_of(motion.scene.labels == number, f"{one.speed_kmh:.0f} km/h" if one.trusted else "")
+            for number, one in enumerate(motion.scene.regions, start=1)
+        ]
+        return with_outlines(picture, outlines), seen
+
+    def record(self, number: int, motion: FrameMotion) -> FrameRecord:
+        """Return the line of the table."""
+        speed = None if motion.scene is None else motion.scene.own_speed_kmh
+        return FrameRecord(
+            number,
+            self._sequence.names[number],
+            number / self._sequence.frame_rate,
+            MOTION,
+            coverage=motion.coverage,
+            milliseconds=motion.milliseconds,
+            own_speed_kmh=math.nan if speed is None else speed,
+            moving=motion.things(),
+        )
+
+    def _matched(self, number: int, progress: Progress | None) -> tuple[StereoFrame, DisparityMap | None]:
+        if self._last is not None and self._last[0] == number:
+            return self._last[1], self._last[2]
+        frame = self._sequence.frame(number)
+        if self._calibration is None:
+            return frame, None
+        return frame, self._matcher.compute(frame.left, frame.right, progress=progress)

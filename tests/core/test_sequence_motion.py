@@ -1,0 +1,101 @@
+"""What a sequence tells of motion, on a small drive whose speeds are known."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import av
+import numpy as np
+import pytest
+from moving_drives import CAMERA, CAR_KMH, COLS, OWN_KMH, RATE, ROWS, archive, car_mask
+
+from stereolag import preset
+from stereolag.figures.outlines import Outline, outline_of, with_outlines
+from stereolag.figures.pictures import FRAME, NO_ANSWER
+from stereolag.sequences import SequenceMemory, StereoSequence, open_sequence, run_sequence
+from stereolag.sequences.motion import MotionWatch, SequenceMotion
+from stereolag.sequences.records import MOTION, header, lines
+
+COUNT = 4
+MATCHER = preset("fast", num_disparities=32)
+
+
+@pytest.fixture(scope="module")
+def drive() -> StereoSequence:
+    return open_sequence(archive(COUNT))
+
+
+def test_own_speed_and_that_of_the_car_are_told(drive: StereoSequence) -> None:
+    watch = MotionWatch(drive, MATCHER, CAMERA)
+    assert watch.since_before(0) is None
+    for number in range(1, COUNT):
+        found = watch.since_before(number)
+        assert found is not None and found.scene is not None
+        assert found.scene.own_speed_kmh == pytest.approx(OWN_KMH, rel=0.04)
+        (car,) = found.scene.regions
+        assert car.trusted and car.speed_kmh == pytest.approx(CAR_KMH, abs=3)
+        assert car.speed_error_kmh is not None and abs(car.speed_kmh - CAR_KMH) < 3 * car.speed_error_kmh
+        assert car.distance_m == pytest.approx(9 + number, rel=0.03)
+        true = car_mask(number)
+        assert (found.scene.moving & true).sum() / (found.scene.moving | true).sum() > 0.7
+        assert found.things() == f"{car.distance_m:.1f} m {car.speed_kmh:.0f} km/h"
+        # What lies to the right of the middle comes from the left of where it is now.
+        assert np.nanmedian(found.dx[:60, COLS - 60 :]) > 0 > np.nanmedian(found.dx[:60, :60])
+
+
+def test_another_rate_gives_other_speeds(drive: StereoSequence) -> None:
+    found = MotionWatch(drive, MATCHER, CAMERA, SequenceMotion(frame_rate=2 * RATE)).since_before(1)
+    assert found is not None and found.scene is not None
+    assert found.scene.own_speed_kmh == pytest.approx(2 * OWN_KMH, rel=0.04)
+
+
+def test_without_a_calibration_there_is_the_flow_alone(drive: StereoSequence) -> None:
+    watch = MotionWatch(drive, MATCHER, None)
+    found = watch.since_before(1)
+    assert found is not None and found.scene is None and found.coverage > 0.7
+    left = drive.frame(1).left
+    picture, flow = watch.drawn(left, found)
+    assert (picture[..., 0] == left).all() and flow.shape == (ROWS, COLS, 3)
+    assert "km/h" not in found.things() and np.isnan(watch.record(1, found).own_speed_kmh)
+
+
+def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:
+    watch, kept, film = MotionWatch(drive, MATCHER, CAMERA), SequenceMemory(), io.BytesIO()
+    run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, video=film, motion=watch)
+    rows = [*csv.DictReader(io.StringIO(header() + lines(kept.records.values())))]
+    told = [row for row in rows if row["method"] == MOTION]
+    assert [row["number"] for row in told] == ["1", "2", "3"]
+    assert all(float(row["own_speed_kmh"]) == pytest.approx(OWN_KMH, rel=0.04) for row in told)
+    assert all(" m 7" in row["moving"] and row["moving"].endswith(" km/h") for row in told)
+    assert all(row["own_speed_kmh"] == row["moving"] == "" for row in rows if row["method"] != MOTION)
+    with av.open(io.BytesIO(film.getvalue())) as container:
+        shown = [one.to_ndarray(format="rgb24") for one in container.decode(video=0)]
+    assert [one.shape for one in shown] == [(ROWS, 3 * COLS, 3)] * COUNT
+    assert np.abs(shown[0][:, 2 * COLS :].astype(int) - NO_ANSWER[0]).max() < 12, "the first frame has none before it"
+    assert np.ptp(shown[2][:, 2 * COLS :].astype(int), axis=2).max() > 60
+    # Going on draws the same: colours are locked.
+    largest = watch.largest
+    again = io.BytesIO()
+    run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, video=again, motion=watch)
+    assert watch.largest == largest and again.getvalue() == film.getvalue()
+
+
+def test_arrows_stand_on_the_dimmed_picture(drive: StereoSequence) -> None:
+    watch = MotionWatch(drive, MATCHER, None, SequenceMotion(arrows=True))
+    left, found = drive.frame(1).left, watch.since_before(1)
+    _, flow = watch.drawn(left, found)
+    dimmed = flow.mean() / left.mean()
+    assert 0.3 < dimmed < 0.7 and np.ptp(flow.astype(int), axis=2).max() > 100
+
+
+def test_a_thing_is_outlined_and_named_within_the_picture() -> None:
+    mask = np.zeros((90, 160), np.bool_)
+    mask[5:40, 140:158] = True
+    grey = np.full((90, 160), 100, np.uint8)
+    plain, named = (with_outlines(grey, [outline_of(mask, words)]) for words in ("", "97 km/h"))
+    pink = (np.abs(plain.astype(int) - FRAME).sum(axis=2) < 60).nonzero()
+    assert pink[0].min() in (4, 5) and pink[1].max() in (157, 158) and (plain[15:30, 145:153] == 100).all()
+    written = (named != plain).any(axis=2).nonzero()
+    assert written[1].size > 50 and written[1].min() > 60
+    assert (with_outlines(grey, [Outline((), "nothing")]) == 100).all()
