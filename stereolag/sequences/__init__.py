@@ -2,10 +2,11 @@
 
 from stereolag.sequences.opening import open_sequence
 from stereolag.sequences.running import SequenceResult, SequenceState, run_sequence
-from stereolag.sequences.sources import StereoFrame, StereoSequence
+from stereolag.sequences.sources import RectifiedSequence, StereoFrame, StereoSequence
 from stereolag.sequences.targets import SequenceMemory, SequenceTarget
 
 __all__ = [
+    "RectifiedSequence",
     "SequenceMemory",
     "SequenceResult",
     "SequenceState",

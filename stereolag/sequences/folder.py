@@ -162,10 +162,11 @@ def _document(
 ) -> dict[str, Any]:
     """Return what maps and table are made of, in words that a refusal can name."""
     names = hashlib.sha256("\n".join(sequence.names).encode()).hexdigest()
+    frames = {"count": len(sequence), "names": names, "rate": sequence.frame_rate}
     document = {
         "version": VERSION,
         "settings": {name: settings_document(matcher) for name, matcher in matchers.items()},
-        "frames": {"count": len(sequence), "names": names, "rate": sequence.frame_rate},
+        "frames": frames | ({"rectified": True} if sequence.rectified else {}),
         "format": suffix,
         "calibration": None if calibration is None else asdict(calibration) | {"rig": None},
     }
