@@ -12,6 +12,7 @@ from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.matchers import add_choice, chosen_matcher, elsewhere, over_known_range, shortcuts_of
 from stereolag.commands.pair_flags import add_frames
 from stereolag.commands.parsing import DAMAGED, DONE, INTERRUPTED, CommandParser, add_output, one_line, tell
+from stereolag.sequences.steadying import SequenceSettings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName
 
@@ -40,7 +41,9 @@ def run(arguments: Sequence[str]) -> int:
     _add_job(parser)
     add_choice(parser, PRESET)
     flags = SettingsFlags(parser, start, shortcuts_of(start), elsewhere)
+    over_frames = SettingsFlags(parser, SequenceSettings())
     options, matcher = flags.parsed(arguments)
+    steadiness = over_frames.parsed(arguments)[1].steadiness
 
     # Once it is known that there is something to do: --help does not wait for them.
     from stereolag.commands.sequence_frames import read_drive
@@ -55,6 +58,7 @@ def run(arguments: Sequence[str]) -> int:
             matchers,
             options.out,
             calibration=drive.calibration,
+            steadiness=steadiness,
             video=options.video,
             disparity_format=options.disparity_format,
             scheduler=options.scheduler,

@@ -3,14 +3,17 @@
 from stereolag.sequences.opening import open_sequence
 from stereolag.sequences.running import SequenceResult, SequenceState, run_sequence
 from stereolag.sequences.sources import RectifiedSequence, StereoFrame, StereoSequence
+from stereolag.sequences.steadying import SequenceSettings, Steadiness
 from stereolag.sequences.targets import SequenceMemory, SequenceTarget
 
 __all__ = [
     "RectifiedSequence",
     "SequenceMemory",
     "SequenceResult",
+    "SequenceSettings",
     "SequenceState",
     "SequenceTarget",
+    "Steadiness",
     "StereoFrame",
     "StereoSequence",
     "open_sequence",

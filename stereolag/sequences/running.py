@@ -17,8 +17,9 @@ from stereolag.sequences.flicker import flicker, same_picture_size, still_pixels
 from stereolag.sequences.folder import SequenceFolder
 from stereolag.sequences.matching import PNG, FrameTask, MatchedFrame, finished_frame
 from stereolag.sequences.records import FrameRecord, damaged_records
-from stereolag.sequences.runners import Runner, in_order, runner_at
+from stereolag.sequences.runners import PairRunner, Runner, SteadyRunner, in_order, runner_at
 from stereolag.sequences.sources import StereoSequence
+from stereolag.sequences.steadying import Steadiness
 from stereolag.sequences.targets import SequenceTarget
 from stereolag.sequences.video import VideoWriter, common_range, panels
 from stereolag.stereo.matcher import StereoMatcher
@@ -80,6 +81,7 @@ def run_sequence(
     out: str | os.PathLike[str] | SequenceTarget,
     *,
     calibration: Calibration | None = None,
+    steadiness: Steadiness | None = None,
     video: str | os.PathLike[str] | BinaryIO | VideoWriter | None = None,
     colours: tuple[float, float] | None = None,
     disparity_format: str = PNG,
@@ -102,6 +104,8 @@ def run_sequence(
         not matched again. Or a :class:`~stereolag.sequences.targets.SequenceTarget`, which keeps them elsewhere.
     calibration
         Gives the nearest obstacle in metres.
+    steadiness
+        Uses the frame before where its map agrees, for less flicker; each frame by itself unless given.
     video
         An ".mp4", or a binary file: the left pictures beside the maps of every method, in one range of colours; or
         what writes it, which is left open.
@@ -136,7 +140,7 @@ def run_sequence(
     with ExitStack() as stack:
         target: SequenceTarget
         if isinstance(out, str | os.PathLike):
-            target = SequenceFolder(Path(out), sequence, named, disparity_format, calibration, again=again)
+            target = SequenceFolder(Path(out), sequence, named, disparity_format, calibration, steadiness, again=again)
         else:
             target = out
         stack.callback(target.close)
@@ -148,7 +152,9 @@ def run_sequence(
         elif video is not None:
             writer = stack.enter_context(VideoWriter(video, sequence.frame_rate, len(sequence)))
         runner = stack.enter_context(runner_at(scheduler))
-        job = _Job(sequence, named, target, writer, runner, calibration, disparity_format, progress, cancelled)
+        job = _Job(
+            sequence, named, target, writer, runner, calibration, steadiness, disparity_format, progress, cancelled
+        )
         return job.run()
 
 
@@ -161,18 +167,20 @@ class _Job:
         matchers: Mapping[str, StereoMatcher],
         target: SequenceTarget,
         writer: VideoWriter | None,
-        runner: Runner,
+        runner: PairRunner,
         calibration: Calibration | None,
+        steadiness: Steadiness | None,
         suffix: str,
         progress: Callable[[SequenceState], None] | None,
         cancelled: Callable[[], bool] | None,
     ) -> None:
         self._sequence, self._matchers, self._target, self._writer = sequence, matchers, target, writer
-        self._runner, self._calibration, self._suffix = runner, calibration, suffix
+        self._calibration, self._steadiness, self._suffix = calibration, steadiness, suffix
         self._progress, self._cancelled = progress, cancelled
         self._start = time.perf_counter()
         self._missing = [number for number in range(len(sequence)) if number not in target]
         self._done = self._before = len(sequence) - len(self._missing)
+        self._runner: Runner = runner if steadiness is None else SteadyRunner(runner, self._missing, self._task)
         self._matched, self._damaged = 0, dict[str, str]()
         self._last: MatchedFrame | None = None
 
@@ -262,6 +270,7 @@ class _Job:
             self._suffix,
             self._calibration,
             in_colour=self._writer is not None,
+            steadiness=self._steadiness,
         )
 
     def _look(self) -> None:

@@ -17,7 +17,7 @@ from small_drives import pair, write_folders
 from stereolag import preset
 from stereolag.export.maps import image_png
 from stereolag.reading.sources import Source
-from stereolag.sequences import SequenceState, open_sequence, run_sequence
+from stereolag.sequences import SequenceState, Steadiness, open_sequence, run_sequence
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.xdist_group("cluster")
@@ -65,7 +65,10 @@ def flickers(out: Path) -> list[str]:
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path, Path], tmp_path: Path) -> None:
+@pytest.mark.parametrize("steadiness", [None, Steadiness()])
+def test_a_worker_killed_midway_loses_nothing(
+    cluster: Any, folders: tuple[Path, Path], tmp_path: Path, steadiness: Steadiness | None
+) -> None:
     killed: list[int] = []
 
     def kill(state: SequenceState) -> None:
@@ -82,10 +85,17 @@ def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path,
     picture.write_bytes(whole[:400])
     sequence, here = open_sequence(*folders), tmp_path / "threads"
     away = tmp_path / "cluster"
-    result = run_sequence(sequence, {"maps": ACCURATE}, away, scheduler=cluster.scheduler_address, progress=kill)
+    result = run_sequence(
+        sequence,
+        {"maps": ACCURATE},
+        away,
+        steadiness=steadiness,
+        scheduler=cluster.scheduler_address,
+        progress=kill,
+    )
     assert killed
     assert (result.matched, list(result.damaged)) == (11, ["007"])
-    run_sequence(sequence, {"maps": ACCURATE}, here)
+    run_sequence(sequence, {"maps": ACCURATE}, here, steadiness=steadiness)
     assert contents(away) == contents(here)
     assert flickers(away) == flickers(here)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import streamlit as st
 
+from stereolag.sequences import SequenceSettings, Steadiness
 from stereolag.settings import SettingsError
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
@@ -55,6 +56,15 @@ def ask_matchers(drive: Drive) -> dict[str, StereoMatcher]:
         except SettingsError as error:
             st.error(f"{titles[name]}: {error}")
     return found
+
+
+def ask_steadiness() -> Steadiness | None:
+    """Return how the frame before takes part in each map; None: not at all."""
+    field = SequenceSettings.model_fields["steadiness"]
+    wanted = st.toggle(
+        field.title or "steadiness", help=field.description, key=f"{KEY}.steadiness", persist_state="session"
+    )
+    return Steadiness() if wanted else None
 
 
 def title_of(name: str) -> str:

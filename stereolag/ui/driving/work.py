@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import streamlit as st
 
 from stereolag.estimates import Estimate
-from stereolag.sequences import SequenceResult, SequenceState, run_sequence
+from stereolag.sequences import SequenceResult, SequenceState, Steadiness, run_sequence
 from stereolag.sequences.fragments import VideoPieces
 from stereolag.sequences.targets import SequenceMemory
 from stereolag.stereo.matcher import StereoMatcher
@@ -33,6 +33,8 @@ class DriveWork:
         Tells the sequence and the settings from all others.
     kept, video
         Maps, figures and pictures, as far as they are there; in memory, as all that a visitor uploads.
+    steadiness
+        How the frame before takes part.
     state
         How far it is.
     begun
@@ -44,6 +46,7 @@ class DriveWork:
     name: str
     kept: SequenceMemory
     video: VideoPieces
+    steadiness: Steadiness | None = None
     state: SequenceState | None = None
     begun: int = 1
     job: Job[SequenceResult] = field(init=False)
@@ -59,10 +62,15 @@ class DriveWork:
         return self.video.collected
 
 
-def work_on(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> DriveWork:
+def work_on(drive: Drive, matchers: Mapping[str, StereoMatcher], steadiness: Steadiness | None = None) -> DriveWork:
     """Return the work on a sequence with these settings; it begins where there is none, in place of any other."""
     asked = "\0".join(
-        [drive.digest, repr(drive.calibration), *(f"{k} {m.model_dump_json()}" for k, m in matchers.items())]
+        [
+            drive.digest,
+            repr(drive.calibration),
+            repr(steadiness),
+            *(f"{k} {m.model_dump_json()}" for k, m in matchers.items()),
+        ]
     )
     name = hashlib.sha256(asked.encode()).hexdigest()
     kept: DriveWork | None = st.session_state.get(WORK)
@@ -70,7 +78,7 @@ def work_on(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> DriveWork:
         return kept
     if kept is not None:
         kept.job.cancel()
-    work = DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate))
+    work = DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate), steadiness)
     _begin(work, drive, matchers)
     return work
 
@@ -78,7 +86,7 @@ def work_on(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> DriveWork:
 def go_on(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
     """Go on with work that was called off: what is finished is drawn again and not computed again."""
     video = VideoPieces(drive.sequence.frame_rate)
-    _begin(DriveWork(work.name, work.kept, video, begun=work.begun + 1), drive, matchers)
+    _begin(DriveWork(work.name, work.kept, video, work.steadiness, begun=work.begun + 1), drive, matchers)
 
 
 def _begin(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
@@ -92,6 +100,7 @@ def _begin(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher])
                 matchers,
                 work.kept,
                 calibration=drive.calibration,
+                steadiness=work.steadiness,
                 video=work.video,
                 progress=told,
                 cancelled=lambda: job.cancelled,
