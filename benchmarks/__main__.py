@@ -20,6 +20,7 @@ from benchmarks.doctor import doctor_tables
 from benchmarks.flow import flow_table
 from benchmarks.hostile import hostile_table
 from benchmarks.load import load_table
+from benchmarks.long_drive import long_drive_table
 from benchmarks.pairs import DATA
 from benchmarks.sequences import DRIVE, sequence_table
 from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
@@ -86,7 +87,9 @@ def main() -> None:
     parser.add_argument(
         "tables", nargs="*", choices=[*TABLES, []], help=f"which tables; {', '.join(USUAL)} unless named"
     )
-    wanted = parser.parse_args().tables or USUAL
+    parser.add_argument("--frames", type=int, help="of sequences: a drive of so many, by the command, and its memory")
+    options = parser.parse_args()
+    wanted = options.tables or USUAL
     if "speed" in wanted:
         rows = [*stereo_rows(), *signal_rows(), *template_rows()]
         keep("speed", "Speed", table(rows), [asdict(row) | {"ratio": row.ratio} for row in rows])
@@ -96,7 +99,9 @@ def main() -> None:
         else:
             print(f"Accuracy is left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
     if "sequences" in wanted:
-        if DRIVE.is_dir():
+        if DRIVE.is_dir() and options.frames:
+            keep("long_drive", "A long drive", *long_drive_table(options.frames))
+        elif DRIVE.is_dir():
             keep("sequences", "Frame sequences", *sequence_table())
         else:
             print(f"Sequences are left out: there is no drive at {DRIVE} (set STEREOLAG_DATA).")

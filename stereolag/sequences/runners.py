@@ -107,7 +107,8 @@ def in_order(runner: Runner, tasks: Iterable[FrameTask], look: Callable[[], None
     waiting: deque[tuple[int, Pending]] = deque()
     try:
         while True:
-            waiting.extend((task.number, runner.submit(task)) for task in islice(coming, runner.at_once - len(waiting)))
+            room = max(0, runner.at_once - len(waiting))  # fewer may be on their way once a worker has died
+            waiting.extend((task.number, runner.submit(task)) for task in islice(coming, room))
             if not waiting:
                 return
             yield _awaited(*waiting.popleft(), look)
