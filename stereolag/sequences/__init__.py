@@ -1,8 +1,9 @@
 """Frame sequences of stereo cameras: where frames come from, the job over all of them, and the video of its maps."""
 
-from stereolag.sequences.opening import open_sequence
-from stereolag.sequences.running import SequenceResult, SequenceState, run_sequence
+from stereolag.sequences.opening import example_sequence, open_sequence
+from stereolag.sequences.running import run_sequence
 from stereolag.sequences.sources import RectifiedSequence, StereoFrame, StereoSequence
+from stereolag.sequences.states import SequenceResult, SequenceState
 from stereolag.sequences.steadying import SequenceSettings, Steadiness
 from stereolag.sequences.targets import SequenceMemory, SequenceTarget
 
@@ -16,6 +17,7 @@ __all__ = [
     "Steadiness",
     "StereoFrame",
     "StereoSequence",
+    "example_sequence",
     "open_sequence",
     "run_sequence",
 ]

@@ -38,6 +38,8 @@ class FrameTask(NamedTuple):
     """Whether the left picture is handed back as it is, or grey will do."""
     steadiness: Steadiness | None = None
     """How the frame before takes part."""
+    with_truth: bool = False
+    """Whether the true disparity is handed back, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +79,15 @@ class MatchedFrame:
         By the name of the method.
     problem
         Why there are no maps, one sentence; "" where there are.
+    truth
+        The true disparity, px, where it was asked for and is known.
     """
 
     number: int
     left: Image | None = None
     maps: Mapping[str, FrameMap] = field(default_factory=dict)
     problem: str = ""
+    truth: Truth | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,17 +154,22 @@ def encoded_frame(task: FrameTask, own: OwnFrame, before: OwnFrame | None = None
             maps[name] = FrameMap(as_stored(result.disparity, task.suffix), data, figures)
     except ValueError as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
-    return MatchedFrame(task.number, own.left if task.in_colour else as_grey(own.left), maps)
+    return _handed_back(task, own.left, own.truth, maps)
 
 
 def finished_frame(task: FrameTask, files: Mapping[str, Source]) -> MatchedFrame:
     """Read a frame whose maps have been written, as :func:`matched_frame` would have made it, without figures."""
     try:
-        left = task.reader().left
+        frame = task.reader()
         maps = {name: FrameMap(read_back(file), b"", FrameFigures()) for name, file in files.items()}
     except (ValueError, OSError) as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
-    return MatchedFrame(task.number, left if task.in_colour else as_grey(left), maps)
+    return _handed_back(task, frame.left, frame.truth, maps)
+
+
+def _handed_back(task: FrameTask, left: Image, truth: Truth | None, maps: Mapping[str, FrameMap]) -> MatchedFrame:
+    shown = left if task.in_colour else as_grey(left)
+    return MatchedFrame(task.number, shown, maps, truth=truth if task.with_truth else None)
 
 
 def as_stored(disparity: FloatMap, suffix: str) -> FloatMap:

@@ -107,6 +107,25 @@ def test_it_goes_on_and_refuses_other_settings(
     assert ran(capsys, *command, "--window-size", 9, "--again", "--json").figures["matched"] == 3
 
 
+@pytest.mark.parametrize(
+    ("flags", "steadiness"),
+    [((), None), (("--steadiness",), {"limit": 1.0}), (("--steadiness.limit", 0.5), {"limit": 0.5})],
+)
+def test_the_frame_before_takes_part_if_asked(
+    sides: tuple[Path, Path],
+    tmp_path: Path,
+    flags: tuple[object, ...],
+    steadiness: object,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    command = ("sequence", *sides, "--out", tmp_path / "out", *RANGE)
+    told = ran(capsys, *command, *flags)
+    assert (told.code, told.err) == (0, "")
+    assert json.loads((tmp_path / "out" / "sequence.json").read_text())["made_of"]["steadiness"] == steadiness
+    refused = ran(capsys, *command, "--steadiness.limit", -1)
+    assert refused.code == 2 and "limit is -1; allowed are numbers above 0 to 16" in refused.err
+
+
 def test_an_archive_of_both_sides_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "drive.zip").write_bytes(archive([4, 5]))
     told = ran(capsys, "sequence", tmp_path / "drive.zip", "--out", tmp_path / "out", *RANGE, "--json")

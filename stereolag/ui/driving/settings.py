@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import streamlit as st
 
 from stereolag.sequences import SequenceSettings, Steadiness
@@ -20,10 +22,24 @@ OFFERED = {
 }
 FROM_DEPTH_PAGE = "as on the depth page"
 AT_FIRST = ("fast", "bm")
+TRUTH_TITLE = "True disparity"
 
 
-def ask_matchers(drive: Drive) -> dict[str, StereoMatcher]:
-    """Return the methods chosen, by names that can be names of folders; each searches the range asked for."""
+class Asked(NamedTuple):
+    """How the maps of a sequence are to be made: the methods by names that can be names of folders."""
+
+    matchers: dict[str, StereoMatcher]
+    truth_in_video: bool = False
+    steadiness: Steadiness | None = None
+
+    @property
+    def titles(self) -> list[str]:
+        """Return the titles of the pictures of the video, in order."""
+        return ["Left image", *map(title_of, self.matchers), *([TRUTH_TITLE] if self.truth_in_video else [])]
+
+
+def ask_methods(drive: Drive) -> Asked:
+    """Ask for the methods and for the range that each of them searches."""
     own = {f"own_{one.short_name}": one for one in matchers_in_use()}
     titles = OFFERED | {name: f"{one.title}, {FROM_DEPTH_PAGE}" for name, one in own.items()}
     with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
@@ -42,6 +58,8 @@ def ask_matchers(drive: Drive) -> dict[str, StereoMatcher]:
         count = st.number_input(
             "Disparities searched", 16, 512, drive.range[1], 16, key=f"{KEY}.count.{drive.digest}", width=170
         )
+        truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, key=f"{KEY}.truth", persist_state="session")
+        steadiness = _ask_steadiness()
     made: dict[str, StereoMatcher] = {
         "fast": preset("fast"),
         "accurate": preset("accurate"),
@@ -55,15 +73,13 @@ def ask_matchers(drive: Drive) -> dict[str, StereoMatcher]:
             found[name] = made[name].with_search_range(first, count)
         except SettingsError as error:
             st.error(f"{titles[name]}: {error}")
-    return found
+    return Asked(found, truth, steadiness)
 
 
-def ask_steadiness() -> Steadiness | None:
-    """Return how the frame before takes part in each map; None: not at all."""
+def _ask_steadiness() -> Steadiness | None:
+    """Ask whether the frame before takes part in each map."""
     field = SequenceSettings.model_fields["steadiness"]
-    wanted = st.toggle(
-        field.title or "steadiness", help=field.description, key=f"{KEY}.steadiness", persist_state="session"
-    )
+    wanted = st.toggle(str(field.title), help=field.description, key=f"{KEY}.steadiness", persist_state="session")
     return Steadiness() if wanted else None
 
 

@@ -4,23 +4,32 @@ from __future__ import annotations
 
 import hashlib
 import math
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import streamlit as st
+from cachetools import LRUCache
 
 from stereolag.estimates import Estimate
-from stereolag.sequences import SequenceResult, SequenceState, Steadiness, run_sequence
+from stereolag.sequences import SequenceResult, SequenceState, run_sequence
 from stereolag.sequences.fragments import VideoPieces
 from stereolag.sequences.targets import SequenceMemory
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.driving.frames import KEY, Drive
+from stereolag.ui.driving.settings import Asked
 from stereolag.ui.jobs import Job
 from stereolag.ui.visits import this_visit
 
 WORK = f"{KEY}.work"
 FRAMES_AT_ONCE = 4
 """Whose pictures and maps are in memory together."""
+EXAMPLES_KEPT = 2
+"""Of some 40 MB each."""
+
+_examples: LRUCache[str, DriveWork] = LRUCache(EXAMPLES_KEPT)
+"""What was made of the example for one visitor, which the next sees at once."""
+_examples_lock = threading.Lock()
 
 
 @dataclass(eq=False)
@@ -33,8 +42,6 @@ class DriveWork:
         Tells the sequence and the settings from all others.
     kept, video
         Maps, figures and pictures, as far as they are there; in memory, as all that a visitor uploads.
-    steadiness
-        How the frame before takes part.
     state
         How far it is.
     begun
@@ -46,7 +53,6 @@ class DriveWork:
     name: str
     kept: SequenceMemory
     video: VideoPieces
-    steadiness: Steadiness | None = None
     state: SequenceState | None = None
     begun: int = 1
     job: Job[SequenceResult] = field(init=False)
@@ -62,55 +68,59 @@ class DriveWork:
         return self.video.collected
 
 
-def work_on(drive: Drive, matchers: Mapping[str, StereoMatcher], steadiness: Steadiness | None = None) -> DriveWork:
+def work_on(drive: Drive, asked: Asked) -> DriveWork:
     """Return the work on a sequence with these settings; it begins where there is none, in place of any other."""
-    asked = "\0".join(
-        [
-            drive.digest,
-            repr(drive.calibration),
-            repr(steadiness),
-            *(f"{k} {m.model_dump_json()}" for k, m in matchers.items()),
-        ]
-    )
-    name = hashlib.sha256(asked.encode()).hexdigest()
+    settings = [f"{name} {matcher.model_dump_json()}" for name, matcher in asked.matchers.items()]
+    job = [repr(drive.calibration), repr(asked.steadiness), str(asked.truth_in_video)]
+    name = hashlib.sha256("\0".join([drive.digest, *job, *settings]).encode()).hexdigest()
     kept: DriveWork | None = st.session_state.get(WORK)
     if kept is not None and kept.name == name:
         return kept
     if kept is not None:
         kept.job.cancel()
-    work = DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate), steadiness)
-    _begin(work, drive, matchers)
+    with _examples_lock:
+        work = _examples.get(name)
+    if work is None:
+        work = DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate))
+        _begin(work, drive, asked)
+    st.session_state[WORK] = work
     return work
 
 
-def go_on(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+def go_on(work: DriveWork, drive: Drive, asked: Asked) -> None:
     """Go on with work that was called off: what is finished is drawn again and not computed again."""
     video = VideoPieces(drive.sequence.frame_rate)
-    _begin(DriveWork(work.name, work.kept, video, work.steadiness, begun=work.begun + 1), drive, matchers)
+    again = DriveWork(work.name, work.kept, video, begun=work.begun + 1)
+    _begin(again, drive, asked)
+    st.session_state[WORK] = again
 
 
-def _begin(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+def _begin(work: DriveWork, drive: Drive, asked: Asked) -> None:
     def told(state: SequenceState) -> None:
         work.state = state
 
     def compute(job: Job[SequenceResult]) -> SequenceResult:
         try:
-            return run_sequence(
+            result = run_sequence(
                 drive.sequence,
-                matchers,
+                asked.matchers,
                 work.kept,
                 calibration=drive.calibration,
-                steadiness=work.steadiness,
+                steadiness=asked.steadiness,
                 video=work.video,
+                truth_in_video=asked.truth_in_video,
                 progress=told,
                 cancelled=lambda: job.cancelled,
             )
         finally:
             work.video.close()
+        if drive.example and not result.cancelled:
+            with _examples_lock:
+                _examples[work.name] = work
+        return result
 
-    work.job = Job(compute, estimate(drive, matchers))
+    work.job = Job(compute, estimate(drive, asked.matchers))
     this_visit().jobs[WORK] = work.name, work.job
-    st.session_state[WORK] = work
 
 
 def estimate(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> Estimate:
