@@ -23,6 +23,8 @@ OFFERED = {
 FROM_DEPTH_PAGE = "as on the depth page"
 AT_FIRST = ("fast", "bm")
 TRUTH_TITLE = "True disparity"
+MOST = 256
+"""Px; the disparities that KITTI's PNG holds lie below."""
 
 
 class Asked(NamedTuple):
@@ -53,10 +55,17 @@ def ask_methods(drive: Drive) -> Asked:
             persist_state="session",
         )
         first = st.number_input(
-            "Smallest disparity, px", -512, 512, drive.range[0], key=f"{KEY}.first.{drive.digest}", width=170
+            "Smallest disparity, px", 0, MOST - 16, max(0, drive.range[0]), key=f"{KEY}.first.{drive.digest}", width=170
         )
         count = st.number_input(
-            "Disparities searched", 16, 512, drive.range[1], 16, key=f"{KEY}.count.{drive.digest}", width=170
+            "Disparities searched",
+            16,
+            MOST,
+            min(MOST, drive.range[1]),
+            16,
+            key=f"{KEY}.count.{drive.digest}",
+            help=f"The maps of a drive are kept as KITTI keeps them, which holds disparities up to {MOST} px.",
+            width=170,
         )
         truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, key=f"{KEY}.truth", persist_state="session")
         steadiness = _ask_steadiness()
@@ -67,10 +76,15 @@ def ask_methods(drive: Drive) -> Asked:
         "sgbm": StereoSGBM(),
         **own,
     }
+    if drive.range[0] < 0:
+        st.warning(
+            f"In these frames disparities reach down to about {drive.range[0]} px; the maps of a drive begin at 0 px. "
+            "Rectify the frames so that infinity has no disparity, or take single frames to the depth page."
+        )
     found = {}
     for name in chosen:
         try:
-            found[name] = made[name].with_search_range(first, count)
+            found[name] = made[name].with_search_range(first, min(count, MOST - first))
         except SettingsError as error:
             st.error(f"{titles[name]}: {error}")
     return Asked(found, truth, steadiness)
