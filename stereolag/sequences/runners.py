@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 import threading
 import time
 from collections import deque
@@ -142,7 +143,11 @@ def _dask_runner(scheduler: str) -> Iterator[Runner]:
         if scheduler == LOCAL:
             address = stack.enter_context(
                 distributed.LocalCluster(  # type: ignore[no-untyped-call]
-                    n_workers=available_cores(), threads_per_worker=1, dashboard_address=None, silence_logs="ERROR"
+                    n_workers=available_cores(),
+                    threads_per_worker=1,
+                    dashboard_address=None,
+                    silence_logs="ERROR",
+                    preload=__name__,
                 )
             )
         opening: Any = distributed.Client
@@ -152,6 +157,14 @@ def _dask_runner(scheduler: str) -> Iterator[Runner]:
             raise ConnectionError(f"There is no Dask scheduler at {scheduler!r}: {error}") from error
         stack.callback(client.close)
         yield DaskRunner(client)
+
+
+def dask_setup(worker: object) -> None:
+    """Let a worker on this machine pass over Ctrl-C, which its terminal sends to all: Dask calls this as it starts.
+
+    Who began the job ends it, and the workers with it.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 class DaskRunner:
