@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 import threading
 import time
 from collections import Counter, deque
@@ -212,7 +213,11 @@ def _dask_runner(scheduler: str) -> Iterator[PairRunner]:
         if scheduler == LOCAL:
             address = stack.enter_context(
                 distributed.LocalCluster(  # type: ignore[no-untyped-call]
-                    n_workers=available_cores(), threads_per_worker=1, dashboard_address=None, silence_logs="ERROR"
+                    n_workers=available_cores(),
+                    threads_per_worker=1,
+                    dashboard_address=None,
+                    silence_logs="ERROR",
+                    preload=__name__,
                 )
             )
         opening: Any = distributed.Client
@@ -222,6 +227,14 @@ def _dask_runner(scheduler: str) -> Iterator[PairRunner]:
             raise ConnectionError(f"There is no Dask scheduler at {scheduler!r}: {error}") from error
         stack.callback(client.close)
         yield DaskRunner(client)
+
+
+def dask_setup(worker: object) -> None:
+    """Let a worker on this machine pass over Ctrl-C, which its terminal sends to all: Dask calls this as it starts.
+
+    Who began the job ends it, and the workers with it.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 class DaskRunner:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import sys
@@ -115,6 +116,24 @@ def test_a_run_goes_on_here_where_a_cluster_left_it(cluster: Any, folders: tuple
     assert result.cancelled and result.matched == 3
     assert run_sequence(sequence, {"maps": ACCURATE}, out).finished_before == 3
     assert len(contents(out)) == 12
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_ctrl_c_in_a_terminal_leaves_local_workers_to_the_command(
+    folders: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    others = {process.pid for process in multiprocessing.active_children()}
+    told = set[int]()
+
+    def interrupt(state: SequenceState) -> None:
+        if state.done >= 2 and not told:
+            told.update(one.pid for one in multiprocessing.active_children() if one.pid and one.pid not in others)
+            for worker in told:
+                os.kill(worker, signal.SIGINT)
+
+    result = run_sequence(open_sequence(*folders), ACCURATE, tmp_path / "out", scheduler="local", progress=interrupt)
+    assert told and result.matched == 12
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.filterwarnings("ignore")
