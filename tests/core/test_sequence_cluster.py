@@ -75,7 +75,11 @@ def test_a_worker_killed_midway_loses_nothing(
     def kill(state: SequenceState) -> None:
         if state.done < 2 or killed:
             return
-        busy = {address: len(worker.processing) for address, worker in cluster.scheduler.workers.items()}
+        # What a worker holds is lost with it, as is what it is at.
+        busy = {
+            address: len(worker.processing) + len(worker.has_what)
+            for address, worker in cluster.scheduler.workers.items()
+        }
         victim = max(busy, key=lambda address: busy[address])
         assert busy[victim] > 0
         killed.append(next(nanny.pid for nanny in cluster.workers.values() if nanny.worker_address == victim))
