@@ -24,11 +24,12 @@ from benchmarks.long_drive import long_drive_table
 from benchmarks.pairs import DATA
 from benchmarks.sequences import DRIVE, sequence_table
 from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
+from benchmarks.steadiness import steadiness_table
 from benchmarks.suggestion import suggestion_table
 from benchmarks.timing import Row
 
 USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
-TABLES = [*USUAL, "doctor", "suggestion", "load", "hostile"]
+TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -105,6 +106,8 @@ def main() -> None:
             keep("sequences", "Frame sequences", *sequence_table())
         else:
             print(f"Sequences are left out: there is no drive at {DRIVE} (set STEREOLAG_DATA).")
+    if "steadiness" in wanted:
+        keep("steadiness", "Steady maps", *steadiness_table())
     if "flow" in wanted:
         keep("flow", "Optical flow", *flow_table())
     if "browser" in wanted:
