@@ -4,7 +4,7 @@ import streamlit as st
 
 from stereolag.ui.driving.frames import Drive, ask_drive
 from stereolag.ui.driving.result import show_downloads, show_work
-from stereolag.ui.driving.settings import ask_matchers
+from stereolag.ui.driving.settings import ask_methods
 from stereolag.ui.driving.work import work_on
 from stereolag.ui.navigation import fragment, page
 
@@ -12,12 +12,12 @@ from stereolag.ui.navigation import fragment, page
 @fragment
 def workspace(drive: Drive) -> None:
     """Ask for the methods, compute and play; moving a control reruns this part alone."""
-    matchers = ask_matchers(drive)
-    if not matchers:
+    asked = ask_methods(drive)
+    if not asked.matchers:
         st.info("Choose a method, and its maps are computed.", icon=":material/touch_app:")
         return
-    work = work_on(drive, matchers)
-    show_work(work, drive, matchers)
+    work = work_on(drive, asked)
+    show_work(work, drive, asked)
     show_downloads(work, drive)
 
 

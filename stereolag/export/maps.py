@@ -50,7 +50,7 @@ def kitti_png(disparity: npt.ArrayLike) -> bytes:
     ----------
     disparity
         (rows, cols), px, from -0.5 to 255.99; NaN or infinite where there is none. It is rounded to 1/256 px. Values
-        that would become 0, and those that the sub-pixel fit put less than half a pixel behind infinity, become
+        that would become 0, and those that the sub-pixel fit put up to half a pixel behind infinity, become
         1/256 px.
 
     Raises
@@ -83,7 +83,8 @@ def check_kitti(disparity: npt.ArrayLike) -> None:
     if known.size == 0:
         return
     low, high = float(known.min()), float(known.max())
-    if low <= BEHIND_INFINITY or np.rint(high * KITTI_SCALE) > LARGEST_UINT16:
+    first, last = np.rint(low * KITTI_SCALE), np.rint(high * KITTI_SCALE)
+    if first < BEHIND_INFINITY * KITTI_SCALE or last > LARGEST_UINT16:
         raise ValueError(
             f"disparity reaches from {low:.2f} to {high:.2f} px; KITTI's PNG holds 0 to 255.99 px, "
             "PFM and NPY hold any."

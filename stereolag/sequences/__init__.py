@@ -1,8 +1,9 @@
 """Frame sequences of stereo cameras: where frames come from, the job over all of them, and the video of its maps."""
 
-from stereolag.sequences.opening import open_sequence
-from stereolag.sequences.running import SequenceResult, SequenceState, run_sequence
+from stereolag.sequences.opening import example_sequence, open_sequence
+from stereolag.sequences.running import run_sequence
 from stereolag.sequences.sources import RectifiedSequence, StereoFrame, StereoSequence
+from stereolag.sequences.states import SequenceResult, SequenceState
 from stereolag.sequences.targets import SequenceMemory, SequenceTarget
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "SequenceTarget",
     "StereoFrame",
     "StereoSequence",
+    "example_sequence",
     "open_sequence",
     "run_sequence",
 ]

@@ -18,7 +18,7 @@ from stereolag.progress import Progress
 from stereolag.reading.disparities import read_stored_disparity
 from stereolag.reading.sources import Source
 from stereolag.sequences.records import FrameFigures, figures_of
-from stereolag.sequences.sources import FrameReader
+from stereolag.sequences.sources import FrameReader, StereoFrame, Truth
 from stereolag.stereo.matcher import StereoMatcher
 
 PNG = ".png"
@@ -34,6 +34,8 @@ class FrameTask(NamedTuple):
     calibration: Calibration | None = None
     in_colour: bool = True
     """Whether the left picture is handed back as it is, or grey will do."""
+    with_truth: bool = False
+    """Whether the true disparity is handed back, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +75,15 @@ class MatchedFrame:
         By the name of the method.
     problem
         Why there are no maps, one sentence; "" where there are.
+    truth
+        The true disparity, px, where it was asked for and is known.
     """
 
     number: int
     left: Image | None = None
     maps: Mapping[str, FrameMap] = field(default_factory=dict)
     problem: str = ""
+    truth: Truth | None = None
 
 
 def matched_frame(task: FrameTask, progress: Progress | None = None) -> MatchedFrame:
@@ -96,17 +101,22 @@ def matched_frame(task: FrameTask, progress: Progress | None = None) -> MatchedF
             maps[name] = FrameMap(as_stored(result.disparity, task.suffix), data, figures)
     except (ValueError, OSError) as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
-    return MatchedFrame(task.number, frame.left if task.in_colour else as_grey(frame.left), maps)
+    return _handed_back(task, frame, maps)
 
 
 def finished_frame(task: FrameTask, files: Mapping[str, Source]) -> MatchedFrame:
     """Read a frame whose maps have been written, as :func:`matched_frame` would have made it, without figures."""
     try:
-        left = task.reader().left
+        frame = task.reader()
         maps = {name: FrameMap(read_back(file), b"", FrameFigures()) for name, file in files.items()}
     except (ValueError, OSError) as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
-    return MatchedFrame(task.number, left if task.in_colour else as_grey(left), maps)
+    return _handed_back(task, frame, maps)
+
+
+def _handed_back(task: FrameTask, frame: StereoFrame, maps: Mapping[str, FrameMap]) -> MatchedFrame:
+    left = frame.left if task.in_colour else as_grey(frame.left)
+    return MatchedFrame(task.number, left, maps, truth=frame.truth if task.with_truth else None)
 
 
 def as_stored(disparity: FloatMap, suffix: str) -> FloatMap:

@@ -12,6 +12,7 @@ from stereolag.reading.archives import is_archive, read_archive
 from stereolag.reading.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
 from stereolag.reading.sources import Source, quoted
 from stereolag.reading.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, VideoFile
+from stereolag.samples import DriveExample
 from stereolag.sequences.sources import (
     MAX_ARCHIVED,
     USUAL_RATE,
@@ -70,6 +71,16 @@ def open_sequence(
     if len(sequence) > limits().max_frames:
         raise ValueError(f"The sequence has {len(sequence):,} frames; at most {limits().max_frames:,} are accepted.")
     return sequence
+
+
+def example_sequence(example: DriveExample) -> StereoSequence:
+    """Return the frames of a bundled drive, with the true disparity of each."""
+    files = zip(example.left, example.right, example.disparity, strict=True)
+    return PictureFiles(
+        tuple(path.stem for path in example.left),
+        tuple(FrameFiles(str(left), str(right), str(truth)) for left, right, truth in files),
+        example.frame_rate,
+    )
 
 
 def _of_one(source: Source, frame_rate: float | None) -> StereoSequence:

@@ -8,70 +8,26 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+
 from stereolag.geometry.calibration import Calibration
+from stereolag.inputs import Image
 from stereolag.sequences.flicker import flicker, same_picture_size, still_pixels
 from stereolag.sequences.folder import SequenceFolder
 from stereolag.sequences.matching import PNG, FrameTask, MatchedFrame, finished_frame
 from stereolag.sequences.records import FrameRecord, damaged_records
 from stereolag.sequences.runners import Runner, in_order, runner_at
-from stereolag.sequences.sources import StereoSequence
+from stereolag.sequences.sources import StereoSequence, Truth
+from stereolag.sequences.states import SequenceResult, SequenceState
 from stereolag.sequences.targets import SequenceTarget
 from stereolag.sequences.video import VideoWriter, common_range, panels
 from stereolag.stereo.matcher import StereoMatcher
 
 SAMPLED = 5
 """Frames, spread over the sequence, that choose the range of colours before the first one is drawn."""
-
-
-@dataclass(frozen=True)
-class SequenceState:
-    """How far a job is.
-
-    Attributes
-    ----------
-    done, total
-        Frames; those that were finished before count as done.
-    damaged
-        How many of them have no map.
-    elapsed_s, remaining_s
-        Seconds; `remaining_s` is NaN until the first frame is done.
-    """
-
-    done: int
-    total: int
-    damaged: int
-    elapsed_s: float
-    remaining_s: float
-
-
-@dataclass(frozen=True)
-class SequenceResult:
-    """What came of a job.
-
-    Attributes
-    ----------
-    total
-        Frames of the sequence.
-    matched, finished_before
-        How many frames were matched now, and how many had been before.
-    damaged
-        {name of the frame: why there is no map}.
-    cancelled
-        Whether it was called off before its end; calling it again goes on.
-    elapsed_s
-        Seconds.
-    """
-
-    total: int
-    matched: int
-    finished_before: int
-    damaged: Mapping[str, str]
-    cancelled: bool
-    elapsed_s: float
 
 
 def run_sequence(
@@ -82,6 +38,7 @@ def run_sequence(
     calibration: Calibration | None = None,
     video: str | os.PathLike[str] | BinaryIO | VideoWriter | None = None,
     colours: tuple[float, float] | None = None,
+    truth_in_video: bool = False,
     disparity_format: str = PNG,
     scheduler: str | None = None,
     again: bool = False,
@@ -107,6 +64,8 @@ def run_sequence(
         what writes it, which is left open.
     colours
         The disparities, px, at the ends of that range; chosen by five frames unless given.
+    truth_in_video
+        Whether the true disparity is shown there, too, last.
     disparity_format
         ``".png"``, or ``".pfm"`` or ``".npy"``, which hold any disparity.
     scheduler
@@ -148,7 +107,18 @@ def run_sequence(
         elif video is not None:
             writer = stack.enter_context(VideoWriter(video, sequence.frame_rate, len(sequence)))
         runner = stack.enter_context(runner_at(scheduler))
-        job = _Job(sequence, named, target, writer, runner, calibration, disparity_format, progress, cancelled)
+        job = _Job(
+            sequence,
+            named,
+            target,
+            writer,
+            runner,
+            calibration,
+            disparity_format,
+            progress,
+            cancelled,
+            with_truth=truth_in_video and writer is not None,
+        )
         return job.run()
 
 
@@ -166,10 +136,12 @@ class _Job:
         suffix: str,
         progress: Callable[[SequenceState], None] | None,
         cancelled: Callable[[], bool] | None,
+        *,
+        with_truth: bool,
     ) -> None:
         self._sequence, self._matchers, self._target, self._writer = sequence, matchers, target, writer
         self._runner, self._calibration, self._suffix = runner, calibration, suffix
-        self._progress, self._cancelled = progress, cancelled
+        self._progress, self._cancelled, self._with_truth = progress, cancelled, with_truth
         self._start = time.perf_counter()
         self._missing = [number for number in range(len(sequence)) if number not in target]
         self._done = self._before = len(sequence) - len(self._missing)
@@ -231,6 +203,8 @@ class _Job:
                 self._writer.write_blank()
             else:
                 disparities = [one.disparity for one in frame.maps.values()]
+                if self._with_truth:
+                    disparities.append(_truth_of(frame, frame.left))
                 self._writer.write(panels(frame.left, disparities, self._target.colours))
         self._last = frame
         self._look()
@@ -262,6 +236,7 @@ class _Job:
             self._suffix,
             self._calibration,
             in_colour=self._writer is not None,
+            with_truth=self._with_truth,
         )
 
     def _look(self) -> None:
@@ -273,6 +248,13 @@ class _Job:
             left = len(self._sequence) - self._done
             remaining = elapsed / new * left if new else math.nan
             self._progress(SequenceState(self._done, len(self._sequence), len(self._damaged), elapsed, remaining))
+
+
+def _truth_of(frame: MatchedFrame, left: Image) -> Truth:
+    rows, cols = left.shape[:2]
+    if frame.truth is None or frame.truth.shape != (rows, cols):
+        return np.full((rows, cols), np.nan, np.float32)
+    return frame.truth
 
 
 def _spread(numbers: list[int] | range, count: int) -> list[int]:

@@ -66,6 +66,11 @@ class StereoSequence(ABC):
     frame_rate: float
     rectified: bool = False
 
+    @property
+    def has_truth(self) -> bool:
+        """Return whether the true disparity of any frame is known."""
+        return False
+
     @abstractmethod
     def reader(self, number: int) -> FrameReader:
         """Return what reads a frame: small, and it can be pickled; opens nothing yet."""
@@ -106,6 +111,11 @@ class PictureFiles(StereoSequence):
     files: tuple[FrameFiles, ...]
     frame_rate: float = USUAL_RATE
 
+    @property
+    def has_truth(self) -> bool:
+        """Return whether a frame has a file of true disparities."""
+        return _any_truth(self.files)
+
     def reader(self, number: int) -> FrameReader:
         """Return what reads a frame from its files."""
         return partial(_read_files, self.files[number])
@@ -119,6 +129,11 @@ class ArchivedPictures(StereoSequence):
     files: tuple[FrameFiles, ...]
     archive: Path | Archive
     frame_rate: float = USUAL_RATE
+
+    @property
+    def has_truth(self) -> bool:
+        """Return whether a frame has a file of true disparities."""
+        return _any_truth(self.files)
 
     def reader(self, number: int) -> FrameReader:
         """Return what reads a frame from the archive."""
@@ -179,6 +194,10 @@ def _read_rectified(reader: FrameReader, calibration: Calibration) -> StereoFram
     raw = reader()
     straight = rectify(raw.left, raw.right, calibration)
     return StereoFrame(straight.left, straight.right)
+
+
+def _any_truth(files: tuple[FrameFiles, ...]) -> bool:
+    return any(one.truth is not None for one in files)
 
 
 def _numbers(count: int) -> tuple[str, ...]:

@@ -46,11 +46,15 @@ def common_range(maps: Sequence[FloatMap]) -> tuple[float, float]:
 
 
 def panels(left: Image, maps: Sequence[FloatMap], colours: tuple[float, float], palette: Rgb = VIRIDIS) -> Rgb:
-    """Return the left picture and the maps side by side, near bright, (H, n * W, 3) uint8."""
+    """Return the left picture and the maps side by side, near bright, (H, n * W, 3) uint8.
+
+    Each is cut to an even width and height: H.264 has one colour for two by two pixels, and none lies in two pictures.
+    """
+    rows, cols = (side // 2 * 2 for side in left.shape[:2])
     table = np.ascontiguousarray(colour_table(palette)[:, None])
     parts = [as_rgb(left)]
     parts += [np.asarray(cv2.applyColorMap(colour_numbers(one, *colours), table)) for one in maps]
-    return np.concatenate(parts, axis=1)
+    return np.concatenate([part[:rows, :cols] for part in parts], axis=1)
 
 
 def index_first(most_frames: int) -> dict[str, str]:

@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.reading import read_image
-from stereolag.samples import stereo_pairs
+from stereolag.figures.pictures import coloured
+from stereolag.reading import read_disparity, read_image
+from stereolag.samples import drives, stereo_pairs
 from stereolag.ui.depth.handed_over import HANDED
+from stereolag.ui.driving.frames import EXAMPLE, ONE
 from stereolag.ui.driving.result import OPENED, _table
 from stereolag.ui.driving.work import WORK, DriveWork
 from tests.app import uploads
@@ -41,10 +43,15 @@ def drive(*, damaged: int | None = None, count: int = COUNT) -> bytes:
     return stream.getvalue()
 
 
-def opened(data: bytes, name: str = "drive.zip") -> AppTest:
+def page(origin: str) -> AppTest:
     app = AppTest.from_file(Path(__file__).resolve().parents[2] / "app.py", default_timeout=120)
+    app.session_state["driving.origin"] = origin
     app.switch_page(PATH)
-    app.run()
+    return app.run()
+
+
+def opened(data: bytes, name: str = "drive.zip") -> AppTest:
+    app = page(ONE)
     app.file_uploader(key="driving.one").set_value((name, data, "application/zip")).run()
     return app
 
@@ -90,6 +97,37 @@ def test_a_drive_is_computed_played_and_told_of() -> None:
     table = _table(work(app))
     assert len([*csv.DictReader(io.StringIO(table))]) == 2 * COUNT
     assert {one.label for one in app.get("download_button")} == {"Video (MP4)", "Maps (ZIP)", "Table (CSV)"}
+
+
+def test_it_opens_on_the_example_which_the_next_visitor_sees_at_once() -> None:
+    app = finished(page(EXAMPLE))
+    assert not app.error
+    (example,) = drives().values()
+    shown = player(app)
+    assert shown["computed"] == shown["frames"] == len(example)
+    assert not any(shown["problems"])
+    fast, bm = next(chart["series"] for chart in shown["charts"] if chart["name"] == "Wrong by over 2 px")
+    assert np.mean(fast["values"]) < 0.3 * np.mean(bm["values"])
+    assert shown["legends"][0]["title"] == "disparity, px, and distance"
+    assert work(page(EXAMPLE)) is work(app)
+
+
+def test_the_truth_is_shown_beside_the_maps() -> None:
+    app = page(EXAMPLE)
+    pills = next(one for one in app.get("button_group") if one.key == "driving.methods")
+    pills.set_value(["bm"]).run()
+    next(one for one in app.toggle if one.label == "True disparity").set_value(True).run()
+    app = finished(app)
+    assert player(app)["titles"] == ["Left image", "StereoBM", "True disparity"]
+    low, high = work(app).kept.colours or (0, 0)
+    (example,) = drives().values()
+    truth = read_disparity(example.disparity[0])
+    with av.open(io.BytesIO(b"".join(work(app).video.pieces)), "r") as container:
+        first = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(float)
+    width = truth.shape[1] // 2 * 2
+    shown = first[:, 2 * width :]
+    expected = coloured(truth, low, high).astype(float)[:, :width]
+    assert np.abs(shown - expected).mean() < 8  # of 255: what the compression changes
 
 
 def test_other_methods_and_ranges_are_computed_anew() -> None:

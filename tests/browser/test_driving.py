@@ -16,6 +16,7 @@ class Drive:
 
     def __init__(self, page: Page, count: int) -> None:
         self.page = page
+        page.get_by_role("radio", name="Your ZIP, or side-by-side video").click()
         page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(
             {"name": "drive.zip", "mimeType": "application/zip", "buffer": drive(count=count)}
         )

@@ -79,10 +79,14 @@ def test_kitti_png_comes_back_within_half_a_step(disparity):
     np.testing.assert_allclose(back[known], np.maximum(disparity[known], 1 / 256), atol=1 / 512)
 
 
-@pytest.mark.parametrize("value", [-0.5, -3.0, 256.0, 255.9985, 1e6])
+@pytest.mark.parametrize("value", [-0.51, -3.0, 256.0, 255.9985, 1e6])
 def test_kitti_png_refuses_what_it_cannot_hold(value):
     with pytest.raises(ValueError, match=f"{min(value, 9.0):.2f} to {max(value, 9.0):.2f} px"):
         kitti_png([[9.0, value]])
+
+
+def test_kitti_png_holds_the_end_of_the_sub_pixel_fit():
+    assert opencv(kitti_png(np.array([[-0.5, np.nextafter(-0.5, -1), 3]]))).tolist() == [[1, 1, 768]]
 
 
 def test_kitti_png_of_nothing_is_all_zero():

@@ -46,6 +46,14 @@ def test_a_wall_goes_on_beyond_what_the_right_camera_sees() -> None:
     np.testing.assert_allclose(filled_from_ends(seen)[:, :30], wall[:, :30], atol=0.04)
 
 
+def test_a_wall_that_recedes_goes_no_farther_than_what_was_measured() -> None:
+    x = np.indices((60, 120), np.float32)[1]
+    seen = np.where(x < 60, NAN, 0.05 * (x - 58)).astype(np.float32)
+    filled = filled_from_ends(seen)
+    assert filled.min() == np.nanmin(seen)
+    assert np.isfinite(filled).all()
+
+
 def test_a_ragged_wall_goes_on_level() -> None:
     x = np.indices((60, 120), np.float32)[1]
     seen = np.where((x < 30) | (np.random.default_rng(0).random(x.shape) < 0.3), NAN, 20 - 0.06 * x)

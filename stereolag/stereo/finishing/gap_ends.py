@@ -34,7 +34,7 @@ def filled_from_ends(disparity: FloatMap) -> FloatMap:
 
     The surface at an end is the mean of what was measured close to it: a single pixel is noisy, and makes stripes. The
     gap at the left edge, which the right camera does not see, continues the slant of the surface beside it if that is
-    measured well. A row without a value stays NaN.
+    measured well, but no farther away than the farthest that was measured anywhere. A row without a value stays NaN.
 
     Parameters
     ----------
@@ -42,12 +42,13 @@ def filled_from_ends(disparity: FloatMap) -> FloatMap:
         (H, W) float32 px; NaN = none.
     """
     out = disparity.copy()
-    over_bands(lambda first, end: fill_between_ends(disparity, first, end, out), len(out))
+    farthest = np.fmin.reduce(disparity, axis=None)
+    over_bands(lambda first, end: fill_between_ends(disparity, farthest, first, end, out), len(out))
     return out
 
 
 @compiled
-def fill_between_ends(disparity: Array, first: int, end: int, out: Array) -> None:
+def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out: Array) -> None:
     """Fill the gaps of rows `first` to `end`. Equals :func:`fill_between_ends_reference`."""
     width = disparity.shape[1]
     for y in range(first, end):
@@ -66,7 +67,7 @@ def fill_between_ends(disparity: Array, first: int, end: int, out: Array) -> Non
                 # The mean of a surface is its value in the middle of it.
                 middle = np.float32(x + (INWARD - 1) / 2 if wide else x)
                 for gap in range(start, x):
-                    out[y, gap] = value - slant * (middle - np.float32(gap))
+                    out[y, gap] = max(value - slant * (middle - np.float32(gap)), farthest)
             start = x + 1
 
 
@@ -139,5 +140,6 @@ def fill_between_ends_reference(disparity: FloatMap) -> FloatMap:
                 ends += [surface(y, x, slice(x, x + INWARD))] if x < width else []
             if ends:
                 away = np.arange(x - start, 0, -1) + (0 if x - start < WIDE else (INWARD - 1) / 2)
-                out[y, start:x] = min(ends) - (slant(y, x, min(ends)) * away if start == 0 else 0)
+                slanted = min(ends) - (slant(y, x, min(ends)) * away if start == 0 else 0)
+                out[y, start:x] = np.maximum(slanted, np.nanmin(disparity))
     return out

@@ -9,13 +9,16 @@ import streamlit as st
 from stereolag.doctor import diagnose
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scaling import calibration_for
+from stereolag.reading import read_calibration
 from stereolag.reading.videos import VIDEO_ENDINGS
-from stereolag.sequences import StereoFrame, StereoSequence, open_sequence
+from stereolag.samples import drives
+from stereolag.sequences import StereoFrame, StereoSequence, example_sequence, open_sequence
 from stereolag.ui.depth.calibrating import ask_calibration
 from stereolag.ui.uploads import forget_together, put_together, upload
 
 KEY = "driving"
-ARRANGEMENTS = {"one": "ZIP, or one side-by-side video", "two": "Two videos"}
+EXAMPLE, ONE, TWO = "example", "one", "two"
+ORIGINS = {EXAMPLE: "Example", ONE: "Your ZIP, or side-by-side video", TWO: "Your two videos"}
 USUAL_DISPARITIES = 64
 LOOKED_AT = 10
 """Frames at the beginning, one of which must be readable."""
@@ -37,6 +40,8 @@ class Drive:
         Of the left camera.
     range
         The first disparity to search, and how many.
+    example
+        Whether it is the bundled one, whose maps all visitors may share.
     """
 
     sequence: StereoSequence
@@ -44,21 +49,26 @@ class Drive:
     digest: str
     calibration: Calibration | None
     range: tuple[int, int]
+    example: bool = False
 
 
 def ask_drive() -> Drive | None:
     """Ask for frames and calibration; None while they are not there."""
-    arrangement = st.segmented_control(
+    origin = st.segmented_control(
         "Frames",
-        [*ARRANGEMENTS],
-        default="one",
-        format_func=ARRANGEMENTS.__getitem__,
+        [*ORIGINS],
+        default=EXAMPLE,
+        format_func=ORIGINS.__getitem__,
         required=True,
-        key=f"{KEY}.arrangement",
+        key=f"{KEY}.origin",
         persist_state="session",
         label_visibility="collapsed",
     )
-    found = _ask_one() if arrangement == "one" else _ask_two()
+    if origin == EXAMPLE:
+        example = next(iter(drives().values()))
+        st.caption(example.description)
+        return _example(example.name)
+    found = _ask_one() if origin == ONE else _ask_two()
     calibration = ask_calibration(KEY)
     if found is None:
         return None
@@ -75,6 +85,15 @@ def ask_drive() -> Drive | None:
     rows, cols = kept.first.left.shape[:2]
     fitted = None if calibration is None else calibration_for(calibration.content, cols, rows)
     return Drive(kept.sequence, kept.first, kept.digest, fitted, kept.range)
+
+
+@st.cache_resource(show_spinner="Loading the example …")
+def _example(name: str) -> Drive:
+    example = drives()[name]
+    sequence = example_sequence(example)
+    calibration = read_calibration(example.calibration)
+    searched = (0, example.num_disparities)
+    return Drive(sequence, sequence.frame(0), f"example {name}", calibration, searched, example=True)
 
 
 def _ask_one() -> tuple[StereoSequence, str] | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Mapping
 
 import streamlit as st
 
@@ -12,11 +11,10 @@ from stereolag.figures.legends import Legend, disparity_legends
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.sequences.fragments import whole_video
 from stereolag.sequences.records import header, lines
-from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.handed_over import hand_over
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.player import Played, show_player
-from stereolag.ui.driving.settings import title_of
+from stereolag.ui.driving.settings import Asked, title_of
 from stereolag.ui.driving.work import DriveWork, go_on
 from stereolag.ui.jobs import waiting_in_words
 from stereolag.ui.private_files import download_button
@@ -27,23 +25,23 @@ DEPTH_PAGE = "pages/3_Depth_maps.py"
 OPENED = f"{KEY}.opened"
 
 
-def show_work(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+def show_work(work: DriveWork, drive: Drive, asked: Asked) -> None:
     """Show what there is; while it is computed, again and again."""
-    st.fragment(_watch, run_every=BETWEEN_LOOKS_S if work.job.running else None)(work, drive, matchers)
+    st.fragment(_watch, run_every=BETWEEN_LOOKS_S if work.job.running else None)(work, drive, asked)
 
 
-def _watch(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+def _watch(work: DriveWork, drive: Drive, asked: Asked) -> None:
     running = work.job.running
     if not running and st.session_state.get(f"{KEY}.watched") == work.name:
         del st.session_state[f"{KEY}.watched"]
         st.rerun(scope="app")
     if running:
         st.session_state[f"{KEY}.watched"] = work.name
-    _show_progress(work, drive, matchers)
+    _show_progress(work, drive, asked)
     played = Played(
         work.video_name,
-        ["Left image", *(title_of(name) for name in matchers)],
-        {name: title_of(name) for name in matchers},
+        asked.titles,
+        {name: title_of(name) for name in asked.matchers},
         (drive.first.left.shape[0], drive.first.left.shape[1]),
         drive.sequence.frame_rate,
         drive.sequence.names,
@@ -69,7 +67,7 @@ def _legends(work: DriveWork, drive: Drive) -> tuple[Legend, ...]:
     return disparity_legends(*work.kept.colours, VIRIDIS, drive.calibration)
 
 
-def _show_progress(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+def _show_progress(work: DriveWork, drive: Drive, asked: Asked) -> None:
     state, total = work.state, len(drive.sequence)
     with st.container(horizontal=True, vertical_alignment="center", key=f"{KEY}.progress"):
         if work.job.running:
@@ -93,7 +91,7 @@ def _show_progress(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoM
             width="content",
         )
         if state.done < total:
-            st.button("Go on", key=f"{KEY}.go_on", on_click=go_on, args=(work, drive, matchers))
+            st.button("Go on", key=f"{KEY}.go_on", on_click=go_on, args=(work, drive, asked))
 
 
 def _open_on_depth_page(drive: Drive, number: int) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import streamlit as st
 
 from stereolag.settings import SettingsError
@@ -19,10 +21,25 @@ OFFERED = {
 }
 FROM_DEPTH_PAGE = "as on the depth page"
 AT_FIRST = ("fast", "bm")
+TRUTH_TITLE = "True disparity"
+MOST = 256
+"""Px; the disparities that KITTI's PNG holds lie below."""
 
 
-def ask_matchers(drive: Drive) -> dict[str, StereoMatcher]:
-    """Return the methods chosen, by names that can be names of folders; each searches the range asked for."""
+class Asked(NamedTuple):
+    """How the maps of a sequence are to be made: the methods by names that can be names of folders."""
+
+    matchers: dict[str, StereoMatcher]
+    truth_in_video: bool = False
+
+    @property
+    def titles(self) -> list[str]:
+        """Return the titles of the pictures of the video, in order."""
+        return ["Left image", *map(title_of, self.matchers), *([TRUTH_TITLE] if self.truth_in_video else [])]
+
+
+def ask_methods(drive: Drive) -> Asked:
+    """Ask for the methods and for the range that each of them searches."""
     own = {f"own_{one.short_name}": one for one in matchers_in_use()}
     titles = OFFERED | {name: f"{one.title}, {FROM_DEPTH_PAGE}" for name, one in own.items()}
     with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
@@ -36,11 +53,19 @@ def ask_matchers(drive: Drive) -> dict[str, StereoMatcher]:
             persist_state="session",
         )
         first = st.number_input(
-            "Smallest disparity, px", -512, 512, drive.range[0], key=f"{KEY}.first.{drive.digest}", width=170
+            "Smallest disparity, px", 0, MOST - 16, max(0, drive.range[0]), key=f"{KEY}.first.{drive.digest}", width=170
         )
         count = st.number_input(
-            "Disparities searched", 16, 512, drive.range[1], 16, key=f"{KEY}.count.{drive.digest}", width=170
+            "Disparities searched",
+            16,
+            MOST,
+            min(MOST, drive.range[1]),
+            16,
+            key=f"{KEY}.count.{drive.digest}",
+            help=f"The maps of a drive are kept as KITTI keeps them, which holds disparities up to {MOST} px.",
+            width=170,
         )
+        truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, key=f"{KEY}.truth", persist_state="session")
     made: dict[str, StereoMatcher] = {
         "fast": preset("fast"),
         "accurate": preset("accurate"),
@@ -48,13 +73,18 @@ def ask_matchers(drive: Drive) -> dict[str, StereoMatcher]:
         "sgbm": StereoSGBM(),
         **own,
     }
+    if drive.range[0] < 0:
+        st.warning(
+            f"In these frames disparities reach down to about {drive.range[0]} px; the maps of a drive begin at 0 px. "
+            "Rectify the frames so that infinity has no disparity, or take single frames to the depth page."
+        )
     found = {}
     for name in chosen:
         try:
-            found[name] = made[name].with_search_range(first, count)
+            found[name] = made[name].with_search_range(first, min(count, MOST - first))
         except SettingsError as error:
             st.error(f"{titles[name]}: {error}")
-    return found
+    return Asked(found, truth)
 
 
 def title_of(name: str) -> str:

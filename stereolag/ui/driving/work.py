@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import math
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import streamlit as st
+from cachetools import LRUCache
 
 from stereolag.estimates import Estimate
 from stereolag.sequences import SequenceResult, SequenceState, run_sequence
@@ -15,12 +17,19 @@ from stereolag.sequences.fragments import VideoPieces
 from stereolag.sequences.targets import SequenceMemory
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.driving.frames import KEY, Drive
+from stereolag.ui.driving.settings import Asked
 from stereolag.ui.jobs import Job
 from stereolag.ui.visits import this_visit
 
 WORK = f"{KEY}.work"
 FRAMES_AT_ONCE = 4
 """Whose pictures and maps are in memory together."""
+EXAMPLES_KEPT = 2
+"""Of some 40 MB each."""
+
+_examples: LRUCache[str, DriveWork] = LRUCache(EXAMPLES_KEPT)
+"""What was made of the example for one visitor, which the next sees at once."""
+_examples_lock = threading.Lock()
 
 
 @dataclass(eq=False)
@@ -59,49 +68,58 @@ class DriveWork:
         return self.video.collected
 
 
-def work_on(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> DriveWork:
+def work_on(drive: Drive, asked: Asked) -> DriveWork:
     """Return the work on a sequence with these settings; it begins where there is none, in place of any other."""
-    asked = "\0".join(
-        [drive.digest, repr(drive.calibration), *(f"{k} {m.model_dump_json()}" for k, m in matchers.items())]
-    )
-    name = hashlib.sha256(asked.encode()).hexdigest()
+    settings = [f"{name} {matcher.model_dump_json()}" for name, matcher in asked.matchers.items()]
+    told = "\0".join([drive.digest, repr(drive.calibration), str(asked.truth_in_video), *settings])
+    name = hashlib.sha256(told.encode()).hexdigest()
     kept: DriveWork | None = st.session_state.get(WORK)
     if kept is not None and kept.name == name:
         return kept
     if kept is not None:
         kept.job.cancel()
-    work = DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate))
-    _begin(work, drive, matchers)
+    with _examples_lock:
+        work = _examples.get(name)
+    if work is None:
+        work = DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate))
+        _begin(work, drive, asked)
+    st.session_state[WORK] = work
     return work
 
 
-def go_on(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+def go_on(work: DriveWork, drive: Drive, asked: Asked) -> None:
     """Go on with work that was called off: what is finished is drawn again and not computed again."""
     video = VideoPieces(drive.sequence.frame_rate)
-    _begin(DriveWork(work.name, work.kept, video, begun=work.begun + 1), drive, matchers)
+    again = DriveWork(work.name, work.kept, video, begun=work.begun + 1)
+    _begin(again, drive, asked)
+    st.session_state[WORK] = again
 
 
-def _begin(work: DriveWork, drive: Drive, matchers: Mapping[str, StereoMatcher]) -> None:
+def _begin(work: DriveWork, drive: Drive, asked: Asked) -> None:
     def told(state: SequenceState) -> None:
         work.state = state
 
     def compute(job: Job[SequenceResult]) -> SequenceResult:
         try:
-            return run_sequence(
+            result = run_sequence(
                 drive.sequence,
-                matchers,
+                asked.matchers,
                 work.kept,
                 calibration=drive.calibration,
                 video=work.video,
+                truth_in_video=asked.truth_in_video,
                 progress=told,
                 cancelled=lambda: job.cancelled,
             )
         finally:
             work.video.close()
+        if drive.example and not result.cancelled:
+            with _examples_lock:
+                _examples[work.name] = work
+        return result
 
-    work.job = Job(compute, estimate(drive, matchers))
+    work.job = Job(compute, estimate(drive, asked.matchers))
     this_visit().jobs[WORK] = work.name, work.job
-    st.session_state[WORK] = work
 
 
 def estimate(drive: Drive, matchers: Mapping[str, StereoMatcher]) -> Estimate:
