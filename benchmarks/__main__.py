@@ -20,14 +20,16 @@ from benchmarks.doctor import doctor_tables
 from benchmarks.flow import flow_table
 from benchmarks.hostile import hostile_table
 from benchmarks.load import load_table
+from benchmarks.long_drive import long_drive_table
 from benchmarks.pairs import DATA
 from benchmarks.sequences import DRIVE, sequence_table
 from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
+from benchmarks.steadiness import steadiness_table
 from benchmarks.suggestion import suggestion_table
 from benchmarks.timing import Row
 
 USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
-TABLES = [*USUAL, "doctor", "suggestion", "load", "hostile"]
+TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -86,7 +88,9 @@ def main() -> None:
     parser.add_argument(
         "tables", nargs="*", choices=[*TABLES, []], help=f"which tables; {', '.join(USUAL)} unless named"
     )
-    wanted = parser.parse_args().tables or USUAL
+    parser.add_argument("--frames", type=int, help="of sequences: a drive of so many, by the command, and its memory")
+    options = parser.parse_args()
+    wanted = options.tables or USUAL
     if "speed" in wanted:
         rows = [*stereo_rows(), *signal_rows(), *template_rows()]
         keep("speed", "Speed", table(rows), [asdict(row) | {"ratio": row.ratio} for row in rows])
@@ -96,10 +100,14 @@ def main() -> None:
         else:
             print(f"Accuracy is left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
     if "sequences" in wanted:
-        if DRIVE.is_dir():
+        if DRIVE.is_dir() and options.frames:
+            keep("long_drive", "A long drive", *long_drive_table(options.frames))
+        elif DRIVE.is_dir():
             keep("sequences", "Frame sequences", *sequence_table())
         else:
             print(f"Sequences are left out: there is no drive at {DRIVE} (set STEREOLAG_DATA).")
+    if "steadiness" in wanted:
+        keep("steadiness", "Steady maps", *steadiness_table())
     if "flow" in wanted:
         keep("flow", "Optical flow", *flow_table())
     if "browser" in wanted:

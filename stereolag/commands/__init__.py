@@ -18,6 +18,7 @@ MEASURING = {
     "depth": "the depth map of a stereo pair",
     "lag": "the lag between two recordings",
     "find": "the place of a template in an image",
+    "sequence": "the depth maps of every frame that a stereo camera took",
     "calibrate": "the calibration of a stereo camera from pictures of a board",
 }
 """Each command that measures, a module of this package, and what it gives: a new one is listed here."""

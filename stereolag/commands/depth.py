@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import stereolag as sl
 from stereolag.commands.flags import SettingsFlags
-from stereolag.commands.matchers import add_choice, chosen_matcher, elsewhere, shortcuts_of
+from stereolag.commands.matchers import add_choice, chosen_matcher, elsewhere, over_known_range, shortcuts_of
 from stereolag.commands.pair_flags import add_pair
 from stereolag.commands.parsing import DONE, CommandParser, add_output, tell
 from stereolag.settings import FitsImage, marker
@@ -48,9 +48,7 @@ def run(arguments: Sequence[str]) -> int:
     if options.out is not None:
         Path(options.out).mkdir(parents=True, exist_ok=True)
     pair = read_pair(options)
-    known = pair.calibration and pair.calibration.num_disparities
-    if known and options.settings is None and matcher.search_range() == start.search_range():
-        matcher = matcher.with_search_range(0, known)
+    matcher = over_known_range(matcher, start, options, pair.calibration)
 
     _load_loops(matcher, pair)
     result = matcher.compute(pair.left, pair.right)

@@ -6,13 +6,11 @@ import argparse
 from dataclasses import dataclass, replace
 
 from stereolag.arrays import FloatMap
-from stereolag.commands.pair_flags import AUTO, YES
+from stereolag.commands.fitting import fitted
 from stereolag.commands.parsing import read
-from stereolag.doctor.row_evidence import row_evidence
 from stereolag.doctor.truth_scale import likely_divisor
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.rectification import rectify
-from stereolag.geometry.scaling import as_deep, calibration_for, cropped_alike
+from stereolag.geometry.scaling import as_deep, cropped_alike
 from stereolag.inputs import Image, as_stereo_pair
 from stereolag.reading import read_calibration, read_image
 from stereolag.reading.disparities import read_stored_disparity
@@ -56,14 +54,13 @@ def read_pair(options: argparse.Namespace) -> DepthPair:
     """
     left_file, right_file = read(read_image, options.left), read(read_image, options.right)
     left, right = as_stereo_pair(*as_deep(*cropped_alike(left_file, right_file)))
-    rows, cols = left.shape[:2]
     pair = DepthPair(left, right)
     if options.truth is not None:
         truth = _read_truth(options.truth, left_file, right_file)
-        pair = replace(pair, truth=truth[:rows, :cols])
+        pair = replace(pair, truth=truth[: left.shape[0], : left.shape[1]])
     if options.calibration is not None:
         calibration = read(read_calibration, *options.calibration)
-        pair = _calibrated(pair, calibration_for(calibration, cols, rows), options.rectify)
+        pair = _calibrated(pair, calibration, options.rectify)
     return pair
 
 
@@ -79,23 +76,14 @@ def _read_truth(path: str, left: Image, right: Image) -> FloatMap:
 
 def _calibrated(pair: DepthPair, calibration: Calibration, wanted: str) -> DepthPair:
     """Return the pair with its calibration, rectified if it is raw: as its rows tell, or as is wanted."""
-    if calibration.rig is None:
-        if wanted == YES:
-            raise ValueError("The calibration is of a rectified pair: it holds no cameras to rectify with.")
-        return replace(pair, calibration=calibration)
-    straight = rectify(pair.left, pair.right, calibration)
-    if wanted == AUTO:
-        evidence = row_evidence((pair.left, pair.right), (straight.left, straight.right))
-        raw = not evidence.already_rectified
-        rows = f"rows differ by {evidence.given_px:.2g} px, rectified by {evidence.rectified_px:.2g} px"
-    else:
-        raw, rows = wanted == YES, "as you said"
-    if not raw:
-        return replace(pair, calibration=straight.calibration, said=(f"The pair is rectified already ({rows}).",))
+    found = fitted(calibration, pair.left, pair.right, wanted)
+    if found.straight is None:
+        said = (f"The pair is rectified already ({found.rows}).",) if found.rows else ()
+        return replace(pair, calibration=found.calibration, said=said)
     if pair.truth is not None:
         raise ValueError(
-            f"The images are raw ({rows}) and the ground truth belongs to them before rectification: leave out --truth "
-            "or --calibration, or give --rectify no."
+            f"The images are raw ({found.rows}) and the ground truth belongs to them before rectification: leave out "
+            "--truth or --calibration, or give --rectify no."
         )
-    said = f"The pair was rectified with its calibration ({rows})."
-    return DepthPair(straight.left, straight.right, None, straight.calibration, True, (said,))
+    said = (f"The pair was rectified with its calibration ({found.rows}).",)
+    return DepthPair(found.straight.left, found.straight.right, None, found.calibration, True, said)

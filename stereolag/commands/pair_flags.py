@@ -1,8 +1,10 @@
-"""The arguments that name the files of a stereo pair."""
+"""The arguments that name the files of a stereo pair, or of a sequence of pairs."""
 
 from __future__ import annotations
 
 import argparse
+
+from stereolag.export.writing import DISPARITY_FORMATS
 
 AUTO, YES, NO = "auto", "yes", "no"
 """Whether the images are to be rectified."""
@@ -14,21 +16,58 @@ def add_pair(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("right", metavar="RIGHT", help="the right image, of the same size")
     files = parser.add_argument_group("files")
     files.add_argument("--truth", metavar="FILE", help="ground truth to judge the map by: PFM, NPY, PNG or PGM")
+    _add_calibration(files, "")
+    files.add_argument(
+        "--out",
+        metavar="DIR",
+        help="write the map there: disparity as .pfm, .npy, _kitti.png (16 bits, × 256) and _coloured.png, "
+        "settings.json, and with a calibration cloud.ply; nothing is written unless given",
+    )
+
+
+def add_frames(parser: argparse.ArgumentParser) -> None:
+    """Tell a parser of the files of a sequence, and of where its maps go."""
+    parser.add_argument(
+        "left",
+        metavar="LEFT",
+        help="left pictures, as a folder or a pattern in quotes, or the left video; alone: a ZIP of both sides, or a "
+        "video of both side by side",
+    )
+    parser.add_argument("right", metavar="RIGHT", nargs="?", help="the same of the right")
+    files = parser.add_argument_group("files")
+    files.add_argument(
+        "--out",
+        metavar="DIR",
+        required=True,
+        help="write the maps there, METHOD/FRAME.png (disparity × 256 in 16 bits), frames.csv with figures of every "
+        "frame, and sequence.json; frames that are finished there are not matched again",
+    )
+    files.add_argument(
+        "--disparity-format",
+        choices=[*DISPARITY_FORMATS],
+        default=".png",
+        help="of the maps; .pfm and .npy hold any disparity, .png 0 to 255 px (default: %(default)s)",
+    )
+    files.add_argument(
+        "--video",
+        metavar="FILE.mp4",
+        help="write a video of the left pictures beside the maps, in one range of colours",
+    )
+    files.add_argument("--truth", metavar="FILES", help="a folder or pattern of true disparities to judge the maps by")
+    _add_calibration(files, "; gives the nearest obstacle in metres")
+    files.add_argument("--frame-rate", type=float, metavar="HZ", help="that of the video unless given, of pictures 10")
+
+
+def _add_calibration(files: argparse._ArgumentGroup, further: str) -> None:
     files.add_argument(
         "--calibration",
         metavar="FILE",
         nargs="+",
-        help="of OpenCV, ROS, Kalibr, Middlebury, KITTI or JSON, in one file or two",
+        help=f"of OpenCV, ROS, Kalibr, Middlebury, KITTI or JSON, in one file or two{further}",
     )
     files.add_argument(
         "--rectify",
         choices=[AUTO, YES, NO],
         default=AUTO,
         help="with a calibration of both cameras: whether the images are raw (default: auto, as their rows tell)",
-    )
-    files.add_argument(
-        "--out",
-        metavar="DIR",
-        help="write the map there: disparity as .pfm, .npy, _kitti.png (16 bits, × 256) and _coloured.png, "
-        "settings.json, and with a calibration cloud.ply; nothing is written unless given",
     )

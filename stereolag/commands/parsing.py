@@ -12,7 +12,7 @@ from typing import Any, NoReturn, TypeVar
 
 T = TypeVar("T")
 
-DONE, FAILED, WRONG_USAGE, NOT_FOUND, INTERRUPTED = 0, 1, 2, 3, 130
+DONE, FAILED, WRONG_USAGE, NOT_FOUND, DAMAGED, INTERRUPTED = 0, 1, 2, 3, 4, 130
 """What a command exits with."""
 
 CODES = (

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
-from typing import NamedTuple
+from typing import TypeVar
+
+K = TypeVar("K", bound=Hashable)
 
 PICTURE_ENDINGS = frozenset(["png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif"])
 TRUTH_ENDINGS = frozenset(["pfm", "png", "pgm", "npy"])
@@ -20,13 +22,17 @@ MOST_PLACES = 8
 
 @dataclass(frozen=True)
 class PairFiles:
-    """The names of the files of one pair, and what it is called: what their names have in common."""
+    """The names of the files of one pair, and what it is called: what their names have in common.
+
+    `convention` is the place in :data:`CONVENTIONS` of what told them apart.
+    """
 
     name: str
     left: str
     right: str
     truth: str | None = None
     calibrations: tuple[str, ...] = ()
+    convention: int = 0
 
 
 def _word(word: str) -> str:
@@ -65,6 +71,7 @@ _IN_PARTS = (re.compile("intrinsic|extrinsic", re.IGNORECASE), re.compile("left|
 _RIGHT_SIDE = re.compile(r"(?<![a-z])(?:right|r)(?![a-z])", re.IGNORECASE)
 _SIDE_NUMBER = re.compile(r"disp[a-z]*[-_]?(\d+)$", re.IGNORECASE)
 _DIGITS = re.compile(r"\d+")
+_SIDE_OR_KIND = (_TRUTH, *(re.compile(part) for both in CONVENTIONS[:2] for part in both))
 
 
 def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
@@ -79,108 +86,94 @@ def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
     -------
     pairs
         Left and right images whose names differ in a word or number that tells the side (:data:`CONVENTIONS`), in
-        folders or files, and in nothing else. A ground truth belongs to the pair in whose folder it is the only one,
-        or with whose name, or number, it agrees; a calibration likewise, and one alone, or one above, to all.
+        a folder, the file or throughout, and in nothing else. A ground truth belongs to the pair in whose folder it is
+        the only one, or with whose name, or number, it agrees; a calibration likewise, and one alone, or one above, to
+        all.
     """
-    truths = {name for name in names if _ending(name) in TRUTH_ENDINGS and _TRUTH.search(_stem_path(name))}
-    pictures = [name for name in names if _ending(name) in PICTURE_ENDINGS - {"npy"} and name not in truths]
-    pictures = [name for name in pictures if not _NO_IMAGE.search(PurePosixPath(name).stem)]
+    pictures, truths = _pictures(names)
     found = sorted(_matched(pictures), key=lambda pair: [natural_order(pair.left), pair.left])
-    calibrations = [
-        name
-        for name in names
-        if _ending(name) in CALIBRATION_ENDINGS
-        and name not in truths
-        and (_CALIBRATION.search(name) or _ending(name) in ("yaml", "yml"))
-    ]
-    left_truths = [name for name in sorted(truths) if not _RIGHT_SIDE.search(PurePosixPath(name).stem)]
-    names_of = _called([pair.name for pair in found])
+    calibrations = _Calibrations(
+        [
+            name
+            for name in names
+            if _ending(name) in CALIBRATION_ENDINGS
+            and name not in truths
+            and (_CALIBRATION.search(name) or _ending(name) in ("yaml", "yml"))
+        ],
+        found,
+    )
+    known = _Truths([name for name in truths if not _RIGHT_SIDE.search(PurePosixPath(name).stem)], found)
+    called = _called([pair.name for pair in found])
     return [
-        replace(
-            pair,
-            name=name,
-            truth=_belonging(pair, left_truths, found),
-            calibrations=_above(pair, calibrations, found),
-        )
-        for pair, name in zip(found, names_of, strict=True)
+        replace(pair, name=name, truth=known.of(pair), calibrations=calibrations.of(pair))
+        for pair, name in zip(found, called, strict=True)
     ]
 
 
-class FrameFiles(NamedTuple):
-    """The names of the files of one frame of a sequence; None where one is missing."""
+def left_alone(names: Sequence[str], pairs: Sequence[PairFiles], convention: int) -> list[str]:
+    """Return the pictures among files that a convention takes for left ones, and that are in none of the pairs."""
+    paired = {name for pair in pairs for name in (pair.left, pair.right)}
+    left = re.compile(CONVENTIONS[convention][0])
+    return [name for name in _pictures(names)[0] if name not in paired and left.search(_stem_path(name))]
 
-    left: str
-    right: str | None
-    truth: str | None = None
 
-
-def matched_frames(names: Sequence[str]) -> list[FrameFiles]:
-    """Return the frames of one sequence among files, by their names alone, in their order.
-
-    Parameters
-    ----------
-    names
-        Of the files, with folders where there are any: "left/000.png".
-
-    Returns
-    -------
-    frames
-        Every picture of the left side by the first of :data:`CONVENTIONS` that finds both sides. One convention for
-        all, so that it takes as long as there are files: :func:`matched_pairs` holds every pair against every other.
-    """
+def _pictures(names: Sequence[str]) -> tuple[list[str], set[str]]:
+    """Return which of files are pictures of a camera, and which are ground truths."""
     truths = {name for name in names if _ending(name) in TRUTH_ENDINGS and _TRUTH.search(_stem_path(name))}
     pictures = [name for name in names if _ending(name) in PICTURE_ENDINGS and name not in truths]
-    known = {_core(name): name for name in sorted(truths, reverse=True) if not _RIGHT_SIDE.search(_stem_path(name))}
-    for patterns in CONVENTIONS:
-        lefts, rights = ({_without(side, name): name for name in pictures} for side in patterns)
-        lefts.pop(None, None)
-        if lefts.keys() & (rights.keys() - {None}):
-            frames = [FrameFiles(name, rights.get(key), known.get(_core(name))) for key, name in lefts.items()]
-            return sorted(frames, key=lambda frame: [natural_order(frame.left), frame.left])
-    return []
-
-
-def _without(pattern: str, name: str) -> str | None:
-    """Return a name without what tells its side; None where nothing does."""
-    path, found = re.subn(pattern, "\0", _stem_path(name))
-    return path if found else None
+    return [name for name in pictures if not _NO_IMAGE.search(PurePosixPath(name).stem)], truths
 
 
 def _matched(pictures: Iterable[str]) -> list[PairFiles]:
     """Return the pairs among pictures; each convention takes from what those before it left."""
     left_over = set(pictures)
     pairs: list[PairFiles] = []
-    for left, right in CONVENTIONS:
+    for convention, (left, right) in enumerate(CONVENTIONS):
         sides: dict[str, dict[str, list[str]]] = defaultdict(lambda: {LEFT: [], RIGHT: []})
         for name in left_over:
             path = _stem_path(name)
             for side, pattern in ((LEFT, left), (RIGHT, right)):
-                for place in [*re.finditer(pattern, path)][-MOST_PLACES:]:
-                    key = f"{path[: place.start()]}\0{path[place.end() :]}"
+                places = [*re.finditer(pattern, path)][-MOST_PLACES:]
+                keys = [f"{path[: place.start()]}\0{path[place.end() :]}" for place in places]
+                for key in keys if len(keys) < 2 else [*keys, re.sub(pattern, "\0", path)]:
                     sides[key][side].append(name)
-        for key in sorted(sides):
+        # One place tells the side, before all of them do: left/left_0.
+        for key in sorted(sides, key=lambda key: (key.count("\0") > 1, key)):
             both = sides[key][LEFT], sides[key][RIGHT]
             if len(both[0]) == len(both[1]) == 1 and left_over.issuperset(both[0] + both[1]):
-                pairs.append(PairFiles(key, both[0][0], both[1][0]))
+                pairs.append(PairFiles(key, both[0][0], both[1][0], convention=convention))
                 left_over.difference_update(both[0] + both[1])
     return pairs
 
 
-def _belonging(pair: PairFiles, candidates: Sequence[str], pairs: Sequence[PairFiles]) -> str | None:
-    """Return the candidate that belongs to a pair and to no other, None where there is none."""
-    folder = _folder(pair.left)
-    beside = [name for name in candidates if _folder(name) == folder and not _numbered_as_right(name, pair)]
-    if beside and sum(_folder(other.left) == folder for other in pairs) == 1:
-        return min(beside, key=lambda name: (_NO_IMAGE.search(name) is not None, len(name), name))
-    taken = {_folder(other.left) for other in pairs} - {folder}
-    candidates = [name for name in candidates if _folder(name) not in taken]
-    alike = [name for name in candidates if _core(name) == _core(pair.left) != ""]
-    if not alike and len(pairs) > 1:
-        numbers = _DIGITS.findall(PurePosixPath(pair.left).stem)
-        alike = [name for name in candidates if numbers and _DIGITS.findall(PurePosixPath(name).stem) == numbers]
-    if len(candidates) == len(pairs) == 1:
-        alike = list(candidates)
-    return min(alike, key=lambda name: (_nearness(name, pair.left), "noc" in name, name), default=None)
+class _Truths:
+    """Ground truths by where they lie and what they are called: no pair is held against all of them."""
+
+    def __init__(self, names: Sequence[str], pairs: Sequence[PairFiles]) -> None:
+        self._names, self._pairs_in = names, Counter(_folder(pair.left) for pair in pairs)
+        self._one_pair = len(pairs) == 1
+        self._by_folder = _grouped(names, _folder)
+        self._by_core = _grouped(names, lambda name: (self._owner(name), _core(name)))
+        self._by_numbers = _grouped(names, lambda name: (self._owner(name), _numbers(name)))
+
+    def of(self, pair: PairFiles) -> str | None:
+        """Return the truth that belongs to a pair and to no other, None where there is none."""
+        folder = _folder(pair.left)
+        beside = self._by_folder.get(folder, []) if self._pairs_in[folder] == 1 else []
+        if beside := [name for name in beside if not _numbered_as_right(name, pair)]:
+            return min(beside, key=lambda name: (_NO_IMAGE.search(name) is not None, len(name), name))
+        if self._one_pair and len(self._names) == 1:
+            return self._names[0]
+        core, numbers = _core(pair.left), _numbers(pair.left)
+        alike = [name for owner in (None, folder) for name in self._by_core.get((owner, core), [])] if core else []
+        if not alike and numbers and not self._one_pair:
+            alike = [name for owner in (None, folder) for name in self._by_numbers.get((owner, numbers), [])]
+        return min(alike, key=lambda name: (_nearness(name, pair.left), "noc" in name, name), default=None)
+
+    def _owner(self, name: str) -> str | None:
+        """Return the folder of a truth that lies beside pairs, and is theirs; None of one that may be anyone's."""
+        folder = _folder(name)
+        return folder if folder in self._pairs_in else None
 
 
 def _numbered_as_right(name: str, pair: PairFiles) -> bool:
@@ -190,21 +183,36 @@ def _numbered_as_right(name: str, pair: PairFiles) -> bool:
     return bool(number and sides[0] != sides[1] and sides[0] != [number[1]])
 
 
-def _above(pair: PairFiles, candidates: Sequence[str], pairs: Sequence[PairFiles]) -> tuple[str, ...]:
-    """Return the calibration of a pair: with its name, in its folder, or in one above; none where it is not clear."""
-    alike = [name for name in candidates if _core(name) == _core(pair.left) != "" or _same_number(name, pair.left)]
-    if len(alike) == 1 and len(pairs) > 1:
-        return (alike[0],)
-    folders = [_folder(pair.left), *map(str, PurePosixPath(_folder(pair.left)).parents)]
-    for folder in folders:
-        inside = sorted(name for name in candidates if _folder(name) == folder)
-        if len(inside) <= 1:
-            found = tuple(inside)
-        else:
-            found = _in_parts(inside) or tuple(name for name in inside if "calib" in _stem_path(name).casefold())[:1]
-        if found:
-            return found
-    return tuple(candidates) if len(candidates) == 1 else ()
+class _Calibrations:
+    """Calibrations by where they lie and what they are called."""
+
+    def __init__(self, names: Sequence[str], pairs: Sequence[PairFiles]) -> None:
+        self._names, self._several_pairs = names, len(pairs) > 1
+        self._by_core = _grouped(names, _core)
+        self._by_stem = _grouped(names, lambda name: PurePosixPath(name).stem)
+        self._in_folder = {folder: _clear(sorted(inside)) for folder, inside in _grouped(names, _folder).items()}
+
+    def of(self, pair: PairFiles) -> tuple[str, ...]:
+        """Return those of a pair: with its name, in its folder, or in one above; none where it is not clear."""
+        core, begins = _core(pair.left), PurePosixPath(pair.left).stem.split("_")[0]
+        alike = {
+            *(self._by_core.get(core, []) if core else []),
+            *(self._by_stem.get(begins, []) if begins.isdigit() else []),
+        }
+        if len(alike) == 1 and self._several_pairs:
+            return (*alike,)
+        folder = _folder(pair.left)
+        for one in (folder, *map(str, PurePosixPath(folder).parents)):
+            if found := self._in_folder.get(one):
+                return found
+        return tuple(self._names) if len(self._names) == 1 else ()
+
+
+def _clear(inside: Sequence[str]) -> tuple[str, ...]:
+    """Return which of the calibrations in a folder is meant; none where it is not clear."""
+    if len(inside) == 1:
+        return (inside[0],)
+    return _in_parts(inside) or tuple(name for name in inside if "calib" in _stem_path(name).casefold())[:1]
 
 
 def _in_parts(names: Sequence[str]) -> tuple[str, ...]:
@@ -219,15 +227,20 @@ def _in_parts(names: Sequence[str]) -> tuple[str, ...]:
 def _core(name: str) -> str:
     """Return what of a file's name is left without the words that tell its side or what it is."""
     stem = PurePosixPath(name).stem
-    for pattern in (_TRUTH, *(re.compile(part) for both in CONVENTIONS[:2] for part in both)):
+    for pattern in _SIDE_OR_KIND:
         stem = pattern.sub("", stem)
     return re.sub(r"[-_ .]+", "", stem).casefold()
 
 
-def _same_number(name: str, other: str) -> bool:
-    """Return whether a file is named by a number alone, with which the other's name begins."""
-    stem = PurePosixPath(name).stem
-    return stem.isdigit() and PurePosixPath(other).stem.split("_")[0] == stem
+def _numbers(name: str) -> tuple[str, ...]:
+    return tuple(_DIGITS.findall(PurePosixPath(name).stem))
+
+
+def _grouped(names: Iterable[str], key: Callable[[str], K]) -> dict[K, list[str]]:
+    groups: dict[K, list[str]] = defaultdict(list)
+    for name in names:
+        groups[key(name)].append(name)
+    return groups
 
 
 def _nearness(name: str, other: str) -> int:

@@ -2,15 +2,19 @@
 
 from stereolag.sequences.opening import example_sequence, open_sequence
 from stereolag.sequences.running import run_sequence
-from stereolag.sequences.sources import StereoFrame, StereoSequence
+from stereolag.sequences.sources import RectifiedSequence, StereoFrame, StereoSequence
 from stereolag.sequences.states import SequenceResult, SequenceState
+from stereolag.sequences.steadying import SequenceSettings, Steadiness
 from stereolag.sequences.targets import SequenceMemory, SequenceTarget
 
 __all__ = [
+    "RectifiedSequence",
     "SequenceMemory",
     "SequenceResult",
+    "SequenceSettings",
     "SequenceState",
     "SequenceTarget",
+    "Steadiness",
     "StereoFrame",
     "StereoSequence",
     "example_sequence",

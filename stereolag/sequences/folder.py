@@ -16,6 +16,7 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.sequences.matching import PNG, MatchedFrame
 from stereolag.sequences.records import MOTION, FrameRecord, header, lines, read_records
 from stereolag.sequences.sources import StereoSequence
+from stereolag.sequences.steadying import Steadiness
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.version import VERSION
 
@@ -32,7 +33,7 @@ class SequenceFolder:
     ----------
     path
         Made where there is none.
-    sequence, matchers, suffix, calibration
+    sequence, matchers, suffix, calibration, steadiness
         What makes the maps and the table. It is noted in ``sequence.json``: a folder begun with anything else is
         refused.
     again
@@ -54,13 +55,14 @@ class SequenceFolder:
         matchers: Mapping[str, StereoMatcher],
         suffix: str,
         calibration: Calibration | None,
+        steadiness: Steadiness | None = None,
         *,
         again: bool,
     ) -> None:
         _check(matchers, suffix)
         self._path, self._suffix = path, suffix
         self._names, self._methods = sequence.names, tuple(matchers)
-        self._document = _document(sequence, matchers, suffix, calibration)
+        self._document = _document(sequence, matchers, suffix, calibration, steadiness)
         self.colours: tuple[float, float] | None = None if again else self._noted()
         """The disparities, px, at the ends of the colours of the video; None until they are known."""
         for method in matchers:
@@ -160,16 +162,22 @@ def _check(matchers: Mapping[str, StereoMatcher], suffix: str) -> None:
 
 
 def _document(
-    sequence: StereoSequence, matchers: Mapping[str, StereoMatcher], suffix: str, calibration: Calibration | None
+    sequence: StereoSequence,
+    matchers: Mapping[str, StereoMatcher],
+    suffix: str,
+    calibration: Calibration | None,
+    steadiness: Steadiness | None,
 ) -> dict[str, Any]:
     """Return what maps and table are made of, in words that a refusal can name."""
     names = hashlib.sha256("\n".join(sequence.names).encode()).hexdigest()
+    frames = {"count": len(sequence), "names": names, "rate": sequence.frame_rate}
     document = {
         "version": VERSION,
         "settings": {name: settings_document(matcher) for name, matcher in matchers.items()},
-        "frames": {"count": len(sequence), "names": names, "rate": sequence.frame_rate},
+        "frames": frames | ({"rectified": True} if sequence.rectified else {}),
         "format": suffix,
         "calibration": None if calibration is None else asdict(calibration) | {"rig": None},
+        "steadiness": None if steadiness is None else steadiness.model_dump(mode="json"),
     }
     normalised: dict[str, Any] = json.loads(json.dumps(document))
     return normalised

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,8 +19,9 @@ from stereolag.progress import Progress
 from stereolag.reading.disparities import read_stored_disparity
 from stereolag.reading.sources import Source
 from stereolag.sequences.records import FrameFigures, figures_of
-from stereolag.sequences.sources import FrameReader, StereoFrame, Truth
-from stereolag.stereo.matcher import StereoMatcher
+from stereolag.sequences.sources import FrameReader, Truth
+from stereolag.sequences.steadying import Motion, Steadiness, motion_since, steadied
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
 PNG = ".png"
 
@@ -34,6 +36,8 @@ class FrameTask(NamedTuple):
     calibration: Calibration | None = None
     in_colour: bool = True
     """Whether the left picture is handed back as it is, or grey will do."""
+    steadiness: Steadiness | None = None
+    """How the frame before takes part."""
     with_truth: bool = False
     """Whether the true disparity is handed back, too."""
 
@@ -86,22 +90,71 @@ class MatchedFrame:
     truth: Truth | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class OwnFrame:
+    """What the matchers made of one frame by itself: what the next one may use.
+
+    Attributes
+    ----------
+    left
+        The left picture; None of a damaged frame.
+    truth
+        The true disparity where it is known, px.
+    maps
+        By the name of the method.
+    problem
+        Why there are no maps; "" where there are.
+    """
+
+    left: Image | None = None
+    truth: Truth | None = None
+    maps: Mapping[str, DisparityMap] = field(default_factory=dict)
+    problem: str = ""
+
+
 def matched_frame(task: FrameTask, progress: Progress | None = None) -> MatchedFrame:
-    """Read, match and encode one frame; a frame that is damaged or refused says why and raises nothing.
+    """Read, match and encode one frame by itself; a frame that is damaged or refused says why and raises nothing.
 
     `progress` may raise to end the work early: what it raises passes through, unless it is a ``ValueError``.
     """
+    return encoded_frame(task, own_frame(task, progress))
+
+
+def own_frame(task: FrameTask, progress: Progress | None = None) -> OwnFrame:
+    """Read and match one frame, as :func:`matched_frame` does."""
     try:
         frame = task.reader()
         maps = {}
         for name, matcher in task.matchers.items():
             result = matcher.compute(frame.left, frame.right, progress=progress)
-            data = DISPARITY_FORMATS[task.suffix](result.disparity)
-            figures = figures_of(result, frame.truth, task.calibration)
-            maps[name] = FrameMap(as_stored(result.disparity, task.suffix), data, figures)
+            # Scores and vertical displacements are for no one here, and would travel between machines.
+            maps[name] = replace(result, _score=None, _dy=None)
     except (ValueError, OSError) as error:
+        return OwnFrame(problem=_in_one_line(error))
+    return OwnFrame(frame.left, frame.truth, maps)
+
+
+def encoded_frame(task: FrameTask, own: OwnFrame, before: OwnFrame | None = None) -> MatchedFrame:
+    """Encode and measure the maps of a frame, made steady by those of the frame before where they are given."""
+    if own.left is None:
+        return MatchedFrame(task.number, problem=own.problem)
+    start = time.perf_counter()
+    motion = None
+    if task.steadiness is not None and before is not None and before.left is not None:
+        motion = motion_since(before.left, own.left)
+    moved_s = time.perf_counter() - start
+    maps = {}
+    try:
+        for name, one in own.maps.items():
+            result = one
+            if motion is not None and task.steadiness is not None and before is not None:
+                result = _steady(one, before.maps[name], motion, task.steadiness, moved_s)
+            data = DISPARITY_FORMATS[task.suffix](result.disparity)
+            figures = figures_of(result, own.truth, task.calibration)
+            maps[name] = FrameMap(as_stored(result.disparity, task.suffix), data, figures)
+    except ValueError as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
-    return _handed_back(task, frame, maps)
+    return _handed_back(task, own.left, own.truth, maps)
 
 
 def finished_frame(task: FrameTask, files: Mapping[str, Source]) -> MatchedFrame:
@@ -111,12 +164,12 @@ def finished_frame(task: FrameTask, files: Mapping[str, Source]) -> MatchedFrame
         maps = {name: FrameMap(read_back(file), b"", FrameFigures()) for name, file in files.items()}
     except (ValueError, OSError) as error:
         return MatchedFrame(task.number, problem=_in_one_line(error))
-    return _handed_back(task, frame, maps)
+    return _handed_back(task, frame.left, frame.truth, maps)
 
 
-def _handed_back(task: FrameTask, frame: StereoFrame, maps: Mapping[str, FrameMap]) -> MatchedFrame:
-    left = frame.left if task.in_colour else as_grey(frame.left)
-    return MatchedFrame(task.number, left, maps, truth=frame.truth if task.with_truth else None)
+def _handed_back(task: FrameTask, left: Image, truth: Truth | None, maps: Mapping[str, FrameMap]) -> MatchedFrame:
+    shown = left if task.in_colour else as_grey(left)
+    return MatchedFrame(task.number, shown, maps, truth=truth if task.with_truth else None)
 
 
 def as_stored(disparity: FloatMap, suffix: str) -> FloatMap:
@@ -134,6 +187,16 @@ def read_back(file: Source) -> FloatMap:
     if not known:
         return np.full(found.stored.shape, np.nan, np.float32)
     return found.divided(found.divisor or 1.0)
+
+
+def _steady(
+    now: DisparityMap, before: DisparityMap, motion: Motion, settings: Steadiness, moved_s: float
+) -> DisparityMap:
+    """Return a map made steady, with the time that this took besides."""
+    start = time.perf_counter()
+    disparity = steadied(before, now, motion, settings)
+    elapsed = now.elapsed_s + moved_s + time.perf_counter() - start
+    return replace(now, disparity=disparity, elapsed_s=elapsed)
 
 
 def _from_file(data: bytes, figures: FrameFigures) -> FrameMap:

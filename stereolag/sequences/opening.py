@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from stereolag.limits import limits
 from stereolag.reading.archives import is_archive, read_archive
-from stereolag.reading.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, FrameFiles, matched_frames, natural_order
+from stereolag.reading.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
 from stereolag.reading.sources import Source, quoted
 from stereolag.reading.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, VideoFile
 from stereolag.samples import DriveExample
@@ -17,6 +17,7 @@ from stereolag.sequences.sources import (
     MAX_ARCHIVED,
     USUAL_RATE,
     ArchivedPictures,
+    FrameFiles,
     PictureFiles,
     SideBySideVideo,
     StereoSequence,
@@ -89,10 +90,21 @@ def _of_one(source: Source, frame_rate: float | None) -> StereoSequence:
     if not is_archive(_beginning(source)):
         return SideBySideVideo(VideoFile(source), frame_rate)
     archive = read_archive(source, max_files=MAX_ARCHIVED)
-    files = tuple(matched_frames(archive.names))
+    files = tuple(_frames_among(archive.names))
     if not files:
         raise ValueError(f"The archive of {len(archive.names):,} files holds no pictures named left and right.")
     return ArchivedPictures(_frame_names([one.left for one in files]), files, path or archive, frame_rate or USUAL_RATE)
+
+
+def _frames_among(names: Sequence[str]) -> list[FrameFiles]:
+    """Return the frames of one camera among files: of several cameras', those told apart by the surest convention."""
+    pairs = matched_pairs(names)
+    surest = min((pair.convention for pair in pairs), default=0)
+    pairs = [pair for pair in pairs if pair.convention == surest]
+    frames = [FrameFiles(pair.left, pair.right, pair.truth) for pair in pairs]
+    if frames:
+        frames += [FrameFiles(name, None) for name in left_alone(names, pairs, surest)]
+    return sorted(frames, key=lambda frame: [natural_order(frame.left), frame.left])
 
 
 def _of_pictures(left: Source, right: Source, truth: str | PathLike[str] | None, frame_rate: float) -> PictureFiles:

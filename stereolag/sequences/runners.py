@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import signal
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -13,7 +14,8 @@ from itertools import islice
 from typing import Any, Protocol
 
 from stereolag.loops.bands import available_cores
-from stereolag.sequences.matching import FrameTask, MatchedFrame, matched_frame
+from stereolag.progress import Progress
+from stereolag.sequences.matching import FrameTask, MatchedFrame, OwnFrame, encoded_frame, matched_frame, own_frame
 
 LOCAL = "local"
 """The scheduler's address that means a cluster of processes on this machine, for as long as the job takes."""
@@ -36,18 +38,60 @@ class Pending(Protocol):
 
 
 class Runner(Protocol):
-    """Matches frames, several at once.
+    """Matches frames, several at once."""
 
-    Attributes
-    ----------
-    at_once
-        How many frames may be on their way: memory stays flat however long the sequence is.
-    """
-
-    at_once: int
+    @property
+    def at_once(self) -> int:
+        """Return how many frames may be on their way: memory stays flat however long the sequence is."""
 
     def submit(self, task: FrameTask) -> Pending:
         """Begin with a frame as soon as there is room for it."""
+
+
+class PairRunner(Runner, Protocol):
+    """Matches frames, and makes each steady by the one before."""
+
+    def own(self, task: FrameTask) -> Any:
+        """Promise what a frame is by itself; to be handed to :meth:`submit_steady`, twice mostly."""
+
+    def submit_steady(self, task: FrameTask, own: Any, before: Any | None) -> Pending:
+        """Begin with a frame, of promises of its own maps and of those of the frame before."""
+
+
+class SteadyRunner:
+    """Frames made steady on another runner: no frame is matched twice, and none is waited for by itself.
+
+    Parameters
+    ----------
+    runner
+        Where the work is done.
+    numbers
+        Of the frames that will be submitted, each once.
+    task
+        Returns the task of any frame.
+    """
+
+    def __init__(self, runner: PairRunner, numbers: Iterable[int], task: Callable[[int], FrameTask]) -> None:
+        self._runner, self._task = runner, task
+        self._uses = Counter(one for number in numbers for one in (number, number - 1))
+        self._promised: dict[int, Any] = {}
+
+    @property
+    def at_once(self) -> int:
+        """Return how many frames may be on their way."""
+        return self._runner.at_once
+
+    def submit(self, task: FrameTask) -> Pending:
+        """Begin with a frame."""
+        before = self._own(task.number - 1) if task.number else None
+        return self._runner.submit_steady(task, self._own(task.number), before)
+
+    def _own(self, number: int) -> Any:
+        """Return the promise of a frame, and forget it with its last use."""
+        self._uses[number] -= 1
+        if number not in self._promised:
+            self._promised[number] = self._runner.own(self._task(number))
+        return self._promised[number] if self._uses[number] > 0 else self._promised.pop(number)
 
 
 def in_order(runner: Runner, tasks: Iterable[FrameTask], look: Callable[[], None]) -> Iterator[MatchedFrame]:
@@ -64,7 +108,8 @@ def in_order(runner: Runner, tasks: Iterable[FrameTask], look: Callable[[], None
     waiting: deque[tuple[int, Pending]] = deque()
     try:
         while True:
-            waiting.extend((task.number, runner.submit(task)) for task in islice(coming, runner.at_once - len(waiting)))
+            room = max(0, runner.at_once - len(waiting))  # fewer may be on their way once a worker has died
+            waiting.extend((task.number, runner.submit(task)) for task in islice(coming, room))
             if not waiting:
                 return
             yield _awaited(*waiting.popleft(), look)
@@ -86,7 +131,7 @@ def _awaited(number: int, pending: Pending, look: Callable[[], None]) -> Matched
 
 
 @contextmanager
-def runner_at(scheduler: str | None) -> Iterator[Runner]:
+def runner_at(scheduler: str | None) -> Iterator[PairRunner]:
     """Open the runner of a scheduler: None means threads of this process.
 
     Raises
@@ -125,13 +170,40 @@ class ThreadRunner:
         """Begin with a frame as soon as a thread is free."""
         return self._pool.submit(matched_frame, task, self._stop_here)
 
+    def own(self, task: FrameTask) -> _Once:
+        """Promise a frame: the first thread that needs it matches it."""
+        return _Once(task, self._stop_here)
+
+    def submit_steady(self, task: FrameTask, own: _Once, before: _Once | None) -> Pending:
+        """Begin with a frame as soon as a thread is free."""
+        return self._pool.submit(_steady_frame, task, own, before)
+
     def _stop_here(self, fraction: float) -> None:
         if self._stop.is_set():
             raise CancelledError
 
 
+class _Once:
+    """A frame by itself, matched by whoever asks first; others wait. No two ever wait for each other."""
+
+    def __init__(self, task: FrameTask, progress: Progress) -> None:
+        self._task, self._progress = task, progress
+        self._lock = threading.Lock()
+        self._found: OwnFrame | None = None
+
+    def __call__(self) -> OwnFrame:
+        with self._lock:
+            if self._found is None:
+                self._found = own_frame(self._task, self._progress)
+            return self._found
+
+
+def _steady_frame(task: FrameTask, own: _Once, before: _Once | None) -> MatchedFrame:
+    return encoded_frame(task, own(), None if before is None else before())
+
+
 @contextmanager
-def _dask_runner(scheduler: str) -> Iterator[Runner]:
+def _dask_runner(scheduler: str) -> Iterator[PairRunner]:
     try:
         import distributed
     except ImportError as error:
@@ -141,7 +213,11 @@ def _dask_runner(scheduler: str) -> Iterator[Runner]:
         if scheduler == LOCAL:
             address = stack.enter_context(
                 distributed.LocalCluster(  # type: ignore[no-untyped-call]
-                    n_workers=available_cores(), threads_per_worker=1, dashboard_address=None, silence_logs="ERROR"
+                    n_workers=available_cores(),
+                    threads_per_worker=1,
+                    dashboard_address=None,
+                    silence_logs="ERROR",
+                    preload=__name__,
                 )
             )
         opening: Any = distributed.Client
@@ -151,6 +227,14 @@ def _dask_runner(scheduler: str) -> Iterator[Runner]:
             raise ConnectionError(f"There is no Dask scheduler at {scheduler!r}: {error}") from error
         stack.callback(client.close)
         yield DaskRunner(client)
+
+
+def dask_setup(worker: object) -> None:
+    """Let a worker on this machine pass over Ctrl-C, which its terminal sends to all: Dask calls this as it starts.
+
+    Who began the job ends it, and the workers with it.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 class DaskRunner:
@@ -169,12 +253,24 @@ class DaskRunner:
 
     def submit(self, task: FrameTask) -> Pending:
         """Send a frame to a worker."""
-        # Workers come and go: what is on its way follows their number.
+        self._count_workers()
+        return _OnWorker(task.number, self._client.submit(matched_frame, task, pure=False))
+
+    def own(self, task: FrameTask) -> Any:
+        """Have a worker match a frame; what it makes of it stays there."""
+        return self._client.submit(own_frame, task, pure=False)
+
+    def submit_steady(self, task: FrameTask, own: Any, before: Any | None) -> Pending:
+        """Send a frame to the worker that has it."""
+        self._count_workers()
+        return _OnWorker(task.number, self._client.submit(encoded_frame, task, own, before, pure=False))
+
+    def _count_workers(self) -> None:
+        """Let what is on its way follow the number of workers: they come and go."""
         if time.monotonic() - self._looked > _COUNTS_S:
             self._looked = time.monotonic()
             workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
             self.at_once = max(4, 3 * sum(worker["nthreads"] for worker in workers))
-        return _OnWorker(task.number, self._client.submit(matched_frame, task, pure=False))
 
 
 class _OnWorker:

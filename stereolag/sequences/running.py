@@ -21,9 +21,10 @@ from stereolag.sequences.folder import SequenceFolder
 from stereolag.sequences.matching import PNG, FrameTask, MatchedFrame, finished_frame
 from stereolag.sequences.motion import MotionWatch
 from stereolag.sequences.records import FrameRecord, damaged_records
-from stereolag.sequences.runners import Runner, in_order, runner_at
+from stereolag.sequences.runners import PairRunner, Runner, SteadyRunner, in_order, runner_at
 from stereolag.sequences.sources import StereoSequence, Truth
 from stereolag.sequences.states import SequenceResult, SequenceState
+from stereolag.sequences.steadying import Steadiness
 from stereolag.sequences.targets import SequenceTarget
 from stereolag.sequences.video import VideoWriter, common_range, panels
 from stereolag.stereo.matcher import StereoMatcher
@@ -38,6 +39,7 @@ def run_sequence(
     out: str | os.PathLike[str] | SequenceTarget,
     *,
     calibration: Calibration | None = None,
+    steadiness: Steadiness | None = None,
     video: str | os.PathLike[str] | BinaryIO | VideoWriter | None = None,
     colours: tuple[float, float] | None = None,
     truth_in_video: bool = False,
@@ -62,6 +64,8 @@ def run_sequence(
         not matched again. Or a :class:`~stereolag.sequences.targets.SequenceTarget`, which keeps them elsewhere.
     calibration
         Gives the nearest obstacle in metres.
+    steadiness
+        Uses the frame before where its map agrees, for less flicker; each frame by itself unless given.
     video
         An ".mp4", or a binary file: the left pictures beside the maps of every method, in one range of colours; or
         what writes it, which is left open.
@@ -100,7 +104,7 @@ def run_sequence(
     with ExitStack() as stack:
         target: SequenceTarget
         if isinstance(out, str | os.PathLike):
-            target = SequenceFolder(Path(out), sequence, named, disparity_format, calibration, again=again)
+            target = SequenceFolder(Path(out), sequence, named, disparity_format, calibration, steadiness, again=again)
         else:
             target = out
         stack.callback(target.close)
@@ -119,6 +123,7 @@ def run_sequence(
             writer,
             runner,
             calibration,
+            steadiness,
             disparity_format,
             progress,
             cancelled,
@@ -137,8 +142,9 @@ class _Job:
         matchers: Mapping[str, StereoMatcher],
         target: SequenceTarget,
         writer: VideoWriter | None,
-        runner: Runner,
+        runner: PairRunner,
         calibration: Calibration | None,
+        steadiness: Steadiness | None,
         suffix: str,
         progress: Callable[[SequenceState], None] | None,
         cancelled: Callable[[], bool] | None,
@@ -147,12 +153,13 @@ class _Job:
         motion: MotionWatch | None,
     ) -> None:
         self._sequence, self._matchers, self._target, self._writer = sequence, matchers, target, writer
-        self._runner, self._calibration, self._suffix = runner, calibration, suffix
+        self._calibration, self._steadiness, self._suffix = calibration, steadiness, suffix
         self._progress, self._cancelled, self._with_truth = progress, cancelled, with_truth
         self._motion = motion
         self._start = time.perf_counter()
         self._missing = [number for number in range(len(sequence)) if number not in target]
         self._done = self._before = len(sequence) - len(self._missing)
+        self._runner: Runner = runner if steadiness is None else SteadyRunner(runner, self._missing, self._task)
         self._matched, self._damaged = 0, dict[str, str]()
         self._last: MatchedFrame | None = None
 
@@ -254,6 +261,7 @@ class _Job:
             self._suffix,
             self._calibration,
             in_colour=self._writer is not None,
+            steadiness=self._steadiness,
             with_truth=self._with_truth,
         )
 

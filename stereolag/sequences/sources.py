@@ -12,11 +12,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.rectification import rectify
 from stereolag.inputs import Image
 from stereolag.reading.archives import Archive, read_archive
 from stereolag.reading.disparities import read_disparity
 from stereolag.reading.images import read_image
-from stereolag.reading.pairing import FrameFiles
 from stereolag.reading.videos import VideoFile
 
 USUAL_RATE = 10.0
@@ -36,6 +37,14 @@ class StereoFrame(NamedTuple):
     truth: Truth | None = None
 
 
+class FrameFiles(NamedTuple):
+    """The names of the files of one frame; None where one is missing."""
+
+    left: str
+    right: str | None
+    truth: str | None = None
+
+
 FrameReader: TypeAlias = Callable[[], StereoFrame]
 """Reads one frame, here or in another process; raises ``ValueError`` or ``OSError`` where that frame is damaged."""
 
@@ -49,10 +58,13 @@ class StereoSequence(ABC):
         Of the frames, without endings: those of the left pictures, or their numbers in a video. No two are alike.
     frame_rate
         Hz.
+    rectified
+        Whether they are rectified as they are read.
     """
 
     names: tuple[str, ...]
     frame_rate: float
+    rectified: bool = False
 
     @property
     def has_truth(self) -> bool:
@@ -80,6 +92,15 @@ class StereoSequence(ABC):
         if not 0 <= number < len(self):
             raise IndexError(f"frame {number} of a sequence of {len(self)}; allowed are 0 to {len(self) - 1}.")
         return self.reader(number)()
+
+    def first_readable(self, looked_at: int | None = None) -> StereoFrame | None:
+        """Return the first of the frames, or of the first so many, that is not damaged; None where all are."""
+        for number in range(len(self))[:looked_at]:
+            try:
+                return self.frame(number)
+            except (ValueError, OSError):
+                continue
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +166,34 @@ class SideBySideVideo(StereoSequence):
     def reader(self, number: int) -> FrameReader:
         """Return what reads a frame and halves it."""
         return partial(_read_halves, self._video, number)
+
+
+class RectifiedSequence(StereoSequence):
+    """Frames of a raw stereo camera, rectified as they are read.
+
+    Parameters
+    ----------
+    sequence
+        The raw frames.
+    calibration
+        With its ``rig``, the two cameras before rectification; :func:`stereolag.rectify` gives that of the result.
+    """
+
+    rectified = True
+
+    def __init__(self, sequence: StereoSequence, calibration: Calibration) -> None:
+        self._sequence, self._calibration = sequence, calibration
+        self.names, self.frame_rate = sequence.names, sequence.frame_rate
+
+    def reader(self, number: int) -> FrameReader:
+        """Return what reads a frame and rectifies it, without its true disparity: that is of the raw pictures."""
+        return partial(_read_rectified, self._sequence.reader(number), self._calibration)
+
+
+def _read_rectified(reader: FrameReader, calibration: Calibration) -> StereoFrame:
+    raw = reader()
+    straight = rectify(raw.left, raw.right, calibration)
+    return StereoFrame(straight.left, straight.right)
 
 
 def _any_truth(files: tuple[FrameFiles, ...]) -> bool:

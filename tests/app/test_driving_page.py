@@ -44,6 +44,19 @@ def drive(*, damaged: int | None = None, count: int = COUNT) -> bytes:
     return stream.getvalue()
 
 
+def still_drive(count: int) -> bytes:
+    """Return a ZIP of one frame again and again, each time with other noise of the camera."""
+    example, random = stereo_pairs()["road"], np.random.default_rng(0)
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for side in ("left", "right"):
+            picture = read_image(getattr(example, side))[200 : 200 + ROWS, :COLS].astype(float)
+            for number in range(count):
+                noisy = np.clip(picture + random.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
+                archive.writestr(f"{side}/{number:03d}.png", uploads.png(noisy))
+    return stream.getvalue()
+
+
 def page(origin: str) -> AppTest:
     app = AppTest.from_file(Path(__file__).resolve().parents[2] / "app.py", default_timeout=120)
     app.session_state["driving.origin"] = origin
@@ -147,6 +160,22 @@ def test_other_methods_and_ranges_are_computed_anew() -> None:
     pills = next(one for one in app.get("button_group") if one.key == "driving.methods")
     pills.set_value([]).run()
     assert [one.value for one in app.info] == ["Choose a method, and its maps are computed."]
+
+
+def test_steady_maps_flicker_less_on_the_timeline() -> None:
+    def flickers(app: AppTest) -> Any:
+        chart = next(chart for chart in player(app)["charts"] if chart["name"] == "Flicker")
+        return np.array([one["values"] for one in chart["series"]], float)
+
+    app = finished(opened(still_drive(count=16)))
+    alone, name = flickers(app), player(app)["name"]
+    steady = next(one for one in app.toggle if one.label == "Steady")
+    assert not steady.value
+    steady.set_value(True).run()
+    app = finished(app)
+    assert player(app)["name"] != name
+    # Over the whole drive: a map that is wrong once is taken back in two steps, so a single frame may change more.
+    assert (flickers(app)[:, 2:].mean(axis=1) < 0.9 * alone[:, 2:].mean(axis=1)).all()
 
 
 def test_a_damaged_frame_is_said_and_the_others_go_on() -> None:

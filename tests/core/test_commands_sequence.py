@@ -1,103 +1,269 @@
-"""``stereolag sequence``: in this process and as a program."""
+"""``stereolag sequence``: what it writes, what it prints, what it exits with, and how it goes on."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
-from small_drives import write_folders
+from commanded import ran
+from small_drives import archive, write_folders
+from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
-from stereolag import StereoSGBM, write_matcher
-from stereolag.commands.sequence import CANCELLED, DAMAGED, DONE, REFUSED, USAGE, main
+import stereolag as sl
+from stereolag.export.maps import image_png
+from stereolag.settings import changed
+from stereolag.stereo.matcher import StereoMatcher
 
 PROJECT = Path(__file__).resolve().parents[2]
-RANGE = ["--num-disparities", "16"]
+RANGE = ("--num-disparities", 16)
+CONSOLE = "import sys; from stereolag.commands import main; sys.exit(main())"
 
 
 @pytest.fixture
-def sides(tmp_path: Path) -> list[str]:
-    return [str(folder) for folder in write_folders(tmp_path / "drive", [4, 5, 6])[:2]]
+def sides(tmp_path: Path) -> tuple[Path, Path]:
+    return write_folders(tmp_path / "drive", [4, 5, 6])[:2]
 
 
-def test_maps_a_table_and_a_video(sides: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def rows_of(out: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO((out / "frames.csv").read_text())))
+
+
+def noted(out: Path) -> dict[str, object]:
+    """Return the settings that a folder was made with, by method."""
+    made_of = json.loads((out / "sequence.json").read_text())["made_of"]
+    return {name: one["settings"] for name, one in made_of["settings"].items()}
+
+
+def test_maps_a_table_and_a_video(sides: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, video = tmp_path / "out", tmp_path / "drive.mp4"
     calibration = tmp_path / "calibration.json"
     calibration.write_text('{"focal_px": 100, "baseline_m": 0.5}')
-    flags = ["--compare", "bm", "--calibration", str(calibration), "--truth", str(tmp_path / "drive" / "truth")]
-    code = main([*sides, "--out", str(out), *RANGE, *flags, "--video", str(video), "--json"])
-    said = json.loads(capsys.readouterr().out)
-    assert code == DONE and (said["matched"], said["total"], said["damaged"]) == (3, 3, {})
-    assert len(list(out.glob("fast/*.png"))) == len(list(out.glob("bm/*.png"))) == 3
+    beside = ("--compare", "bm", "--compare", "sgbm", "--truth", tmp_path / "drive" / "truth")
+    files = ("--out", out, "--video", video, "--calibration", calibration)
+    told = ran(capsys, "sequence", *sides, *RANGE, *beside, *files, "--json")
+    figures = told.figures
+    assert (told.code, told.err) == (0, "")
+    assert (figures["frames"], figures["matched"], figures["finished_before"], figures["damaged"]) == (3, 3, 0, {})
+    assert (figures["methods"], figures["range_px"]) == (["fast", "bm", "sgbm"], [0, 16])
+    assert figures["frames_per_second"] == pytest.approx(3 / figures["elapsed_s"])
+    assert sorted(path.relative_to(out).as_posix() for path in out.rglob("*.png")) == sorted(
+        f"{method}/00{number}.png" for method in figures["methods"] for number in range(3)
+    )
     assert video.stat().st_size > 1000
-    first = (out / "frames.csv").read_text().splitlines()[1].split(",")
-    assert float(first[7]) == pytest.approx(50 / 4, rel=0.1) and float(first[9]) < 1
-
-
-def test_settings_of_the_page_and_going_on(
-    sides: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    settings, out = tmp_path / "settings.json", tmp_path / "out"
-    write_matcher(settings, StereoSGBM(num_disparities=16))
-    command = [*sides, "--out", str(out), "--settings", str(settings)]
-    assert main(command) == DONE
-    assert "3 of 3 frames matched" in capsys.readouterr().out
-    assert main(command) == DONE
-    assert "3 were finished before" in capsys.readouterr().out
-    assert main([*sides, "--out", str(out), *RANGE]) == REFUSED
-    assert "made with other settings" in capsys.readouterr().err
-    assert main([*sides, "--out", str(out), *RANGE, "--again"]) == DONE
+    for row in rows_of(out):
+        disparity = 4 + int(row["number"])
+        assert float(row["nearest_m"]) == pytest.approx(50 / disparity, rel=0.1)
+        assert float(row["epe_px"]) < 1
 
 
 @pytest.mark.parametrize(
-    ("flags", "sentence"),
+    ("choice", "folder", "start"),
     [
-        (["--preset", "best"], "preset is 'best'; allowed are report, fast, accurate."),
-        (["--compare", "nothing"], "compare names 'nothing'; allowed are"),
-        (["--num-disparities", "0"], "num_disparities"),
-        (["--frame-rate", "-1"], "frame_rate is -1.0 Hz"),
-        (["--video", "drive.avi"], "a video is written as '.mp4'"),
-        (["--settings", "/nowhere/settings.json"], "No such file"),
-        (["--scheduler", "nonsense://x"], "There is no Dask scheduler"),
+        ((), "fast", sl.preset("fast")),
+        (("--preset", "accurate"), "accurate", sl.preset("accurate")),
+        (("--method", "bm"), "bm", sl.StereoBM()),
+        (("--settings", "settings.json"), "sgbm", sl.StereoSGBM(uniqueness_ratio=3)),
+    ],
+)
+def test_settings_come_from_the_same_flags_as_those_of_a_pair(
+    sides: tuple[Path, Path],
+    tmp_path: Path,
+    choice: tuple[str, ...],
+    folder: str,
+    start: StereoMatcher,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    sl.write_matcher("settings.json", sl.StereoSGBM(uniqueness_ratio=3))
+    side = "--window-size" if "window_size" in type(start).model_fields else "--block-size"
+    told = ran(capsys, "sequence", *sides, "--out", "out", *choice, *RANGE, side, 9)
+    assert (told.code, told.err) == (0, "")
+    expected = changed(start.with_search_range(0, 16), {side[2:].replace("-", "_"): 9})
+    assert noted(tmp_path / "out") == {folder: expected.model_dump(mode="json")}
+    left, right = (sl.read_image(one / "000.png") for one in sides)
+    found = sl.read_disparity(f"out/{folder}/000.png")
+    np.testing.assert_allclose(found, expected.compute(left, right).disparity, atol=1 / 256)
+
+
+def test_it_goes_on_and_refuses_other_settings(
+    sides: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ("sequence", *sides, "--out", tmp_path / "out", *RANGE)
+    assert "3 of 3 frames matched" in ran(capsys, *command).out
+    again = ran(capsys, *command)
+    assert again.code == 0 and "0 of 3 frames matched" in again.out and "3 were finished before" in again.out
+    told = ran(capsys, *command, "--window-size", 9)
+    assert told.code == 1 and "made with other settings" in told.err
+    assert ran(capsys, *command, "--window-size", 9, "--again", "--json").figures["matched"] == 3
+
+
+@pytest.mark.parametrize(
+    ("flags", "steadiness"),
+    [((), None), (("--steadiness",), {"limit": 1.0}), (("--steadiness.limit", 0.5), {"limit": 0.5})],
+)
+def test_the_frame_before_takes_part_if_asked(
+    sides: tuple[Path, Path],
+    tmp_path: Path,
+    flags: tuple[object, ...],
+    steadiness: object,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    command = ("sequence", *sides, "--out", tmp_path / "out", *RANGE)
+    told = ran(capsys, *command, *flags)
+    assert (told.code, told.err) == (0, "")
+    assert json.loads((tmp_path / "out" / "sequence.json").read_text())["made_of"]["steadiness"] == steadiness
+    refused = ran(capsys, *command, "--steadiness.limit", -1)
+    assert refused.code == 2 and "limit is -1; allowed are numbers above 0 to 16" in refused.err
+
+
+def test_an_archive_of_both_sides_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "drive.zip").write_bytes(archive([4, 5]))
+    told = ran(capsys, "sequence", tmp_path / "drive.zip", "--out", tmp_path / "out", *RANGE, "--json")
+    assert (told.code, told.figures["matched"]) == (0, 2)
+
+
+def test_the_range_of_the_calibration_is_searched_unless_another_is_given(
+    sides: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calibration = tmp_path / "calibration.json"
+    calibration.write_text(json.dumps({"focal_px": 100, "baseline_m": 0.5, "num_disparities": 27}))
+    arguments = ("sequence", *sides, "--calibration", calibration, "--json", "--out")
+    assert ran(capsys, *arguments, tmp_path / "known").figures["range_px"] == [0, 27]
+    assert ran(capsys, *arguments, tmp_path / "given", *RANGE).figures["range_px"] == [0, 16]
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with two raw frames and two straight ones of one camera, and its calibration."""
+    folder = tmp_path_factory.mktemp("rig")
+    entries = {name: np.asarray(one).tolist() if np.ndim(one) else one for name, one in ENTRIES.items()}
+    (folder / "rig.json").write_text(json.dumps(entries))
+    for kind, pair in (("raw", raw_pair()), ("straight", straight_pair())):
+        for side, image in zip(("left", "right"), pair, strict=True):
+            (folder / kind / side).mkdir(parents=True)
+            for number in range(2):
+                (folder / kind / side / f"{number}.png").write_bytes(image_png(image))
+    (folder / "truth").mkdir()
+    for number in range(2):
+        sl.write_disparity(folder / "truth" / f"{number}.png", np.full(raw_pair()[0].shape, 14, np.float32))
+    return folder
+
+
+def test_raw_frames_are_rectified_as_a_pair_is(rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ("--method", "bm", "--num-disparities", 32, "--calibration", rig / "rig.json", "--json", "--out")
+    raw = rig / "raw" / "left", rig / "raw" / "right"
+    told = ran(capsys, "sequence", *raw, *given, tmp_path / "raw")
+    assert told.code == 0 and told.figures["rectified_here"] is True
+    pair = ran(capsys, "depth", *(side / "0.png" for side in raw), *given, tmp_path / "pair")
+    assert pair.figures["rectified_here"] is True
+    for number in range(2):
+        np.testing.assert_array_equal(
+            sl.read_image(tmp_path / "raw" / "bm" / f"{number}.png"),
+            sl.read_image(tmp_path / "pair" / "disparity_kitti.png"),
+        )
+    known = sl.read_calibration(tmp_path / "pair" / "calibration.json")
+    for row in rows_of(tmp_path / "raw"):
+        assert float(row["nearest_m"]) == pytest.approx(float(known.depth(float(row["nearest_px"]))), rel=1e-4)
+    straight = ran(capsys, "sequence", rig / "straight/left", rig / "straight/right", *given, tmp_path / "straight")
+    assert straight.figures["rectified_here"] is False
+    refused = ran(capsys, "sequence", *raw, *given, tmp_path / "raw", "--rectify", "no")
+    assert refused.code == 1 and "made with other frames" in refused.err
+    refused = ran(capsys, "sequence", *raw, *given, tmp_path / "new", "--truth", rig / "truth")
+    assert refused.code == 1 and "belongs to them before rectification" in refused.err
+
+
+@pytest.mark.parametrize(
+    ("flags", "code", "sentence"),
+    [
+        (["--preset", "best"], 2, "choose from 'report', 'fast', 'accurate'"),
+        (["--preset", "fast", "--method", "bm"], 2, "not allowed with argument"),
+        (["--compare", "nothing"], 2, "invalid choice: 'nothing'"),
+        (["--num-disparities", "0"], 2, "num_disparities is 0; allowed are"),
+        (["--block-size", "9"], 2, "There is one with --method bm or sgbm."),
+        (["third"], 2, "'third' is one argument too many."),
+        (["--disparity-format", ".exr"], 2, "invalid choice: '.exr'"),
+        (["--frame-rate", "-1"], 1, "frame_rate is -1.0 Hz"),
+        (["--video", "drive.avi"], 1, "a video is written as '.mp4'"),
+        (["--preset", "report"], 1, "KITTI's PNG holds 0 to 255 px"),
+        (["--settings", "/nowhere/settings.json"], 1, "/nowhere/settings.json: No such file or directory."),
+        (["--calibration", "/nowhere/calib.txt"], 1, "/nowhere/calib.txt: No such file or directory."),
+        (["--scheduler", "nonsense://x"], 1, "There is no Dask scheduler"),
     ],
 )
 def test_what_is_refused_is_told_in_one_line(
-    sides: list[str], tmp_path: Path, flags: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+    sides: tuple[Path, Path],
+    tmp_path: Path,
+    flags: list[str],
+    code: int,
+    sentence: str,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main([*sides, "--out", str(tmp_path / "out"), *RANGE, *flags]) == REFUSED
-    captured = capsys.readouterr()
-    assert sentence in captured.err and captured.err.count("\n") == 1 and not captured.out
+    told = ran(capsys, "sequence", *sides, "--out", tmp_path / "out", *flags)
+    assert (told.code, told.out, told.err.count("\n")) == (code, "", 1)
+    assert sentence in told.err and told.err.startswith("stereolag sequence: ")
+
+
+def test_a_folder_to_write_to_is_needed(sides: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    told = ran(capsys, "sequence", *sides)
+    assert told.code == 2 and "--out" in told.err
 
 
 def test_damaged_frames_have_an_exit_code_of_their_own(
-    sides: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sides: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (Path(sides[0]) / "001.png").write_bytes(b"no picture")
-    assert main([*sides, "--out", str(tmp_path / "out"), *RANGE]) == DAMAGED
-    captured = capsys.readouterr()
-    assert captured.err.startswith("001: ") and "1 are damaged" in captured.out
+    whole = (sides[0] / "001.png").read_bytes()
+    (sides[0] / "001.png").write_bytes(b"no picture")
+    command = ("sequence", *sides, "--out", tmp_path / "out", *RANGE)
+    told = ran(capsys, *command)
+    assert told.code == 4
+    assert told.err.startswith("stereolag sequence: 001: ") and told.err.count("\n") == 1
+    assert "2 of 3 frames matched" in told.out and "1 are damaged" in told.out
+    told = ran(capsys, *command, "--json")
+    assert told.code == 4 and [*told.figures["damaged"]] == ["001"]
+    (sides[0] / "001.png").write_bytes(whole)
+    told = ran(capsys, *command, "--json")
+    assert (told.code, told.figures["matched"], told.figures["finished_before"]) == (0, 1, 2)
 
 
-def test_stopping_has_one_too(
-    sides: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def stopped(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("stereolag.sequences.run_sequence", stopped)
-    assert main([*sides, "--out", str(tmp_path / "out")]) == CANCELLED
-    assert "goes on where it was" in capsys.readouterr().err
+def test_help_tells_the_codes_and_the_settings(capsys: pytest.CaptureFixture[str]) -> None:
+    said = " ".join(ran(capsys, "sequence", "--help").out.split())
+    assert "4 done, but for frames that are damaged; 130 stopped by Ctrl-C." in said
+    assert "(default: fast)" in said and "--median.radius" in said and "--scheduler ADDRESS|local" in said
+    assert "--optimisation.penalty-small" in ran(capsys, "sequence", "--preset", "accurate", "--help").out
 
 
-def test_wrong_flags_are_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["left"])
-    assert ended.value.code == USAGE
-
-
-def test_as_a_program(sides: list[str], tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "stereolag.commands.sequence", *sides, "--out", str(tmp_path / "out"), *RANGE]
-    ran = subprocess.run([*command, "--json"], cwd=PROJECT, capture_output=True, text=True, check=False)
-    assert ran.returncode == DONE and json.loads(ran.stdout)["matched"] == 3 and ran.stderr == ""
+@pytest.mark.parametrize(("ending", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)], ids=str)
+def test_a_process_that_is_ended_midway_goes_on_where_it_was(tmp_path: Path, ending: signal.Signals, code: int) -> None:
+    sides = write_folders(tmp_path / "drive", [4 + number % 6 for number in range(400)])[:2]
+    out = tmp_path / "out"
+    command = [sys.executable, "-W", "error", "-c", CONSOLE, "sequence", *map(str, sides), "--out", str(out)]
+    command += ["--method", "bm", *map(str, RANGE), "--json"]
+    process = subprocess.Popen(command, cwd=PROJECT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    patience = time.monotonic() + 60
+    while len(list(out.glob("bm/*.png"))) < 10 and time.monotonic() < patience:
+        time.sleep(0.005)
+    os.kill(process.pid, ending)
+    said, complained = process.communicate(timeout=60)
+    assert (process.returncode, said) == (code, "")
+    if ending == signal.SIGINT:
+        assert complained == "stereolag sequence: Stopped; the same command goes on where it was.\n"
+    before = {path.name: path.stat().st_mtime_ns for path in out.glob("bm/*.png")}
+    ran = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    figures = json.loads(ran.stdout)
+    assert figures["matched"] + figures["finished_before"] == 400
+    assert 400 > figures["finished_before"] >= len(before) - 1 > 0
+    after = {path.name: path.stat().st_mtime_ns for path in out.glob("bm/*.png")}
+    assert len(after) == 400
+    assert sum(after[name] != moment for name, moment in before.items()) <= 1
+    assert [row["number"] for row in rows_of(out)] == [str(number) for number in range(400)]

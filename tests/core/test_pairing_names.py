@@ -94,6 +94,10 @@ FOLDS: dict[str, tuple[list[str], list[tuple[str | None, ...]]]] = {
         ["left/0.png", "right/0.png", "left.yaml", "right.yaml"],
         [("left/0.png", "right/0.png", None, "left.yaml", "right.yaml")],
     ),
+    "the side in folder and file": (
+        ["left/left_0.png", "right/right_0.png", "left/left_1.png"],
+        [("left/left_0.png", "right/right_0.png", None, None)],
+    ),
     "nothing that matches": (["a.png", "b.png", "leftover.png", "notes.txt"], []),
     "one side alone": (["left1.png", "left2.png", "right3.png"], []),
     "two of one side": (["left.png", "left.jpg", "right.png"], []),

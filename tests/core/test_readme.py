@@ -51,6 +51,7 @@ def test_the_commands_in_the_readme_run(
     (block,) = re.findall(r"```\n(stereolag (?!app).*?)```", readme, re.DOTALL)
     *lines, calibrating = block.splitlines()
     (tmp_path / "assets").symlink_to(PROJECT / "assets")
+    write_folders(tmp_path / "drive")
     monkeypatch.chdir(tmp_path)
     said = []
     for line in lines:
@@ -61,5 +62,6 @@ def test_the_commands_in_the_readme_run(
     assert '"row": 528, "col": 982' in said[1]
     assert "bad-2 0." in said[2]
     assert sl.read_matcher(tmp_path / "map/settings.json") == changed(sl.preset("fast"), {"median.radius": 4})
+    assert said[-1].startswith(f"{len(DISPARITIES)} of {len(DISPARITIES)} frames matched in ")
     refused = ran(capsys, *calibrating.split()[1:])
     assert refused.err == "stereolag calibrate: pairs.zip: there is no such file or folder.\n"

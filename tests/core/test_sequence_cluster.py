@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import sys
@@ -17,7 +18,7 @@ from small_drives import pair, write_folders
 from stereolag import preset
 from stereolag.export.maps import image_png
 from stereolag.reading.sources import Source
-from stereolag.sequences import SequenceState, open_sequence, run_sequence
+from stereolag.sequences import SequenceState, Steadiness, open_sequence, run_sequence
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.xdist_group("cluster")
@@ -65,13 +66,20 @@ def flickers(out: Path) -> list[str]:
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path, Path], tmp_path: Path) -> None:
+@pytest.mark.parametrize("steadiness", [None, Steadiness()])
+def test_a_worker_killed_midway_loses_nothing(
+    cluster: Any, folders: tuple[Path, Path], tmp_path: Path, steadiness: Steadiness | None
+) -> None:
     killed: list[int] = []
 
     def kill(state: SequenceState) -> None:
         if state.done < 2 or killed:
             return
-        busy = {address: len(worker.processing) for address, worker in cluster.scheduler.workers.items()}
+        # What a worker holds is lost with it, as is what it is at.
+        busy = {
+            address: len(worker.processing) + len(worker.has_what)
+            for address, worker in cluster.scheduler.workers.items()
+        }
         victim = max(busy, key=lambda address: busy[address])
         assert busy[victim] > 0
         killed.append(next(nanny.pid for nanny in cluster.workers.values() if nanny.worker_address == victim))
@@ -82,10 +90,17 @@ def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path,
     picture.write_bytes(whole[:400])
     sequence, here = open_sequence(*folders), tmp_path / "threads"
     away = tmp_path / "cluster"
-    result = run_sequence(sequence, {"maps": ACCURATE}, away, scheduler=cluster.scheduler_address, progress=kill)
+    result = run_sequence(
+        sequence,
+        {"maps": ACCURATE},
+        away,
+        steadiness=steadiness,
+        scheduler=cluster.scheduler_address,
+        progress=kill,
+    )
     assert killed
     assert (result.matched, list(result.damaged)) == (11, ["007"])
-    run_sequence(sequence, {"maps": ACCURATE}, here)
+    run_sequence(sequence, {"maps": ACCURATE}, here, steadiness=steadiness)
     assert contents(away) == contents(here)
     assert flickers(away) == flickers(here)
 
@@ -105,6 +120,24 @@ def test_a_run_goes_on_here_where_a_cluster_left_it(cluster: Any, folders: tuple
     assert result.cancelled and result.matched == 3
     assert run_sequence(sequence, {"maps": ACCURATE}, out).finished_before == 3
     assert len(contents(out)) == 12
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_ctrl_c_in_a_terminal_leaves_local_workers_to_the_command(
+    folders: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    others = {process.pid for process in multiprocessing.active_children()}
+    told = set[int]()
+
+    def interrupt(state: SequenceState) -> None:
+        if state.done >= 2 and not told:
+            told.update(one.pid for one in multiprocessing.active_children() if one.pid and one.pid not in others)
+            for worker in told:
+                os.kill(worker, signal.SIGINT)
+
+    result = run_sequence(open_sequence(*folders), ACCURATE, tmp_path / "out", scheduler="local", progress=interrupt)
+    assert told and result.matched == 12
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -8,6 +8,7 @@ import json
 import math
 import threading
 import time
+from concurrent.futures import Future
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
 from stereolag.inputs import Image
 from stereolag.progress import Progress
 from stereolag.sequences import SequenceMemory, SequenceState, StereoSequence, open_sequence, run_sequence
+from stereolag.sequences.matching import FrameTask, MatchedFrame
+from stereolag.sequences.runners import in_order
 from stereolag.sequences.video import VideoWriter, common_range, panels
 from stereolag.stereo.matcher import PixelMatches
 
@@ -333,3 +336,20 @@ def test_a_side_by_side_video_goes_all_the_way(tmp_path: Path) -> None:
     run_sequence(drive, FAST, tmp_path / "of_files")
     of_video = [value for _, value in sorted(contents(tmp_path / "of_video").items())]
     assert of_video == [value for _, value in sorted(contents(tmp_path / "of_files").items())]
+
+
+def test_frames_on_their_way_may_become_more_than_are_allowed() -> None:
+    class Shrinking:
+        """Takes six frames at once, and four after a worker has died."""
+
+        at_once = 6
+
+        def submit(self, task: FrameTask) -> Future[MatchedFrame]:
+            if task.number == 5:
+                self.at_once = 4
+            done = Future[MatchedFrame]()
+            done.set_result(MatchedFrame(task.number))
+            return done
+
+    tasks = [FrameTask(number, None, {}) for number in range(20)]  # type: ignore[arg-type]  # nobody reads them
+    assert [frame.number for frame in in_order(Shrinking(), tasks, lambda: None)] == list(range(20))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import pickle
 import random
 import zipfile
@@ -16,8 +17,10 @@ from stereolag import limits as limits_module
 from stereolag.export.maps import image_png, kitti_png
 from stereolag.limits import limits
 from stereolag.reading.archives import Archive
-from stereolag.reading.pairing import FrameFiles, matched_frames
+from stereolag.reading.pairing import matched_pairs
 from stereolag.sequences import StereoSequence, open_sequence
+
+EXTRAS = (("disparity", "png"), ("calib", "txt"))
 
 
 def assert_holds_the_pairs(sequence: StereoSequence) -> None:
@@ -91,9 +94,28 @@ def test_an_archive_may_lack_a_right_picture_and_bring_the_truth() -> None:
 )
 def test_thousands_of_names_are_matched_at_once(left: str, right: str) -> None:
     names = [side.format(number) for number in range(1000) for side in (left, right)]
+    truths, calibrations = ([f"{kind}/{number}.{end}" for number in range(1000)] for kind, end in EXTRAS)
+    names += truths + calibrations
     # Every name held against every other would take minutes.
-    found = matched_frames(random.Random(0).sample(names, len(names)))
-    assert found == [FrameFiles(left.format(number), right.format(number)) for number in range(1000)]
+    found = matched_pairs(random.Random(0).sample(names, len(names)))
+    assert [(pair.left, pair.right) for pair in found] == [(left.format(n), right.format(n)) for n in range(1000)]
+    if "im0" not in left:  # their numbers are two
+        assert [pair.truth for pair in found] == truths
+        assert [pair.calibrations for pair in found] == [(one,) for one in calibrations]
+
+
+def test_of_several_cameras_one_makes_the_sequence_and_every_frame_of_it_counts() -> None:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as whole:
+        for camera, (number, picture) in itertools.product(range(4), enumerate(pairs_of([4, 5, 6]))):
+            if (camera, number) not in ((3, 0), (3, 1)):
+                whole.writestr(f"image_0{camera}/{number}.png", image_png(picture[camera % 2]))
+    sequence = open_sequence(stream.getvalue())
+    assert sequence.names == ("0", "1", "2")
+    assert sequence.frame(2).left.shape == (ROWS, COLS)
+    for number in (0, 1):
+        with pytest.raises(ValueError, match=rf"{number}\.png has no picture of the right camera"):
+            sequence.frame(number)
 
 
 def test_the_files_of_an_archive_can_be_read_after_pickling() -> None:

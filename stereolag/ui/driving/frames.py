@@ -20,6 +20,8 @@ KEY = "driving"
 EXAMPLE, ONE, TWO = "example", "one", "two"
 ORIGINS = {EXAMPLE: "Example", ONE: "Your ZIP, or side-by-side video", TWO: "Your two videos"}
 USUAL_DISPARITIES = 64
+LOOKED_AT = 10
+"""Frames at the beginning, one of which must be readable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +75,7 @@ def ask_drive() -> Drive | None:
     sequence, digest = found
     kept: Drive | None = st.session_state.get(f"{KEY}.drive")
     if kept is None or kept.digest != digest:
-        first = first_frame(sequence)
+        first = sequence.first_readable(LOOKED_AT)
         if first is None:
             st.error("None of the first frames can be read. Check that left and right pictures belong together.")
             return None
@@ -83,16 +85,6 @@ def ask_drive() -> Drive | None:
     rows, cols = kept.first.left.shape[:2]
     fitted = None if calibration is None else calibration_for(calibration.content, cols, rows)
     return Drive(kept.sequence, kept.first, kept.digest, fitted, kept.range)
-
-
-def first_frame(sequence: StereoSequence, looked_at: int = 10) -> StereoFrame | None:
-    """Return the first of the first frames that is not damaged."""
-    for number in range(min(looked_at, len(sequence))):
-        try:
-            return sequence.frame(number)
-        except (ValueError, OSError):
-            continue
-    return None
 
 
 @st.cache_resource(show_spinner="Loading the example …")

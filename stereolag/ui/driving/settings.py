@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import streamlit as st
 
+from stereolag.sequences import SequenceSettings, Steadiness
 from stereolag.sequences.motion import SequenceMotion
 from stereolag.settings import SettingsError
 from stereolag.stereo.matcher import StereoMatcher
@@ -36,6 +37,7 @@ class Asked(NamedTuple):
     matchers: dict[str, StereoMatcher]
     truth_in_video: bool = False
     motion: SequenceMotion | None = None
+    steadiness: Steadiness | None = None
 
     @property
     def titles(self) -> list[str]:
@@ -72,6 +74,7 @@ def ask_methods(drive: Drive) -> Asked:
             width=170,
         )
         truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, key=f"{KEY}.truth", persist_state="session")
+        steadiness = _ask_steadiness()
     made: dict[str, StereoMatcher] = {
         "fast": preset("fast"),
         "accurate": preset("accurate"),
@@ -90,7 +93,7 @@ def ask_methods(drive: Drive) -> Asked:
             found[name] = made[name].with_search_range(first, min(count, MOST - first))
         except SettingsError as error:
             st.error(f"{titles[name]}: {error}")
-    return Asked(found, truth, _ask_motion(drive))
+    return Asked(found, truth, _ask_motion(drive), steadiness)
 
 
 def _ask_motion(drive: Drive) -> SequenceMotion | None:
@@ -126,6 +129,13 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
                 help="Of the camera. Speeds are as right as this number; pictures do not tell it, and 10 is assumed.",
             )
     return SequenceMotion(arrows=shown == ARROWS, frame_rate=rate)
+
+
+def _ask_steadiness() -> Steadiness | None:
+    """Ask whether the frame before takes part in each map."""
+    field = SequenceSettings.model_fields["steadiness"]
+    wanted = st.toggle(str(field.title), help=field.description, key=f"{KEY}.steadiness", persist_state="session")
+    return Steadiness() if wanted else None
 
 
 def title_of(name: str) -> str:

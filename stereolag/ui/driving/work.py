@@ -75,8 +75,8 @@ class DriveWork:
 def work_on(drive: Drive, asked: Asked) -> DriveWork:
     """Return the work on a sequence with these settings; it begins where there is none, in place of any other."""
     settings = [f"{name} {matcher.model_dump_json()}" for name, matcher in asked.matchers.items()]
-    told = "\0".join([drive.digest, repr(drive.calibration), str(asked.truth_in_video), repr(asked.motion), *settings])
-    name = hashlib.sha256(told.encode()).hexdigest()
+    job = map(repr, (drive.calibration, asked.truth_in_video, asked.motion, asked.steadiness))
+    name = hashlib.sha256("\0".join([drive.digest, *job, *settings]).encode()).hexdigest()
     kept: DriveWork | None = st.session_state.get(WORK)
     if kept is not None and kept.name == name:
         return kept
@@ -111,6 +111,7 @@ def _begin(work: DriveWork, drive: Drive, asked: Asked) -> None:
                 asked.matchers,
                 work.kept,
                 calibration=drive.calibration,
+                steadiness=asked.steadiness,
                 video=work.video,
                 truth_in_video=asked.truth_in_video,
                 motion=work.watch,

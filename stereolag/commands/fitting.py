@@ -1,0 +1,53 @@
+"""A calibration beside images: in their size, and whether they have to be rectified with it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from stereolag.commands.pair_flags import AUTO, YES
+from stereolag.doctor.row_evidence import row_evidence
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.rectification import Rectified, rectify
+from stereolag.geometry.scaling import calibration_for
+from stereolag.inputs import Image
+
+
+class Fitted(NamedTuple):
+    """A calibration that fits a pair.
+
+    Attributes
+    ----------
+    calibration
+        Of the rectified pair, in its size.
+    straight
+        The pair rectified with it; None where it was so already.
+    rows
+        How that is known; "" of a calibration that holds no cameras.
+    """
+
+    calibration: Calibration
+    straight: Rectified | None = None
+    rows: str = ""
+
+
+def fitted(calibration: Calibration, left: Image, right: Image, wanted: str) -> Fitted:
+    """Return the calibration for a pair, which is rectified if it is raw: as its rows tell, or as is wanted.
+
+    Raises
+    ------
+    ValueError
+        Images of another shape than it was made for, or rectification wanted without the cameras it needs.
+    """
+    calibration = calibration_for(calibration, left.shape[1], left.shape[0])
+    if calibration.rig is None:
+        if wanted == YES:
+            raise ValueError("The calibration is of a rectified pair: it holds no cameras to rectify with.")
+        return Fitted(calibration)
+    straight = rectify(left, right, calibration)
+    if wanted == AUTO:
+        evidence = row_evidence((left, right), (straight.left, straight.right))
+        raw = not evidence.already_rectified
+        rows = f"rows differ by {evidence.given_px:.2g} px, rectified by {evidence.rectified_px:.2g} px"
+    else:
+        raw, rows = wanted == YES, "as you said"
+    return Fitted(straight.calibration, straight if raw else None, rows)

@@ -1,0 +1,242 @@
+"""The frame before in the map of a frame: less flicker, nothing smeared, nothing late, and the same to the bit."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+from pairs import texture
+
+from stereolag import StereoBM, StereoSGBM, evaluate, preset
+from stereolag.arrays import FloatMap
+from stereolag.export.maps import image_png, kitti_png
+from stereolag.inputs import Image
+from stereolag.progress import Progress
+from stereolag.sequences import SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence
+from stereolag.sequences.flicker import flicker, still_pixels
+from stereolag.sequences.matching import FrameTask, encoded_frame, own_frame
+from stereolag.sequences.steadying import motion_since, steadied
+from stereolag.settings import SettingsError
+from stereolag.stereo.matcher import DisparityMap, PixelMatches
+from stereolag.stereo.reasons import Reason
+
+Grey = npt.NDArray[np.uint8]
+ROWS, COLS, FRAMES = 96, 160, 6
+BEHIND, BEFORE = 4, 11
+"""Px; disparities of the wall and of the square before it."""
+
+METHODS = {
+    "fast": preset("fast", num_disparities=16),
+    "accurate": preset("accurate", num_disparities=16),
+    "bm": StereoBM(num_disparities=16, block_size=9),
+    "sgbm": StereoSGBM(num_disparities=16),
+}
+matched: list[int] = []
+
+
+class Counting(StereoBM):
+    """Notes every frame it matches."""
+
+    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
+        matched.append(1)
+        return super().match(left, right, progress)
+
+
+def scene(number: int, *, step: int) -> tuple[Grey, Grey, FloatMap]:
+    """Return a wall and a square that moves by `step` px a frame, with the noise of a camera, and the disparity."""
+    wall, square = (texture(ROWS, COLS + 32, seed=seed, blur=1.5) for seed in (0, 1))
+    start, random = 30 + step * number, np.random.default_rng(100 + number)
+    left, right = wall[:, :COLS].copy(), wall[:, BEHIND : COLS + BEHIND].copy()
+    left[30:70, start : start + 40] = square[30:70, :40]
+    right[30:70, start - BEFORE : start - BEFORE + 40] = square[30:70, :40]
+    truth = np.full((ROWS, COLS), BEHIND, np.float32)
+    truth[30:70, start : start + 40] = BEFORE
+    seen = [np.clip(np.rint(one + random.normal(0, 2, one.shape)), 0, 255).astype(np.uint8) for one in (left, right)]
+    return seen[0], seen[1], truth
+
+
+def drive(folder: Path, *, step: int, count: int = FRAMES) -> StereoSequence:
+    for name in ("left", "right", "truth"):
+        (folder / name).mkdir(parents=True)
+    for number in range(count):
+        left, right, truth = scene(number, step=step)
+        files = {"left": image_png(left), "right": image_png(right), "truth": kitti_png(truth)}
+        for name, data in files.items():
+            (folder / name / f"{number:03d}.png").write_bytes(data)
+    return open_sequence(folder / "left", folder / "right", truth=folder / "truth")
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    return {path.relative_to(out).as_posix(): path.read_bytes() for path in out.rglob("*.png")}
+
+
+def mean_of(out: Path, column: str, method: str) -> float:
+    rows = csv.DictReader(io.StringIO((out / "frames.csv").read_text()))
+    return float(np.mean([float(row[column]) for row in rows if row["method"] == method and row[column]]))
+
+
+def made(disparity: FloatMap, reason: Reason | npt.NDArray[np.uint8] = Reason.MEASURED) -> DisparityMap:
+    reasons = np.broadcast_to(np.asarray(reason, np.uint8), disparity.shape).copy()
+    return DisparityMap(disparity.copy(), reasons, None, None, 0.0, METHODS["bm"])
+
+
+@pytest.mark.parametrize("step", [0, 7])
+def test_every_method_flickers_less_and_errs_no_more(tmp_path: Path, step: int) -> None:
+    sequence = drive(tmp_path / "drive", step=step)
+    run_sequence(sequence, METHODS, tmp_path / "alone")
+    run_sequence(sequence, METHODS, tmp_path / "steady", steadiness=Steadiness())
+    for method in METHODS:
+        figures = {
+            column: (mean_of(tmp_path / "alone", column, method), mean_of(tmp_path / "steady", column, method))
+            for column in ("flicker_px", "bad_2_percent", "epe_px", "coverage")
+        }
+        assert figures["flicker_px"][1] < (0.85 if step == 0 else 0.95) * figures["flicker_px"][0], method
+        assert figures["bad_2_percent"][1] <= figures["bad_2_percent"][0] + 0.1, method
+        assert figures["epe_px"][1] < 1.05 * figures["epe_px"][0], method
+        assert figures["coverage"][1] == figures["coverage"][0], method
+
+
+def test_a_thing_that_moved_leaves_no_trace() -> None:
+    frames = [scene(number, step=7) for number in (0, 1)]
+    before, now = (made(truth) for _, _, truth in frames)
+    motion = motion_since(frames[0][0], frames[1][0])
+    assert motion is not None
+    change = np.abs(steadied(before, now, motion, Steadiness(limit=1)) - now.disparity)
+    assert change.max() <= 0.5 and (change > 0.1).mean() < 0.01
+    assert change[32:68, 31:36].max() < 0.05, "what it uncovered"
+    assert change[32:68, 39:75].max() < 0.1, "where it is now"
+
+
+@pytest.mark.parametrize("approach", [1.05, 1.1])
+def test_what_comes_nearer_is_not_late(approach: float) -> None:
+    wide = np.clip(texture(200, 300, blur=2), 0, 255).astype(np.uint8)
+    matrix = cv2.getRotationMatrix2D((150, 100), 0, approach)
+    nearer = np.asarray(cv2.warpAffine(wide, matrix, (300, 200), flags=cv2.INTER_CUBIC), np.uint8)
+    random = np.random.default_rng(0)
+    truth = np.float32(30 * approach)
+    before, now = (made((level + random.normal(0, 0.25, wide.shape)).astype(np.float32)) for level in (30, truth))
+    motion = motion_since(wide, nearer)
+    assert motion is not None and truth - 30 > 1.4 * Steadiness().limit
+    out = steadied(before, now, motion, Steadiness())
+    assert abs(out.mean() - truth) < 0.02
+    assert out.std() < 0.85 * now.disparity.std()
+
+
+def test_gaps_stay_gaps_and_what_disagrees_stays_as_it_is() -> None:
+    picture = np.clip(texture(80, 100), 0, 255).astype(np.uint8)
+    motion = motion_since(picture, picture)
+    assert motion is not None and motion.same.all() and motion.still.all()
+    before, now = np.full((80, 100), 10, np.float32), np.full((80, 100), 10.5, np.float32)
+    now[:40] = 40
+    now[20:30, 20:30] = math.nan
+    out = steadied(made(before), made(now), motion, Steadiness())
+    assert np.array_equal(np.isnan(out), np.isnan(now))
+    assert np.array_equal(out[:40], now[:40], equal_nan=True)
+    # What all measured pixels say is the change of the scene, and no flicker.
+    assert np.abs(out[60:] - 10.5).max() < 0.05
+
+
+def test_guesses_are_averaged_where_nothing_changed() -> None:
+    picture = np.clip(texture(120, 160), 0, 255).astype(np.uint8)
+    motion = motion_since(picture, picture)
+    assert motion is not None
+    reason = np.zeros((120, 160), np.uint8)
+    reason[50:70, 60:90] = Reason.FILLED
+    before = np.full((120, 160), 10, np.float32)
+    now = before.copy()
+    now[50:70, 60:90] = 20
+    assert (steadied(made(before, reason), made(now, reason), motion, Steadiness())[50:70, 60:90] == 15).all()
+    # Measured, it is no guess; and beside what changed it may have changed too.
+    assert (steadied(made(before), made(now), motion, Steadiness())[50:70, 60:90] == 20).all()
+    now[:, :60] = 20
+    assert (steadied(made(before, reason), made(now, reason), motion, Steadiness())[50:70, 60:90] == 20).all()
+
+
+@pytest.mark.parametrize(("before", "now"), [((80, 90), (80, 91)), ((12, 90), (12, 90))])
+def test_frames_that_cannot_be_compared_have_no_motion(before: tuple[int, int], now: tuple[int, int]) -> None:
+    assert motion_since(np.zeros(before, np.uint8), np.zeros(now, np.uint8)) is None
+
+
+def test_the_motion_is_the_same_on_any_number_of_threads() -> None:
+    frames = [scene(number, step=7)[0] for number in (0, 1)]
+    threads, found = cv2.getNumThreads(), []
+    try:
+        for count in (1, 2, 5):
+            cv2.setNumThreads(count)
+            found.append(motion_since(*frames))
+    finally:
+        cv2.setNumThreads(threads)
+    for one in found[1:]:
+        assert one is not None and found[0] is not None
+        assert all(np.array_equal(part, other) for part, other in zip(one, found[0], strict=True))
+
+
+def test_a_run_that_is_resumed_and_a_frame_alone_are_the_same(tmp_path: Path) -> None:
+    sequence, matchers, steadiness = (
+        drive(tmp_path / "drive", step=7),
+        {"bm": Counting(num_disparities=16)},
+        Steadiness(),
+    )
+    matched.clear()
+    run_sequence(sequence, matchers, tmp_path / "whole", steadiness=steadiness, video=tmp_path / "drive.mp4")
+    assert len(matched) == FRAMES, "each once, also those that choose the colours"
+    whole, out, done = contents(tmp_path / "whole"), tmp_path / "parts", 0
+
+    def note(state: SequenceState) -> None:
+        nonlocal done
+        done = state.done
+
+    run_sequence(sequence, matchers, out, steadiness=steadiness, progress=note, cancelled=lambda: done >= 3)
+    matched.clear()
+    assert run_sequence(sequence, matchers, out, steadiness=steadiness).finished_before == 3
+    assert len(matched) == FRAMES - 3 + 1
+    assert contents(out) == whole
+    assert (out / "frames.csv").read_text().splitlines()[0] and mean_of(out, "flicker_px", "bm") == mean_of(
+        tmp_path / "whole", "flicker_px", "bm"
+    )
+    tasks = [FrameTask(number, sequence.reader(number), matchers, steadiness=steadiness) for number in (2, 3)]
+    alone = encoded_frame(tasks[1], own_frame(tasks[1]), own_frame(tasks[0]))
+    assert alone.maps["bm"].data == whole["bm/003.png"]
+
+
+def test_without_it_nothing_changes_and_a_damaged_frame_takes_no_part(tmp_path: Path) -> None:
+    sequence, matcher = drive(tmp_path / "drive", step=7, count=4), METHODS["fast"]
+    (tmp_path / "drive" / "right" / "001.png").write_bytes(b"no picture")
+    run_sequence(sequence, {"fast": matcher}, tmp_path / "alone")
+    result = run_sequence(sequence, {"fast": matcher}, tmp_path / "steady", steadiness=Steadiness())
+    assert [*result.damaged] == ["001"]
+    alone, steady = contents(tmp_path / "alone"), contents(tmp_path / "steady")
+    for number in (0, 2, 3):
+        frame = sequence.frame(number)
+        assert alone[f"fast/{number:03d}.png"] == kitti_png(matcher.compute(frame.left, frame.right).disparity)
+        same = alone[f"fast/{number:03d}.png"] == steady[f"fast/{number:03d}.png"]
+        assert same == (number != 3), "the first has none before it, the third a damaged one"
+    with pytest.raises(ValueError, match="made with other steadiness"):
+        run_sequence(sequence, {"fast": matcher}, tmp_path / "alone", steadiness=Steadiness())
+
+
+@pytest.mark.parametrize("limit", [0, 17])
+def test_limits_that_make_no_sense_are_refused(limit: float) -> None:
+    with pytest.raises(SettingsError, match=f"limit is {limit}; allowed are numbers above 0 to 16"):
+        Steadiness(limit=limit)
+
+
+def test_a_still_scene_gets_steadier_pixel_by_pixel() -> None:
+    frames = [scene(number, step=0) for number in range(3)]
+    own = [METHODS["fast"].compute(left, right) for left, right, _ in frames]
+    steady = []
+    for number in (1, 2):
+        motion = motion_since(frames[number - 1][0], frames[number][0])
+        assert motion is not None
+        steady.append(steadied(own[number - 1], own[number], motion, Steadiness()))
+    still = still_pixels(frames[1][0], frames[2][0])
+    assert flicker(*steady, still) < 0.8 * flicker(own[1].disparity, own[2].disparity, still)
+    truth = frames[2][2]
+    errors = [evaluate(one.disparity, truth).epe for one in own[1:]]
+    assert evaluate(steady[1], truth).epe < sum(errors) / 2
