@@ -102,10 +102,10 @@ def main() -> None:
     if "sequences" in wanted:
         if DRIVE.is_dir() and options.frames:
             keep("long_drive", "A long drive", *long_drive_table(options.frames))
-        elif DRIVE.is_dir():
-            keep("sequences", "Frame sequences", *sequence_table())
+        elif options.frames:
+            print(f"The long drive is left out: there is none at {DRIVE} (set STEREOLAG_DATA).")
         else:
-            print(f"Sequences are left out: there is no drive at {DRIVE} (set STEREOLAG_DATA).")
+            keep("sequences", "Frame sequences", *sequence_table())
     if "steadiness" in wanted:
         keep("steadiness", "Steady maps", *steadiness_table())
     if "flow" in wanted:

@@ -73,8 +73,6 @@ def ask_methods(drive: Drive) -> Asked:
             help=f"The maps of a drive are kept as KITTI keeps them, which holds disparities up to {MOST} px.",
             width=170,
         )
-        truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, key=f"{KEY}.truth", persist_state="session")
-        steadiness = _ask_steadiness()
     made: dict[str, StereoMatcher] = {
         "fast": preset("fast"),
         "accurate": preset("accurate"),
@@ -93,41 +91,41 @@ def ask_methods(drive: Drive) -> Asked:
             found[name] = made[name].with_search_range(first, min(count, MOST - first))
         except SettingsError as error:
             st.error(f"{titles[name]}: {error}")
-    return Asked(found, truth, _ask_motion(drive), steadiness)
+    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
+        motion = _ask_motion(drive)
+        truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, key=f"{KEY}.truth", persist_state="session")
+        return Asked(found, truth, motion, _ask_steadiness())
 
 
 def _ask_motion(drive: Drive) -> SequenceMotion | None:
     """Ask whether motion is to be shown, and how."""
-    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
-        shown = st.segmented_control(
-            "Motion",
-            [*MOTIONS],
-            default=NO_MOTION,
-            format_func=MOTIONS.__getitem__,
-            required=True,
-            key=f"{KEY}.motion",
-            persist_state="session",
-            help="The optical flow since the frame before, by correlation in two dimensions; with a calibration our "
-            "own speed, too, and what moves against the world, outlined with its speed. It takes about a second a "
-            "frame.",
+    shown = st.segmented_control(
+        "Motion",
+        [*MOTIONS],
+        default=NO_MOTION,
+        format_func=MOTIONS.__getitem__,
+        required=True,
+        key=f"{KEY}.motion",
+        persist_state="session",
+        help="The optical flow since the frame before, by correlation in two dimensions; with a calibration our "
+        "own speed, too, and what moves against the world, outlined with its speed. It takes about a second a "
+        "frame.",
+    )
+    if shown == NO_MOTION:
+        return None
+    rate = drive.sequence.frame_rate
+    if drive.calibration is None:
+        st.caption("Speeds, and what moves against the world, need metres: give a calibration above.", width="content")
+    else:
+        rate = st.number_input(
+            "Frames a second",
+            0.1,
+            10_000.0,
+            float(rate),
+            key=f"{KEY}.rate.{drive.digest}",
+            width=170,
+            help="Of the camera. Speeds are as right as this number; pictures do not tell it, and 10 is assumed.",
         )
-        if shown == NO_MOTION:
-            return None
-        rate = drive.sequence.frame_rate
-        if drive.calibration is None:
-            st.caption(
-                "Speeds, and what moves against the world, need metres: give a calibration above.", width="content"
-            )
-        else:
-            rate = st.number_input(
-                "Frames a second",
-                0.1,
-                10_000.0,
-                float(rate),
-                key=f"{KEY}.rate.{drive.digest}",
-                width=170,
-                help="Of the camera. Speeds are as right as this number; pictures do not tell it, and 10 is assumed.",
-            )
     return SequenceMotion(arrows=shown == ARROWS, frame_rate=rate)
 
 
