@@ -84,6 +84,16 @@ def test_it_plays_steps_and_scrubs(visit: Drive) -> None:
     screenshot(visit.page, "driving-light")
 
 
+def test_no_step_is_lost_however_quickly_keys_follow(visit: Drive) -> None:
+    visit.page.locator(".player").focus()
+    for round in range(5):
+        visit.page.keyboard.press("Home")
+        for _ in range(8):
+            visit.page.keyboard.press("ArrowRight")
+            visit.page.wait_for_timeout(8 * round)  # from at once to slower than a picture is decoded
+        expect(visit.where).to_contain_text(f"frame 9 of {COUNT}", timeout=5_000)
+
+
 def test_a_frame_is_opened_on_the_depth_page(visit: Drive) -> None:
     visit.page.get_by_role("button", name="One frame on").click()
     expect(visit.where).to_contain_text(f"frame 2 of {COUNT}")

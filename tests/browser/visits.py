@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, ConsoleMessage, Page
+from playwright.sync_api import Browser, ConsoleMessage, Page, TimeoutError
 
 SCREENSHOTS = Path(__file__).resolve().parents[2] / "screenshots"
 
@@ -91,5 +91,9 @@ def screenshot(page: Page, name: str) -> None:
     height = page.evaluate("document.querySelector('[data-testid=stMain]').scrollHeight")
     page.set_viewport_size({"width": before["width"], "height": height})
     settled(page)
-    page.screenshot(path=SCREENSHOTS / f"{name}.png")
+    path = SCREENSHOTS / f"{name}.png"
+    try:
+        page.screenshot(path=path, timeout=TIMEOUT_MS / 3)
+    except TimeoutError:  # once in some hundred times Chromium on a busy machine draws nothing until it is asked again
+        page.screenshot(path=path)
     page.set_viewport_size(before)

@@ -26,6 +26,7 @@ class Player {
     this.root = this.find(".player");
     this.video = this.find("video");
     this.frame = 0;
+    this.awaited = null; // the frame gone to that is not seen yet
     this.onPieces = ({ detail }) => detail === this.data?.name && this.append();
     window.addEventListener("stereolag-video", this.onPieces);
     const click = (selector, act) => this.find(selector).addEventListener("click", act);
@@ -37,6 +38,7 @@ class Player {
     this.find(".speed").addEventListener("change", ({ target }) => (this.video.playbackRate = Number(target.value)));
     this.root.addEventListener("keydown", (event) => this.type(event));
     for (const name of ["play", "pause", "ended"]) this.video.addEventListener(name, () => this.showState());
+    this.video.addEventListener("play", () => (this.awaited = null));
     const draw = (_, { mediaTime }) => {
       this.show(mediaTime);
       this.video.requestVideoFrameCallback(draw);
@@ -74,6 +76,7 @@ class Player {
     window.stereolagVideos?.forEach((_, name) => name !== this.data.name && window.stereolagVideos.delete(name));
     this.appended = 0;
     this.frame = 0;
+    this.awaited = null;
     if (!window.MediaSource) return; // then it is shown once it is complete
     this.source = new MediaSource();
     this.address = URL.createObjectURL(this.source);
@@ -129,7 +132,10 @@ class Player {
       const context = canvas.getContext("2d");
       context.drawImage(this.video, index * width, 0, width, canvas.height, 0, 0, width, canvas.height);
     });
-    this.frame = clamp(Math.floor(time * this.data.rate + 0.5), 0, this.data.frames - 1);
+    const frame = clamp(Math.floor(time * this.data.rate + 0.5), 0, this.data.frames - 1);
+    if (this.awaited !== null && frame !== this.awaited) return; // of a step before the last: the next goes on from the last
+    this.awaited = null;
+    this.frame = frame;
     this.showFrame();
   }
 
@@ -145,7 +151,7 @@ class Player {
   }
 
   go(frame) {
-    this.frame = clamp(frame, 0, Math.max(0, this.data.computed - 1));
+    this.frame = this.awaited = clamp(frame, 0, Math.max(0, this.data.computed - 1));
     this.video.currentTime = (this.frame + 0.5) / this.data.rate;
     this.showFrame();
   }
