@@ -14,7 +14,6 @@ from stereolag import read_calibration, samples
 from stereolag.geometry.rigid_motion import RigidMotion, rigid_motion
 
 FOLDER = samples.ASSETS / "drive" / "motorway"
-pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the frames of the drive are not rendered yet")
 FRAMES, SIZE = 60, (400, 881)
 LOOKED_AT = (0, 21, 36, 50, 58)  # not where the sun comes out from behind the bridge: its glare is new
 MAX_BYTES = 25_000_000

@@ -5,8 +5,7 @@ import pytest
 
 from stereolag import samples
 
-rendered = pytest.mark.skipif(not (samples.ASSETS / "drive").is_dir(), reason="the drive is not rendered yet")
-LISTS = (samples.recordings, samples.mazes, samples.stereo_pairs, pytest.param(samples.drives, marks=rendered))
+LISTS = (samples.recordings, samples.mazes, samples.stereo_pairs, samples.drives)
 
 
 @pytest.mark.parametrize("examples", LISTS)
