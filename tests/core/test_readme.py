@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 from commanded import ran
-from small_drives import DISPARITIES, write_folders
 
 import stereolag as sl
 from stereolag.settings import changed
@@ -37,11 +36,11 @@ def test_the_program_in_the_readme_runs_in_the_project_folder() -> None:
 
 
 def test_the_drive_in_the_readme_is_computed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_folders(tmp_path / "drive")
+    (tmp_path / "assets").symlink_to(PROJECT / "assets")
     monkeypatch.chdir(tmp_path)
     exec(programs()[1], {})
     assert (tmp_path / "drive.mp4").is_file()
-    assert len([*(tmp_path / "maps").rglob("*.png")]) == len(DISPARITIES)
+    assert len([*(tmp_path / "maps").rglob("*.png")]) == 60
 
 
 def test_the_commands_in_the_readme_run(
@@ -51,7 +50,6 @@ def test_the_commands_in_the_readme_run(
     (block,) = re.findall(r"```\n(stereolag (?!app).*?)```", readme, re.DOTALL)
     *lines, calibrating = block.splitlines()
     (tmp_path / "assets").symlink_to(PROJECT / "assets")
-    write_folders(tmp_path / "drive")
     monkeypatch.chdir(tmp_path)
     said = []
     for line in lines:
@@ -62,6 +60,6 @@ def test_the_commands_in_the_readme_run(
     assert '"row": 528, "col": 982' in said[1]
     assert "bad-2 0." in said[2]
     assert sl.read_matcher(tmp_path / "map/settings.json") == changed(sl.preset("fast"), {"median.radius": 4})
-    assert said[-1].startswith(f"{len(DISPARITIES)} of {len(DISPARITIES)} frames matched in ")
+    assert said[-1].startswith("60 of 60 frames matched in ")
     refused = ran(capsys, *calibrating.split()[1:])
     assert refused.err == "stereolag calibrate: pairs.zip: there is no such file or folder.\n"
