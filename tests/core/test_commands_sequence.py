@@ -246,7 +246,19 @@ def test_help_tells_the_codes_and_the_settings(capsys: pytest.CaptureFixture[str
 def test_a_process_that_is_ended_midway_goes_on_where_it_was(tmp_path: Path, ending: signal.Signals, code: int) -> None:
     sides = write_folders(tmp_path / "drive", [4 + number % 6 for number in range(400)])[:2]
     out = tmp_path / "out"
-    command = [sys.executable, "-W", "error", "-c", CONSOLE, "sequence", *map(str, sides), "--out", str(out)]
+    # What runs these tests in the background has them ignore Ctrl-C, and a process inherits that.
+    listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-c",
+        listening + CONSOLE,
+        "sequence",
+        *map(str, sides),
+        "--out",
+        str(out),
+    ]
     command += ["--method", "bm", *map(str, RANGE), "--json"]
     process = subprocess.Popen(command, cwd=PROJECT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     patience = time.monotonic() + 60
