@@ -2,14 +2,16 @@
 
 from stereolag.sequences.opening import example_sequence, open_sequence
 from stereolag.sequences.running import run_sequence
+from stereolag.sequences.settings import SequenceMotion, SequenceSettings
 from stereolag.sequences.sources import RectifiedSequence, StereoFrame, StereoSequence
 from stereolag.sequences.states import SequenceResult, SequenceState
-from stereolag.sequences.steadying import SequenceSettings, Steadiness
+from stereolag.sequences.steadying import Steadiness
 from stereolag.sequences.targets import SequenceMemory, SequenceTarget
 
 __all__ = [
     "RectifiedSequence",
     "SequenceMemory",
+    "SequenceMotion",
     "SequenceResult",
     "SequenceSettings",
     "SequenceState",

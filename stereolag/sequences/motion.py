@@ -7,7 +7,6 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field
 
 from stereolag.arrays import FloatMap, Rgb
 from stereolag.figures.flow import flow_colours, largest_motion, with_arrows
@@ -19,9 +18,10 @@ from stereolag.motion.matcher import optical_flow
 from stereolag.motion.scene_flow import SceneFlow, scene_flow
 from stereolag.progress import Progress
 from stereolag.sequences.records import MOTION, FrameRecord
+from stereolag.sequences.settings import SequenceMotion
 from stereolag.sequences.sources import StereoFrame, StereoSequence
-from stereolag.settings import Settings
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+from stereolag.stereo.methods import preset
 
 SAMPLED = 5
 """Frames, spread over the sequence, that choose the length at the rim of the wheel."""
@@ -31,21 +31,6 @@ ARROW_EVERY = 1 / 28
 
 DIMMED = 0.45
 """How bright the picture under the arrows is."""
-
-
-class SequenceMotion(Settings):
-    """What is told and drawn of the motion from frame to frame."""
-
-    arrows: bool = Field(
-        default=False, title="Arrows", description="Draw the flow as arrows on the picture, not as colours."
-    )
-    frame_rate: float | None = Field(
-        default=None,
-        title="Frames a second",
-        description="Of the camera, for speeds; None: that of the sequence.",
-        gt=0,
-        le=10_000,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,3 +180,12 @@ class MotionWatch:
         if self._calibration is None:
             return frame, None
         return frame, self._matcher.compute(frame.left, frame.right, progress=progress)
+
+
+def motion_watch(
+    sequence: StereoSequence, method: StereoMatcher, calibration: Calibration | None, settings: SequenceMotion
+) -> MotionWatch:
+    """Return what tells of motion beside the maps of a method: by the fast preset, over the range that it searches."""
+    reach = method.reach()
+    matcher = preset("fast")
+    return MotionWatch(sequence, matcher if reach is None else matcher.with_search_range(*reach), calibration, settings)

@@ -50,17 +50,6 @@ class Steadiness(Settings):
     )
 
 
-class SequenceSettings(Settings):
-    """What is done to the maps of a sequence beyond matching each frame by itself."""
-
-    steadiness: Steadiness | None = Field(
-        default=None,
-        title="Steady",
-        description="Average each map with that of the frame before, carried over along the motion of the picture, "
-        "where the two agree: less flicker, no lag behind what comes nearer.",
-    )
-
-
 class Motion(NamedTuple):
     """How the picture moved since the frame before; each (H, W)."""
 

@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 
+import moving_drives
 import numpy as np
 import pytest
 from commanded import ran
@@ -19,6 +20,7 @@ from small_drives import archive, write_folders
 from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
 import stereolag as sl
+from stereolag.export.calibrations import calibration_json
 from stereolag.export.maps import image_png
 from stereolag.settings import changed
 from stereolag.stereo.matcher import StereoMatcher
@@ -124,6 +126,18 @@ def test_the_frame_before_takes_part_if_asked(
     assert json.loads((tmp_path / "out" / "sequence.json").read_text())["made_of"]["steadiness"] == steadiness
     refused = ran(capsys, *command, "--steadiness.limit", -1)
     assert refused.code == 2 and "limit is -1; allowed are numbers above 0 to 16" in refused.err
+
+
+def test_motion_is_told_if_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "drive.zip").write_bytes(moving_drives.archive(3))
+    (tmp_path / "camera.json").write_text(calibration_json(moving_drives.CAMERA))
+    out = tmp_path / "out"
+    told = ran(
+        capsys, "sequence", tmp_path / "drive.zip", "--out", out, "--calibration", tmp_path / "camera.json", "--motion"
+    )
+    assert (told.code, told.err) == (0, "")
+    speeds = [float(row["own_speed_kmh"]) for row in rows_of(out) if row["method"] == "motion"]
+    assert speeds == pytest.approx([moving_drives.OWN_KMH] * 2, rel=0.05)
 
 
 def test_an_archive_of_both_sides_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

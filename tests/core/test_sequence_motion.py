@@ -14,8 +14,9 @@ from stereolag import preset
 from stereolag.figures.outlines import Outline, outline_of, with_outlines
 from stereolag.figures.pictures import FRAME, NO_ANSWER
 from stereolag.sequences import SequenceMemory, StereoSequence, open_sequence, run_sequence
-from stereolag.sequences.motion import MotionWatch, SequenceMotion
+from stereolag.sequences.motion import MotionWatch
 from stereolag.sequences.records import MOTION, header, lines
+from stereolag.sequences.settings import SequenceMotion
 
 COUNT = 4
 MATCHER = preset("fast", num_disparities=32)

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.sequences import SequenceSettings, Steadiness
-from stereolag.sequences.motion import SequenceMotion
+from stereolag.sequences import SequenceMotion, SequenceSettings, Steadiness
 from stereolag.settings import SettingsError
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset

@@ -14,9 +14,8 @@ from stereolag.estimates import Estimate
 from stereolag.motion.matcher import FlowMatcher
 from stereolag.sequences import SequenceResult, SequenceState, run_sequence
 from stereolag.sequences.fragments import VideoPieces
-from stereolag.sequences.motion import MotionWatch
+from stereolag.sequences.motion import MotionWatch, motion_watch
 from stereolag.sequences.targets import SequenceMemory
-from stereolag.stereo.methods import preset
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.settings import Asked
 from stereolag.ui.jobs import Job
@@ -85,7 +84,10 @@ def work_on(drive: Drive, asked: Asked) -> DriveWork:
     with _examples_lock:
         work = _examples.get(name)
     if work is None:
-        video, watch = VideoPieces(drive.sequence.frame_rate), motion_watch(drive, asked)
+        video, watch = VideoPieces(drive.sequence.frame_rate), None
+        if asked.motion is not None:
+            method = next(iter(asked.matchers.values()))
+            watch = motion_watch(drive.sequence, method, drive.calibration, asked.motion)
         work = DriveWork(name, SequenceMemory(), video, watch)
         _begin(work, drive, asked)
     st.session_state[WORK] = work
@@ -127,17 +129,6 @@ def _begin(work: DriveWork, drive: Drive, asked: Asked) -> None:
 
     work.job = Job(compute, estimate(drive, asked))
     this_visit().jobs[WORK] = work.name, work.job
-
-
-def motion_watch(drive: Drive, asked: Asked) -> MotionWatch | None:
-    """Return what tells of motion, if that is asked for: by the fast preset over the range of the first method."""
-    if asked.motion is None:
-        return None
-    reach = next(iter(asked.matchers.values())).reach()
-    matcher = preset("fast")
-    if reach is not None:
-        matcher = matcher.with_search_range(*reach)
-    return MotionWatch(drive.sequence, matcher, drive.calibration, asked.motion)
 
 
 def estimate(drive: Drive, asked: Asked) -> Estimate:
