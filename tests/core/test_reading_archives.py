@@ -101,10 +101,10 @@ def test_a_hostile_archive_is_refused_in_time_and_memory(name: str) -> None:
     make, sentence = HOSTILE[name]
     data = make()
     tracemalloc.start()
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(ValueError, match=sentence) as caught:
         read_archive(data)
-    seconds, peak = time.perf_counter() - start, tracemalloc.get_traced_memory()[1]
+    seconds, peak = time.process_time() - start, tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len(str(caught.value)) < 250
     assert "\n" not in str(caught.value)
