@@ -65,7 +65,7 @@ def run_sequence(
     calibration
         Gives the nearest obstacle in metres.
     steadiness
-        Uses the frame before where its map agrees, for less flicker; each frame by itself unless given.
+        Uses the frame before where its map agrees: our own methods flicker less; each frame by itself unless given.
     video
         An ".mp4", or a binary file: the left pictures beside the maps of every method, in one range of colours; or
         what writes it, which is left open.
