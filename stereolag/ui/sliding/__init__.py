@@ -1,6 +1,7 @@
 """Slide a cut of one recording over the other by hand, and watch the products add up.
 
-It all happens in the browser (the scripts beside this file); nothing comes back.
+The living counterpart of Figs. 1.1, 1.3b and A.2 of the report. It all
+happens in the browser (the scripts beside this file); nothing comes back.
 """
 
 from __future__ import annotations

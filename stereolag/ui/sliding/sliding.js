@@ -186,6 +186,7 @@ class Panel {
     this.stage.setAttribute("aria-valuenow", lag);
     this.stage.setAttribute("aria-valuetext", said);
     const finished = visited.every(Boolean) && !this.playing;
-    this.find(".said").textContent = finished ? example.said[this.normalised ? "normalised" : "plain"] : "";
+    const lesson = finished ? example.said[this.normalised ? "normalised" : "plain"] : "";
+    if (lesson !== this.find(".said").textContent) this.find(".said").textContent = lesson; // read aloud once
   }
 }

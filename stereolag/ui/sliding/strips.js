@@ -22,12 +22,16 @@ function laidOut(width, example, all) {
     y += NAME + height + GAP;
   }
   const x = (sample) => LEFT + (sample + 0.5) * pitch;
-  const around = (box, reach) => (value) => box.top + box.height / 2 - (value / (reach || 1)) * (box.height / 2 - 3);
+  const written = example.whole && pitch >= 14; // each number below its stem
+  const around = ({ top, height }, reach) => {
+    const half = (written ? height - 15 : height) / 2;
+    return (value) => top + half - (value / (reach || 1)) * (half - 4);
+  };
   const loudest = (values) => Math.max(...values.map(Math.abs));
   const { top, height } = boxes.curve;
   const room = height - 16;
   return {
-    width, pitch, boxes, x,
+    width, pitch, boxes, x, written,
     height: y - GAP + AXIS,
     ofRecording: around(boxes.recording, loudest(recording)),
     ofCut: around(boxes.cut, loudest(cut)),
@@ -51,10 +55,12 @@ function drawStrips(svg, example, all, { place, visited, words }) {
     svg.append(node);
     return node;
   };
-  const stems = (samples, values, y) =>
-    samples.map((sample, index) => `M${x(sample)} ${y(0)}V${y(values[index])}`).join("");
-  const thick = Math.max(1, Math.min(pitch * 0.55, 10));
-  const stroke = { "stroke-width": thick };
+  const stems = (kind, samples, values, y) => {
+    const d = samples.map((sample, index) => `M${x(sample)} ${y(0)}V${y(values[index])}`);
+    const dots = samples.map((sample, index) => `M${x(sample)} ${y(values[index])}h0`);
+    add("path", { class: kind, "stroke-width": clamp(pitch * 0.4, 1, 2), d: d.join("") });
+    add("path", { class: kind, "stroke-width": clamp(pitch * 0.8, 1, 8), d: dots.join("") });
+  };
 
   for (const [name, { top, bottom }] of Object.entries(boxes)) {
     add("text", { x: LEFT, y: top - 6, class: "name" }, words[name]);
@@ -66,10 +72,11 @@ function drawStrips(svg, example, all, { place, visited, words }) {
   const hold = { class: "hold", x: first, width: pitch * cut.length, rx: 5 };
   add("rect", { ...hold, y: boxes.recording.top, height: boxes.cut.bottom - boxes.recording.top });
   const others = [...recording.keys()].filter((sample) => sample < place || sample >= place + cut.length);
-  add("path", { class: "outside", ...stroke, d: stems(others, others.map((sample) => recording[sample]), at.ofRecording) });
-  add("path", { class: "inside", ...stroke, d: stems(covered, covered.map((sample) => recording[sample]), at.ofRecording) });
+  const heard = (samples) => samples.map((sample) => recording[sample]);
+  stems("outside", others, heard(others), at.ofRecording);
+  stems("inside", covered, heard(covered), at.ofRecording);
   add("path", { class: "ghost", d: `M${covered.map((sample, index) => `${x(sample)} ${at.ofRecording(cut[index])}`).join("L")}` });
-  add("path", { class: "cut", ...stroke, d: stems(covered, cut, at.ofCut) });
+  stems("cut", covered, cut, at.ofCut);
 
   const products = all.products[place];
   const bars = (wanted) =>
@@ -79,14 +86,14 @@ function drawStrips(svg, example, all, { place, visited, words }) {
   const bar = { "stroke-width": Math.max(1, pitch * 0.7) };
   add("path", { class: "up", ...bar, d: bars((product) => product > 0) });
   add("path", { class: "down", ...bar, d: bars((product) => product < 0) });
-  if (example.whole && pitch >= 14) {
-    const written = (samples, values, y) =>
+  if (at.written) {
+    const write = (samples, values, y) =>
       samples.forEach((sample, index) =>
         add("text", { x: x(sample), y: y(values[index]), class: "small", "text-anchor": "middle" }, shortened(values[index], 0)),
       );
-    written([...recording.keys()], recording, () => boxes.recording.bottom - 1);
-    written(covered, cut, () => boxes.cut.bottom - 1);
-    if (Number.isInteger(products[0])) written(covered, products, () => boxes.products.bottom - 1);
+    write([...recording.keys()], recording, () => boxes.recording.bottom - 1);
+    write(covered, cut, () => boxes.cut.bottom - 1);
+    if (products.every(Number.isInteger)) write(covered, products, () => boxes.products.bottom - 1);
   }
 
   drawCurve(add, at, all, place, visited, words);
@@ -105,12 +112,13 @@ function drawCurve(add, at, all, place, visited, words) {
     if (!visited[index]) return "";
     return visited[index - 1] ? `L${point(sum, index)}` : `M${point(sum, index)}h0`;
   });
-  add("path", { class: "curve", d: seen.join("") });
+  add("path", { class: "curve", "stroke-width": clamp(at.pitch, 1.5, 2.5), d: seen.join("") });
   const [px, py] = [x(place), at.ofSum(all.sums[place])];
   add("path", { class: "guide", d: `M${px} ${boxes.cut.bottom}V${boxes.curve.bottom}` });
   add("path", { class: "level", d: `M${px} ${py}H${width - RIGHT + 20}` });
   if (visited.every(Boolean)) {
-    for (const top of highest(all)) add("circle", { class: "peak", cx: x(top), cy: at.ofSum(all.sums[top]), r: 7 });
+    const kind = Math.max(...all.sums) < all.perfect / 2 ? "peak doubtful" : "peak";
+    for (const top of highest(all)) add("circle", { class: kind, cx: x(top), cy: at.ofSum(all.sums[top]), r: 7 });
   }
   add("circle", { class: "now", cx: px, cy: py, r: 5 });
 }

@@ -40,8 +40,8 @@ EXAMPLES: Final[dict[str, dict[str, Any]]] = {
         "said": {
             "plain": "The peak stands at 50,082 samples: there the waves line up and every product points up. "
             "Elsewhere ups and downs cancel.",
-            "normalised": "The peak at 50,082 samples reaches 1: it is the same sound. The humps beside it are near "
-            "misses, one wave off.",
+            "normalised": "The peak at 50,082 samples reaches 1: it is the same sound. Away from it "
+            "nothing passes 0.3.",
         },
     },
     "tone": {
