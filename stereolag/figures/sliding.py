@@ -14,7 +14,7 @@ HOME = 90
 """Samples of recording 2 before the place that the cut belongs to."""
 
 SEVEN_NUMBERS = (2, -1, 4, 3, -5, 1, -4)
-AROUND_THEM = ((1, -2, 0, 3, -1, 2, -3, 1), (0, 2, -2, 1, -1))
+AROUND_THEM = ((1, 2, -1, 3, 1, -2, -3, 0), (0, 2, -2, 1, -1))
 
 TONE_PERIOD = 20
 LOUD_FACTOR = 4.0

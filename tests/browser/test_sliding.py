@@ -66,7 +66,7 @@ def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(open_page: 
     page = open_page("Sensor_lag")
     stage, where = page.locator(".sliding .stage"), page.locator(".sliding .where")
     said = page.locator(".sliding .said")
-    expect(where).to_have_text("Lag 0 · sum 32")
+    expect(where).to_have_text("Lag 0 · sum 10")
     stage.scroll_into_view_if_needed()
     page.evaluate(
         "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
