@@ -12,6 +12,7 @@ from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.searches import CURVES, LAG_METHODS, LAG_METHODS_EXPLAINED
 from stereolag.ui.sentences import duration, lag_in_words
+from stereolag.ui.sliding import slide_it_yourself
 
 
 def listen(pair: RecordingPair, search: LagSearch) -> None:
@@ -111,6 +112,8 @@ with page(
     recordings = choose_recordings()
     st.caption(recordings.description)
     measure(recordings)
+    st.subheader("Slide it yourself", anchor=False)
+    slide_it_yourself(key="lag.sliding")
     with st.expander("The source report"):
         st.markdown(
             "Its two recordings hold 176,401 samples each, at 44.1 kHz, and lie 50,082 samples apart. "

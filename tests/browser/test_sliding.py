@@ -1,0 +1,113 @@
+"""A cut slid by hand over a recording: what the browser multiplies, and what it paints where one has been."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.lib.stride_tricks import sliding_window_view
+from playwright.sync_api import Browser, Page, expect
+
+from stereolag.figures import sliding
+from tests.browser.visits import OpenPage, screenshot
+
+PRODUCTS = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "sliding" / "products.js"
+
+EXAMPLES = {
+    "Seven numbers": sliding.seven_numbers,
+    "Pure tone": sliding.tone,
+    "Unrelated noise": sliding.noise,
+    "Loud stretch": sliding.loud_stretch,
+}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("normalise", [False, True])
+def test_the_browser_multiplies_as_numpy_does(browser: Browser, name: str, normalise: bool) -> None:
+    slide = EXAMPLES[name]()
+    page = browser.new_page()
+    page.add_script_tag(path=PRODUCTS)
+    example = {"cut": slide.cut.tolist(), "recording": slide.recording.tolist()}
+    found = page.evaluate("([example, normalise]) => measured(example, normalise)", [example, normalise])
+    page.close()
+    windows = sliding_window_view(slide.recording, slide.cut.size)
+    expected = [np.corrcoef(window, slide.cut)[0, 1] for window in windows] if normalise else windows @ slide.cut
+    np.testing.assert_allclose(found["sums"], expected, atol=1e-9)
+    np.testing.assert_allclose(np.sum(found["products"], axis=1), expected, atol=1e-9)
+
+
+def test_silence_has_no_correlation(browser: Browser) -> None:
+    page = browser.new_page()
+    page.add_script_tag(path=PRODUCTS)
+    found = page.evaluate("() => measured({ cut: [1, -1], recording: [0.1, 0.1, 0.1, 2] }, true).sums")
+    page.close()
+    assert found == pytest.approx([0.0, 0.0, -1.0])
+
+
+def painted(page: Page) -> int:
+    """Return at how many places the curve is drawn."""
+    drawn = page.locator(".sliding .curve").get_attribute("d") or ""
+    return len(re.findall("[ML]", drawn))
+
+
+def drag_to(page: Page, sample: float, *, of: int, start: float) -> None:
+    """Drag the cut from one sample of recording 2 to another."""
+    box = page.locator(".sliding svg").bounding_box()
+    assert box is not None
+    pitch = (box["width"] - 64) / of
+    for way, place in (("down", start), ("up", sample)):
+        page.mouse.move(box["x"] + 6 + (place + 0.5) * pitch, box["y"] + 60, steps=4)
+        getattr(page.mouse, way)()
+
+
+def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(open_page: OpenPage) -> None:
+    page = open_page("Sensor_lag")
+    stage, where = page.locator(".sliding .stage"), page.locator(".sliding .where")
+    said = page.locator(".sliding .said")
+    expect(where).to_have_text("Lag 0 · sum 10")
+    stage.scroll_into_view_if_needed()
+    page.evaluate(
+        "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
+        "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
+    )
+    drag_to(page, 11, of=20, start=3)
+    expect(where).to_have_text("Lag 8 · sum 72")
+    assert painted(page) == 9
+    assert page.locator(".sliding .peak").count() == 0
+    stage.press("ArrowRight")
+    expect(where).to_have_text("Lag 9 · sum −18")
+    stage.press("End")
+    expect(where).to_have_text("Lag 13 · sum 27")
+    assert painted(page) == 11  # the jump left three out
+    expect(said).to_have_text("")
+    stage.press(" ")
+    expect(where).to_have_text("Lag 8 · sum 72")
+    expect(said).to_contain_text("peak stands at lag 8")
+    assert painted(page) == 14
+    expect(page.locator(".sliding .peak")).to_have_count(1)
+    expect(stage).to_have_attribute("aria-valuenow", "8")
+
+    page.get_by_role("button", name="Loud stretch").click()
+    expect(where).to_contain_text("Lag 0 ·")
+    assert painted(page) == 1
+    page.locator(".sliding .play").click()
+    expect(said).to_contain_text("loud stretch wins")
+    page.locator(".sliding .normalise").check()
+    expect(said).to_contain_text("lag 90, reaches 1")
+    stage.press("Home")
+    stage.press("Shift+ArrowRight")
+    expect(where).to_contain_text(re.compile(r"^Lag 10 · correlation "))
+    page.locator(".sliding .clear").click()
+    expect(said).to_have_text("")
+    assert page.evaluate("document.body.dataset.reran") is None
+
+
+def test_it_reads_in_dark_and_on_a_phone(open_page: OpenPage) -> None:
+    page = open_page("Sensor_lag", scheme="dark", width=390)
+    page.get_by_role("button", name="Pure tone").click()
+    page.locator(".sliding .play").click()
+    expect(page.locator(".sliding .peak")).to_have_count(10)
+    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 390
+    screenshot(page, "sensor-lag-sliding-phone")
