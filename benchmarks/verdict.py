@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy import signal
+from scipy import fft, signal
 
 from stereolag import SignalLag, signal_lag
 from stereolag.searches import SignalMethod
@@ -115,9 +115,10 @@ def drifting(size: int, lag: int, ppm: float, noise_level: float, seed: int) -> 
     """
     random = np.random.default_rng(seed)
     margin = lag + int(abs(ppm) * 1e-6 * size) + 64
-    spectrum = np.fft.rfft(random.normal(size=size + 2 * margin))
+    whole = int(fft.next_fast_len(size + 2 * margin))
+    spectrum = np.fft.rfft(random.normal(size=whole))
     spectrum[int(0.8 * spectrum.size) :] = 0
-    points = 8 * (size + 2 * margin)
+    points = 8 * whole
     fine = 8 * np.fft.irfft(np.pad(spectrum, (0, points // 2 + 1 - spectrum.size)), points)
     places = margin - lag + np.arange(size) * (1 - ppm * 1e-6)
     first = fine[8 * margin : 8 * (margin + size) : 8]

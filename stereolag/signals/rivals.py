@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft
+from scipy import fft, stats
 
 from stereolag.arrays import Vector
 from stereolag.signals.overlaps import overlap_length, overlap_pearson, overlap_slices
@@ -22,6 +22,12 @@ _LINES, _LINE_SHARE = 8, 0.7
 _FEWEST_PERIODS = 8
 _FAINT = 0.05
 """The share of the strongest line's power below which another is noise."""
+
+_TEETH_SHARE = 0.5
+"""The part of the curve over which the teeth of a tone reach."""
+
+_REGULAR = 0.75
+"""The share of the rivals that lie in regular distances, at least."""
 
 _MOST_RIVALS = 16
 
@@ -86,7 +92,11 @@ def tone_rivals(signal_1: Vector, signal_2: Vector, lag: int, first: int, last: 
     middle = slice(reach // 2, curve.size - reach // 2)
     clean = (fft.irfft(np.where(held, spectrum, 0.0), curve.size) / np.maximum(np.hanning(curve.size), 0.1))[middle]
     best = int(np.argmax(clean))
-    found = {lag - reach + middle.start + int(top) for top in (best, *_tops(clean, best, _RIVAL * clean[best]))}
+    tops = _tops(clean, best, _RIVAL * clean[best])
+    # Two sounds that happen to hold a note for a while have a few teeth, a tone has them everywhere.
+    if tops.size < 2 or tops.size * float(np.median(np.diff(tops))) < _TEETH_SHARE * clean.size:
+        return ()
+    found = {lag - reach + middle.start + int(top) for top in (best, *tops)}
     return _nearest({each for each in found if first <= each <= last}, lag)
 
 
@@ -132,8 +142,15 @@ def regular_spacing(rivals: tuple[int, ...], lag: int) -> float | None:
     """Return the distance from one rival to the next where all are alike, within a sample or 2 %."""
     if len(rivals) < 2:
         return None
-    steps = np.diff(sorted({*rivals, lag}))
-    # A lag that a method put between two teeth is none itself.
-    apart = float(np.median(steps))
-    regular = np.abs(steps - apart) <= max(1.0, 0.02 * apart)
-    return float(steps[regular].mean()) if regular.mean() >= 0.75 else None
+    places = np.array(sorted({*rivals, lag}), dtype=np.float64)
+    apart = float(np.median(np.diff(places)))
+    numbers = np.round((places - rivals[0]) / apart)
+    if np.unique(numbers).size < 3:
+        return None
+    # By medians, for a lag that a method put between two teeth is none itself.
+    spacing = stats.theilslopes(places, numbers).slope
+    away = places - spacing * numbers
+    regular = np.abs(away - np.median(away)) <= max(1.0, 0.02 * apart)
+    if regular.mean() < _REGULAR or np.unique(numbers[regular]).size < 3:
+        return None
+    return float(np.polyfit(numbers[regular], places[regular], 1)[0])

@@ -17,7 +17,7 @@ from stereolag.signals.whitening import Agreement, WhitePair
 Verdict: TypeAlias = Literal["sure", "ambiguous", "nothing"]
 Reason: TypeAlias = Literal["clear", "drift", "repeats", "rivals", "chance", "too_little", "few_votes", "opposite_sign"]
 
-MARGIN = 1.2
+MARGIN = 1.8
 """Standard deviations above what chance gives at most from which on an agreement is none of chance's."""
 
 LEAST_VOTES = 5
