@@ -27,9 +27,10 @@ from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
 from benchmarks.steadiness import steadiness_table
 from benchmarks.suggestion import suggestion_table
 from benchmarks.timing import Row
+from benchmarks.verdict import verdict_table
 
 USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
-TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "load", "hostile"]
+TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -123,6 +124,8 @@ def main() -> None:
             keep("suggestion", "Suggested settings", *suggestion_table())
         else:
             print(f"Suggestions are left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
+    if "verdict" in wanted:
+        keep("verdict", "Verdicts on lags", *verdict_table())
     if "load" in wanted:
         keep("load", "Many visitors at once", *load_table())
     if "hostile" in wanted:

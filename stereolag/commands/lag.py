@@ -50,6 +50,12 @@ def run(arguments: Sequence[str]) -> int:
         "score": result.score,
         "peak_ratio": result.peak_ratio,
         "ties": result.ties,
+        "verdict": result.verdict,
+        "reason": result.judgement.reason if result.judgement else None,
+        "rivals": list(result.rivals),
+        "inverted": result.inverted,
+        "drift_ppm": result.drift_ppm,
+        "uncertainty_samples": result.uncertainty,
         "elapsed_s": result.elapsed_s,
         "settings": settings.model_dump(),
     }

@@ -22,6 +22,7 @@ from stereolag.signals.estimates import estimate_lag, fitting_recordings
 from stereolag.signals.overlaps import overlap_length, overlap_pearson
 from stereolag.signals.peaks import REACH, Lags, find_peak, peak_ratio, refine_peak
 from stereolag.signals.sampling import sampled_votes
+from stereolag.signals.verdict import Judgement, Verdict, enough_votes, judge
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,9 @@ class SignalLag:
         Lag to number of votes, the winner first; "sampled" only, otherwise None.
     elapsed_s
         Seconds that the computation took, without the checks of the input.
+    judgement
+        Whether the lag can be relied on, and why: `verdict`, `rivals` and what follows read it. None where it was not
+        judged.
     """
 
     lag: int
@@ -66,6 +70,34 @@ class SignalLag:
     correlation: npt.NDArray[np.float64] | None
     votes: dict[int, int] | None
     elapsed_s: float
+    judgement: Judgement | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """``"sure"``, ``"ambiguous"`` (see `rivals`), or ``"nothing"``: no better than chance, or not judged."""
+        return self.judgement.verdict if self.judgement else "nothing"
+
+    @property
+    def rivals(self) -> tuple[int, ...]:
+        """Lags as good as this one, samples, nearest to it first."""
+        return self.judgement.rivals if self.judgement else ()
+
+    @property
+    def inverted(self) -> bool:
+        """Whether the opposite of one recording fits better, as with a microphone connected the wrong way round."""
+        return self.judgement is not None and self.judgement.opposite_lag is not None
+
+    @property
+    def drift_ppm(self) -> float:
+        """Samples by which the lag grows per million samples; NaN where it cannot be told."""
+        drift = self.judgement.drift if self.judgement else None
+        return drift.ppm if drift else float("nan")
+
+    @property
+    def uncertainty(self) -> float:
+        """Standard deviation of the lag over blocks of the recordings, samples; NaN where it cannot be told."""
+        drift = self.judgement.drift if self.judgement else None
+        return drift.spread if drift else float("nan")
 
 
 @dataclass(frozen=True)
@@ -153,12 +185,13 @@ def signal_lag(
     else:
         found = _search(first, second, reach, method, report)
     score = overlap_pearson(first, second, found.lag)
-    report(1.0)
-    elapsed_s = time.perf_counter() - started
     if np.isnan(score):
         raise ValueError(
             f"nothing varies where the recordings overlap within ±{reach} samples; allow a larger max_lag."
         )
+    judgement = judge(first, second, found.lag, reach, lags=found.lags, curve=found.correlation, votes=found.votes)
+    report(1.0)
+    elapsed_s = time.perf_counter() - started
     time_s = found.lag / sampling_rate
     return SignalLag(
         lag=found.lag,
@@ -172,6 +205,7 @@ def signal_lag(
         correlation=found.correlation,
         votes=found.votes,
         elapsed_s=elapsed_s,
+        judgement=judgement,
     )
 
 
@@ -230,7 +264,8 @@ def _vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None, prog
     lag, count = next(iter(votes.items()))
     rivals = [others for other, others in votes.items() if abs(other - lag) > 1]
     ratio = count / max(rivals) if rivals else float("inf")
-    ties = sum(others == count for others in votes.values())
+    # Votes that chance brings together are no lag, and so many of them no ties.
+    ties = sum(others == count for others in votes.values()) if enough_votes(votes, lag) else 1
     around = min(REACH, signal_1.size - 1 + lag, signal_2.size - 1 - lag)
     near = np.arange(lag - around, lag + around + 1)
     curve = direct_curve(signal_1, signal_2, lag - around, lag + around, silent)

@@ -46,7 +46,8 @@ def find_peak(curve: Vector, lags: Lags, overlap: Callable[[Lags], Lags]) -> tup
     # Half the overlap weighs sqrt(1/2): nothing lower can tie, and few lags are higher.
     high = np.flatnonzero(curve >= (curve[best] - EQUAL) * np.sqrt(0.5))
     share = overlap(lags[high]) / overlap(lags[best : best + 1])
-    tied = high[(curve[high] / np.sqrt(share) >= curve[best] - EQUAL) & (share >= 0.5)]
+    # A shorter overlap that agrees even better does so by chance: it is no tie either.
+    tied = high[(np.abs(curve[high] / np.sqrt(share) - curve[best]) <= EQUAL) & (share >= 0.5)]
     tops = _tops(curve, tied)
     nearest = tops[np.lexsort((-lags[tops], np.abs(lags[tops])))[0]]
     return int(nearest), int(tops.size)

@@ -1,0 +1,122 @@
+"""How a lag changes over the recordings: measured in blocks, its slope the drift of one clock against the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft, stats
+
+from stereolag.arrays import Vector
+from stereolag.signals.overlaps import overlap_slices
+from stereolag.signals.peaks import REACH, refine_peak
+from stereolag.signals.whitening import WhitePair
+
+_BLOCKS = 16
+_SHORTEST, _LONGEST = 1024, 2**14
+"""Samples of a block; of a longer one the middle is used."""
+
+_FARTHEST_PPM = 300
+_CLEAR = 5.5
+"""Standard deviations by which the peak of a block rises above its chance; the highest of 1,600 lags is at 3.8."""
+
+_STRAY = 2.0
+"""Samples off the line from which on a block has found something else."""
+
+_MOST, _FEWEST = 0.6, 5
+"""The share, and the number, of blocks that must lie on the line."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """The lag over time.
+
+    Attributes
+    ----------
+    start
+        The lag at the first sample that both have in common, samples.
+    ppm
+        Samples by which the lag grows per million; positive where the clock of recording 2 runs faster.
+    error_ppm
+        Its standard error.
+    spread
+        Standard deviation of the lag of a block about the line, samples.
+    span
+        By how much the lag changes from the first to the last sample in common, samples, signed.
+    blocks
+        How many blocks lie on the line.
+    """
+
+    start: float
+    ppm: float
+    error_ppm: float
+    spread: float
+    span: float
+    blocks: int
+
+    @property
+    def shows(self) -> bool:
+        """Whether the lag changes by more than it is uncertain, and by enough to smear the peak."""
+        return abs(self.span) >= 1.0 and abs(self.ppm) > 4 * self.error_ppm
+
+
+def measure_drift(pair: WhitePair, lag: int) -> Drift | None:
+    """Return how the lag changes about `lag`; None where the blocks are too short or find no common line.
+
+    The samples in common are cut into at most 16 blocks. Each is looked for by itself, up to 300 ppm of the whole
+    (at least 32 samples) beside `lag`; a straight line through those that are found clearly is the drift, by the
+    median of all slopes (P. K. Sen, "Estimates of the regression coefficient based on Kendall's tau", J. Am. Stat.
+    Assoc. 63 (1968)) and then least squares.
+    """
+    part_1, part_2 = overlap_slices(pair.signal_1.size, pair.signal_2.size, lag)
+    size = part_1.stop - part_1.start
+    count = min(_BLOCKS, size // _SHORTEST)
+    if count < _FEWEST:
+        return None
+    starts, length = _cut(size, count)
+    reach = int(np.clip(_FARTHEST_PPM * 1e-6 * size, REACH, length // 4))
+    curves = _block_curves(pair.signal_1[part_1], pair.signal_2[part_2], starts, length, reach)
+    tops = np.argmax(curves, axis=1)
+    noise = 1.4826 * np.median(np.abs(curves - np.median(curves, axis=1, keepdims=True)), axis=1)
+    clear = (curves.max(axis=1) > _CLEAR * noise) & (tops > 0) & (tops < 2 * reach)
+    if clear.sum() < max(_FEWEST, _MOST * count):
+        return None
+    lags = np.array([_refined(curve, int(top)) for curve, top in zip(curves[clear], tops[clear], strict=True)]) - reach
+    return _line(starts[clear] + length / 2, lag + lags, size, count)
+
+
+def _cut(size: int, count: int) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], int]:
+    """Return where `count` blocks begin, and their length."""
+    whole = size // count
+    length = min(whole, _LONGEST)
+    return np.arange(count) * whole + (whole - length) // 2, length
+
+
+def _block_curves(
+    first: Vector, second: Vector, starts: np.ndarray[tuple[int], np.dtype[np.int64]], length: int, reach: int
+) -> Vector:
+    """Return (blocks, 2 * reach + 1) products of each block of `first` with `second` up to `reach` beside it."""
+    padded = np.pad(second, reach)
+    blocks_1 = np.stack([first[start : start + length] for start in starts])
+    blocks_2 = np.stack([padded[start : start + length + 2 * reach] for start in starts])
+    points = int(fft.next_fast_len(length + 2 * reach, real=True))
+    spectra = np.conj(fft.rfft(blocks_1, points)) * fft.rfft(blocks_2, points)
+    return np.asarray(fft.irfft(spectra, points)[:, : 2 * reach + 1])
+
+
+def _refined(curve: Vector, top: int) -> float:
+    around = min(REACH, top, curve.size - 1 - top)
+    return top + refine_peak(np.ascontiguousarray(curve[top - around : top + around + 1]))
+
+
+def _line(places: Vector, lags: Vector, size: int, count: int) -> Drift | None:
+    rough = stats.theilslopes(lags, places)
+    near = np.abs(lags - rough.intercept - rough.slope * places) <= _STRAY
+    if near.sum() < max(_FEWEST, _MOST * count):
+        return None
+    fitted = stats.linregress(places[near], lags[near])
+    spread = float(np.std(lags[near] - fitted.intercept - fitted.slope * places[near], ddof=2))
+    slope = float(fitted.slope)
+    return Drift(
+        float(fitted.intercept), 1e6 * slope, 1e6 * float(fitted.stderr), spread, slope * size, int(near.sum())
+    )

@@ -1,0 +1,156 @@
+"""Other lags that fit as well as the one that was found: in whatever repeats."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import fft, stats
+
+from stereolag.arrays import Vector
+from stereolag.signals.overlaps import overlap_length, overlap_pearson, overlap_slices
+from stereolag.signals.peaks import Lags, main_lobe
+from stereolag.signals.whitening import Agreement, WhitePair, local_curve, loudest_stretch
+
+_RIVAL = 0.85
+"""The share of its height at which another lag is as good; noise alone lowers a tooth of a comb by some per cent."""
+
+_STRETCH, _REACH = 2**16, 2**14
+"""Samples in which repetition is looked for, and how far apart it may lie there."""
+
+_LINES, _LINE_SHARE = 8, 0.7
+"""Tones that a curve may consist of, and the share of its power that they must hold then."""
+
+_FEWEST_PERIODS = 8
+_FAINT = 0.05
+"""The share of the strongest line's power below which another is noise."""
+
+_TEETH_SHARE = 0.5
+"""The part of the curve over which the teeth of a tone reach."""
+
+_REGULAR = 0.75
+"""The share of the rivals that lie in regular distances, at least."""
+
+_MOST_RIVALS = 16
+
+
+def rivals_of(
+    signal_1: Vector,
+    signal_2: Vector,
+    pair: WhitePair,
+    agreement: Agreement,
+    first: int,
+    last: int,
+    needed: float,
+    lags: Lags | None,
+    curve: Vector | None,
+) -> tuple[int, ...]:
+    """Return the lags from `first` to `last` at which the whitened recordings agree as well, nearest first."""
+    nearby = _repetitions(pair, agreement.lag, first, last, needed)
+    if agreement.height >= needed and lags is not None and curve is not None:
+        for other in _high_points(pair, agreement.lag, lags, curve):
+            there = pair.best_agreement(other)
+            if there.score >= _RIVAL * agreement.score and there.height >= needed:
+                nearby.add(there.lag)
+    # A horn that is blown again fits again, but not what is heard beside it: a rival fits with and without whitening.
+    least = _RIVAL * overlap_pearson(signal_1, signal_2, agreement.lag)
+    return tuple(
+        other for other in _nearest(nearby, agreement.lag) if overlap_pearson(signal_1, signal_2, other) >= least
+    )
+
+
+def _nearest(found: set[int], lag: int) -> tuple[int, ...]:
+    return tuple(sorted(found - {lag}, key=lambda other: (abs(other - lag), other))[:_MOST_RIVALS])
+
+
+def tone_rivals(signal_1: Vector, signal_2: Vector, lag: int, first: int, last: int) -> tuple[int, ...]:
+    """Return the lags about `lag` at which tones that both recordings hold line up.
+
+    Whitening takes tones away, and noise hides their teeth in the curve. They are told by its spectrum: a few lines
+    hold most of it. The curve that these lines make alone has the teeth without the noise.
+    """
+    part_1, part_2 = overlap_slices(signal_1.size, signal_2.size, lag)
+    one, other = signal_1[part_1], signal_2[part_2]
+    part = loudest_stretch(one, other, _STRETCH)
+    reach = min(_REACH, (part.stop - part.start) // 2)
+    count = min(_LINES, reach // 64)
+    if count == 0:
+        return ()
+    curve = local_curve(one[part], other[part], reach)
+    spectrum = fft.rfft(curve * np.hanning(curve.size))
+    power = spectrum.real**2 + spectrum.imag**2
+    left = power.copy()
+    left[: 2 * _FEWEST_PERIODS] = 0.0
+    held = np.zeros(power.size, dtype=np.bool_)
+    for _ in range(count):
+        line = int(np.argmax(left))
+        if left[line] < _FAINT * power[held].max(initial=0.0):
+            break
+        held[max(0, line - 2) : line + 3] = True
+        left[max(0, line - 2) : line + 3] = 0.0
+    if power[held].sum() < _LINE_SHARE * power.sum():
+        return ()
+    # In the middle half, where the window is not small.
+    middle = slice(reach // 2, curve.size - reach // 2)
+    clean = (fft.irfft(np.where(held, spectrum, 0.0), curve.size) / np.maximum(np.hanning(curve.size), 0.1))[middle]
+    best = int(np.argmax(clean))
+    tops = _tops(clean, best, _RIVAL * clean[best])
+    # Two sounds that happen to hold a note for a while have a few teeth, a tone has them everywhere.
+    if tops.size < 2 or tops.size * float(np.median(np.diff(tops))) < _TEETH_SHARE * clean.size:
+        return ()
+    found = {lag - reach + middle.start + int(top) for top in (best, *tops)}
+    return _nearest({each for each in found if first <= each <= last}, lag)
+
+
+def _repetitions(pair: WhitePair, lag: int, first: int, last: int, needed: float) -> set[int]:
+    """Return the lags about `lag` at which the loudest stretch in common fits as well as where it fits best."""
+    one, other = pair.overlap(lag)
+    part = loudest_stretch(one, other, _STRETCH)
+    one, other = one[part], other[part]
+    reach = min(_REACH, one.size // 2)
+    if reach < 2:
+        return set()
+    curve = local_curve(one, other, reach)
+    curve = curve[max(0, first - lag + reach) : max(0, last - lag + reach) + 1]
+    start = lag - reach + max(0, first - lag + reach)
+    best = int(np.argmax(curve))
+    if pair.agreement(start + best).height < needed:
+        return set()
+    tops = _tops(curve, best, _RIVAL * curve[best])
+    return {start + int(top) for top in tops} | ({start + best} if tops.size else set())
+
+
+def _high_points(pair: WhitePair, lag: int, lags: Lags, curve: Vector) -> list[int]:
+    """Return the lags of the curve's highest points outside the main lobe of `lag`, best first."""
+    peak = int(np.searchsorted(lags, lag))
+    if peak >= lags.size:
+        return []
+    overlap = overlap_length(pair.signal_1.size, pair.signal_2.size, lags)
+    high = _tops(curve, peak, 0.6 * curve[peak])
+    high = high[overlap[high] >= 0.25 * overlap[peak]]
+    best = high[np.argsort(-curve[high], kind="stable")[:_MOST_RIVALS]]
+    return [int(each) for each in lags[best]]
+
+
+def _tops(curve: Vector, peak: int, least: float) -> Lags:
+    """Return where the curve has a maximum of `least` or more, outside the main lobe of `peak`."""
+    begin, end = main_lobe(curve, peak)
+    high = np.flatnonzero(curve >= least)
+    high = high[((high < begin) | (high >= end)) & (high > 0) & (high < curve.size - 1)]
+    return np.asarray(high[(curve[high] > curve[high - 1]) & (curve[high] >= curve[high + 1])])
+
+
+def regular_spacing(rivals: tuple[int, ...], lag: int) -> float | None:
+    """Return the distance from one rival to the next where all are alike, within a sample or 2 %."""
+    if len(rivals) < 2:
+        return None
+    places = np.array(sorted({*rivals, lag}), dtype=np.float64)
+    apart = float(np.median(np.diff(places)))
+    numbers = np.round((places - rivals[0]) / apart)
+    if np.unique(numbers).size < 3:
+        return None
+    # By medians, for a lag that a method put between two teeth is none itself.
+    spacing = stats.theilslopes(places, numbers).slope
+    away = places - spacing * numbers
+    regular = np.abs(away - np.median(away)) <= max(1.0, 0.02 * apart)
+    if regular.mean() < _REGULAR or np.unique(numbers[regular]).size < 3:
+        return None
+    return float(np.polyfit(numbers[regular], places[regular], 1)[0])

@@ -1,0 +1,145 @@
+"""What two recordings have in common at a lag, beyond what chance gives, whatever they sound like.
+
+Rumbling recordings agree with each other by chance over long stretches, loud events by chance in few samples. Both are
+taken away: the recordings are whitened, and the agreement is counted in its own standard deviations, sample by sample.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import fft, linalg, signal
+
+from stereolag.arrays import Vector
+from stereolag.signals.overlaps import overlap_slices
+
+_ORDER = 16
+_FLOOR = 1e-4
+"""White noise that is added to the autocorrelation: 40 dB below the recording, so that a tone leaves something."""
+
+_LONGEST = 2**17
+"""Samples that the autocorrelations are taken from: the loudest stretch in common."""
+
+_RUNS, _LONGEST_RUN = 64, 1024
+"""Into how many runs the samples that carry an agreement are divided, and the samples of the longest."""
+
+_MEMORY = 256
+"""Lags over which whitened recordings may still resemble themselves."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """What two recordings have in common at a lag.
+
+    Attributes
+    ----------
+    lag
+        Samples.
+    score
+        Pearson's correlation of the whitened recordings there, -1..1.
+    height
+        Standard deviations of chance in which they agree.
+    reachable
+        The height that these samples would give if all of them agreed: the root of how many carry the agreement.
+    """
+
+    lag: int
+    score: float
+    height: float
+    reachable: float
+
+
+class WhitePair:
+    """Two recordings made white by the one filter that suits both, so that their lag stays as it was.
+
+    The filter predicts each sample from the 16 before it (linear prediction by the autocorrelation method; J. Makhoul,
+    "Linear prediction: a tutorial review", Proc. IEEE 63 (1975)) and leaves what could not be predicted.
+    """
+
+    def __init__(self, signal_1: Vector, signal_2: Vector) -> None:
+        means = [_autocorrelation(_loudest(given), _ORDER) for given in (signal_1, signal_2)]
+        mean = (means[0] + means[1]) / 2
+        order = min(_ORDER, min(signal_1.size, signal_2.size) // 8)
+        mean[0] *= 1 + _FLOOR
+        taps = np.append(1.0, -linalg.solve_toeplitz(mean[:order], mean[1 : order + 1]) if order else [])
+        self.signal_1, self.signal_2 = (_filtered(given, taps) for given in (signal_1, signal_2))
+        # Bartlett: what remains of two recordings' colours makes their agreement by chance vary more.
+        one, other = (_autocorrelation(_loudest(given), _MEMORY) for given in (self.signal_1, self.signal_2))
+        self.colour = math.sqrt(max(1.0, 1 + 2 * float(one[1:] @ other[1:])))
+
+    def overlap(self, lag: int) -> tuple[Vector, Vector]:
+        """Return the parts that lie on each other at `lag`."""
+        part_1, part_2 = overlap_slices(self.signal_1.size, self.signal_2.size, lag)
+        return self.signal_1[part_1], self.signal_2[part_2]
+
+    def agreement(self, lag: int) -> Agreement:
+        """Return what the recordings have in common at `lag` itself."""
+        first, second = self.overlap(lag)
+        energy = math.sqrt(float(np.einsum("i,i", first, first)) * float(np.einsum("i,i", second, second)))
+        products = first * second
+        total, deviation = float(products.sum()), math.sqrt(float(np.einsum("i,i", products, products)))
+        if not (energy > 0 and deviation > 0):
+            return Agreement(lag, 0.0, 0.0, 0.0)
+        carried = float(np.abs(products).sum())
+        # A note that both happen to hold agrees over hundreds of samples at once: they count as few.
+        together = int(min(_LONGEST_RUN, (carried / deviation) ** 2 / _RUNS))
+        if together > 1:
+            sums = np.add.reduceat(products, np.arange(0, products.size, together))
+            deviation = max(deviation, math.sqrt(float(sums @ sums - total**2 / sums.size)))
+        deviation *= self.colour
+        return Agreement(lag, total / energy, total / deviation, carried / deviation)
+
+    def best_agreement(self, lag: int, within: int = 1) -> Agreement:
+        """Return the best agreement at `lag` and up to `within` samples beside it."""
+        last, first = self.signal_2.size - 1, 1 - self.signal_1.size
+        near = range(max(first, lag - within), min(last, lag + within) + 1)
+        return max((self.agreement(each) for each in near), key=lambda one: one.height)
+
+
+def local_curve(first: Vector, second: Vector, reach: int) -> Vector:
+    """Return the mean product of two equally long parts for lags of ``-reach..reach``, over that at perfect agreement.
+
+    Parameters
+    ----------
+    first, second
+        (N,) float64.
+    reach
+        Samples, less than N.
+    """
+    size = int(fft.next_fast_len(first.size + reach, real=True))
+    products = fft.irfft(np.conj(fft.rfft(first, size)) * fft.rfft(second, size), size)
+    lags = np.arange(-reach, reach + 1)
+    energy = math.sqrt(float(first @ first) * float(second @ second)) or 1.0
+    return np.asarray(products[lags] / energy * first.size / (first.size - np.abs(lags)))
+
+
+def loudest_stretch(first: Vector, second: Vector, longest: int) -> slice:
+    """Return where `longest` samples of both are loudest together, or everything where there are no more."""
+    if first.size <= longest:
+        return slice(0, first.size)
+    step = longest // 8
+    energy = np.add.reduceat((first * second) ** 2, np.arange(0, first.size, step))
+    start = step * int(np.argmax(np.convolve(energy, np.ones(8), mode="valid")))
+    return slice(min(start, first.size - longest), min(start, first.size - longest) + longest)
+
+
+def _loudest(given: Vector) -> Vector:
+    return given[loudest_stretch(given, given, _LONGEST)]
+
+
+def _filtered(given: Vector, taps: npt.NDArray[np.float64]) -> Vector:
+    filtered = np.asarray(signal.lfilter(taps, [1.0], given))
+    # The first samples have none before them to be predicted from: a jump that is no sound.
+    filtered[: taps.size - 1] = 0.0
+    return np.asarray(filtered - filtered.mean())
+
+
+def _autocorrelation(given: Vector, reach: int) -> Vector:
+    """Return Pearson's autocorrelation for lags of 0 to `reach`, 0 beyond the recording."""
+    size = int(fft.next_fast_len(given.size + reach, real=True))
+    spectrum = fft.rfft(given, size)
+    found = fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[: reach + 1]
+    return np.asarray(found / found[0]) if found[0] > 0 else np.zeros(reach + 1)
