@@ -6,6 +6,7 @@ from stereolag.figures import recordings as figures
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui.controls import control, last_valid
+from stereolag.ui.disturbances import fool_it
 from stereolag.ui.elements import Number, show_numbers
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.recordings import RecordingPair, choose_recordings, player
@@ -114,6 +115,8 @@ with page(
     measure(recordings)
     st.subheader("Slide it yourself", anchor=False)
     slide_it_yourself(key="lag.sliding")
+    st.subheader("Fool it", anchor=False)
+    fool_it(key="lag.fooling")
     with st.expander("The source report"):
         st.markdown(
             "Its two recordings hold 176,401 samples each, at 44.1 kHz, and lie 50,082 samples apart. "
