@@ -43,7 +43,7 @@ def test_every_example_can_be_set_with_the_sliders() -> None:
 def test_every_verdict_of_this_method_has_its_words() -> None:
     reasons = {*get_args(Reason), "wrong"} - {"few_votes"}  # no votes here
     assert set(WORDS["verdicts"]) == set(WORDS["lessons"]) == reasons
-    known = {"lag", "true", "delay", "period", "spacing", "rivals", "from", "to", "searched", "score", "evidence"}
+    known = {"lag", "true", "delay", "period", "spacing", "rivals", "from", "to", "searched", "evidence"}
     texts = [*WORDS["verdicts"].values(), *WORDS["lessons"].values(), *WORDS["notes"].values(), WORDS["numbers"]]
     used = {name for text in texts for _, name, _, _ in string.Formatter().parse(text) if name}
     assert used <= known | {"needed"}

@@ -1,5 +1,6 @@
 // Sliders that disturb two recordings, and what is judged of them: mixed, correlated and judged here, nothing asked.
 
+const WIDE = 0.3; // more than any noise makes of a band
 const panels = new WeakMap();
 
 export default function ({ data, parentElement }) {
@@ -119,7 +120,6 @@ class Panel {
       from: shortened(drift?.start ?? 0, 1),
       to: shortened(drift ? drift.start + drift.span : 0, 1),
       searched: shortened(judgement.curve.length, 0),
-      score: shortened(judgement.score, 2),
       evidence: shortened(judgement.evidence, 1),
       needed: shortened(judgement.needed, 1),
     };
@@ -141,7 +141,8 @@ function saidOf({ verdict, reason, lag }, { drift }, trueLag) {
 // What else is to be seen: a band that teeth have widened, and what stands out of the chance about a peak that is sure.
 function notesOf({ verdict, curve, ribbon, lag }, { echo, repetition, period }, { lag: trueLag, echo_delay: delay }) {
   const reach = (curve.length - 1) / 2;
-  if (verdict === "ambiguous" && curve[lag + reach] < ribbon[1]) return ["wide"];
+  const wide = ribbon[1] > Math.max(WIDE, curve[lag + reach] / 2);
+  if (verdict === "ambiguous" && wide) return ["wide"];
   if (verdict !== "sure" || lag !== trueLag) return [];
   const standsOut = (away) => curve[lag + away + reach] > ribbon[1];
   return [...(echo && standsOut(delay) ? ["echo"] : []), ...(repetition && standsOut(-period) && standsOut(period) ? ["teeth"] : [])];

@@ -22,7 +22,6 @@ function judged(signal1, signal2, reach) {
   return {
     verdict, reason, lag, rivals, curve, chance, needed,
     spacing: regularSpacing(rivals, lag),
-    score: pearsonAt(first, second, lag),
     evidence: agreement.height,
     height: (curve[highestOf(curve)] - middle) / deviation,
     ribbon: [middle - chance * deviation, middle + chance * deviation],

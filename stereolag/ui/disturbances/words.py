@@ -61,13 +61,13 @@ EXAMPLES: Final[tuple[dict[str, Any], ...]] = (
 
 WORDS: Final[dict[str, Any]] = {
     "recordings": "240 samples of both, shifted by the lag found",
-    "curve": "Correlation at every lag",
+    "curve": "Correlation × √overlap, at every lag",
     "close": "The highest point, up close",
     "agreement": "Agreement of the whitened recordings, standard deviations",
     "axis": "lag, samples (▲ the true one)",
     "chance": "chance",
     "convinces": "convinces",
-    "numbers": "Highest at {lag}, true lag {true} · correlation {score} · agreement {evidence} ({needed} convinces)",
+    "numbers": "Highest at {lag}, true lag {true} · agreement {evidence} ({needed} convinces)",
     "another": "{lag} samples fits",
     "others": "{count} other lags fit",
     "sliders": {
@@ -91,7 +91,7 @@ WORDS: Final[dict[str, Any]] = {
         "clear": "The peak stands at {lag} because there the sound lies on itself and the products add up. At any "
         "other lag positive and negative products cancel.",
         "drift": "Each part of the recording fits at a lag of its own, so one tall peak becomes a low, broad one. "
-        "Measured block by block, the lag is a straight line.",
+        "Measured block by block, the lag lies on a straight line, and that convinces.",
         "wrong": "Another copy of the sound made the higher peak, an echo or a repetition. A correlation finds the "
         "copy that fits best; it cannot know which one came straight.",
         "repeats": "Shifted by one period the sound lies on itself again, so every tooth fits as well as the next. A "
@@ -104,7 +104,7 @@ WORDS: Final[dict[str, Any]] = {
         "opposite_sign": "Where every product is negative, one microphone is reversed.",
     },
     "notes": {
-        "wide": "The grey band is taken from the curve’s own spread: teeth as dense as these widen it.",
+        "wide": "The grey band follows the curve’s own spread, which such dense teeth widen.",
         "echo": "The smaller peak {delay} samples later is the echo.",
         "teeth": "The teeth every {period} samples are what repeats; what does not repeat settles the lag.",
     },
