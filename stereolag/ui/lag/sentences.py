@@ -5,6 +5,10 @@ from __future__ import annotations
 from stereolag.signals import SignalLag
 
 
+LEAST_SPREAD = 0.01
+"""Samples: nobody needs to know how much less a lag varies."""
+
+
 def lag_in_words(result: SignalLag) -> str:
     """Return who hears it when, and by how much the sound's paths to the sensors differ."""
     if result.lag == 0:
@@ -48,9 +52,10 @@ def verdict_explained(result: SignalLag, sampling_rate: float, speed: float) -> 
             f"{drift.start:,.1f} to {drift.start + drift.span:,.1f} samples, which smears the peak."
         )
     if drift is not None:
-        metres = drift.spread / sampling_rate * speed
+        samples = max(drift.spread, LEAST_SPREAD)
         said.append(
-            f"Over {drift.blocks} blocks the lag varies by ± {drift.spread:.2g} samples, ± {metres:.2g} m of path."
+            f"Over {drift.blocks} blocks the lag varies by {'±' if samples == drift.spread else 'less than ±'} "
+            f"{samples:.2g} samples, ± {samples / sampling_rate * speed:.2g} m of path."
         )
     if judgement.opposite_lag is not None:
         said.append(
