@@ -6,6 +6,7 @@ from stereolag.figures import recordings as figures
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui.controls import control, last_valid
+from stereolag.ui.lag.comparison import compare_methods
 from stereolag.ui.lag.plan import show_plan
 from stereolag.ui.lag.report import show_curve, show_drift, show_verdict
 from stereolag.ui.navigation import fragment, page
@@ -86,6 +87,7 @@ def measure(pair: RecordingPair) -> None:
     with st.spinner("Drawing …"):
         show(pair, result, search)
         listen(pair, search)
+    compare_methods(pair, search)
     st.subheader("From lag to metres", anchor=False)
     show_plan(result, search.speed, key="lag.plan")
 
