@@ -149,6 +149,12 @@ def test_transforms_of_any_length_are_those_of_numpy(arithmetic: Page, size: int
     np.testing.assert_allclose(np.array(real) + 1j * np.array(imaginary), np.fft.fft(re + 1j * im), atol=1e-9 * size)
 
 
+def open_fooling(open_page: OpenPage, **how: Any) -> Page:
+    page = open_page("Sensor_lag", **how)
+    page.get_by_role("tab", name="Fool it").click()
+    return page
+
+
 def slider(page: Page, name: str) -> Locator:
     return page.locator(f".disturbances input[name={name}]")
 
@@ -158,7 +164,7 @@ def start(page: Page, name: str) -> None:
 
 
 def test_the_verdict_turns_under_the_mouse_and_the_keyboard(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag")
+    page = open_fooling(open_page)
     verdict, said = page.locator(".disturbances .verdict"), page.locator(".disturbances .said")
     numbers = page.locator(".disturbances .numbers")
     expect(verdict).to_have_text("Sure: recording 2 lags by 640 samples.")
@@ -209,7 +215,7 @@ def test_the_verdict_turns_under_the_mouse_and_the_keyboard(open_page: OpenPage)
 
 
 def test_it_reads_in_dark_and_on_a_phone(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag", scheme="dark", width=420)
+    page = open_fooling(open_page, scheme="dark", width=420)
     start(page, "Repetition")
     expect(page.locator(".disturbances .verdict")).to_have_text("Cannot tell: it repeats every 400 samples.")
     assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 420
