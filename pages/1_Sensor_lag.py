@@ -8,6 +8,7 @@ from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import Number, show_numbers
 from stereolag.ui.navigation import fragment, page
+from stereolag.ui.phasors import show_phasors
 from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.searches import CURVES, LAG_METHODS, LAG_METHODS_EXPLAINED
@@ -102,6 +103,7 @@ def measure(pair: RecordingPair) -> None:
     with st.spinner("Drawing …"):
         show(pair, result, search)
         listen(pair, search)
+    show_phasors(pair, result, key="lag.phasors")
 
 
 with page(

@@ -1,15 +1,11 @@
 // Four strips over one axis: recording 2, the cut of recording 1, their products, and the curve of their sums.
 
-const SVG = "http://www.w3.org/2000/svg";
 const LEFT = 6;
 const RIGHT = 58;
 const NAME = 20; // px that the name of a strip takes above it
 const STRIPS = { recording: 92, cut: 64, products: 84, curve: 130 };
 const GAP = 8;
 const AXIS = 36;
-
-const shortened = (number, digits) =>
-  number.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }).replace(/^-(?=[0.,]*$)/, "").replace("-", "−");
 
 // The strips of one width: where they lie, and how samples and values become px.
 function laidOut(width, example, all) {
@@ -45,16 +41,7 @@ function drawStrips(svg, example, all, { place, visited, words }) {
   const { x, pitch, boxes, width } = at;
   const { recording, cut } = example;
   const covered = [...cut.keys()].map((index) => place + index);
-  svg.setAttribute("viewBox", `0 0 ${at.width} ${at.height}`);
-  svg.style.height = `${at.height}px`;
-  svg.replaceChildren();
-  const add = (name, attributes, text) => {
-    const node = document.createElementNS(SVG, name);
-    for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-    if (text !== undefined) node.textContent = text;
-    svg.append(node);
-    return node;
-  };
+  const add = emptied(svg, at.height);
   const stems = (kind, samples, values, y) => {
     const d = samples.map((sample, index) => `M${x(sample)} ${y(0)}V${y(values[index])}`);
     const dots = samples.map((sample, index) => `M${x(sample)} ${y(values[index])}h0`);
