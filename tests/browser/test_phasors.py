@@ -61,7 +61,9 @@ def painted(page: Page) -> int:
 
 def drag(page: Page, drawing: str, *points: tuple[float, float]) -> None:
     """Press at the first of these places, in shares of a drawing, and let go at the last."""
-    box = page.locator(f".phasors .{drawing}").bounding_box()
+    found = page.locator(f".phasors .{drawing}")
+    found.scroll_into_view_if_needed()
+    box = found.bounding_box()
     assert box is not None
     for number, (x, y) in enumerate(points):
         page.mouse.move(box["x"] + x * box["width"], box["y"] + y * box["height"], steps=4)
