@@ -5,7 +5,7 @@ const EDGE = 12; // px beside what has none: half the thumb of the lag slider mo
 const TURNS = 3;
 const MAGNITUDES_HEIGHT = 100;
 const NAMES_HEIGHT = 18;
-const PHASES_HEIGHT = 250;
+const PHASES_HEIGHT = 230;
 const PHASES_AXIS = 34;
 const REACH_HEIGHT = 46;
 const CURVE_HEIGHT = 160;
@@ -17,7 +17,7 @@ const hueOf = (index, count) => `hsl(${Math.round(262 - (130 * index) / count)} 
 const ofFrequency = (width) => (frequency) => SIDE + frequency * 2 * (width - SIDE - EDGE);
 
 function drawMagnitudes(svg, example, { whiten, words }) {
-  const add = emptied(svg, MAGNITUDES_HEIGHT);
+  const add = emptied(svg, svg.clientWidth, MAGNITUDES_HEIGHT);
   const width = svg.clientWidth;
   const x = ofFrequency(width);
   const bottom = MAGNITUDES_HEIGHT - 4;
@@ -27,7 +27,7 @@ function drawMagnitudes(svg, example, { whiten, words }) {
   add("path", { class: "zero", d: `M${SIDE} ${bottom}H${width - EDGE}` });
   add("path", { class: whiten ? "first aside" : "first", d: line(example.magnitude_1) });
   add("path", { class: whiten ? "second aside" : "second", d: line(example.magnitude_2) });
-  if (whiten) add("path", { class: "level", d: `M${x(1 / example.size)} ${NAMES_HEIGHT + 4}H${x(example.turns.length / example.size)}` });
+  if (whiten) add("path", { class: "equal", d: `M${x(1 / example.size)} ${NAMES_HEIGHT + 4}H${x(example.turns.length / example.size)}` });
   words.recordings.forEach((name, index) =>
     add("text", { x: width - EDGE - 80 * (1 - index), y: 12, class: `small of-${index + 1}`, "text-anchor": "end" }, name),
   );
@@ -36,7 +36,7 @@ function drawMagnitudes(svg, example, { whiten, words }) {
 // A dot for each frequency, again a whole turn up and down, and the ruler whose slope is the lag.
 function drawPhases(svg, example, all, { lag, words }) {
   const height = PHASES_HEIGHT + PHASES_AXIS;
-  const add = emptied(svg, height);
+  const add = emptied(svg, svg.clientWidth, height);
   const width = svg.clientWidth;
   const x = ofFrequency(width);
   const y = (turns) => PHASES_HEIGHT / 2 - (turns / TURNS) * (PHASES_HEIGHT / 2 - 6);
@@ -74,7 +74,7 @@ function drawPhases(svg, example, all, { lag, words }) {
 function drawChain(svg, all, { place, words, count }) {
   const width = svg.clientWidth;
   const height = clamp(0.78 * width, 340, 440);
-  const add = emptied(svg, height);
+  const add = emptied(svg, svg.clientWidth, height);
   const { left, right, bottom, top } = all.bounds;
   const room = height - REACH_HEIGHT - 2 * EDGE;
   const scale = Math.min((width - 2 * EDGE) / (right - left), room / (top - bottom || 1));
@@ -108,7 +108,7 @@ function drawChain(svg, all, { place, words, count }) {
 }
 
 function drawReaches(svg, example, all, { place, visited, words }) {
-  const add = emptied(svg, CURVE_HEIGHT + CURVE_AXIS);
+  const add = emptied(svg, svg.clientWidth, CURVE_HEIGHT + CURVE_AXIS);
   const width = svg.clientWidth;
   const pitch = (width - 2 * EDGE) / (visited.length - 1);
   const x = (at) => EDGE + at * pitch;

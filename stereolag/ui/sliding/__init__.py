@@ -27,8 +27,8 @@ COAST_START, COAST_STEP = 5191, 6
 _panel = st.components.v2.component(
     "stereolag.sliding",
     html=source("sliding.html", folder=HERE),
-    css=source("panel.css", "sliding.css", folder=HERE),
-    js=source("panel.js", "products.js", "strips.js", "sliding.js", folder=HERE),
+    css=source("sliding.css", folder=HERE),
+    js=source("drawing.js", "panel.js", "products.js", "strips.js", "sliding.js", folder=HERE),
 )
 
 

@@ -1,14 +1,8 @@
 // What the panels of this page have in common: examples to choose from, places to visit one after the other, and Play,
 // which visits them all. A panel extends `VisitingPanel` and says what it measures and draws.
 
-const SVG = "http://www.w3.org/2000/svg";
 const PLACES_A_SECOND = 50;
 const panels = new WeakMap();
-
-const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
-
-const shortened = (number, digits) =>
-  number.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }).replace(/^-(?=[0.,]*$)/, "").replace("-", "−");
 
 // Shows data in the panel of its element, and returns what closes it.
 function shown(Panel, { data, parentElement }) {
@@ -18,20 +12,6 @@ function shown(Panel, { data, parentElement }) {
   return () => {
     panel.close();
     panels.delete(parentElement);
-  };
-}
-
-// Empties a drawing, gives it its height, and returns what adds to it.
-function emptied(svg, height) {
-  svg.setAttribute("viewBox", `0 0 ${svg.clientWidth} ${height}`);
-  svg.style.height = `${height}px`;
-  svg.replaceChildren();
-  return (name, attributes, text) => {
-    const node = document.createElementNS(SVG, name);
-    for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-    if (text !== undefined) node.textContent = text;
-    svg.append(node);
-    return node;
   };
 }
 

@@ -41,7 +41,7 @@ function drawStrips(svg, example, all, { place, visited, words }) {
   const { x, pitch, boxes, width } = at;
   const { recording, cut } = example;
   const covered = [...cut.keys()].map((index) => place + index);
-  const add = emptied(svg, at.height);
+  const add = emptied(svg, at.width, at.height);
   const stems = (kind, samples, values, y) => {
     const d = samples.map((sample, index) => `M${x(sample)} ${y(0)}V${y(values[index])}`);
     const dots = samples.map((sample, index) => `M${x(sample)} ${y(values[index])}h0`);
@@ -123,18 +123,7 @@ function drawThermometer(add, at, all, sum) {
   add("text", { x: x + 24, y: zero + 4, class: "small faint" }, "0");
 }
 
-function drawLags(add, { x, width, boxes, pitch }, { recording, lag, step }, words) {
-  const y = boxes.curve.bottom;
-  const sparse = (65 / pitch) * step;
-  const power = 10 ** Math.floor(Math.log10(sparse));
-  const every = [1, 2, 5, 10].map((times) => times * power).find((one) => one >= sparse);
-  add("path", { class: "zero", d: `M${LEFT} ${y}H${width - RIGHT}` });
-  const last = lag + (recording.length - 1) * step;
-  for (let tick = Math.ceil(lag / every) * every; tick <= last; tick += every) {
-    const place = x((tick - lag) / step);
-    add("path", { class: "zero", d: `M${place} ${y}v4` });
-    const anchor = place < 24 ? "start" : "middle";
-    add("text", { x: anchor === "start" ? LEFT : place, y: y + 16, class: "small faint", "text-anchor": anchor }, shortened(tick, 0));
-  }
-  add("text", { x: (width - RIGHT) / 2, y: y + 31, class: "small faint", "text-anchor": "middle" }, words.axis);
+function drawLags(add, { x, width, boxes }, { recording, lag, step }, words) {
+  const shown = { first: lag, last: lag + (recording.length - 1) * step, left: LEFT, right: width - RIGHT };
+  drawAxis(add, { ...shown, y: boxes.curve.bottom, x: (tick) => x((tick - lag) / step) }, words.axis);
 }
