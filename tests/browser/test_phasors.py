@@ -74,6 +74,7 @@ def drag(page: Page, drawing: str, *points: tuple[float, float]) -> None:
 
 def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(open_page: OpenPage) -> None:
     page = open_page("Sensor_lag")
+    page.get_by_role("tab", name="Arrows that line up").click()
     root = page.locator(".phasors")
     slider, where, said = (root.locator(f".{name}") for name in ("lag", "where", "said"))
     slider.scroll_into_view_if_needed()
@@ -123,6 +124,7 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(open_page: O
 def test_it_reads_in_dark_and_on_a_phone_without_motion(open_page: OpenPage) -> None:
     page = open_page("Sensor_lag", scheme="dark", width=420)
     page.emulate_media(reduced_motion="reduce")
+    page.get_by_role("tab", name="Arrows that line up").click()
     root = page.locator(".phasors")
     root.get_by_role("button", name="One tone").click()
     root.locator(".play").click()

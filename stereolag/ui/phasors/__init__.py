@@ -32,7 +32,7 @@ _panel = st.components.v2.component(
 )
 
 
-def show_phasors(pair: RecordingPair, result: SignalLag, *, key: str) -> None:
+def show_phasors(pair: RecordingPair, result: SignalLag | None, *, key: str) -> None:
     """Show the arrows of the examples, and of the visitor's own recordings where their lag was found.
 
     Parameters
@@ -40,11 +40,10 @@ def show_phasors(pair: RecordingPair, result: SignalLag, *, key: str) -> None:
     pair
         The recordings that were measured.
     result
-        What was found.
+        What was found; None where there is nothing yet.
     key
         Of the component.
     """
-    st.subheader("Arrows that line up", anchor=False)
     st.markdown(INTRODUCTION)
     _panel(
         key=key,
@@ -56,8 +55,8 @@ def show_phasors(pair: RecordingPair, result: SignalLag, *, key: str) -> None:
     )
 
 
-def _own(pair: RecordingPair, result: SignalLag) -> list[dict[str, Any]]:
-    if pair.shared or result.verdict == "nothing":
+def _own(pair: RecordingPair, result: SignalLag | None) -> list[dict[str, Any]]:
+    if pair.shared or result is None or result.verdict == "nothing":
         return []
     found = common_stretch("own", pair.signal_1, pair.signal_2, result.lag)
     return [described(found, **own_in_words(found))] if found else []
