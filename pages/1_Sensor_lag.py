@@ -89,7 +89,7 @@ def measure(pair: RecordingPair) -> None:
             show(pair, result, search)
             listen(pair, search)
         compare_methods(pair, search)
-    see_why(result, search)
+    see_why(pair, result, search)
 
 
 with page(
