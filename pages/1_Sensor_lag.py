@@ -10,6 +10,7 @@ from stereolag.ui.elements import Number, show_numbers
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_in_turn
+from stereolag.ui.search_addresses import LAG_ADDRESS
 from stereolag.ui.searches import CURVES, LAG_METHODS, LAG_METHODS_EXPLAINED
 from stereolag.ui.sentences import duration, lag_in_words
 from stereolag.ui.sliding import slide_it_yourself
@@ -83,6 +84,7 @@ def measure(pair: RecordingPair) -> None:
     search = ask(pair)
     if search is None:
         return
+    LAG_ADDRESS.write(search, pair)
     try:
         result = computed_in_turn(
             "lag",
@@ -109,7 +111,7 @@ with page(
     "Two sensors record the same sound. Slide one recording along the other, multiply, add up: where the sum peaks, "
     "the two agree. That lag is the time the wave took from one sensor to the other, and with its speed, the distance.",
 ):
-    recordings = choose_recordings()
+    recordings = LAG_ADDRESS.recalled(choose_recordings)
     st.caption(recordings.description)
     measure(recordings)
     st.subheader("Slide it yourself", anchor=False)
