@@ -7,6 +7,7 @@ from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import Number, show_numbers
+from stereolag.ui.lag_files import show_lag_files
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_in_turn
@@ -104,6 +105,7 @@ def measure(pair: RecordingPair) -> None:
     with st.spinner("Drawing …"):
         show(pair, result, search)
         listen(pair, search)
+    show_lag_files(pair, result, search)
 
 
 with page(

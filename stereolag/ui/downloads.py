@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
+import streamlit as st
+
 from stereolag.export import bundle
 from stereolag.ui.jobs import HEAVY_MEMORY, Turn, limiter
 from stereolag.ui.private_files import download_button
@@ -72,6 +74,34 @@ def show_zip_button(make: Callable[[], bytes], memory: int, *, key: str, more: s
         meaning=" ".join(filter(None, ("All files on offer here.", more))),
         icon=":material/folder_zip:",
         primary=True,
+    )
+
+
+def show_taken(files: Sequence[File], whole: Callable[[], bytes], memory: int, *, key: str) -> None:
+    """Offer files, and before them one ZIP of all, which `whole` makes; the others as :func:`show_file_buttons`."""
+    with st.container(horizontal=True, gap="small"):
+        show_zip_button(whole, memory, key=key)
+        show_file_buttons(files, memory, key=key)
+
+
+def show_reproduction(command: str, does: str, *, own: bool) -> None:
+    """Show the command that gives the same result beside the files of the ZIP, and say what the address holds.
+
+    Parameters
+    ----------
+    command
+        One line.
+    does
+        What it does: "measures this lag again".
+    own
+        Whether the files are the visitor's own.
+    """
+    st.caption(f"Where the ZIP was unpacked, this {does}:")
+    st.code(command, language="bash", wrap_lines=True)
+    st.caption(
+        "The address of this page holds its settings, but not your own files."
+        if own
+        else "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
     )
 
 
