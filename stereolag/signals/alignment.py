@@ -51,11 +51,11 @@ def together(signal_1: Vector, signal_2: Vector, lag: int, most: int) -> Vector:
     if aligned_length(signal_1.size, signal_2.size, lag) > most:
         later_2, later_1 = _offsets(lag)
         signal_1, signal_2, lag = signal_1[later_1:][:most], signal_2[later_2:][:most], 0
-    both = aligned(signal_1, signal_2, lag)
-    both -= both.mean(axis=0)
-    spread = both.std(axis=0)
-    spread[spread == 0] = 1.0
-    return np.asarray((both / spread).sum(axis=1))
+    both = np.zeros(aligned_length(signal_1.size, signal_2.size, lag))
+    for signal, offset in zip((signal_1, signal_2), _offsets(lag), strict=True):
+        centred = signal - signal.mean()
+        both[offset : offset + signal.size] += centred / (centred.std() or 1.0)
+    return both
 
 
 def _offsets(lag: int) -> tuple[int, int]:

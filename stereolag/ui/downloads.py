@@ -92,12 +92,12 @@ def show_reproduction(command: str, does: str, *, own: bool) -> None:
     command
         One line.
     does
-        What it does: "measures this lag again".
+        What it does: "measure this lag again".
     own
         Whether the files are the visitor's own.
     """
-    st.caption(f"Where the ZIP was unpacked, this {does}:")
-    st.code(command, language="bash", wrap_lines=True)
+    st.caption(f"To {does}, in the folder of the unpacked ZIP:")
+    st.code(command, language=None, wrap_lines=True)
     st.caption(
         "The address of this page holds its settings, but not your own files."
         if own

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import partial
 
 import streamlit as st
@@ -20,12 +21,16 @@ from stereolag.signals import SignalLag
 from stereolag.signals.alignment import aligned_length, together
 from stereolag.ui.downloads import File, archive, show_reproduction, show_taken
 from stereolag.ui.recordings import LONGEST_S, RecordingPair, player
+from stereolag.ui.results import remembered
 
 KEY = "lag.take"
 NAMES = ("recording_1.npy", "recording_2.npy")
 
 CURVE_LAGS = 1_000_000
 """In the file of a curve, at the most: a spreadsheet holds 1,048,576 lines."""
+
+ECHO_S = 0.03
+"""Sounds less than that apart are heard as one (Haas, 1951)."""
 
 BYTES_OF_A_SAMPLE, BYTES_OF_A_LAG = 48, 256
 """While the ZIP is made: the recordings, both aligned, and the curve as numbers and text."""
@@ -44,8 +49,9 @@ def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) ->
             memory += BYTES_OF_A_LAG * min(CURVE_LAGS, 0 if result.lags is None else len(result.lags))
             command = lag_command(search, *NAMES)
             offered = lag_files(pair, result, search)
-            show_taken(offered, partial(archive, offered, f"To measure this lag again: {command}"), memory, key=KEY)
-            show_reproduction(command, "measures this lag again", own=not pair.shared)
+            about = f"To measure this lag again, in the folder of these files: {command}"
+            show_taken(offered, partial(archive, offered, about), memory, key=KEY)
+            show_reproduction(command, "measure this lag again", own=not pair.shared)
 
 
 def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list[File]:
@@ -90,15 +96,31 @@ def _wav_refusal(pair: RecordingPair, result: SignalLag, sampling_rate: float) -
     return ""
 
 
+def heard_in_words(result: SignalLag) -> str:
+    """Return what is to be heard of both recordings together, before and after the lag is undone."""
+    if result.verdict != "sure":
+        return f"No lag is sure here. Undone is the one that fits best, {result.lag:,} samples."
+    if result.lag == 0:
+        return "The lag is 0: there is nothing to undo."
+    if abs(result.time_s) < ECHO_S:
+        return f"Only a lag above some {ECHO_S:g} s is heard as an echo. A shorter one changes the colour of the sound."
+    return "As recorded, each sound comes twice, like an echo. With the lag undone it comes once."
+
+
 def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float) -> None:
     most = round(LONGEST_S * sampling_rate)
     heard = (("as recorded", 0), ("the lag undone", result.lag))
     for column, (name, lag) in zip(st.columns(2, gap="medium"), heard, strict=True):
         with column:
-            player(together(pair.signal_1, pair.signal_2, lag, most), sampling_rate, f"both, {name}")
-    said = "As recorded, each sound comes twice, like an echo. With the lag undone it comes once."
-    if result.verdict != "sure":
-        said = f"No lag is sure here. Undone is the one where the curve is highest, {result.lag:,} samples."
+            sound = remembered(
+                "both together",
+                partial(together, pair.signal_1, pair.signal_2, lag, most),
+                inputs=pair.digest,
+                settings=json.dumps([lag, most]),
+                shared=pair.shared,
+            )
+            player(sound, sampling_rate, f"both, {name}")
+    said = heard_in_words(result)
     if aligned_length(pair.signal_1.size, pair.signal_2.size, result.lag) > most:
         said += f" Of the recordings, {LONGEST_S} s are played, from where both have begun."
     st.caption(said)

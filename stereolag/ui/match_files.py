@@ -28,9 +28,9 @@ def show_match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: 
             rows, cols = inputs.picture.shape[:2]
             command = find_command(query, *_names(inputs))
             offered = match_files(inputs, result, query)
-            about = f"To search again: {command}"
+            about = f"To search again, in the folder of these files: {command}"
             show_taken(offered, partial(archive, offered, about), BYTES_OF_A_PIXEL * rows * cols, key=KEY)
-            show_reproduction(command, "searches again", own=not inputs.shared)
+            show_reproduction(command, "search again", own=not inputs.shared)
 
 
 def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> list[File]:
