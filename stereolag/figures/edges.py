@@ -33,7 +33,7 @@ SHORTEST = 0.04
 MOST_POINTS = 8_000
 """Of all lines; the longest come first, and what does not fit any more is left out."""
 
-OFF_LINE = 0.6
+OFF_LINE = 0.9
 """How far a line may be off the pixels of its edge, px."""
 
 BESIDE = ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1, 1))

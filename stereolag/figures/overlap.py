@@ -22,8 +22,11 @@ CLOSEST = 24
 BESIDE_SHARE = 0.25
 """What is seen of the image beside the windows drawn, as a share of a window's side."""
 
+MANY_ACROSS = 20
+"""From so many dots side by side they are drawn smaller."""
+
 HEIGHT = 420
-FILL = "rgba(224, 68, 124, 0.11)"
+FILL = "rgba(224, 68, 124, 0.06)"
 """Nine of them on one another are still seen through."""
 
 
@@ -140,14 +143,15 @@ def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
             y0=row - 0.5,
             y1=row + size - 0.5,
             fillcolor=FILL,
-            line={"color": WINDOW_COLOUR, "width": 3 if own else 1},
-            layer="below",
+            line={"color": WINDOW_COLOUR, "width": 4 if own else 1.5},
+            layer="between",
         )
     half = (size - 1) / 2
     rows, cols = grid.drawn(grid.rows, grid.middle.row), grid.drawn(grid.cols, grid.middle.col)
     own_centre = grid.middle.row + half, grid.middle.col + half
     centres = [(row + half, col + half) for row in rows for col in cols]
-    figure.add_trace(_dots([at for at in centres if at != own_centre], 4, "centre of a window"))
+    small = 3 if max(rows.size, cols.size) > MANY_ACROSS else 4
+    figure.add_trace(_dots([at for at in centres if at != own_centre], small, "centre of a window"))
     figure.add_trace(_dots([own_centre], 10, "centre of the window chosen"))
     figure.update_layout(height=HEIGHT, margin=MARGIN, showlegend=False, plot_bgcolor="rgba(0,0,0,0)")
     axis = {"showgrid": False, "zeroline": False, "constrain": "domain"}
@@ -161,7 +165,7 @@ def _dots(places: list[tuple[float, float]], size: int, name: str) -> go.Scatter
         x=np.array([col for _, col in places], np.float32),
         y=np.array([row for row, _ in places], np.float32),
         mode="markers",
-        marker={"size": size, "color": "#fff", "line": {"color": "#16161c", "width": 1}},
+        marker={"size": size, "color": "#fff", "line": {"color": "#16161c", "width": 0.5 if size == 3 else 1}},
         name=name,
         hovertemplate=f"{name}<br>row %{{y}}, column %{{x}}<extra></extra>",
     )

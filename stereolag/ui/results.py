@@ -278,7 +278,7 @@ def _results(shared: bool) -> RecentResults:
 
 
 def _bytes_of(result: Any) -> int:
-    """Return the memory of a file, text, array or number, or of the files and arrays that a result has as attributes."""
+    """Return the memory of a file, a text, an array, a number, or the files and arrays that a result has."""
     if isinstance(result, bytes | str):
         return len(result)
     if isinstance(result, np.ndarray):

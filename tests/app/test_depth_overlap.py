@@ -32,7 +32,7 @@ def opened(size: int, overlap: float) -> tuple[str, dict[str, Any]]:
     app.run()
     assert not app.exception
     (chart,) = app.get("plotly_chart")
-    return app.caption[-1].value, json.loads(chart.proto.spec)
+    return app.markdown[-1].value, json.loads(chart.proto.spec)
 
 
 def test_the_figure_and_its_sentence_follow_the_settings() -> None:

@@ -18,8 +18,11 @@ def show_overlap(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
     height, width = view.pair.left.shape[:2]
     grid = window_grid((height, width), seen.window, matcher.step)
     st.markdown("##### How the windows overlap")
-    st.plotly_chart(overlap_figure(view.pair.left, grid), key=KEY, config={"displayModeBar": False})
-    st.caption(overlap_in_words(grid, matcher.overlap))
+    figure, words = st.columns([1.3, 1], gap="medium", vertical_alignment="center")
+    with figure:
+        st.plotly_chart(overlap_figure(view.pair.left, grid), key=KEY, config={"displayModeBar": False})
+    with words:
+        st.markdown(overlap_in_words(grid, matcher.overlap))
 
 
 def overlap_in_words(grid: WindowGrid, asked: float) -> str:
