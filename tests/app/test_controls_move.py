@@ -26,6 +26,7 @@ MOVES: dict[str, dict[str, Any]] = {
         "lag.speed.recordings coast": 1_500.0,
         "lag.max.recordings coast": 1_000,
         "lag.from.recordings coast.50082": 1_000,
+        "lag.curve": "Plain Pearson",
     },
     SEARCH: {
         "pictures": "maze_dulled",
@@ -106,7 +107,7 @@ for one in MOVES[DEPTH]:
     for name in ("bm", "sgbm", "sgm"):
         if one.startswith(f"depth.{name}."):  # its controls and its map
             FIRST[one] = {keys.TAB: name, keys.SHOWN: ["correlation", name]} | FIRST.get(one, {})
-SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine")}
+SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine"), "lag.runs"}
 ONLY_WITH_A_SQUARE_SEARCH: dict[str, Any] = {keys.SEARCH_SIZE: 60, keys.REACH: 0}
 
 
