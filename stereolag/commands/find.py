@@ -15,8 +15,8 @@ def run(arguments: Sequence[str]) -> int:
     """Search as the arguments ask, print what is found, and return the code to exit with."""
     parser = CommandParser(
         "find",
-        "Tell where in an image a template is: row and column of its top-left pixel, best first. Transparent pixels of "
-        "the template do not count.",
+        "Tell where in an image a template is: row and column of its top-left pixel, best first. It is found where it "
+        "fits clearly better than anywhere else. Transparent pixels of the template do not count.",
         "IMAGE TEMPLATE [--min-score 0..1] [--max-matches N] [--json] [further settings]",
         f"; {NOT_FOUND} nothing is found",
     )
@@ -35,12 +35,29 @@ def run(arguments: Sequence[str]) -> int:
     figures = {
         "command": "find",
         "found": result.found,
+        "reason": result.reason,
+        "clear": result.clear,
         "matches": [asdict(match) for match in result.matches],
+        "best": None if result.best is None else asdict(result.best),
+        "rivals": [asdict(rival) for rival in result.rivals],
         "candidates": result.candidates,
         "elapsed_s": result.elapsed_s,
         "settings": query.model_dump(),
     }
-    lines = [f"row {one.row}, column {one.col}, score {one.score:.3f}" for one in result.matches]
-    lines = lines or [f"Not found: no place scores {query.min_score:g} or more."]
-    tell(figures, "\n".join(lines), as_json=options.json)
+    tell(figures, "\n".join(_told(result, query)), as_json=options.json)
     return DONE if result.found else NOT_FOUND
+
+
+def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
+    """Return what was found, a line for each place; why, where nothing was."""
+    if result.found:
+        return [_place(one) for one in result.matches]
+    if result.reason == "look_alikes":
+        alike = result.look_alikes
+        return [f"Not found: {len(alike)} places fit about equally well.", *(_place(one) for one in alike)]
+    said = f"Not found: no place scores {query.min_score:g} or more."
+    return [said if result.best is None else f"{said} The best: {_place(result.best)}."]
+
+
+def _place(match: sl.TemplateMatch) -> str:
+    return f"row {match.row}, column {match.col}, score {match.score:.3f}"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -21,12 +22,16 @@ CLOSE_UP_WIDTH = 640
 SCORE_MAP_WIDTH = 700
 LEFT_OUT = 128
 
+Point: TypeAlias = tuple[int, int]
 
-def framed(picture: Image, matches: Sequence[TemplateMatch]) -> bytes:
-    """Return the image as a PNG with a frame around every match, the best one's the boldest."""
+
+def framed(picture: Image, matches: Sequence[TemplateMatch], doubtful: Sequence[TemplateMatch] = ()) -> bytes:
+    """Return the image as a PNG with a frame around every match, the best one's the boldest, dashed where doubtful."""
     shown = fitted(picture).copy()
     scale = shown.shape[1] / picture.shape[1]
     thickness = max(2, shown.shape[1] // 250)
+    for match in reversed(doubtful):
+        _frame(shown, match, scale, thickness, dashed=True)
     for match in reversed(matches):
         _frame(shown, match, scale, thickness if match is matches[0] else max(1, thickness // 2))
     return png(shown)
@@ -42,8 +47,8 @@ def what_counts(template: Image, mask: Image | None) -> bytes:
     return png(shown)
 
 
-def match_close_up(picture: Image, match: TemplateMatch) -> bytes:
-    """Return the match with what is around it, 4:3 and enlarged, as a PNG."""
+def match_close_up(picture: Image, match: TemplateMatch, *, doubtful: bool = False) -> bytes:
+    """Return the match with what is around it, 4:3 and enlarged, as a PNG; its frame is dashed where doubtful."""
     height = 2 * max(match.height, match.width)
     rows = _around(match.row + match.height // 2, height, picture.shape[0])
     cols = _around(match.col + match.width // 2, height * 4 // 3, picture.shape[1])
@@ -51,7 +56,7 @@ def match_close_up(picture: Image, match: TemplateMatch) -> bytes:
     scale = CLOSE_UP_WIDTH / max(part.shape[:2])
     size = (max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale)))
     shown = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
-    _frame(shown, replace(match, row=match.row - rows.start, col=match.col - cols.start), scale, 5)
+    _frame(shown, replace(match, row=match.row - rows.start, col=match.col - cols.start), scale, 5, dashed=doubtful)
     return png(shown)
 
 
@@ -73,16 +78,28 @@ def score_legend() -> go.Figure:
     return legend(0, 1, VIRIDIS, "score")
 
 
-def _frame(picture: Rgb, match: TemplateMatch, scale: float, thickness: int) -> None:
+def _frame(picture: Rgb, match: TemplateMatch, scale: float, thickness: int, *, dashed: bool = False) -> None:
     """Draw a frame just outside of the match."""
     away = thickness // 2 + 1
-    top_left = (round(match.col * scale) - away, round(match.row * scale) - away)
-    bottom_right = (
-        round((match.col + match.width) * scale) + away,
-        round((match.row + match.height) * scale) + away,
-    )
-    cv2.rectangle(picture, top_left, bottom_right, (255, 255, 255), thickness + 2)
-    cv2.rectangle(picture, top_left, bottom_right, FRAME, thickness)
+    left, top = round(match.col * scale) - away, round(match.row * scale) - away
+    right = round((match.col + match.width) * scale) + away
+    bottom = round((match.row + match.height) * scale) + away
+    corners = ((left, top), (right, top), (right, bottom), (left, bottom))
+    for colour, width in (((255, 255, 255), thickness + 2), (FRAME, thickness)):
+        for start, end in zip(corners, (*corners[1:], corners[0]), strict=True):
+            for one, other in _dashes(start, end, 5 * thickness) if dashed else [(start, end)]:
+                cv2.line(picture, one, other, colour, width)
+
+
+def _dashes(start: Point, end: Point, length: int) -> Iterator[tuple[Point, Point]]:
+    """Give the ends of the dashes of a line, with a gap as long as a dash between two; each end of it has a dash."""
+    span = max(abs(end[0] - start[0]), abs(end[1] - start[1]))
+    pieces = 2 * max(1, round(span / length / 2)) + 1
+    at = [
+        (round(start[0] + (end[0] - start[0]) * step / pieces), round(start[1] + (end[1] - start[1]) * step / pieces))
+        for step in range(pieces + 1)
+    ]
+    yield from zip(at[::2], at[1::2], strict=True)
 
 
 def _around(centre: int, length: int, end: int) -> slice:

@@ -156,10 +156,13 @@ def test_find_ends_with_three_where_there_is_nothing(
 ) -> None:
     monkeypatch.chdir(picture)
     told = ran(capsys, "find", "image.png", "stranger.png", "--min-score", "0.9")
-    assert (told.code, told.out) == (3, "Not found: no place scores 0.9 or more.\n")
+    assert told.code == 3
+    assert told.out.startswith("Not found: no place scores 0.9 or more. The best: row ")
     told = ran(capsys, "find", "image.png", "stranger.png", "--min-score", "0.9", "--json")
     assert told.code == 3
     assert told.figures["found"] is False
+    assert (told.figures["reason"], told.figures["matches"]) == ("low_score", [])
+    assert told.figures["best"]["score"] < 0.9
     assert "3 nothing is found" in ran(capsys, "find", "--help").out.replace("\n", " ")
 
 
