@@ -11,7 +11,8 @@ from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
-from stereolag.ui.template_answer import doubtful, show_answer
+from stereolag.ui.template_answer import doubtful, show_answer, why_no_score_map
+from stereolag.ui.template_controls import ask_poses
 
 
 def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
@@ -27,15 +28,16 @@ def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
             min_score = control(TemplateQuery, "min_score", key="template.min_score")
         with count:
             max_matches = control(TemplateQuery, "max_matches", key="template.max_matches")
+        poses = ask_poses(method)
     return last_valid(
-        lambda: TemplateQuery(method=method, min_score=min_score, max_matches=max_matches), "template.query"
+        lambda: TemplateQuery(method=method, min_score=min_score, max_matches=max_matches, **poses), "template.query"
     )
 
 
-def show_scores(result: TemplateSearch) -> None:
+def show_scores(result: TemplateSearch, query: TemplateQuery) -> None:
     """Show the score of every place."""
     if result.score_map is None:
-        st.caption("“Sampled” scores a few places only: there is no score map to show.")
+        st.caption(why_no_score_map(query))
         return
     st.markdown("##### How well it fits at every place")
     scores, legend = st.columns([3, 1], gap="medium")
@@ -55,10 +57,15 @@ def find(inputs: PictureAndTemplate) -> None:
         result = computed_in_turn(
             "template search",
             lambda progress: match_template(
-                inputs.picture, inputs.template, mask=inputs.mask, **query.model_dump(), seed=0, progress=progress
+                inputs.picture, inputs.template, mask=inputs.mask, **query.arguments, seed=0, progress=progress
             ),
             estimate_search(
-                inputs.picture.shape, inputs.template.shape, dtype=inputs.picture.dtype, method=query.method
+                inputs.picture.shape,
+                inputs.template.shape,
+                dtype=inputs.picture.dtype,
+                method=query.method,
+                scales=query.arguments["scales"],
+                rotations=query.arguments["rotations"],
             ),
             inputs=inputs.digest,
             settings=query.model_dump_json(),
@@ -70,8 +77,8 @@ def find(inputs: PictureAndTemplate) -> None:
         return
     if result is None:
         return
-    show_answer(result, inputs, query.min_score)
-    show_scores(result)
+    show_answer(result, inputs, query)
+    show_scores(result, query)
 
 
 with page(

@@ -31,7 +31,7 @@ def run(arguments: Sequence[str]) -> int:
     if mask is not None and mask.ndim == 3:
         mask = mask[:, :, :3].max(axis=2)
     image, template = read(sl.read_image, options.image), read(sl.read_image, options.template)
-    result = sl.match_template(image, template, mask=mask, **query.model_dump(), seed=0)
+    result = sl.match_template(image, template, mask=mask, **query.arguments, seed=0)
     figures = {
         "command": "find",
         "found": result.found,
@@ -60,4 +60,6 @@ def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
 
 
 def _place(match: sl.TemplateMatch) -> str:
-    return f"row {match.row}, column {match.col}, score {match.score:.3f}"
+    posed = (match.scale, match.rotation) != (1.0, 0.0)
+    pose = f", size {match.scale:.2f}, turned {match.rotation:+.1f}°" if posed else ""
+    return f"row {match.row}, column {match.col}, score {match.score:.3f}{pose}"

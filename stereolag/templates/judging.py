@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.templates.peaks import Indices, Scores, elsewhere, next_elsewhere, suppress
+from stereolag.templates.peaks import Indices, Scores, Shape, elsewhere, next_elsewhere, suppress
 from stereolag.templates.result import TemplateMatch, TemplateSearch
 from stereolag.templates.verdict import MOST_RIVALS, verdict
 
@@ -22,17 +22,23 @@ class Places:
     rows, cols, scores
         Of each position; no score is NaN.
     shape
-        Height and width of the template, px.
+        Height and width of the template, px; of a template that is resized or turned, arrays.
+    poses
+        Scale and rotation at each position, None where there is none.
     """
 
     rows: Indices
     cols: Indices
     scores: Scores
-    shape: tuple[int, int]
+    shape: Shape
+    poses: list[tuple[float, float]] | None = None
 
     def match(self, index: int) -> TemplateMatch:
         """Return one position as a match."""
-        return TemplateMatch(int(self.rows[index]), int(self.cols[index]), *self.shape, float(self.scores[index]))
+        height, width = (int(side if isinstance(side, int) else side[index]) for side in self.shape)
+        scale, rotation = (1.0, 0.0) if self.poses is None else self.poses[index]
+        row, col, score = int(self.rows[index]), int(self.cols[index]), float(self.scores[index])
+        return TemplateMatch(row, col, height, width, score, scale, rotation)
 
     def joined(self, rows: Indices, cols: Indices, scores: Scores) -> Places:
         """Return these positions followed by others."""
@@ -66,7 +72,10 @@ def judged(
     """
     rows, cols, scores, shape = places.rows, places.cols, places.scores, places.shape
     enough = np.flatnonzero(scores[:matchable] >= min_score)
-    kept = [int(enough[one]) for one in suppress(rows[enough], cols[enough], scores[enough], shape, max_matches)]
+    height, width = (side if isinstance(side, int) else side[enough] for side in shape)
+    kept = [
+        int(enough[one]) for one in suppress(rows[enough], cols[enough], scores[enough], (height, width), max_matches)
+    ]
     judgement = verdict([float(scores[one]) for one in kept], next_elsewhere(rows, cols, scores, shape, kept))
     best = int(np.argmax(scores)) if scores.size else None
     sure = kept[: judgement.clear] or ([] if best is None else [best])

@@ -41,54 +41,69 @@ def _peaks_of_rows(
     return rows + first, cols
 
 
-def suppress(rows: Indices, cols: Indices, scores: Scores, shape: tuple[int, int], max_matches: int) -> list[int]:
+Shape = tuple[int | Indices, int | Indices]
+"""Height and width of the rectangles at all positions, or of each."""
+
+
+def suppress(rows: Indices, cols: Indices, scores: Scores, shape: Shape, max_matches: int) -> list[int]:
     """Return the indices of the positions kept, best first: each removes all that it overlaps by more than half.
 
-    Positions are rectangles of `shape` (height, width) with their top-left pixel at (row, col); of equal scores
-    the first listed wins.
+    Positions are rectangles of `shape` with their top-left pixel at (row, col); half is of the smaller of two; of
+    equal scores the first listed wins.
     """
-    height, width = shape
+    boxes = _Boxes(rows, cols, shape)
     left = np.arange(len(rows))
     kept: list[int] = []
     while left.size and len(kept) < max_matches:
-        best = left[np.argmax(scores[left])]
-        kept.append(int(best))
-        shared_rows = np.maximum(height - np.abs(rows[left] - rows[best]), 0)
-        shared_cols = np.maximum(width - np.abs(cols[left] - cols[best]), 0)
-        left = left[2 * shared_rows * shared_cols <= height * width]
+        best = int(left[np.argmax(scores[left])])
+        kept.append(best)
+        left = left[2 * boxes.shared(left, best) <= np.minimum(boxes.areas(left), boxes.areas(best))]
     return kept
 
 
-def next_elsewhere(
-    rows: Indices, cols: Indices, scores: Scores, shape: tuple[int, int], kept: list[int]
-) -> list[float]:
+def next_elsewhere(rows: Indices, cols: Indices, scores: Scores, shape: Shape, kept: list[int]) -> list[float]:
     """Return for each position kept the best score elsewhere than it and those before it, -1 where there is none.
 
     A position on the flank of a peak shares most of its pixels: only what shares none is another place.
     """
+    boxes = _Boxes(rows, cols, shape)
     left = np.arange(len(rows))
     found = []
     for one in kept:
-        left = left[_apart(rows[left] - rows[one], cols[left] - cols[one], shape)]
+        left = left[boxes.shared(left, one) == 0]
         found.append(float(scores[left].max()) if left.size else -1.0)
     return found
 
 
-def elsewhere(
-    rows: Indices, cols: Indices, scores: Scores, shape: tuple[int, int], kept: list[int], count: int
-) -> list[int]:
+def elsewhere(rows: Indices, cols: Indices, scores: Scores, shape: Shape, kept: list[int], count: int) -> list[int]:
     """Return the indices of the `count` best positions that share no pixel with those kept, nor with one another."""
+    boxes = _Boxes(rows, cols, shape)
     left = np.arange(len(rows))
     for one in kept:
-        left = left[_apart(rows[left] - rows[one], cols[left] - cols[one], shape)]
+        left = left[boxes.shared(left, one) == 0]
     found: list[int] = []
     while left.size and len(found) < count:
-        best = left[np.argmax(scores[left])]
-        found.append(int(best))
-        left = left[_apart(rows[left] - rows[best], cols[left] - cols[best], shape)]
+        best = int(left[np.argmax(scores[left])])
+        found.append(best)
+        left = left[boxes.shared(left, best) == 0]
     return found
 
 
-def _apart(down: Indices, right: Indices, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
-    """Return which displacements of a rectangle leave no pixel shared."""
-    return np.asarray((np.abs(down) >= shape[0]) | (np.abs(right) >= shape[1]))
+class _Boxes:
+    """The rectangles at positions."""
+
+    def __init__(self, rows: Indices, cols: Indices, shape: Shape) -> None:
+        self._rows, self._cols = rows, cols
+        self._heights, self._widths = (np.broadcast_to(side, rows.shape) for side in shape)
+
+    def shared(self, some: Indices, one: int) -> Indices:
+        """Return how many pixels each of some rectangles shares with one."""
+        down = np.minimum(self._rows[some] + self._heights[some], self._rows[one] + self._heights[one])
+        right = np.minimum(self._cols[some] + self._widths[some], self._cols[one] + self._widths[one])
+        down -= np.maximum(self._rows[some], self._rows[one])
+        right -= np.maximum(self._cols[some], self._cols[one])
+        return np.asarray(np.maximum(down, 0) * np.maximum(right, 0))
+
+    def areas(self, some: Indices | int) -> Indices:
+        """Return the pixels of rectangles."""
+        return np.asarray(self._heights[some] * self._widths[some])

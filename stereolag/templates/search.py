@@ -19,6 +19,8 @@ from stereolag.templates.exact_pixels import ExactPlacements, exact_positions
 from stereolag.templates.judging import Places, judged
 from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of
 from stereolag.templates.peaks import peaks
+from stereolag.templates.pose_ranges import PoseRange, checked_poses
+from stereolag.templates.poses import posed_places
 from stereolag.templates.reduction import likely_places
 from stereolag.templates.result import TemplateSearch
 from stereolag.templates.score_maps import direct_score_map, fft_score_map
@@ -38,6 +40,8 @@ def match_template(
     mask: npt.ArrayLike | None = None,
     max_matches: int = 1,
     min_score: float = 0.5,
+    scales: tuple[float, float] | None = None,
+    rotations: tuple[float, float] | None = None,
     seed: int | None = None,
     progress: Progress | None = None,
 ) -> TemplateSearch:
@@ -68,6 +72,11 @@ def match_template(
         that has one: of three equal copies none is found alone, and all three are where three are wanted.
     min_score
         Least score of a match, -1..1.
+    scales
+        Least and largest size of the template in the image over its own; None: its own size alone. For "fft".
+    rotations
+        Least and largest angle by which it is turned there, degrees, positive counter-clockwise as seen; None: upright
+        alone. For "fft".
     seed
         Of the choices of "sampled"; the other methods make none.
     progress
@@ -88,7 +97,8 @@ def match_template(
         (:func:`~stereolag.templates.estimate_search`).
     """
     _check_options(method, max_matches, min_score)
-    searched, pattern = _checked(image, template, mask, method)
+    poses = checked_poses(method, scales, rotations)
+    searched, pattern = _checked(image, template, mask, method, poses)
     report = silent if progress is None else progress
     started = time.perf_counter()
     score_map: npt.NDArray[np.float32] | None
@@ -97,6 +107,9 @@ def match_template(
         positions = exact_positions(searched, pattern, min_score, seed, report)
         places, own = _with_rivals(searched, pattern, positions, min_score)
         score_map, candidates = None, positions.candidates
+    elif poses is not None:
+        places, candidates = posed_places(searched, pattern, poses, report)
+        score_map, own = None, len(places.rows)
     else:
         score_map = (fft_score_map if method == "fft" else direct_score_map)(searched, pattern, report)
         rows, cols = peaks(score_map, -1.0)
@@ -129,33 +142,33 @@ def _check_options(method: str, max_matches: int, min_score: float) -> None:
 
 
 def _checked(
-    image: npt.ArrayLike, template: npt.ArrayLike, mask: npt.ArrayLike | None, method: TemplateMethod
+    image: npt.ArrayLike,
+    template: npt.ArrayLike,
+    mask: npt.ArrayLike | None,
+    method: TemplateMethod,
+    poses: PoseRange | None,
 ) -> tuple[Image, Pattern]:
     """Return the image (rows, cols, channels) and the pattern to look for in it, if the search has room for it."""
     large, small = as_image(image, "image"), as_image(template, "template")
-    if small.shape[0] > large.shape[0] or small.shape[1] > large.shape[1]:
+    least = 1.0 if poses is None else poses.scales[0]
+    if small.shape[0] * least > large.shape[0] or small.shape[1] * least > large.shape[1]:
+        resized = "" if least == 1 else f" at {least:g} of its size"
         raise ValueError(
             f"template is {small.shape[1]} × {small.shape[0]} pixels and image {large.shape[1]} × "
-            f"{large.shape[0]}; the template must fit into the image."
+            f"{large.shape[0]}; the template must fit into the image{resized}."
         )
-    _check_room(large, small, method, masked=mask is not None or has_alpha(small.shape))
+    fitting = partial(
+        estimate_search,
+        dtype=large.dtype,
+        method=method,
+        masked=mask is not None or has_alpha(small.shape),
+        scales=None if poses is None else poses.scales,
+        rotations=None if poses is None else poses.rotations,
+    )
+    check_memory(fitting(large.shape, small.shape), partial(fitting_image, fitting, large.shape, small.shape))
     opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
     large, colours = alike(large, small)
     return large, pattern_of(colours, opaque)
-
-
-def _check_room(large: Image, small: Image, method: TemplateMethod, *, masked: bool) -> None:
-    check_memory(
-        estimate_search(large.shape, small.shape, dtype=large.dtype, method=method, masked=masked),
-        partial(
-            fitting_image,
-            image_shape=large.shape,
-            template_shape=small.shape,
-            dtype=large.dtype,
-            method=method,
-            masked=masked,
-        ),
-    )
 
 
 def _check_same_type(large: Image, pattern: Pattern) -> None:

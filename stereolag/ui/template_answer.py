@@ -5,6 +5,7 @@ from __future__ import annotations
 import streamlit as st
 
 from stereolag.figures import templates as figures
+from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.ui.elements import Number, show_numbers, show_png
 from stereolag.ui.pictures import PictureAndTemplate
@@ -18,14 +19,12 @@ SCORES_TOLD = 5
 
 COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
 
-ABSENT = "The template is not in the image, or it is turned, resized or hidden there."
 
-
-def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, min_score: float) -> None:
+def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: TemplateQuery) -> None:
     """Say what was found, in words and in numbers, and show the places in the picture and enlarged beside it."""
     st.subheader(headline(result), anchor=False)
     if not result.found:
-        st.warning(why_not_found(result, min_score), icon=":material/search_off:")
+        st.warning(why_not_found(result, query), icon=":material/search_off:")
     best, rival = result.best, result.rivals[0] if result.rivals else None
     show_numbers(
         (
@@ -68,12 +67,14 @@ def headline(result: TemplateSearch) -> str:
     if result.clear > 1:
         return f"Found at {_counted(result.clear).lower()} places"
     best = result.matches[0]
-    return f"Found at row {best.row}, column {best.col}"
+    posed = "" if _is_upright(best) else f", {_pose(best)}"
+    return f"Found at row {best.row}, column {best.col}{posed}"
 
 
-def why_not_found(result: TemplateSearch, min_score: float) -> str:
+def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
     """Return why the best place is not enough, and what to try."""
-    if result.best is None and result.score_map is not None:
+    sampled = query.method == "sampled"
+    if result.best is None and not sampled:
         return "No place has anything to correlate."
     if result.best is None:
         return (
@@ -84,15 +85,36 @@ def why_not_found(result: TemplateSearch, min_score: float) -> str:
     if count and result.best.score - result.look_alikes[-1].score < EQUAL:
         return f"{score}, and so do the others. With {count} matches wanted, all of them are found."
     if count:
-        return f"{score}, the next {result.rivals[0].score:.2f}: no clear lead. {ABSENT}"
-    if result.score_map is None:
-        return f"{score}; the minimum is {min_score:.2f}. “FFT” also finds a template that was dimmed or recompressed."
-    return f"{score}; the minimum is {min_score:.2f}. {ABSENT}"
+        return f"{score}, the next {result.rivals[0].score:.2f}: no clear lead. {_absent(query)}"
+    tip = "“FFT” also finds a template that was dimmed or recompressed." if sampled else _absent(query)
+    return f"{score}; the minimum is {query.min_score:.2f}. {tip}"
+
+
+def _absent(query: TemplateQuery) -> str:
+    if query.resized:
+        return "The template is not in the image, or it is hidden there."
+    return "The template is not in the image, or it is hidden, resized or turned there: try other sizes and angles."
+
+
+def why_no_score_map(query: TemplateQuery) -> str:
+    """Return why a search has no map of scores."""
+    if query.resized:
+        return "With other sizes and angles a place has many scores: there is no score map to show."
+    return "“Sampled” scores a few places only: there is no score map to show."
 
 
 def place(match: TemplateMatch) -> str:
-    """Return where a match is, and its score."""
-    return f"row {match.row}, column {match.col}, score {match.score:.3f}"
+    """Return where a match is, its score, and where they are not the template's own its size and angle."""
+    posed = "" if _is_upright(match) else f", {_pose(match)}"
+    return f"row {match.row}, column {match.col}, score {match.score:.3f}{posed}"
+
+
+def _is_upright(match: TemplateMatch) -> bool:
+    return (match.scale, match.rotation) == (1.0, 0.0)
+
+
+def _pose(match: TemplateMatch) -> str:
+    return f"{match.scale:.2f} × its size, turned by {match.rotation:+.1f}°"
 
 
 def _score(match: TemplateMatch | None) -> str:
