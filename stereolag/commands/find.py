@@ -55,6 +55,8 @@ def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
     if result.reason == "look_alikes":
         alike = result.look_alikes
         return [f"Not found: {len(alike)} places fit about equally well.", *(_place(one) for one in alike)]
+    if result.reason == "other_colours" and result.best is not None:
+        return [f"Not found in these colours, but in others: {_place(result.best)}."]
     said = f"Not found: no place scores {query.min_score:g} or more."
     return [said if result.best is None else f"{said} The best: {_place(result.best)}."]
 

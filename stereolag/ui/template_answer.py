@@ -64,6 +64,8 @@ def headline(result: TemplateSearch) -> str:
             return f"{_counted(len(scores))} places fit equally well"
         told = " ".join(f"{score:.2f}" for score in scores[:SCORES_TOLD])
         return f"{_counted(len(scores))} look-alikes: {told}{' …' if len(scores) > SCORES_TOLD else ''}"
+    if result.reason == "other_colours":
+        return "Not found in these colours"
     if result.clear > 1:
         return f"Found at {_counted(result.clear).lower()} places"
     best = result.matches[0]
@@ -86,6 +88,8 @@ def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
         return f"{score}, and so do the others. With {count} matches wanted, all of them are found."
     if count:
         return f"{score}, the next {result.rivals[0].score:.2f}: no clear lead. {_absent(query)}"
+    if result.reason == "other_colours":
+        return f"{score}, and clearly more with red, green and blue exchanged: the same shape in other colours."
     tip = "“FFT” also finds a template that was dimmed or recompressed." if sampled else _absent(query)
     return f"{score}; the minimum is {query.min_score:.2f}. {tip}"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -158,6 +159,31 @@ def test_rocketman_is_found_with_a_clear_lead(maze: Array, rocketman: Array, met
     search = match_template(maze, rocketman, method=method, seed=0)
     assert (search.found, search.clear, search.reason) == (True, 1, "clear")
     assert search.best == search.matches[0]
+
+
+@pytest.mark.parametrize("order", list(permutations(range(3)))[1:])
+@pytest.mark.parametrize("method", METHODS)
+def test_rocketman_in_other_colours_is_not_found(
+    maze: Array, rocketman: Array, method: TemplateMethod, order: tuple[int, ...]
+) -> None:
+    search = match_template(maze, rocketman[:, :, (*order, 3)], method=method, seed=0)
+    assert not search.found
+    assert search.look_alikes == [] or search.reason == "look_alikes"
+
+
+def test_other_brightness_contrast_and_tint_are_the_same_colours(maze: Array, rocketman: Array) -> None:
+    part = maze[400:800, 800:1300].astype(np.float32)
+    tinted = part * np.array([0.5, 0.9, 0.7], np.float32) + np.array([90, 5, 40], np.float32)
+    dusty = 0.4 * part + 0.4 * part.mean(axis=2, keepdims=True) + 30
+    for seen in (tinted, dusty):
+        search = match_template(np.clip(seen, 0, 255).astype(np.uint8), rocketman)
+        assert (search.reason, search.matches[0].row, search.matches[0].col) == ("clear", 128, 182)
+
+
+def test_a_grey_picture_in_three_channels_has_no_other_colours(maze: Array, rocketman: Array) -> None:
+    grey = cv2.cvtColor(maze[400:800, 800:1300], cv2.COLOR_BGR2GRAY)
+    search = match_template(np.dstack([grey] * 3), rocketman)
+    assert (search.reason, search.matches[0].row, search.matches[0].col) == ("clear", 128, 182)
 
 
 def test_a_template_a_tenth_smaller_is_not_found_at_a_stranger(maze: Array, rocketman: Array) -> None:
