@@ -118,7 +118,9 @@ def _is_upright(match: TemplateMatch) -> bool:
 
 
 def _pose(match: TemplateMatch) -> str:
-    return f"{match.scale:.2f} × its size, turned by {match.rotation:+.1f}°"
+    way = "counter-clockwise" if match.rotation > 0 else "clockwise"
+    turned = f"turned {abs(match.rotation):.1f}° {way}" if match.rotation else "upright"
+    return f"{match.scale:.2f} × its size, {turned}"
 
 
 def _score(match: TemplateMatch | None) -> str:

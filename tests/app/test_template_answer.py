@@ -43,7 +43,7 @@ def test_the_headline_follows_the_verdict(result: TemplateSearch, said: str) -> 
 def test_a_headline_tells_another_size_and_angle() -> None:
     match = TemplateMatch(3, 4, 12, 12, 0.9, 1.2, -15.04)
     result = TemplateSearch([match], None, 9, 0.1, match, [], 1, "clear")
-    assert headline(result) == "Found at row 3, column 4, 1.20 × its size, turned by -15.0°"
+    assert headline(result) == "Found at row 3, column 4, 1.20 × its size, turned 15.0° clockwise"
 
 
 def test_why_it_is_not_found_tells_what_is_missing_and_what_to_try() -> None:
