@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeAlias
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.arrays import Rgb
 from stereolag.figures.disparity import legend
+from stereolag.figures.frames import draw_frame
 from stereolag.figures.pictures import FRAME, VIRIDIS, as_rgb, coloured, fitted, png
 from stereolag.inputs import Image
 from stereolag.templates import TemplateMatch
@@ -22,18 +21,26 @@ CLOSE_UP_WIDTH = 640
 SCORE_MAP_WIDTH = 700
 LEFT_OUT = 128
 
-Point: TypeAlias = tuple[int, int]
 
+def framed(
+    picture: Image,
+    matches: Sequence[TemplateMatch],
+    doubtful: Sequence[TemplateMatch] = (),
+    *,
+    template: tuple[int, ...] | None = None,
+) -> bytes:
+    """Return the image as a PNG with a frame around every match, the best one's the boldest, dashed where doubtful.
 
-def framed(picture: Image, matches: Sequence[TemplateMatch], doubtful: Sequence[TemplateMatch] = ()) -> bytes:
-    """Return the image as a PNG with a frame around every match, the best one's the boldest, dashed where doubtful."""
+    Frames are turned where the shape of the template is given.
+    """
     shown = fitted(picture).copy()
     scale = shown.shape[1] / picture.shape[1]
     thickness = max(2, shown.shape[1] // 250)
     for match in reversed(doubtful):
-        _frame(shown, match, scale, thickness, dashed=True)
+        draw_frame(shown, match, scale, thickness, template=template, dashed=True)
     for match in reversed(matches):
-        _frame(shown, match, scale, thickness if match is matches[0] else max(1, thickness // 2))
+        bold = thickness if match is matches[0] else max(1, thickness // 2)
+        draw_frame(shown, match, scale, bold, template=template)
     return png(shown)
 
 
@@ -47,7 +54,9 @@ def what_counts(template: Image, mask: Image | None) -> bytes:
     return png(shown)
 
 
-def match_close_up(picture: Image, match: TemplateMatch, *, doubtful: bool = False) -> bytes:
+def match_close_up(
+    picture: Image, match: TemplateMatch, *, doubtful: bool = False, template: tuple[int, ...] | None = None
+) -> bytes:
     """Return the match with what is around it, 4:3 and enlarged, as a PNG; its frame is dashed where doubtful."""
     height = 2 * max(match.height, match.width)
     rows = _around(match.row + match.height // 2, height, picture.shape[0])
@@ -56,7 +65,8 @@ def match_close_up(picture: Image, match: TemplateMatch, *, doubtful: bool = Fal
     scale = CLOSE_UP_WIDTH / max(part.shape[:2])
     size = (max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale)))
     shown = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
-    _frame(shown, replace(match, row=match.row - rows.start, col=match.col - cols.start), scale, 5, dashed=doubtful)
+    moved = replace(match, row=match.row - rows.start, col=match.col - cols.start)
+    draw_frame(shown, moved, scale, 5, template=template, dashed=doubtful)
     return png(shown)
 
 
@@ -76,30 +86,6 @@ def score_map_png(score_map: npt.NDArray[np.float32], matches: Sequence[Template
 def score_legend() -> go.Figure:
     """Return a strip of the colours with the scores they stand for."""
     return legend(0, 1, VIRIDIS, "score")
-
-
-def _frame(picture: Rgb, match: TemplateMatch, scale: float, thickness: int, *, dashed: bool = False) -> None:
-    """Draw a frame just outside of the match."""
-    away = thickness // 2 + 1
-    left, top = round(match.col * scale) - away, round(match.row * scale) - away
-    right = round((match.col + match.width) * scale) + away
-    bottom = round((match.row + match.height) * scale) + away
-    corners = ((left, top), (right, top), (right, bottom), (left, bottom))
-    for colour, width in (((255, 255, 255), thickness + 2), (FRAME, thickness)):
-        for start, end in zip(corners, (*corners[1:], corners[0]), strict=True):
-            for one, other in _dashes(start, end, 5 * thickness) if dashed else [(start, end)]:
-                cv2.line(picture, one, other, colour, width)
-
-
-def _dashes(start: Point, end: Point, length: int) -> Iterator[tuple[Point, Point]]:
-    """Give the ends of the dashes of a line, with a gap as long as a dash between two; each end of it has a dash."""
-    span = max(abs(end[0] - start[0]), abs(end[1] - start[1]))
-    pieces = 2 * max(1, round(span / length / 2)) + 1
-    at = [
-        (round(start[0] + (end[0] - start[0]) * step / pieces), round(start[1] + (end[1] - start[1]) * step / pieces))
-        for step in range(pieces + 1)
-    ]
-    yield from zip(at[::2], at[1::2], strict=True)
 
 
 def _around(centre: int, length: int, end: int) -> slice:

@@ -39,12 +39,16 @@ def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
     )
     whole, beside = st.columns([3, 1], gap="medium")
     with whole:
-        show_png(figures.framed(inputs.picture, result.matches if result.found else [], doubtful(result)))
+        places = result.matches if result.found else []
+        show_png(figures.framed(inputs.picture, places, doubtful(result), template=inputs.template.shape))
     with beside:
         if not result.found:
             show_png(figures.what_counts(inputs.template, inputs.mask), "the template")
         for match in (result.matches if result.found else doubtful(result))[:CLOSE_UPS]:
-            show_png(figures.match_close_up(inputs.picture, match, doubtful=not result.found), place(match))
+            close_up = figures.match_close_up(
+                inputs.picture, match, doubtful=not result.found, template=inputs.template.shape
+            )
+            show_png(close_up, place(match))
 
 
 def doubtful(result: TemplateSearch) -> list[TemplateMatch]:

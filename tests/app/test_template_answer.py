@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
@@ -72,6 +73,18 @@ def test_what_is_doubtful_is_framed_in_dashes() -> None:
     match = TemplateMatch(50, 80, 60, 90, 0.3)
     solid, dashed, none = framed(picture, [match]), framed(picture, [], [match]), framed(picture, [])
     assert len({solid, dashed, none}) == 3
+
+
+def test_a_frame_is_turned_as_the_template_is() -> None:
+    match = TemplateMatch(60, 80, 90, 90, 0.9, 1.0, 30.0)
+    shown = cv2.imdecode(
+        np.frombuffer(framed(np.zeros((200, 300, 3), np.uint8), [match], template=(40, 80)), np.uint8), 1
+    )
+    rows, cols = np.nonzero(shown.any(axis=2))
+    (_, (one, other), _) = cv2.minAreaRect(np.column_stack([cols, rows]).astype(np.float32))
+    assert sorted((one, other)) == pytest.approx([40, 80], abs=10)
+    top = int(cols[rows == rows.min()].mean())
+    assert top > 125  # counter-clockwise: its upper right corner is the highest
 
 
 def test_the_page_frames_a_look_alike_beside_the_template(open_page: Callable[[str], AppTest]) -> None:
