@@ -33,6 +33,9 @@ MOVES: dict[str, dict[str, Any]] = {
         "template.method": "sampled",
         "template.min_score": 0.2,
         "template.max_matches": 5,
+        "template.min_scale": 0.9,
+        "template.max_scale": 1.1,
+        "template.max_rotation": 10.0,
     },
     DEPTH: {
         "pairs": "square",
