@@ -12,6 +12,7 @@ from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
 from stereolag.ui.sentences import duration, why_not_found
+from stereolag.ui.template_by_hand import search_by_hand
 
 
 def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
@@ -98,6 +99,7 @@ def find(inputs: PictureAndTemplate) -> None:
         return
     report(result, query)
     show(inputs, result)
+    search_by_hand(inputs, result.matches)
 
 
 with page(
