@@ -10,6 +10,7 @@ from stereolag.ui.elements import Number, show_numbers, show_png
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
+from stereolag.ui.score_map import show_score_map
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
 from stereolag.ui.sentences import duration, why_not_found
 from stereolag.ui.template_by_hand import search_by_hand
@@ -67,7 +68,7 @@ def show(inputs: PictureAndTemplate, result: TemplateSearch) -> None:
     st.markdown("##### How well it fits at every place")
     scores, legend = st.columns([3, 1], gap="medium")
     with scores:
-        show_png(figures.score_map_png(result.score_map, result.matches))
+        show_score_map(figures.score_map_png(result.score_map, result.matches), result.score_map)
     legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False})
     legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from dataclasses import dataclass
 
@@ -12,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.arrays import Mask, Rgb
+from stereolag.figures.packing import packed_pictures, scores_as_colours
 from stereolag.figures.pictures import as_rgb
 from stereolag.inputs import Image, as_image
 from stereolag.templates import match_template
@@ -27,9 +26,6 @@ LEAST_OPAQUE = 16
 """With fewer pixels that are opaque all over, those count too that are opaque for the most part."""
 
 RIVALS = 3
-
-SCORE_STEPS = 30_000
-"""Steps of a score, from 0 to 1, on its way to the browser; code 0 says that there is none."""
 
 ScoreMap = npt.NDArray[np.float32]
 
@@ -154,38 +150,24 @@ def _reduced_template(colours: Rgb, opaque: Mask, factor: int) -> tuple[Rgb, Mas
 
 
 def packed_search(search: ReducedSearch, *, name: str, words: dict[str, object]) -> bytes:
-    """Return a search as one run of bytes: the length of a JSON header, the header, and the PNGs that it points to.
+    """Return a search as :func:`~stereolag.figures.packing.packed_pictures`: picture, template, opaque pixels, scores.
 
     Parameters
     ----------
     search
-        What is sent; the red and green of the PNG of its scores are the high and the low byte of their code.
+        What is sent.
     name
         What the browser calls it.
     words
         All that is written beside it.
     """
-    codes = np.where(np.isnan(search.score_map), 0, np.rint((search.score_map + 1) * SCORE_STEPS) + 1).astype(np.uint16)
-    high, low = np.divmod(codes, 256)
-    scores = np.stack([high, low, np.zeros_like(low)], axis=-1).astype(np.uint8)
-    pictures = (search.picture, search.template, np.stack([search.opaque * np.uint8(255)] * 3, axis=-1), scores)
-    parts = [_png(picture) for picture in pictures]
-    ends = np.cumsum([len(part) for part in parts]).tolist()
+    opaque = np.stack([search.opaque * np.uint8(255)] * 3, axis=-1)
     header = {
         "name": name,
-        "digest": hashlib.sha256(b"".join(parts)).hexdigest(),
-        "parts": [(end - len(part), len(part)) for end, part in zip(ends, parts, strict=True)],
-        "steps": SCORE_STEPS,
         "factor": search.factor,
         "row": search.row,
         "col": search.col,
         "leaders": [{"row": row, "col": col, "score": score} for row, col, score in search.leaders()],
         "words": words,
     }
-    text = json.dumps(header).encode()
-    return len(text).to_bytes(4, "little") + text + b"".join(parts)
-
-
-def _png(picture: npt.NDArray[np.uint8]) -> bytes:
-    _, data = cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))
-    return data.tobytes()
+    return packed_pictures(header, (search.picture, search.template, opaque, scores_as_colours(search.score_map)))

@@ -126,7 +126,7 @@ def test_he_is_found_by_hand_with_the_mouse_and_the_keys(open_page: OpenPage) ->
 
     page.locator(".by-hand .reveal").press("Enter")
     expect(page.locator(".by-hand .said")).to_have_text(
-        "The peak is at row 528, column 982: 1.00. The best rival reaches 0.56."
+        "The peak is at row 528, column 982: 1.00. At this scale the best rival reaches 0.56."
     )
     assert painted(page) == 1
     leaders = page.locator(".by-hand .leaders button")
@@ -163,3 +163,30 @@ def test_it_can_be_done_in_dark_and_on_a_phone_by_touch(open_page: OpenPage) -> 
     expect(page.locator(".by-hand .said")).to_contain_text("row 1048, column 1707: 0.81")
     assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 420
     screenshot(page, "rocketman-by-hand-phone")
+
+
+def test_the_score_map_is_read_under_the_pointer_and_compared_on_a_click(open_page: OpenPage) -> None:
+    page = open_page("Rocketman_search")
+    stage, reading = page.locator(".score-map .stage"), page.locator(".score-map .reading")
+    where = page.locator(".by-hand .where")
+    expect(where).to_contain_text("Row")
+    expect(reading).to_have_text("Hover to read a score; click to compare that place below.")
+    stage.scroll_into_view_if_needed()
+    page.evaluate(WATCH_RUNS)
+    box = stage.bounding_box()
+    assert box is not None
+    scale = box["width"] / (MAZE[1] - ROCKETMAN[1] + 1)
+    him = {"x": 982.5 * scale, "y": 528.5 * scale}
+    stage.hover(position=him)
+    expect(reading).to_have_text("Row 528, column 982: score 1.00")
+    stage.hover(position={"x": 642.5 * scale, "y": 1376.5 * scale})
+    expect(reading).to_have_text(re.compile(r"^Row 137\d, column 64\d: score 0"))
+    stage.click(position=him)
+    expect(where).to_have_text("Row 528, column 982: 1.00")
+    stage.press("ArrowDown")
+    expect(reading).to_have_text(re.compile(r"^Row 53\d, column 98\d: score \d"))
+    stage.press("Enter")
+    expect(where).to_have_text(re.compile(r"^Row 53\d, column 98\d: \d"))
+    page.mouse.move(2, 2)
+    expect(reading).to_have_text(re.compile(r"^Row 53\d"))
+    assert page.evaluate("document.body.dataset.reran") is None

@@ -9,7 +9,9 @@ import numpy.typing as npt
 import pytest
 
 from stereolag import samples
-from stereolag.figures.template_by_hand import PIXELS, SCORE_STEPS, ReducedSearch, packed_search, reduced_search
+from stereolag.figures.packing import SCORE_STEPS
+from stereolag.figures.score_blocks import best_of_blocks, packed_score_map
+from stereolag.figures.template_by_hand import PIXELS, ReducedSearch, packed_search, reduced_search
 from stereolag.reading import read_image
 
 PLACE = (97, 290)
@@ -130,6 +132,32 @@ def test_the_browser_gets_the_pixels_and_scores_without_loss() -> None:
     assert np.isnan(scores[0, 0])
     np.testing.assert_allclose(scores, search.score_map, atol=1 / SCORE_STEPS)
     assert header["leaders"][0]["row"] == PLACE[0] and header["words"] == {"said": "so"}
+
+
+@pytest.mark.parametrize("factor", [1, 3, 4])
+def test_a_block_is_read_at_its_best_place(factor: int) -> None:
+    scores = np.random.default_rng(0).uniform(-1, 1, (31, 46)).astype(np.float32)
+    scores[:5, :5] = np.nan
+    best, down, right = best_of_blocks(scores, factor)
+    rows, cols = np.indices(best.shape) * factor
+    assert np.isnan(best[0, 0]) and np.isnan(best).sum() == (5 // factor) ** 2
+    there = scores[rows + down, cols + right]
+    np.testing.assert_array_equal(np.where(np.isnan(best), np.nan, there), best)
+    assert all(
+        best[row, col] >= np.nanmax(scores[row * factor : (row + 1) * factor, col * factor : (col + 1) * factor])
+        for row, col in np.argwhere(~np.isnan(best))
+    )
+
+
+def test_a_wide_score_map_travels_in_blocks() -> None:
+    scores = np.zeros((20, 1500), dtype=np.float32)
+    data = packed_score_map(b"a picture", scores, name="here", words={})
+    length = int.from_bytes(data[:4], "little")
+    header = json.loads(data[4 : 4 + length])
+    assert header["factor"] == 3 and header["parts"][0] == [0, 9]
+    start, size = header["parts"][1]
+    codes = cv2.imdecode(np.frombuffer(data[4 + length + start :][:size], np.uint8), cv2.IMREAD_COLOR)
+    assert codes.shape == (7, 500, 3)
 
 
 def test_rocketman_stays_himself_when_he_is_reduced() -> None:

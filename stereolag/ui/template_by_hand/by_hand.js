@@ -5,10 +5,6 @@ const SPOT = 3; // places to every side of a visited one that are painted with i
 const SVG = "http://www.w3.org/2000/svg";
 const panels = new WeakMap();
 
-const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
-const shortened = (score) => (Number.isNaN(score) ? "–" : score.toFixed(2).replace(/^-(?=[0.]*$)/, "").replace("-", "−"));
-const filled = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
-
 export default function ({ data, parentElement }) {
   let panel = panels.get(parentElement);
   if (!panel) panels.set(parentElement, (panel = new Panel(parentElement)));
@@ -47,7 +43,7 @@ class Panel {
 
   async load(data) {
     const turn = (this.turn = {});
-    const search = await decoded(data);
+    const search = await searched(data);
     if (turn !== this.turn || search.digest === this.search?.digest) return; // the page ran again: what was painted stays
     this.search = search;
     const { words, picture, template, map } = search;
@@ -149,7 +145,7 @@ class Panel {
   compare({ row, col }) {
     const { factor, row: top, col: left } = this.search;
     this.move((row - top) / factor, (col - left) / factor, { jump: true });
-    this.root.scrollIntoView({ block: "nearest" });
+    this.find(".pieces").scrollIntoView({ block: "nearest" });
   }
 
   type(event) {
@@ -231,4 +227,14 @@ class Panel {
       if (canvas.clientWidth) drawRelief(canvas, map, leaders[at], reach, words.palette);
     });
   }
+}
+
+// What stereolag.figures.template_by_hand.packed_search holds.
+async function searched(data) {
+  const { header, pictures } = await unpacked(data);
+  const [picture, template, opaque, codes] = pictures;
+  const counts = Uint8Array.from({ length: opaque.rows * opaque.cols }, (_, at) => opaque.data[4 * at]);
+  counts.forEach((value, at) => (template.data[4 * at + 3] = value));
+  const sought = { ...prepared(template, counts), data: template.data };
+  return { ...header, picture, template: sought, map: scoresOf(codes, header.steps) };
 }

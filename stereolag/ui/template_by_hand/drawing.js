@@ -4,12 +4,6 @@ const WARM = [224, 104, 56];
 const COOL = [58, 130, 190];
 const STRONG = 3; // times the mean product of a perfect match
 
-// RGBA bytes on a canvas of their size.
-function put(canvas, data, rows, cols) {
-  if (canvas.width !== cols || canvas.height !== rows) [canvas.width, canvas.height] = [cols, rows];
-  canvas.getContext("2d").putImageData(new ImageData(data, cols, rows), 0, 0);
-}
-
 // The pixels of the picture under the template.
 function cutOut(picture, { rows, cols }, row, col) {
   const data = new Uint8ClampedArray(4 * rows * cols);

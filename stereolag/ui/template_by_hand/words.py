@@ -29,7 +29,9 @@ def words_of(search: ReducedSearch) -> dict[str, Any]:
         },
         "where": "Row {row}, column {col}: {score}",
         "peak": "The peak is at row {row}, column {col}: {score}.",
-        "lead": " The best rival reaches {rival}.",
+        "lead": " The best rival reaches {rival}."
+        if search.factor == 1
+        else " At this scale the best rival reaches {rival}.",
         "nothing": "The picture is flat: there is nothing to correlate.",
         "top": "Peak",
         "rival": "Rival",
