@@ -7,6 +7,7 @@ from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import Number, show_numbers, show_png
+from stereolag.ui.funnel import show_funnel
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
@@ -101,6 +102,7 @@ def find(inputs: PictureAndTemplate) -> None:
     report(result, query)
     show(inputs, result)
     search_by_hand(inputs, result.matches)
+    show_funnel(inputs)
 
 
 with page(

@@ -18,7 +18,7 @@ Offsets = npt.NDArray[np.intp]
 
 def block_side(score_map: ScoreMap) -> int:
     """Return how many places along each side share a pixel of the map that is shown."""
-    return max(1, -(-score_map.shape[1] // SCORE_MAP_WIDTH))
+    return max(1, -(-int(score_map.shape[1]) // SCORE_MAP_WIDTH))
 
 
 def best_of_blocks(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets, Offsets]:
