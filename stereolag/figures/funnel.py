@@ -20,6 +20,9 @@ FEWEST_ANCHORS = 8
 MOST_COMPARED = 100_000_000
 """Pixels of the image times anchors: of larger images fewer anchors are tried."""
 
+MOST_COLOURS = 4096
+"""Of a template, the rarest, from which the anchors are taken."""
+
 MOST_DOTS = 600
 """Of one stage; from more, every second, third … is shown."""
 
@@ -79,7 +82,7 @@ def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | No
     shown = as_rgb(colours.squeeze(2) if colours.shape[2] == 1 else colours)
     pixels = searched.shape[0] * searched.shape[1]
     most = min(MOST_ANCHORS, max(FEWEST_ANCHORS, MOST_COMPARED // pixels))
-    chosen = rare_pixels(searched, pattern, seed, most=pattern.count)
+    chosen = rare_pixels(searched, pattern, seed, most=MOST_COLOURS)
     if len(chosen) > most:
         later = np.linspace(FEWEST_ANCHORS, len(chosen) - 1, most - FEWEST_ANCHORS).astype(int)
         chosen = chosen[:FEWEST_ANCHORS] + [chosen[at] for at in later]

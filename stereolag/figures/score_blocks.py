@@ -12,6 +12,9 @@ from stereolag.figures.packing import packed_pictures, scores_as_colours
 
 SCORE_MAP_WIDTH = 700
 
+BAND = 32
+"""Rows of blocks looked at a time: the map of a large image is not copied as a whole."""
+
 ScoreMap = npt.NDArray[np.float32]
 Offsets = npt.NDArray[np.intp]
 
@@ -26,6 +29,15 @@ def best_of_blocks(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets,
 
     Rows below and columns right of the block's corner; NaN is the score of a block without any.
     """
+    bands = [
+        _best_of_band(score_map[first : first + factor * BAND], factor)
+        for first in range(0, score_map.shape[0], factor * BAND)
+    ]
+    best, down, right = (np.concatenate(parts) for parts in zip(*bands, strict=True))
+    return best, down, right
+
+
+def _best_of_band(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets, Offsets]:
     rows, cols = (-(-side // factor) for side in score_map.shape)
     padded = np.full((rows * factor, cols * factor), -np.inf, dtype=np.float32)
     padded[: score_map.shape[0], : score_map.shape[1]] = np.nan_to_num(score_map, nan=-np.inf)

@@ -135,8 +135,9 @@ def test_the_browser_gets_the_pixels_and_scores_without_loss() -> None:
 
 
 @pytest.mark.parametrize("factor", [1, 3, 4])
-def test_a_block_is_read_at_its_best_place(factor: int) -> None:
-    scores = np.random.default_rng(0).uniform(-1, 1, (31, 46)).astype(np.float32)
+@pytest.mark.parametrize("rows_of_map", [31, 200])
+def test_a_block_is_read_at_its_best_place(factor: int, rows_of_map: int) -> None:
+    scores = np.random.default_rng(0).uniform(-1, 1, (rows_of_map, 46)).astype(np.float32)
     scores[:5, :5] = np.nan
     best, down, right = best_of_blocks(scores, factor)
     rows, cols = np.indices(best.shape) * factor

@@ -28,6 +28,7 @@ class Panel {
     this.stage.addEventListener("pointerdown", (event) => this.grab(event));
     this.stage.addEventListener("pointermove", (event) => this.drag(event));
     for (const name of ["pointerup", "pointercancel"]) this.stage.addEventListener(name, () => this.release());
+    this.stage.addEventListener("click", (event) => event.pointerType === "touch" && this.jump(event));
     this.map.addEventListener("click", (event) => this.point(event));
     this.onPlace = ({ detail }) => detail.name === this.search?.name && this.compare(detail);
     window.addEventListener("stereolag-place", this.onPlace);
@@ -109,12 +110,21 @@ class Panel {
 
   grab(event) {
     if (event.button || !this.search) return;
+    const touched = event.pointerType === "touch"; // beside the template a finger scrolls the page, or taps
+    if (touched && !this.held.contains(event.target)) return;
+    if (!touched) this.jump(event);
     const { row, col } = this.pixelAt(event);
-    const { rows, cols } = this.search.template;
-    if (!this.held.contains(event.target)) this.move(row - rows / 2, col - cols / 2, { jump: true });
     this.grip = { row: row - this.row, col: col - this.col };
     this.stage.setPointerCapture(event.pointerId);
     this.held.classList.add("dragging");
+  }
+
+  // Brings the template under the pointer, unless it is there.
+  jump(event) {
+    if (this.held.contains(event.target) || !this.search) return;
+    const { row, col } = this.pixelAt(event);
+    const { rows, cols } = this.search.template;
+    this.move(row - rows / 2, col - cols / 2, { jump: true });
   }
 
   drag(event) {
