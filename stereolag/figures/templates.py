@@ -11,9 +11,9 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 
 from stereolag.arrays import Rgb
+from stereolag.figures.block_scores import best_of_blocks, block_side
 from stereolag.figures.disparity import legend
 from stereolag.figures.pictures import FRAME, VIRIDIS, as_rgb, coloured, fitted, png
-from stereolag.figures.score_blocks import best_of_blocks, block_side
 from stereolag.inputs import Image
 from stereolag.templates import TemplateMatch
 from stereolag.templates.patterns import opaque_pixels

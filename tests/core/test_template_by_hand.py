@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pytest
 
 from stereolag import samples
+from stereolag.figures.block_scores import best_of_blocks, packed_score_map
 from stereolag.figures.packing import SCORE_STEPS
-from stereolag.figures.score_blocks import best_of_blocks, packed_score_map
 from stereolag.figures.template_by_hand import PIXELS, ReducedSearch, packed_search, reduced_search
 from stereolag.reading import read_image
 

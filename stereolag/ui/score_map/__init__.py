@@ -6,7 +6,7 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereolag.figures.score_blocks import ScoreMap, packed_score_map
+from stereolag.figures.block_scores import ScoreMap, packed_score_map
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.template_by_hand import HERE as BY_HAND
 from stereolag.ui.template_by_hand import NAME
