@@ -31,6 +31,8 @@ def run(arguments: Sequence[str]) -> int:
     flags = SettingsFlags(parser, LagSearch())
     options, settings = flags.parsed(arguments)
 
+    from stereolag.export import lag_figures
+
     first = read(sl.read_signal, options.first)
     second = first if options.second is None else read(sl.read_signal, options.second)
     numbers = options.channels or (1, 2 if options.second is None else 1)
@@ -41,25 +43,7 @@ def run(arguments: Sequence[str]) -> int:
     if "sampling_rate" not in vars(options):
         settings = settings.model_copy(update={"sampling_rate": _common_rate(first, second) or settings.sampling_rate})
     result = sl.signal_lag(*signals, **settings.model_dump(), seed=0)
-    figures = {
-        "command": "lag",
-        "lag_samples": result.lag,
-        "lag_subsample": result.lag_subsample,
-        "time_s": result.time_s,
-        "distance_m": result.distance_m,
-        "score": result.score,
-        "peak_ratio": result.peak_ratio,
-        "ties": result.ties,
-        "verdict": result.verdict,
-        "reason": result.judgement.reason if result.judgement else None,
-        "rivals": list(result.rivals),
-        "inverted": result.inverted,
-        "drift_ppm": result.drift_ppm,
-        "uncertainty_samples": result.uncertainty,
-        "elapsed_s": result.elapsed_s,
-        "settings": settings.model_dump(),
-    }
-    tell(figures, _in_words(result, settings), as_json=options.json)
+    tell(lag_figures(result, settings), _in_words(result, settings), as_json=options.json)
     return DONE
 
 
@@ -87,13 +71,39 @@ def _common_rate(first: Recording, second: Recording) -> float | None:
     return next(iter(rates), None)
 
 
+_REASONS = {
+    "clear": "a clear peak",
+    "drift": "a clear peak that drifts",
+    "repeats": "it repeats",
+    "rivals": "other lags fit as well",
+    "chance": "the highest point is what chance gives",
+    "too_little": "too few samples stand out",
+    "few_votes": "hardly two samples vote for the same lag",
+    "opposite_sign": "the opposite sign fits: one microphone is reversed",
+}
+
+
 def _in_words(result: sl.SignalLag, settings: LagSearch) -> str:
-    lines = [
-        f"lag       {result.lag} samples ({result.lag_subsample:.2f} with its fraction)",
-        f"time      {result.time_s:.6g} s at {settings.sampling_rate:g} samples a second",
-        f"distance  {result.distance_m:.6g} m at {settings.speed:g} m/s",
-        f"score     {result.score:.3f}, {settings.method} in {result.elapsed_s:.3g} s",
-    ]
-    if result.ties > 1:
-        lines.append(f"{result.ties} lags fit equally well, as in anything that repeats; the smallest is given.")
+    score = f"score     {result.score:.3f}, {settings.method} in {result.elapsed_s:.3g} s"
+    judgement = result.judgement
+    if judgement is None or judgement.verdict == "sure":
+        lines = [
+            f"lag       {result.lag} samples ({result.lag_subsample:.2f} with its fraction)",
+            f"time      {result.time_s:.6g} s at {settings.sampling_rate:g} samples a second",
+            f"distance  {result.distance_m:.6g} m of path at {settings.speed:g} m/s",
+            score,
+        ]
+    else:
+        lines = [f"highest   at {result.lag} samples: no lag to rely on", score]
+        if judgement.rivals:
+            lines.append("as good   " + ", ".join(map(str, judgement.rivals)))
+        if judgement.opposite_lag is not None:
+            lines.append(f"opposite  {judgement.opposite_lag} samples, with the sign of one recording turned")
+    if judgement is not None:
+        lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
+        if judgement.drift is not None:
+            drift = judgement.drift
+            lines.append(
+                f"drift     {drift.ppm:+.2f} ppm, ± {drift.error_ppm:.1g}; ± {drift.spread:.2g} samples a block"
+            )
     return "\n".join(lines)
