@@ -7,13 +7,16 @@ from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import show_png
+from stereolag.ui.funnel import show_funnel
 from stereolag.ui.match_files import show_match_files
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
+from stereolag.ui.score_map import show_score_map
 from stereolag.ui.search_addresses import TEMPLATE_ADDRESS
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
 from stereolag.ui.template_answer import doubtful, show_answer, why_no_score_map
+from stereolag.ui.template_by_hand import search_by_hand
 from stereolag.ui.template_controls import ask_poses
 
 
@@ -44,7 +47,8 @@ def show_scores(result: TemplateSearch, query: TemplateQuery) -> None:
     st.markdown("##### How well it fits at every place")
     scores, legend = st.columns([3, 1], gap="medium")
     with scores:
-        show_png(figures.score_map_png(result.score_map, result.matches if result.found else doubtful(result)))
+        marked = result.matches if result.found else doubtful(result)
+        show_score_map(figures.score_map_png(result.score_map, marked), result.score_map)
     legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False})
     legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
 
@@ -83,6 +87,8 @@ def find(inputs: PictureAndTemplate) -> None:
     show_answer(result, inputs, query)
     show_scores(result, query)
     show_match_files(inputs, result, query)
+    search_by_hand(inputs, result.matches)
+    show_funnel(inputs)
 
 
 with page(

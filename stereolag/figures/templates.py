@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
+from stereolag.figures.block_scores import best_of_blocks, block_side
 from stereolag.figures.disparity import legend
 from stereolag.figures.frames import draw_frame
 from stereolag.figures.pictures import FRAME, SHOWN_WIDTH, VIRIDIS, as_rgb, coloured, fitted, png
@@ -18,7 +19,6 @@ from stereolag.templates import TemplateMatch
 from stereolag.templates.patterns import opaque_pixels
 
 CLOSE_UP_WIDTH = 640
-SCORE_MAP_WIDTH = 700
 LEFT_OUT = 128
 
 
@@ -76,8 +76,8 @@ def score_map_png(score_map: npt.NDArray[np.float32], matches: Sequence[Template
 
     Where a pixel of the PNG stands for several places it shows the best of them: a peak is one place wide.
     """
-    factor = max(1, -(-score_map.shape[1] // SCORE_MAP_WIDTH))
-    shown = coloured(_best_of_blocks(score_map, factor), 0, 1)
+    factor = block_side(score_map)
+    shown = coloured(best_of_blocks(score_map, factor)[0], 0, 1)
     for match in matches:
         centre = (match.col // factor, match.row // factor)
         cv2.circle(shown, centre, max(8, shown.shape[1] // 50), FRAME, max(1, shown.shape[1] // 250), cv2.LINE_AA)
@@ -93,12 +93,3 @@ def _around(centre: int, length: int, end: int) -> slice:
     """Return `length` pixels around `centre`, moved (or cut) so that they lie within 0 … `end`."""
     start = max(0, min(centre - length // 2, end - length))
     return slice(start, min(end, start + length))
-
-
-def _best_of_blocks(score_map: npt.NDArray[np.float32], factor: int) -> npt.NDArray[np.float32]:
-    """Return the highest score of each block of factor × factor places, NaN where all of them are."""
-    rows, cols = (-(-side // factor) for side in score_map.shape)
-    padded = np.full((rows * factor, cols * factor), -np.inf, dtype=np.float32)
-    padded[: score_map.shape[0], : score_map.shape[1]] = np.nan_to_num(score_map, nan=-np.inf)
-    best = padded.reshape(rows, factor, cols, factor).max(axis=(1, 3))
-    return np.where(np.isneginf(best), np.float32(np.nan), best)
