@@ -6,8 +6,10 @@ from stereolag.figures import templates as figures
 from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui.controls import control, last_valid
+from stereolag.ui.degrading import damage_it
 from stereolag.ui.elements import Number, show_numbers, show_png
 from stereolag.ui.navigation import fragment, page
+from stereolag.ui.opencv_beside import show_opencv_beside
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
@@ -98,6 +100,8 @@ def find(inputs: PictureAndTemplate) -> None:
         return
     report(result, query)
     show(inputs, result)
+    show_opencv_beside(inputs, result, query.method)
+    damage_it(inputs, result, query.min_score)
 
 
 with page(

@@ -116,8 +116,8 @@ def degraded_part(
             f"{image.shape[1]} × {image.shape[0]}."
         )
     colours = image[:, :, :3] if image.ndim == 3 else image
-    rows = _around(row, height, max(LEAST_ROWS, 2 * height), image.shape[0])
-    cols = _around(col, width, max(LEAST_COLS, 2 * width), image.shape[1])
+    high, wide = part_shape(image.shape, shape)[:2]
+    rows, cols = _around(row, height, high, image.shape[0]), _around(col, width, wide, image.shape[1])
     inside = row - rows.start, col - cols.start
     if degradation.turn == 0 and degradation.resize == 1:
         part = colours[rows, cols]
@@ -126,9 +126,14 @@ def degraded_part(
     return DegradedPart(_altered(part, inside, shape, degradation, seed), rows.start, cols.start, *inside)
 
 
+def part_shape(image_shape: tuple[int, ...], shape: tuple[int, int]) -> tuple[int, ...]:
+    """Return the shape of the part of an image (rows, cols[, channels]) around a template of (height, width)."""
+    rows, cols = min(max(LEAST_ROWS, 2 * shape[0]), image_shape[0]), min(max(LEAST_COLS, 2 * shape[1]), image_shape[1])
+    return (rows, cols, 3) if len(image_shape) == 3 else (rows, cols)
+
+
 def _around(first: int, length: int, wanted: int, end: int) -> slice:
     """Return `wanted` pixels with `length` ones from `first` on in the middle, moved or cut to lie within 0 … `end`."""
-    wanted = min(wanted, end)
     start = min(max(0, first + length // 2 - wanted // 2), end - wanted)
     return slice(start, start + wanted)
 
@@ -136,7 +141,7 @@ def _around(first: int, length: int, wanted: int, end: int) -> slice:
 def _warped(
     image: Image, rows: slice, cols: slice, centre: tuple[float, float], degradation: Degradation
 ) -> npt.NDArray[Any]:
-    """Return the part in `rows` and `cols` turned and resized about `centre` (row, col), mirrored at the image's rim."""
+    """Return the part in `rows` and `cols` turned and resized about `centre` (row, col), the rim mirrored."""
     reach = math.hypot(rows.stop - rows.start, cols.stop - cols.start) / degradation.resize
     # Only what can be seen is handed on: OpenCV refuses to warp images of more than 32767 pixels a side.
     top, left = (max(0, math.floor(middle - reach)) for middle in centre)

@@ -17,7 +17,7 @@ FLOAT = 4
 """Bytes of the numbers that OpenCV reckons with."""
 
 COPIES = 9
-"""Images of floats that OpenCV holds at one time, measured under a mask: the image, its square, products on their way."""
+"""Images of floats that OpenCV holds at one time, measured under a mask: the image, its squares, products."""
 
 PIXEL_SECONDS, MASKED_PIXEL_SECONDS = 1e-7, 4e-7
 """Seconds per pixel of the image, all channels."""
@@ -62,9 +62,7 @@ def is_masked(template: Image, mask: Image | None) -> bool:
     return not bool(opaque_pixels(template, mask).all())
 
 
-def opencv_search(
-    image: npt.ArrayLike, template: npt.ArrayLike, *, mask: npt.ArrayLike | None = None
-) -> OpenCVSearch:
+def opencv_search(image: npt.ArrayLike, template: npt.ArrayLike, *, mask: npt.ArrayLike | None = None) -> OpenCVSearch:
     """Find a template with OpenCV's ``matchTemplate`` (TM_CCOEFF_NORMED), given what `match_template` compares.
 
     Images of 16 bits and of doubles become float32: OpenCV takes nothing else.
@@ -90,11 +88,12 @@ def opencv_search(
     check_memory(estimate_opencv(large.shape, not opaque.all()), "A smaller image would fit.")
     searched, colours = alike(large, small)
     pattern_of(colours, opaque)  # refuses what has no correlation
-    kind = np.uint8 if searched.dtype == colours.dtype == np.uint8 else np.float32
-    marks = None if opaque.all() else opaque.astype(kind)
-    given = np.ascontiguousarray(searched, dtype=kind), np.ascontiguousarray(colours, dtype=kind)
+    kind = np.dtype(np.uint8 if searched.dtype == colours.dtype == np.uint8 else np.float32)
+    marks: Image | None = None if opaque.all() else opaque.astype(kind)
+    given: Image = np.ascontiguousarray(searched, dtype=kind)
+    looked_for: Image = np.ascontiguousarray(colours, dtype=kind)
     started = time.perf_counter()
-    scores = np.asarray(cv2.matchTemplate(*given, cv2.TM_CCOEFF_NORMED, mask=marks), dtype=np.float32)
+    scores = np.asarray(cv2.matchTemplate(given, looked_for, cv2.TM_CCOEFF_NORMED, mask=marks), dtype=np.float32)
     elapsed_s = time.perf_counter() - started
     defined = np.isfinite(scores)
     undefined = int(scores.size - np.count_nonzero(defined))

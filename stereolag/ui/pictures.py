@@ -17,7 +17,10 @@ KEY = "pictures"
 
 @dataclass(frozen=True, eq=False)
 class PictureAndTemplate:
-    """An image, what to look for in it, and a mask: above 0 where the template counts, None where its alpha says."""
+    """An image, what to look for in it, and a mask: above 0 where the template counts, None where its alpha says.
+
+    Its `place`, (row, col) of its top-left pixel, is known of an example and of what was cut from the image.
+    """
 
     picture: Image
     template: Image
@@ -25,6 +28,7 @@ class PictureAndTemplate:
     digest: str
     shared: bool
     mask: Image | None = None
+    place: tuple[int, int] | None = None
 
 
 def choose_pictures() -> PictureAndTemplate:
@@ -39,7 +43,12 @@ def example_pictures(name: str) -> PictureAndTemplate:
     """Return one of the bundled images with its template."""
     example = samples.mazes()[name]
     return PictureAndTemplate(
-        read_image(example.picture), read_image(example.template), example.description, f"maze {name}", True
+        read_image(example.picture),
+        read_image(example.template),
+        example.description,
+        f"maze {name}",
+        True,
+        place=(example.row, example.col),
     )
 
 

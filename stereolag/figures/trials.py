@@ -1,0 +1,43 @@
+"""The part of an image that was degraded, with the template's known place and where a method found it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from stereolag.arrays import Rgb
+from stereolag.figures.pictures import FRAME, as_rgb, jpeg
+from stereolag.inputs import Image
+from stereolag.templates.trials import Trial
+
+WHITE, BLACK = (255, 255, 255), (0, 0, 0)
+
+
+def trial_jpeg(part: Image, trial: Trial, place: tuple[int, int], shape: tuple[int, int]) -> bytes:
+    """Return the part as a JPEG: a thin white frame at the known place, a bold one where the template was found.
+
+    Parameters
+    ----------
+    part
+        What was searched.
+    trial
+        What a method made of it; a miss has no bold frame.
+    place
+        (row, col) of the template's top-left pixel, the truth.
+    shape
+        (height, width) of the template.
+    """
+    shown = np.ascontiguousarray(as_rgb(part)).copy()
+    thin = max(1, shown.shape[1] // 400)
+    _frame(shown, place, shape, BLACK, thin + 2)
+    _frame(shown, place, shape, WHITE, thin)
+    if trial.outcome != "missed" and trial.row is not None and trial.col is not None:
+        _frame(shown, (trial.row, trial.col), shape, WHITE, 4 * thin + 2)
+        _frame(shown, (trial.row, trial.col), shape, FRAME, 4 * thin)
+    return jpeg(shown)
+
+
+def _frame(picture: Rgb, place: tuple[int, int], shape: tuple[int, int], colour: tuple[int, ...], thick: int) -> None:
+    (row, col), (height, width) = place, shape
+    away = thick // 2
+    cv2.rectangle(picture, (col - away, row - away), (col + width - 1 + away, row + height - 1 + away), colour, thick)
