@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import streamlit as st
 
 from stereolag import samples
 from stereolag.inputs import Image, as_image
 from stereolag.reading import read_image
-from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui.choices import OWN, choose, own_or_example
+from stereolag.ui.cutting import box_in
+from stereolag.ui.painting import painted_mask
 from stereolag.ui.uploads import PICTURE_TYPES, Upload, forget_together, put_together, upload
 
 KEY = "pictures"
@@ -32,10 +34,27 @@ class PictureAndTemplate:
 
 
 def choose_pictures() -> PictureAndTemplate:
-    """Ask where to look for what."""
+    """Ask where to look for what, and what of it does not count."""
     examples = samples.mazes()
     chosen = choose(examples, key=KEY)
-    return own_or_example(chosen, _own_pictures, example_pictures, examples, key=KEY, awaited="both images are")
+    given = "A file" if chosen == OWN else "The example’s"
+    template_from = st.segmented_control(
+        "Template",
+        ("given", "cut"),
+        default="given",
+        format_func=lambda one: given if one == "given" else "Cut from the image",
+        required=True,
+        key=f"{KEY}.from",
+        persist_state="session",
+    )
+    if template_from == "cut":
+        inputs = own_or_example(chosen, _own_cut, _example_cut, examples, key=KEY, awaited="your image is")
+    else:
+        inputs = own_or_example(chosen, _own_pictures, example_pictures, examples, key=KEY, awaited="both images are")
+    painted = painted_mask(inputs.template, inputs.mask, digest=inputs.digest, key=f"{KEY}.painted")
+    if painted is None:
+        return inputs
+    return replace(inputs, mask=painted.pixels, digest=f"{inputs.digest} painted {painted.digest}", shared=False)
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -78,6 +97,27 @@ def _own_pictures() -> PictureAndTemplate | None:
         forget_together(f"{KEY}.own")
         return None
     return put_together(lambda: _together(picture, template, mask), f"{KEY}.own")
+
+
+def _own_cut() -> PictureAndTemplate | None:
+    """Ask for one file, and for a box in it."""
+    picture = upload("Image", read_image, key=f"{KEY}.picture", types=PICTURE_TYPES)
+    if picture is None:
+        return None
+    return _cut(as_image(picture.content, "image"), "Your own image.", picture.digest, shared=False)
+
+
+def _example_cut(name: str) -> PictureAndTemplate:
+    example = example_pictures(name)
+    return _cut(example.picture, example.description, example.digest, shared=True)
+
+
+def _cut(image: Image, description: str, digest: str, *, shared: bool) -> PictureAndTemplate:
+    """Ask for a box in an image, whose pixels are then the template; a visitor's own box is kept for that visitor."""
+    box = box_in(image, digest=digest, shared=shared, key=f"{KEY}.cut")
+    template = image[box.slices]
+    digest = f"{digest} cut {box.row} {box.col} {box.height} {box.width}"
+    return PictureAndTemplate(image, template, description, digest, False, place=(box.row, box.col))
 
 
 def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:
