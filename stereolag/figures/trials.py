@@ -28,16 +28,22 @@ def trial_jpeg(part: Image, trial: Trial, place: tuple[int, int], shape: tuple[i
         (height, width) of the template.
     """
     shown = np.ascontiguousarray(as_rgb(part)).copy()
-    thin = max(1, shown.shape[1] // 400)
-    _frame(shown, place, shape, BLACK, thin + 2)
-    _frame(shown, place, shape, WHITE, thin)
+    thin = max(2, shown.shape[1] // 300)
+    _frame(shown, place, shape, thin, WHITE, BLACK)
     if trial.outcome != "missed" and trial.row is not None and trial.col is not None:
-        _frame(shown, (trial.row, trial.col), shape, WHITE, 4 * thin + 2)
-        _frame(shown, (trial.row, trial.col), shape, FRAME, 4 * thin)
+        _frame(shown, (trial.row, trial.col), shape, 3 * thin, FRAME, WHITE)
     return jpeg(shown)
 
 
-def _frame(picture: Rgb, place: tuple[int, int], shape: tuple[int, int], colour: tuple[int, ...], thick: int) -> None:
+def _frame(
+    picture: Rgb,
+    place: tuple[int, int],
+    shape: tuple[int, int],
+    thick: int,
+    colour: tuple[int, ...],
+    rim: tuple[int, ...],
+) -> None:
     (row, col), (height, width) = place, shape
-    away = thick // 2
-    cv2.rectangle(picture, (col - away, row - away), (col + width - 1 + away, row + height - 1 + away), colour, thick)
+    top_left, bottom_right = (col - 1, row - 1), (col + width, row + height)
+    cv2.rectangle(picture, top_left, bottom_right, rim, thick + 2)
+    cv2.rectangle(picture, top_left, bottom_right, colour, thick)

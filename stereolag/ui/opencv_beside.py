@@ -114,7 +114,7 @@ def differences(ours: TemplateSearch, theirs: OpenCVSearch) -> list[str]:
     if (best.row, best.col) == (theirs.row, theirs.col):
         same = apart <= SAME_SCORE
         said.append(
-            f"The same place, and the same score to {max(apart, 1e-7):.1g}."
+            f"The same place; the scores differ by less than {SAME_SCORE:.4f}."
             if same
             else f"The same place; the scores differ by {apart:.2g}: OpenCV sums in single precision."
         )

@@ -117,7 +117,8 @@ def _cut(image: Image, description: str, digest: str, *, shared: bool) -> Pictur
     box = box_in(image, digest=digest, shared=shared, key=f"{KEY}.cut")
     template = image[box.slices]
     digest = f"{digest} cut {box.row} {box.col} {box.height} {box.width}"
-    return PictureAndTemplate(image, template, description, digest, False, place=(box.row, box.col))
+    said = f"{description} What was cut out finds itself: ask for more matches, or damage the image below."
+    return PictureAndTemplate(image, template, said, digest, False, place=(box.row, box.col))
 
 
 def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:

@@ -29,9 +29,16 @@ MOVES: dict[str, dict[str, Any]] = {
     },
     SEARCH: {
         "pictures": "maze_dulled",
+        "pictures.from": "cut",
         "template.method": "sampled",
         "template.min_score": 0.2,
         "template.max_matches": 5,
+        "degrade.contrast": 0.3,
+        "degrade.brightness": 60,
+        "degrade.noise": 20,
+        "degrade.turn": 10.0,
+        "degrade.resize": 0.8,
+        "degrade.cover": 0.5,
     },
     DEPTH: {
         "pairs": "square",
