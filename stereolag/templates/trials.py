@@ -51,7 +51,9 @@ class Trial:
 def try_methods(
     image: Image, template: Image, place: tuple[int, int], *, mask: Image | None = None, min_score: float = 0.5
 ) -> tuple[Trial, ...]:
-    """Search with every method, and judge each answer by the place that is known.
+    """Search with every method, and judge the best place of each by the place that is known.
+
+    To be found, its score has to reach the least one, and nothing more: OpenCV knows no other test.
 
     Parameters
     ----------
@@ -92,7 +94,7 @@ def _fft(image: Image, template: Image, mask: Image | None, min_score: float) ->
 
 def _sampled(image: Image, template: Image, mask: Image | None, min_score: float) -> Answer:
     result = match_template(image, template, method="sampled", mask=mask, min_score=min_score, seed=0)
-    if not result.found:
+    if not result.matches:
         return None, None, math.nan, result.elapsed_s
     best = result.matches[0]
     return best.row, best.col, best.score, result.elapsed_s

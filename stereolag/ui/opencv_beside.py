@@ -62,7 +62,7 @@ def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, metho
     if theirs is None:
         return
     st.markdown(table(result, theirs, method, masked))
-    for sentence in differences(result, theirs):
+    for sentence in differences(result, theirs, method):
         st.caption(sentence)
 
 
@@ -89,7 +89,7 @@ def table(ours: TemplateSearch, theirs: OpenCVSearch, method: str, masked: bool)
     )
 
 
-def differences(ours: TemplateSearch, theirs: OpenCVSearch) -> list[str]:
+def differences(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> list[str]:
     """Return where the answers differ and why, one sentence each; that they agree, where they do."""
     said = []
     if theirs.undefined:
@@ -97,39 +97,31 @@ def differences(ours: TemplateSearch, theirs: OpenCVSearch) -> list[str]:
             f"In {theirs.undefined:,} places nothing varies under the template: 0/0. OpenCV’s score there is NaN or "
             "infinite, and `cv2.minMaxLoc` then names no place at all; they are passed over here."
         )
-    if theirs.row < 0:
-        return said
-    score_map = ours.score_map
-    here = None if score_map is None else float(score_map[theirs.row, theirs.col])
+    if theirs.row >= 0:
+        said.append(_about_places(ours, theirs, method))
+    return said
+
+
+def _about_places(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> str:
     if not ours.found:
-        said.append(
-            "OpenCV always names a place; whether the template is there, it leaves to you. Ours asks for the minimum "
-            "score."
-        )
-        if score_map is None:
-            said.append("Sampled found no place with exactly these pixels; OpenCV compares patterns, as FFT does.")
-        return said
+        also = " Sampled looks for exact pixels; OpenCV compares patterns, as FFT does." if method == "sampled" else ""
+        return f"OpenCV always names a place; whether the template is there, it leaves to you.{also}"
     best = ours.matches[0]
     apart = abs(best.score - theirs.score)
     if (best.row, best.col) == (theirs.row, theirs.col):
-        same = apart <= SAME_SCORE
-        said.append(
-            f"The same place; the scores differ by less than {SAME_SCORE:.4f}."
-            if same
-            else f"The same place; the scores differ by {apart:.2g}: OpenCV sums in single precision."
-        )
-    elif here is None:
-        said.append("Sampled scores a few places only, and stops at the first that are good enough.")
-    elif np.isnan(here):
-        said.append(
+        if apart <= SAME_SCORE:
+            return f"The same place; the scores differ by less than {SAME_SCORE:.4f}."
+        return f"The same place; the scores differ by {apart:.2g}: OpenCV sums in single precision."
+    if ours.score_map is None:
+        if method == "sampled":
+            return "Sampled scores a few places only, and stops at the first that are good enough."
+        return "Ours looked for other sizes and angles too, which OpenCV does not try."
+    here = float(ours.score_map[theirs.row, theirs.col])
+    if np.isnan(here):
+        return (
             f"At OpenCV’s place the image is flat: there is nothing to correlate, and its score of {theirs.score:.2f} "
             "is a rounding error divided by another. Ours gives such places no score."
         )
-    elif abs(here - best.score) <= SAME_SCORE:
-        said.append("Both places score the same: there are several copies.")
-    elif apart > SAME_SCORE or here < best.score:
-        said.append(
-            f"Ours gives OpenCV’s place {here:.3f}. The template was found in another size or turned, which OpenCV "
-            "does not try, or its sums in single precision were too coarse."
-        )
-    return said
+    if abs(here - best.score) <= SAME_SCORE:
+        return "Both places score the same: there are several copies."
+    return f"Ours scores {here:.3f} at OpenCV’s place: OpenCV sums in single precision, too coarse for these values."

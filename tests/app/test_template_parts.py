@@ -12,7 +12,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.inputs import Image
-from stereolag.templates import TemplateMatch, TemplateSearch, match_template
+from stereolag.templates import TemplateSearch, match_template
 from stereolag.templates.degradation import Degradation
 from stereolag.templates.opencv import OpenCVSearch, opencv_search
 from stereolag.templates.trials import Trial, try_methods
@@ -89,7 +89,7 @@ def searched(image: Image, template: Image, mask: Image | None = None) -> tuple[
 
 def test_where_both_agree_that_is_said() -> None:
     ours, theirs = searched(SCENE, SCENE[30:50, 40:64], MASK)
-    assert differences(ours, theirs) == ["The same place; the scores differ by less than 0.0001."]
+    assert differences(ours, theirs, "fft") == ["The same place; the scores differ by less than 0.0001."]
     rows = table(ours, theirs, "fft", True).splitlines()[2:]
     assert [row.count("row 30, column 40 | 1.0000") for row in rows] == [1, 1]
     assert "masked" in rows[1]
@@ -99,8 +99,10 @@ def test_flat_windows_under_a_mask_are_named() -> None:
     image = SCENE.copy()
     image[60:] = 90
     ours, theirs = searched(image, image[30:50, 40:64], MASK)
-    first, second = differences(ours, theirs)
-    assert first.startswith(f"In {np.isnan(ours.score_map).sum():,} places") and "minMaxLoc" in first
+    assert ours.score_map is not None
+    first, second = differences(ours, theirs, "fft")
+    assert first.startswith(f"In {np.isnan(ours.score_map).sum():,} places")
+    assert "minMaxLoc" in first
     assert second.startswith("The same place")
 
 
@@ -108,9 +110,9 @@ def test_without_our_answer_opencv_names_a_place_all_the_same() -> None:
     other = np.random.default_rng(6).integers(0, 256, (20, 20, 3), dtype=np.uint8)
     ours, theirs = searched(SCENE, other)
     assert "not found" in table(ours, theirs, "fft", False)
-    assert "always names a place" in differences(ours, theirs)[0]
-    blind = replace(ours, score_map=None)
-    assert "patterns" in differences(blind, theirs)[1]
+    (sentence,) = differences(ours, theirs, "fft")
+    assert "always names a place" in sentence and "patterns" not in sentence
+    assert "patterns" in differences(replace(ours, score_map=None), theirs, "sampled")[0]
 
 
 def test_large_offsets_lead_opencv_astray() -> None:
@@ -118,28 +120,29 @@ def test_large_offsets_lead_opencv_astray() -> None:
     ours, theirs = searched(image, image[30:50, 40:64])
     assert (ours.matches[0].row, ours.matches[0].col) == (30, 40)
     assert (theirs.row, theirs.col) != (30, 40)
-    (sentence,) = differences(ours, theirs)
-    assert "single precision" in sentence
+    assert "single precision" in differences(ours, theirs, "fft")[-1]
 
 
 @pytest.mark.parametrize(
-    ("here", "elsewhere", "fragment"),
-    [(np.nan, 1.0, "flat"), (1.0, 1.0, "several copies"), (0.6, 0.9, "single precision")],
+    ("here", "score", "fragment"),
+    [(np.nan, 1.0, "flat"), (1.0, 1.0, "several copies"), (0.6, 0.9, "scores 0.600 at")],
 )
-def test_another_place_is_explained(here: float, elsewhere: float, fragment: str) -> None:
-    scores = np.full((5, 5), 0.1, dtype=np.float32)
-    scores[1, 1], scores[3, 3] = 1.0, here
-    ours = TemplateSearch([TemplateMatch(1, 1, 4, 4, 1.0)], scores, 25, 0.1)
-    theirs = OpenCVSearch(3, 3, elsewhere, 0, scores, 0.1)
-    (sentence,) = differences(ours, theirs)
+def test_another_place_is_explained(here: float, score: float, fragment: str) -> None:
+    ours = match_template(SCENE, SCENE[30:50, 40:64])
+    assert ours.score_map is not None
+    ours.score_map[3, 3] = here
+    theirs = OpenCVSearch(3, 3, score, 0, ours.score_map, 0.1)
+    (sentence,) = differences(ours, theirs, "fft")
     assert fragment in sentence
+    without = replace(ours, score_map=None)
+    assert "a few places only" in differences(without, theirs, "sampled")[0]
+    assert "sizes and angles" in differences(without, theirs, "fft")[0]
 
 
 def test_of_nothing_that_varies_there_is_no_answer() -> None:
-    theirs = opencv_search(np.full_like(SCENE, 7), SCENE[30:50, 40:64], mask=MASK)
-    ours = TemplateSearch([], None, 0, 0.1)
+    ours, theirs = searched(np.full_like(SCENE, 7), SCENE[30:50, 40:64], MASK)
     assert "none" in table(ours, theirs, "fft", True)
-    assert len(differences(ours, theirs)) == 1
+    assert len(differences(ours, theirs, "fft")) == 1
 
 
 def test_the_lesson_follows_what_happened() -> None:
