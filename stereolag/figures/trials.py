@@ -30,7 +30,7 @@ def trial_jpeg(part: Image, trial: Trial, place: tuple[int, int], shape: tuple[i
     shown = np.ascontiguousarray(as_rgb(part)).copy()
     thin = max(2, shown.shape[1] // 300)
     _frame(shown, place, shape, thin, WHITE, BLACK)
-    if trial.outcome != "missed" and trial.row is not None and trial.col is not None:
+    if trial.outcome in ("right", "elsewhere") and trial.row is not None and trial.col is not None:
         _frame(shown, (trial.row, trial.col), shape, 3 * thin, FRAME, WHITE)
     return jpeg(shown)
 

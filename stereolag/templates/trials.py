@@ -14,7 +14,7 @@ from stereolag.templates.opencv import opencv_search
 from stereolag.templates.search import match_template
 
 TrialMethod = Literal["fft", "sampled", "opencv"]
-Outcome = Literal["right", "elsewhere", "missed"]
+Outcome = Literal["right", "elsewhere", "missed", "refused"]
 
 TOLERANCE: Final = 0.1
 """How far from its place a template may be found, as a share of its shorter side: interpolation moves the peak."""
@@ -31,13 +31,16 @@ class Trial:
     method
         "fft" and "sampled" of :func:`~stereolag.templates.match_template`, or "opencv".
     outcome
-        "right": found at its place; "elsewhere": found at another; "missed": no score reaches the least one.
+        "right": found at its place; "elsewhere": found at another; "missed": no score reaches the least one;
+        "refused": the method cannot search here.
     row, col
         Top-left pixel of the best place, None where no place has a score.
     score
         Of that place, -1..1; NaN where there is none.
     elapsed_s
         Seconds the search took.
+    refusal
+        Why it cannot, in a sentence.
     """
 
     method: TrialMethod
@@ -46,6 +49,7 @@ class Trial:
     col: int | None
     score: float
     elapsed_s: float
+    refusal: str = ""
 
 
 def try_methods(
@@ -61,16 +65,14 @@ def try_methods(
         As :func:`~stereolag.templates.match_template` takes them; `min_score` holds for OpenCV too.
     place
         (row, col) of the template's top-left pixel, the truth.
-
-    Raises
-    ------
-    ValueError
-        As :func:`~stereolag.templates.match_template`.
     """
     tolerance = max(LEAST_TOLERANCE_PX, TOLERANCE * min(template.shape[:2]))
 
     def judged(method: TrialMethod) -> Trial:
-        row, col, score, elapsed_s = SEARCHES[method](image, template, mask, min_score)
+        try:
+            row, col, score, elapsed_s = SEARCHES[method](image, template, mask, min_score)
+        except ValueError as error:
+            return Trial(method, "refused", None, None, math.nan, 0.0, str(error))
         if row is None or col is None or not score >= min_score:
             return Trial(method, "missed", row, col, score, elapsed_s)
         near = math.hypot(row - place[0], col - place[1]) <= tolerance

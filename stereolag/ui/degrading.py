@@ -28,6 +28,7 @@ OUTCOMES: Final = {
     "right": ":green[:material/check_circle: found]",
     "elsewhere": ":orange[:material/wrong_location: found elsewhere]",
     "missed": ":red[:material/cancel: not found]",
+    "refused": ":gray[:material/block: cannot search here]",
 }
 
 
@@ -131,6 +132,8 @@ def _estimate(inputs: PictureAndTemplate) -> Estimate:
 
 def numbers_of(trial: Trial) -> str:
     """Return the score and the time of a method, and which score a place that is no match has."""
+    if trial.refusal:
+        return trial.refusal
     if trial.row is None:
         return f"no place with these exact pixels · {duration(trial.elapsed_s)}"
     best = "best score" if trial.outcome == "missed" else "score"
@@ -146,6 +149,8 @@ def lesson(trials: tuple[Trial, ...], degradation: Degradation, min_score: float
         if degradation == Degradation():
             return "Nothing is damaged yet. Move a slider until a method loses it."
         return "Enough pixels are exactly as they were: even Sampled finds it."
+    if fft.outcome == "right" and sampled.outcome == "refused":
+        return "What is left of it is enough for a comparison of whole patterns."
     if fft.outcome == "right":
         return (
             "Sampled looks for exact pixel values, and no rare one is left. FFT and OpenCV compare whole patterns: a "

@@ -161,5 +161,18 @@ def test_the_lesson_follows_what_happened() -> None:
     assert "turned" not in lesson((missed, lost, opencv), Degradation(noise=90), 0.5)
     nothing = Trial("fft", "missed", None, None, float("nan"), 0.1)
     assert "Nothing is left" in lesson((nothing, lost, opencv), Degradation(cover=1), 0.5)
+    refused = replace(lost, outcome="refused", refusal="It cannot.")
+    assert "whole patterns" in lesson((fft, refused, opencv), Degradation(noise=5), 0.5)
+    assert numbers_of(refused) == "It cannot."
     assert numbers_of(lost).startswith("no place")
     assert numbers_of(missed).startswith("best score 0.300")
+
+
+def test_images_of_two_types_are_damaged_too(open_page: OpenPage) -> None:
+    app = open_page(SEARCH)
+    app.button_group(key="pictures").set_value("own").run()
+    app.file_uploader(key="pictures.picture").upload("scene.png", uploads.png(SCENE[:, :, 0]), "image/png").run()
+    deep = uploads.png(SCENE[30:50, 40:64, 0].astype(np.uint16))
+    app.file_uploader(key="pictures.template").upload("deep.png", deep, "image/png").run()
+    assert not app.error
+    assert ["cannot search" in text for text in cards(app)] == [False, True, False]

@@ -92,3 +92,9 @@ def test_found_at_another_place_is_found_elsewhere() -> None:
 def test_where_nothing_varies_no_method_names_a_place() -> None:
     trials = try_methods(np.full((50, 50, 3), 7, dtype=np.uint8), SCENE[30:50, 40:64], (0, 0), mask=MASK)
     assert [(trial.outcome, trial.row) for trial in trials] == [("missed", None)] * 3
+
+
+def test_a_method_that_cannot_search_says_why_and_the_others_go_on() -> None:
+    trials = {one.method: one for one in try_methods(SCENE, SCENE[30:50, 40:64].astype(np.uint16), (30, 40))}
+    assert [trials[name].outcome for name in ("fft", "sampled", "opencv")] == ["right", "refused", "right"]
+    assert "needs one type" in trials["sampled"].refusal
