@@ -64,7 +64,8 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, min_score: flo
     rows, cols = part_shape(inputs.picture.shape, (height, width))[:2]
     st.caption(
         f"The sliders change the {cols} × {rows} pixels around the template; only these are searched again, so there "
-        "are fewer look-alikes than in a larger image. Thin white: where it is. Bold: where a method found it."
+        "are fewer look-alikes than in a larger image. Thin white: where it is. Bold: where a method found it, with "
+        "the minimum score or more."
     )
     degradation = _asked()
     survival = computed_in_turn(
@@ -145,6 +146,8 @@ def lesson(trials: tuple[Trial, ...], degradation: Degradation, min_score: float
     of = {trial.method: trial for trial in trials}
     fft, sampled = of["fft"], of["sampled"]
     warped = degradation.turn != 0 or degradation.resize != 1
+    if fft.outcome == "refused":
+        return fft.refusal
     if fft.outcome == "right" and sampled.outcome == "right":
         if degradation == Degradation():
             return "Nothing is damaged yet. Move a slider until a method loses it."
@@ -154,7 +157,8 @@ def lesson(trials: tuple[Trial, ...], degradation: Degradation, min_score: float
     if fft.outcome == "right":
         return (
             "Sampled looks for exact pixel values, and no rare one is left. FFT and OpenCV compare whole patterns: a "
-            "uniform change of contrast or brightness costs them nothing, the rest lowers the score."
+            "uniform change of contrast or brightness costs them nothing while no value is clipped; the rest lowers "
+            "the score."
         )
     said = (
         "Another place fits better than what is left of it."
