@@ -6,10 +6,12 @@ from stereolag.figures import templates as figures
 from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui.controls import control, last_valid
+from stereolag.ui.degrading import damage_it
 from stereolag.ui.elements import show_png
 from stereolag.ui.funnel import show_funnel
 from stereolag.ui.match_files import show_match_files
 from stereolag.ui.navigation import fragment, page
+from stereolag.ui.opencv_beside import show_opencv_beside
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.score_map import show_score_map
@@ -86,9 +88,16 @@ def find(inputs: PictureAndTemplate) -> None:
         return
     show_answer(result, inputs, query)
     show_scores(result, query)
+    show_opencv_beside(inputs, result, query.method)
     show_match_files(inputs, result, query)
-    search_by_hand(inputs, result.matches)
-    show_funnel(inputs)
+    st.subheader("See why", anchor="see-why")
+    by_hand, steps, damage = st.tabs(("Search by hand", "Step by step", "Damage it"))
+    with by_hand:
+        search_by_hand(inputs, result.matches)
+    with steps:
+        show_funnel(inputs)
+    with damage:
+        damage_it(inputs, result, query.min_score)
 
 
 with page(
