@@ -7,9 +7,11 @@ from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import Number, show_numbers, show_png
+from stereolag.ui.match_files import show_match_files
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
+from stereolag.ui.search_addresses import TEMPLATE_ADDRESS
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
 from stereolag.ui.sentences import duration, why_not_found
 
@@ -77,6 +79,7 @@ def find(inputs: PictureAndTemplate) -> None:
     query = ask(inputs)
     if query is None:
         return
+    TEMPLATE_ADDRESS.write(query, inputs)
     try:
         result = computed_in_turn(
             "template search",
@@ -98,6 +101,7 @@ def find(inputs: PictureAndTemplate) -> None:
         return
     report(result, query)
     show(inputs, result)
+    show_match_files(inputs, result, query)
 
 
 with page(
@@ -105,7 +109,7 @@ with page(
     "Somewhere in the image is a smaller one. Slide it over every place, multiply, add up: where the score peaks, "
     "there it is. It is the same measurement as the lag of two recordings, in two dimensions.",
 ):
-    pictures = choose_pictures()
+    pictures = TEMPLATE_ADDRESS.recalled(choose_pictures)
     st.caption(pictures.description)
     find(pictures)
     with st.expander("The source report"):

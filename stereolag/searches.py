@@ -17,13 +17,18 @@ class LagSearch(Settings):
 
     method: SignalMethod = Field(default="fft", title="Method", description="How the lag is looked for.")
     sampling_rate: float = Field(
-        default=44_100.0, title="Sampling rate, Hz", description="Samples a second, of both recordings.", gt=0
+        default=44_100.0,
+        title="Sampling rate, Hz",
+        description="Samples a second, of both recordings.",
+        gt=0,
+        allow_inf_nan=False,
     )
     speed: float = Field(
         default=333.0,
         title="Speed of the wave, m/s",
         description="How fast the wave travels, m/s; sound in the report 333.",
         gt=0,
+        allow_inf_nan=False,
     )
     max_lag: int | None = Field(
         default=None,

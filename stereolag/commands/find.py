@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 
 import stereolag as sl
 from stereolag.commands.flags import SettingsFlags
@@ -27,20 +26,14 @@ def run(arguments: Sequence[str]) -> int:
     flags = SettingsFlags(parser, TemplateQuery())
     options, query = flags.parsed(arguments)
 
+    from stereolag.export import search_figures
+
     mask = None if options.mask is None else read(sl.read_image, options.mask)
     if mask is not None and mask.ndim == 3:
         mask = mask[:, :, :3].max(axis=2)
     image, template = read(sl.read_image, options.image), read(sl.read_image, options.template)
     result = sl.match_template(image, template, mask=mask, **query.model_dump(), seed=0)
-    figures = {
-        "command": "find",
-        "found": result.found,
-        "matches": [asdict(match) for match in result.matches],
-        "candidates": result.candidates,
-        "elapsed_s": result.elapsed_s,
-        "settings": query.model_dump(),
-    }
     lines = [f"row {one.row}, column {one.col}, score {one.score:.3f}" for one in result.matches]
     lines = lines or [f"Not found: no place scores {query.min_score:g} or more."]
-    tell(figures, "\n".join(lines), as_json=options.json)
+    tell(search_figures(result, query), "\n".join(lines), as_json=options.json)
     return DONE if result.found else NOT_FOUND

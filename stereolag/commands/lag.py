@@ -31,6 +31,8 @@ def run(arguments: Sequence[str]) -> int:
     flags = SettingsFlags(parser, LagSearch())
     options, settings = flags.parsed(arguments)
 
+    from stereolag.export import lag_figures
+
     first = read(sl.read_signal, options.first)
     second = first if options.second is None else read(sl.read_signal, options.second)
     numbers = options.channels or (1, 2 if options.second is None else 1)
@@ -41,25 +43,7 @@ def run(arguments: Sequence[str]) -> int:
     if "sampling_rate" not in vars(options):
         settings = settings.model_copy(update={"sampling_rate": _common_rate(first, second) or settings.sampling_rate})
     result = sl.signal_lag(*signals, **settings.model_dump(), seed=0)
-    figures = {
-        "command": "lag",
-        "lag_samples": result.lag,
-        "lag_subsample": result.lag_subsample,
-        "time_s": result.time_s,
-        "distance_m": result.distance_m,
-        "score": result.score,
-        "peak_ratio": result.peak_ratio,
-        "ties": result.ties,
-        "verdict": result.verdict,
-        "reason": result.judgement.reason if result.judgement else None,
-        "rivals": list(result.rivals),
-        "inverted": result.inverted,
-        "drift_ppm": result.drift_ppm,
-        "uncertainty_samples": result.uncertainty,
-        "elapsed_s": result.elapsed_s,
-        "settings": settings.model_dump(),
-    }
-    tell(figures, _in_words(result, settings), as_json=options.json)
+    tell(lag_figures(result, settings), _in_words(result, settings), as_json=options.json)
     return DONE
 
 

@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 
 from stereolag.arrays import Rgb
 from stereolag.figures.disparity import legend
-from stereolag.figures.pictures import FRAME, VIRIDIS, as_rgb, coloured, fitted, png
+from stereolag.figures.pictures import FRAME, SHOWN_WIDTH, VIRIDIS, as_rgb, coloured, fitted, png
 from stereolag.inputs import Image
 from stereolag.templates import TemplateMatch
 from stereolag.templates.patterns import opaque_pixels
@@ -22,9 +22,9 @@ SCORE_MAP_WIDTH = 700
 LEFT_OUT = 128
 
 
-def framed(picture: Image, matches: Sequence[TemplateMatch]) -> bytes:
-    """Return the image as a PNG with a frame around every match, the best one's the boldest."""
-    shown = fitted(picture).copy()
+def framed(picture: Image, matches: Sequence[TemplateMatch], *, width: int = SHOWN_WIDTH) -> bytes:
+    """Return the image, no wider than `width` px, as a PNG with a frame around every match, the best one's boldest."""
+    shown = fitted(picture, width).copy()
     scale = shown.shape[1] / picture.shape[1]
     thickness = max(2, shown.shape[1] // 250)
     for match in reversed(matches):

@@ -6,14 +6,15 @@ import streamlit as st
 
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag
+from stereolag.ui.disturbances import fool_it
 from stereolag.ui.lag.plan import show_plan
 from stereolag.ui.phasors import show_phasors
 from stereolag.ui.recordings import RecordingPair
 from stereolag.ui.sliding import slide_it_yourself
 
 IN_A_SENTENCE = """
-- **Why the peak stands where it does.** There, every sample meets itself: all products are positive and add up,
-  while anywhere else ups meet downs and cancel.
+- **Why the peak stands where it does.** There, every sample meets itself and the products add up, while anywhere
+  else ups meet downs and cancel.
 - **Why a tone has many peaks.** It meets itself again after every period, so all those lags fit equally well.
 - **Why noise has none.** Two unrelated recordings agree in sign half of the time at every lag: the sum stays within
   the grey ribbon, and its highest point is chance.
@@ -31,9 +32,13 @@ def see_why(pair: RecordingPair, result: SignalLag | None, search: LagSearch | N
         Of these; None where there is none yet.
     """
     st.subheader("See why", anchor="see-why")
-    slide, arrows, metres = st.tabs(("Slide it yourself", "Arrows that line up", "From lag to metres"))
+    slide, disturb, arrows, metres = st.tabs(
+        ("Slide it yourself", "Fool it", "Arrows that line up", "From lag to metres")
+    )
     with slide:
         slide_it_yourself(key="lag.sliding")
+    with disturb:
+        fool_it(key="lag.fooling")
     with arrows:
         show_phasors(pair, result, key="lag.phasors")
     with metres:
