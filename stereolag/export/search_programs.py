@@ -72,9 +72,8 @@ def lag_script(search: LagSearch, first: str, second: str) -> str:
     first, second
         The names of the two files, which lie beside the program; folders in them are left out.
     """
-    return _LAG.format(
-        version=VERSION, first=file_literal(first), second=file_literal(second), settings=_arguments(search)
-    )
+    settings = _arguments(search.model_dump())
+    return _LAG.format(version=VERSION, first=file_literal(first), second=file_literal(second), settings=settings)
 
 
 def find_command(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
@@ -94,7 +93,7 @@ def find_script(query: TemplateQuery, image: str, template: str, mask: str | Non
         where the template counts; None: there is none.
     """
     masked = "" if mask is None else f"mask = sl.read_image(FOLDER / {file_literal(mask)})\n"
-    settings = _arguments(query)
+    settings = _arguments(dict(query.arguments))
     return _FIND.format(
         version=VERSION,
         image=file_literal(image),
@@ -120,10 +119,9 @@ def _flag_value(value: object) -> str:
     return f"{value:.12g}" if isinstance(value, float) and float(f"{value:.12g}") == value else str(value)
 
 
-def _arguments(settings: Settings) -> str:
-    """Return all settings, and the seed, as arguments of a call, one a line."""
-    values = {name: getattr(settings, name) for name in type(settings).model_fields} | {"seed": 0}
-    return "\n".join(f"    {name}={_literal(value)}," for name, value in values.items())
+def _arguments(values: dict[str, object]) -> str:
+    """Return settings, and the seed, as arguments of a call, one a line."""
+    return "\n".join(f"    {name}={_literal(value)}," for name, value in (values | {"seed": 0}).items())
 
 
 def _literal(value: object) -> str:

@@ -205,13 +205,13 @@ def pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def found(query: TemplateQuery) -> sl.TemplateSearch:
     image, template, mask = (sl.read_image(f"{name}.png") for name in ("image", "template", "mask"))
-    return sl.match_template(image, template, mask=mask, **query.model_dump(), seed=0)
+    return sl.match_template(image, template, mask=mask, **query.arguments, seed=0)
 
 
 QUERIES = [
     TemplateQuery(max_matches=3),
-    TemplateQuery(method="direct", min_score=0.95),
-    TemplateQuery(method="sampled"),
+    TemplateQuery(method="direct", min_score=0.95, max_matches=2),
+    TemplateQuery(method="sampled", max_matches=2),
 ]
 
 
@@ -241,12 +241,10 @@ def test_the_matches_come_back(query: TemplateQuery, pictures: Path) -> None:
 def test_whatever_else_a_search_comes_to_tell_is_in_its_figures() -> None:
     @dataclass(frozen=True)
     class Further(sl.TemplateSearch):
-        rivals: tuple[sl.TemplateMatch, ...]
-        best: sl.TemplateMatch | None
         lead: float
 
     match = sl.TemplateMatch(1, 2, 3, 4, 0.5)
-    result = Further([match], np.zeros((2, 2), np.float32), 4, 0.1, (match,), None, float("nan"))
+    result = Further([match], np.zeros((2, 2), np.float32), 4, 0.1, None, [match], 1, "clear", float("nan"))
     figures = json.loads(matches_json(result, TemplateQuery()))
     assert figures["rivals"] == [asdict(match)]
     assert (figures["best"], figures["lead"]) == (None, None)
