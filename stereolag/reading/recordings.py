@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import soundfile
+from scipy.signal import resample_poly
 
 from stereolag.limits import limits
 from stereolag.reading.npy import MAGIC as NPY_MAGIC
@@ -23,6 +25,9 @@ MAX_CHANNELS = 64
 FEWEST_TICKS = 10
 UNEVENNESS = 1e-3
 """How far a column of times may stray from a straight line, as a share of its length."""
+
+MOST_TERMS = 10_000
+"""Of the ratio of two sampling rates: the filter between them is twenty times as long."""
 
 _BLOCK = 2**20
 """Samples decoded at a time."""
@@ -41,15 +46,50 @@ class Recording:
         (channels, samples) float64, all finite; audio is scaled to -1..1.
     sampling_rate
         Samples per second; None where the file does not state it (text and NPY).
+    mended_lines
+        How many damaged lines of a text were mended (:mod:`stereolag.reading.mending`).
+    resampled_from
+        The samples per second of the file, where :meth:`resampled` changed them; otherwise None.
     """
 
     channels: npt.NDArray[np.float64]
     sampling_rate: float | None
+    mended_lines: int = 0
+    resampled_from: float | None = None
 
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
         """Return the (samples,) of a single channel, or (channels, samples) of several."""
         samples = self.channels[0] if len(self.channels) == 1 else self.channels
         return np.array(samples, dtype=dtype, copy=copy)
+
+    def resampled(self, sampling_rate: float) -> Recording:
+        """Return the recording at another rate, by :func:`scipy.signal.resample_poly`; itself where that is its own.
+
+        Nothing is delayed: the first sample stays the first. What lies above half the lower rate is lost.
+
+        Raises
+        ------
+        ValueError
+            A recording whose file states no rate, a rate that is not positive and finite, rates whose ratio takes
+            numbers above 10,000, or more samples than the limit in force.
+        """
+        if self.sampling_rate is None:
+            raise ValueError(f"The {WHAT} states no sampling rate, so it cannot be resampled to {sampling_rate:g} Hz.")
+        if not (np.isfinite(sampling_rate) and sampling_rate > 0):
+            raise ValueError(f"sampling_rate is {sampling_rate!r} Hz; it must be a positive, finite number.")
+        if sampling_rate == self.sampling_rate:
+            return self
+        ratio = Fraction(sampling_rate) / Fraction(self.sampling_rate)
+        up, down = ratio.numerator, ratio.denominator
+        if max(up, down) > MOST_TERMS:
+            raise ValueError(
+                f"The {WHAT} has {self.sampling_rate:,.10g} samples a second and {sampling_rate:,.10g} are asked for; "
+                f"their ratio is {up} : {down}, and numbers up to {MOST_TERMS:,} are allowed."
+            )
+        _check_size(len(self.channels), -(-self.channels.shape[1] * up // down))
+        # Beyond its ends a recording goes on as its last samples do: no step to zero where it has an offset.
+        channels = resample_poly(self.channels, up, down, axis=1, padtype="line")
+        return Recording(channels, sampling_rate, self.mended_lines, self.resampled_from or self.sampling_rate)
 
     @property
     def clock(self) -> int | None:
@@ -64,7 +104,9 @@ def read_signal(source: Source) -> Recording:
 
     Text holds one number per line, or several in columns (comma, semicolon, tab or space between them), which become
     channels. Lines before the first number are a header; lines that begin with ``#``, ``%`` or ``//`` and blank
-    lines are skipped. A comma may be the decimal sign where it is not what separates the columns.
+    lines are skipped. A comma may be the decimal sign where it is not what separates the columns. Up to 5 damaged
+    lines, at most one in a hundred, are mended and counted: NUL bytes behind a number go, an empty field gets what lies
+    between its neighbours.
     An NPY array has one dimension, or two, of which the longer is time.
 
     Parameters
@@ -85,18 +127,18 @@ def read_signal(source: Source) -> Recording:
         channels.
     """
     data = read_bytes(source, WHAT)
-    sampling_rate = None
+    sampling_rate, mended_lines = None, 0
     if data.startswith(_AUDIO_MARKS + _MP3_SYNCS):
         channels, sampling_rate = _parse_audio(data)
     elif data.startswith(NPY_MAGIC):
         channels = _parse_npy(data)
     else:
-        channels = parse_columns(data, limits().max_samples)
+        channels, mended_lines = parse_columns(data, limits().max_samples)
         _check_size(*channels.shape)
     bad = sum(channel.size - int(np.isfinite(channel).sum()) for channel in channels)
     if bad:
         raise ValueError(f"The {WHAT} holds {bad} NaN or infinite samples; every sample must be a finite number.")
-    return Recording(channels, sampling_rate)
+    return Recording(channels, sampling_rate, mended_lines)
 
 
 def _check_size(channels: int, samples: int) -> None:

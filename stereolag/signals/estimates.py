@@ -6,6 +6,7 @@ import math
 
 from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting, rounded_down
 from stereolag.searches import SignalMethod
+from stereolag.signals.blocks import block_length, suits_blocks
 from stereolag.signals.curves import transform_length
 
 REAL, COMPLEX, INDEX = 8, 16, 8
@@ -13,6 +14,15 @@ REAL, COMPLEX, INDEX = 8, 16, 8
 
 FFT_SECONDS = 1.4e-8
 """Seconds per point of the transform and doubling of its length: three transforms and the rest of the work."""
+
+BLOCK_SECONDS = 3e-9
+"""Seconds per point of a block and doubling of its length: two real transforms and the rest of the work."""
+
+PIECE_SECONDS = 2e-8
+"""Seconds per sample of either recording: it is converted for its mean, its energy and the score."""
+
+BLOCK_VECTORS = 16
+"""Vectors over the lags at the most: running sums and what is picked of them, the curve, the search for its peak."""
 
 SORT_SECONDS = 1.8e-8
 """Seconds per sample of the longer recording and doubling of its length: they are sorted by value."""
@@ -27,10 +37,13 @@ SAMPLE_SECONDS = 1.5e-8
 def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_lag: int | None = None) -> Estimate:
     """Return the memory and time that :func:`stereolag.signals.signal_lag` needs.
 
-    Both recordings are held mean-free, as float64. Beside them, at most,
+    "fft" within a `max_lag` that is little beside the recordings (:func:`by_blocks`) holds one block of each, their
+    spectra, scratch vectors for both, the sum of the spectra, and vectors over the lags.
 
-    * "fft" and "phat" hold two complex spectra, the twiddle factors of the transform and a scratch vector of each of
-      two threads; later the curve, its lags and those that the search for the peak picks: at worst all lags
+    Otherwise both recordings are held mean-free, as float64. Beside them, at most,
+
+    * "fft" and "phat" hold two complex spectra, the twiddle factors of the transform and a scratch vector of
+      each of two threads; later the curve, its lags and those that the search for the peak picks: at worst all lags
       whose overlap is at least half the longest, in seven vectors;
     * "direct" holds the curve and the same for its peak, and the two overlaps at the peak; it takes as long as it has
       products to sum: with every lag, ``size_1 * size_2`` of them;
@@ -46,7 +59,9 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
     """
     total, longest, shortest = size_1 + size_2, max(size_1, size_2), min(size_1, size_2)
     reach = longest - 1 if max_lag is None else max_lag
-    lags = min(reach, size_1 - 1) + min(reach, size_2 - 1) + 1
+    lags = _lag_count(size_1, size_2, reach)
+    if by_blocks(size_1, size_2, method, reach):
+        return _estimate_blocks(size_1, size_2, lags)
     recordings = REAL * total
     # While they are made: the recordings converted to float64, and one vector in conversion.
     memory = recordings + recordings + REAL * longest
@@ -66,6 +81,24 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
     memory = max(memory, recordings + transforms, recordings + COMPLEX * size + peak)
     seconds = FFT_SECONDS * size * math.log2(size)
     return Estimate(memory + kept_blocks(COMPLEX * size, 3) + OVERHEAD, seconds)
+
+
+def by_blocks(size_1: int, size_2: int, method: SignalMethod, reach: int) -> bool:
+    """Return whether recordings of these sizes are gone through in blocks, for lags up to `reach` both ways."""
+    return method == "fft" and suits_blocks(max(size_1, size_2), _lag_count(size_1, size_2, reach))
+
+
+def _lag_count(size_1: int, size_2: int, reach: int) -> int:
+    return min(reach, size_1 - 1) + min(reach, size_2 - 1) + 1
+
+
+def _estimate_blocks(size_1: int, size_2: int, lags: int) -> Estimate:
+    size, total = block_length(lags), size_1 + size_2
+    # Two rows, what is transformed of them, their spectra and the sum; the finiteness of every sample before.
+    memory = max((2 + 2 + 2 + 1) * REAL * size, BLOCK_VECTORS * REAL * lags) + max(size_1, size_2)
+    blocks = -(-min(size_1, size_2) // (size - lags + 1))
+    seconds = BLOCK_SECONDS * blocks * size * math.log2(size) + PIECE_SECONDS * total
+    return Estimate(memory + kept_blocks(REAL * size, 2) + OVERHEAD, seconds)
 
 
 def fitting_recordings(allowed: int, *, sampling_rate: float, method: SignalMethod, max_lag: int | None) -> str:

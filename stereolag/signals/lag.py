@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import operator
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import get_args
@@ -12,17 +11,16 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Vector
 from stereolag.estimates import check_memory
-from stereolag.inputs import as_signal
+from stereolag.inputs import checked_signal
 from stereolag.progress import Progress, silent
 from stereolag.searches import SignalMethod
-from stereolag.signals.curves import direct_curve, fft_curve, phat_curve
-from stereolag.signals.estimates import estimate_lag, fitting_recordings
-from stereolag.signals.overlaps import overlap_length, overlap_pearson
-from stereolag.signals.peaks import REACH, Lags, find_peak, peak_ratio, refine_peak
-from stereolag.signals.sampling import sampled_votes
-from stereolag.signals.verdict import Judgement, Verdict, enough_votes, judge
+from stereolag.signals.blocks import CentredRecording
+from stereolag.signals.estimates import by_blocks, estimate_lag, fitting_recordings
+from stereolag.signals.finding import normalised, search_blocks, search_votes, search_whole
+from stereolag.signals.long_pairs import LongPair
+from stereolag.signals.verdict import Judgement, Verdict, judge_pair
+from stereolag.signals.whitening import Pair, WhitePair
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,19 +98,6 @@ class SignalLag:
         return drift.spread if drift else float("nan")
 
 
-@dataclass(frozen=True)
-class _Found:
-    """The result of a method, in samples."""
-
-    lag: int
-    peak_ratio: float
-    ties: int
-    fraction: float
-    lags: npt.NDArray[np.int64] | None = None
-    correlation: Vector | None = None
-    votes: dict[int, int] | None = None
-
-
 def signal_lag(
     signal_1: npt.ArrayLike,
     signal_2: npt.ArrayLike,
@@ -152,7 +137,8 @@ def signal_lag(
         ``"direct"``
             The curve of "fft", its products summed lag by lag: slow, and simple enough to trust.
     max_lag
-        Search ``-max_lag..max_lag`` only, samples.
+        Search ``-max_lag..max_lag`` only, samples. Where that is little beside the recordings, "fft" goes through them
+        in blocks, to the same result: an hour takes the memory of a few `max_lag`.
     seed
         Of the random samples, for "sampled"; None draws others each time.
     progress
@@ -166,30 +152,37 @@ def signal_lag(
         wherever they overlap within `max_lag`; more memory needed than one job may take
         (:func:`~stereolag.signals.estimate_lag`).
     """
-    first, second = as_signal(signal_1, "signal_1"), as_signal(signal_2, "signal_2")
+    given_1, given_2 = checked_signal(signal_1, "signal_1"), checked_signal(signal_2, "signal_2")
     _check_positive(sampling_rate, "sampling_rate", "samples per second")
     _check_positive(speed, "speed", "metres per second")
     if method not in get_args(SignalMethod):
         raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, get_args(SignalMethod)))}.")
-    reach = _checked_reach(max_lag, max(first.size, second.size))
+    reach = _checked_reach(max_lag, max(given_1.size, given_2.size))
     report = progress or silent
     check_memory(
-        estimate_lag(first.size, second.size, method=method, max_lag=max_lag),
+        estimate_lag(given_1.size, given_2.size, method=method, max_lag=max_lag),
         partial(fitting_recordings, sampling_rate=sampling_rate, method=method, max_lag=max_lag),
     )
 
     started = time.perf_counter()
-    first, second = _normalised(first), _normalised(second)
-    if method == "sampled":
-        found = _vote(first, second, reach, seed, report)
+    pair: Pair
+    if by_blocks(given_1.size, given_2.size, method, reach):
+        long_1, long_2 = CentredRecording(given_1), CentredRecording(given_2)
+        found = search_blocks(long_1, long_2, reach, report)
+        pair = LongPair(long_1, long_2)
     else:
-        found = _search(first, second, reach, method, report)
-    score = overlap_pearson(first, second, found.lag)
+        first, second = normalised(given_1), normalised(given_2)
+        if method == "sampled":
+            found = search_votes(first, second, reach, seed, report)
+        else:
+            found = search_whole(first, second, reach, method, report)
+        pair = WhitePair(first, second)
+    score = pair.pearson(found.lag)
     if np.isnan(score):
         raise ValueError(
             f"nothing varies where the recordings overlap within ±{reach} samples; allow a larger max_lag."
         )
-    judgement = judge(first, second, found.lag, reach, lags=found.lags, curve=found.correlation, votes=found.votes)
+    judgement = judge_pair(pair, found.lag, reach, lags=found.lags, curve=found.correlation, votes=found.votes)
     report(1.0)
     elapsed_s = time.perf_counter() - started
     time_s = found.lag / sampling_rate
@@ -226,48 +219,3 @@ def _checked_reach(max_lag: int | None, longest: int) -> int:
             f"max_lag is {max_lag!r}; allowed are whole samples from 0 to {longest - 1}, the longer recording less one."
         )
     return reach
-
-
-def _normalised(signal: Vector) -> Vector:
-    """Return the signal without its mean and of height 1, so that the squares of no unit over- or underflow."""
-    centred = signal - signal.mean()
-    return np.asarray(centred / max(centred.max(), -centred.min()))
-
-
-def _search(signal_1: Vector, signal_2: Vector, reach: int, method: SignalMethod, progress: Progress) -> _Found:
-    first, last = -min(reach, signal_1.size - 1), min(reach, signal_2.size - 1)
-    overlap: Callable[[Lags], Lags] = partial(overlap_length, signal_1.size, signal_2.size)
-    if method == "direct":
-        curve = direct_curve(signal_1, signal_2, first, last, progress)
-    elif method == "fft":
-        curve = fft_curve(signal_1, signal_2, first, last)
-    else:
-        curve = phat_curve(signal_1, signal_2, first, last)
-        overlap = np.ones_like
-    lags = np.arange(first, last + 1)
-    peak, ties = find_peak(curve, lags, overlap)
-    around = min(REACH, peak, curve.size - 1 - peak)
-    near = slice(peak - around, peak + around + 1)
-    fraction = refine_peak(curve[near] / np.sqrt(overlap(lags[near])))
-    lags.flags.writeable = False
-    curve.flags.writeable = False
-    return _Found(int(lags[peak]), peak_ratio(curve, peak), ties, fraction, lags, curve)
-
-
-def _vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None, progress: Progress) -> _Found:
-    votes = sampled_votes(signal_1, signal_2, reach, np.random.default_rng(seed), progress)
-    if not votes:
-        raise ValueError(
-            f"no sample of signal_1 is found within ±{reach} samples in signal_2; "
-            "allow a larger max_lag, or use the method 'fft'."
-        )
-    lag, count = next(iter(votes.items()))
-    rivals = [others for other, others in votes.items() if abs(other - lag) > 1]
-    ratio = count / max(rivals) if rivals else float("inf")
-    # Votes that chance brings together are no lag, and so many of them no ties.
-    ties = sum(others == count for others in votes.values()) if enough_votes(votes, lag) else 1
-    around = min(REACH, signal_1.size - 1 + lag, signal_2.size - 1 - lag)
-    near = np.arange(lag - around, lag + around + 1)
-    curve = direct_curve(signal_1, signal_2, lag - around, lag + around, silent)
-    fraction = refine_peak(curve / np.sqrt(overlap_length(signal_1.size, signal_2.size, near)))
-    return _Found(lag, ratio, ties, fraction, votes=votes)

@@ -12,7 +12,7 @@ from stereolag.arrays import Vector
 from stereolag.signals.drift import Drift, measure_drift
 from stereolag.signals.peaks import Lags
 from stereolag.signals.rivals import regular_spacing, rivals_of, tone_rivals
-from stereolag.signals.whitening import Agreement, WhitePair
+from stereolag.signals.whitening import Agreement, Pair, WhitePair
 
 Verdict: TypeAlias = Literal["sure", "ambiguous", "nothing"]
 Reason: TypeAlias = Literal["clear", "drift", "repeats", "rivals", "chance", "too_little", "few_votes", "opposite_sign"]
@@ -99,14 +99,26 @@ def judge(
     votes
         Lag to number of votes, where the method has them.
     """
-    first, last = -min(reach, signal_1.size - 1), min(reach, signal_2.size - 1)
+    return judge_pair(WhitePair(signal_1, signal_2), lag, reach, lags=lags, curve=curve, votes=votes)
+
+
+def judge_pair(
+    pair: Pair,
+    lag: int,
+    reach: int,
+    *,
+    lags: Lags | None = None,
+    curve: Vector | None = None,
+    votes: dict[int, int] | None = None,
+) -> Judgement:
+    """Return what :func:`judge` does of recordings that are whitened already."""
+    first, last = -min(reach, pair.sizes[0] - 1), min(reach, pair.sizes[1] - 1)
     chance = math.sqrt(2 * math.log(last - first + 2))
     needed = chance + MARGIN
-    pair = WhitePair(signal_1, signal_2)
     agreement = pair.best_agreement(lag)
-    rivals = rivals_of(signal_1, signal_2, pair, agreement, first, last, needed, lags, curve)
+    rivals = rivals_of(pair, agreement, first, last, needed, lags, curve)
     if agreement.height < needed and not rivals:
-        rivals = tone_rivals(signal_1, signal_2, lag, first, last)
+        rivals = tone_rivals(pair, lag, first, last)
     height, ribbon = (math.nan, None) if curve is None else _height(curve, chance)
     drift = measure_drift(pair, lag)
     opposite = None if curve is None or lags is None else _opposite(pair, agreement, lags, curve, needed)
@@ -167,7 +179,7 @@ def _height(curve: Vector, chance: float) -> tuple[float, tuple[float, float]]:
     return height, (middle - chance * deviation, middle + chance * deviation)
 
 
-def _opposite(pair: WhitePair, agreement: Agreement, lags: Lags, curve: Vector, needed: float) -> int | None:
+def _opposite(pair: Pair, agreement: Agreement, lags: Lags, curve: Vector, needed: float) -> int | None:
     """Return the lag at which the opposite of recording 2 agrees better; None if there is none."""
     lowest = int(np.argmin(curve))
     if -curve[lowest] <= 1.1 * curve.max():
