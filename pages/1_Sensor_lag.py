@@ -6,12 +6,12 @@ from stereolag.figures import recordings as figures
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui.controls import control, last_valid
-from stereolag.ui.elements import Number, show_numbers
+from stereolag.ui.lag.plan import show_plan
+from stereolag.ui.lag.report import show_curve, show_drift, show_verdict
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_in_turn
-from stereolag.ui.searches import CURVES, LAG_METHODS, LAG_METHODS_EXPLAINED
-from stereolag.ui.sentences import duration, lag_in_words
+from stereolag.ui.searches import LAG_METHODS, LAG_METHODS_EXPLAINED
 from stereolag.ui.sliding import slide_it_yourself
 
 
@@ -42,28 +42,11 @@ def ask(pair: RecordingPair) -> LagSearch | None:
     )
 
 
-def report(result: SignalLag) -> None:
-    """Say the lag, in words and in numbers."""
-    st.subheader(lag_in_words(result), anchor=False)
-    show_numbers(
-        (
-            Number("Lag, samples", f"{result.lag:,}", f"With its fraction: {result.lag_subsample:,.2f}."),
-            Number("Time", f"{result.time_s:.5g} s", "Lag ÷ sampling rate; positive where sensor 2 hears it later."),
-            Number("Distance", f"{result.distance_m:,.2f} m", "Time × speed of the wave."),
-            Number("Score", f"{result.score:.3f}", "Pearson’s correlation where both overlap: 1 is perfect agreement."),
-            Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
-        )
-    )
-    if result.ties > 1:
-        st.info(f"{result.ties:,} lags fit equally well, as in anything that repeats; the smallest is given.")
-
-
 def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show the correlation, and both recordings with the lag undone."""
     left, right = st.columns(2, gap="large")
     with left:
-        st.markdown("##### Where the recordings agree")
-        st.plotly_chart(figures.correlation_curve(result, CURVES[search.method]), key="correlation")
+        show_curve(pair, result, search)
     with right:
         st.markdown("##### Shifted to line up")
         st.plotly_chart(figures.aligned(pair.signal_1, pair.signal_2, result.lag, search.sampling_rate), key="aligned")
@@ -98,10 +81,13 @@ def measure(pair: RecordingPair) -> None:
         return
     if result is None:
         return
-    report(result)
+    show_verdict(result, search)
+    show_drift(result, search)
     with st.spinner("Drawing …"):
         show(pair, result, search)
         listen(pair, search)
+    st.subheader("From lag to metres", anchor=False)
+    show_plan(result, search.speed, key="lag.plan")
 
 
 with page(

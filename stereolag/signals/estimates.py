@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import math
+from typing import Literal, TypeAlias
 
 from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting, rounded_down
 from stereolag.searches import SignalMethod
-from stereolag.signals.blocks import block_length, suits_blocks
+from stereolag.signals.blocks import SHORTEST_BLOCK, block_length, suits_blocks
 from stereolag.signals.curves import transform_length
+from stereolag.signals.long_search import AROUND, BANDS_AT_ONCE, cell_size
 
 REAL, COMPLEX, INDEX = 8, 16, 8
 """Bytes of one number of a recording, of its spectrum, and of a lag."""
+
+HALF_REAL, HALF_COMPLEX = 4, 8
+"""The same where half the digits will do."""
+
+Way: TypeAlias = Literal["whole", "blocks", "bands"]
+
+LONGEST_WHOLE = 2**23
+"""Samples of the longest recording that is always transformed as a whole: three minutes at 44.1 kHz, 1.2 GB."""
+
+BAND_SECONDS = 3e-9
+"""Seconds per lag of a band and doubling of their number: its transforms, and its share of the cutting into bands."""
 
 FFT_SECONDS = 1.4e-8
 """Seconds per point of the transform and doubling of its length: three transforms and the rest of the work."""
@@ -37,8 +50,9 @@ SAMPLE_SECONDS = 1.5e-8
 def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_lag: int | None = None) -> Estimate:
     """Return the memory and time that :func:`stereolag.signals.signal_lag` needs.
 
-    "fft" within a `max_lag` that is little beside the recordings (:func:`by_blocks`) holds one block of each, their
-    spectra, scratch vectors for both, the sum of the spectra, and vectors over the lags.
+    "fft" within a `max_lag` that is little beside the recordings (:func:`way_of`) holds one block of each, their
+    spectra, scratch vectors for both, the sum of the spectra, and vectors over the lags. For every lag of recordings
+    above ``LONGEST_WHOLE`` samples it holds a few bands of both and their transforms.
 
     Otherwise both recordings are held mean-free, as float64. Beside them, at most,
 
@@ -60,8 +74,9 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
     total, longest, shortest = size_1 + size_2, max(size_1, size_2), min(size_1, size_2)
     reach = longest - 1 if max_lag is None else max_lag
     lags = _lag_count(size_1, size_2, reach)
-    if by_blocks(size_1, size_2, method, reach):
-        return _estimate_blocks(size_1, size_2, lags)
+    way = way_of(size_1, size_2, method, reach)
+    if way != "whole":
+        return (_estimate_blocks if way == "blocks" else _estimate_bands)(size_1, size_2, lags)
     recordings = REAL * total
     # While they are made: the recordings converted to float64, and one vector in conversion.
     memory = recordings + recordings + REAL * longest
@@ -83,9 +98,14 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
     return Estimate(memory + kept_blocks(COMPLEX * size, 3) + OVERHEAD, seconds)
 
 
-def by_blocks(size_1: int, size_2: int, method: SignalMethod, reach: int) -> bool:
-    """Return whether recordings of these sizes are gone through in blocks, for lags up to `reach` both ways."""
-    return method == "fft" and suits_blocks(max(size_1, size_2), _lag_count(size_1, size_2, reach))
+def way_of(size_1: int, size_2: int, method: SignalMethod, reach: int) -> Way:
+    """Return how recordings of these sizes are gone through, for lags up to `reach` both ways."""
+    longest = max(size_1, size_2)
+    if method != "fft":
+        return "whole"
+    if suits_blocks(longest, _lag_count(size_1, size_2, reach)):
+        return "blocks"
+    return "whole" if longest <= LONGEST_WHOLE else "bands"
 
 
 def _lag_count(size_1: int, size_2: int, reach: int) -> int:
@@ -99,6 +119,18 @@ def _estimate_blocks(size_1: int, size_2: int, lags: int) -> Estimate:
     blocks = -(-min(size_1, size_2) // (size - lags + 1))
     seconds = BLOCK_SECONDS * blocks * size * math.log2(size) + PIECE_SECONDS * total
     return Estimate(memory + kept_blocks(REAL * size, 2) + OVERHEAD, seconds)
+
+
+def _estimate_bands(size_1: int, size_2: int, lags: int) -> Estimate:
+    step, total = cell_size(size_1, size_2), size_1 + size_2
+    cells, size = lags // step + 2, total // step
+    # Of two bands at once the transforms of both recordings and a copy of one, the factors, and the bands at once;
+    # later the bound and its search, which overlap the windows that are refined.
+    memory = (2 * 4 + 1 + BANDS_AT_ONCE) * HALF_COMPLEX * size + 12 * HALF_REAL * cells
+    memory += _estimate_blocks(SHORTEST_BLOCK, SHORTEST_BLOCK, 16 * AROUND).memory
+    bands = step // 2
+    seconds = BAND_SECONDS * bands * size * math.log2(size) + 4 * PIECE_SECONDS * total
+    return Estimate(max(memory, size_1, size_2), seconds)
 
 
 def fitting_recordings(allowed: int, *, sampling_rate: float, method: SignalMethod, max_lag: int | None) -> str:

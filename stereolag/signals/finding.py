@@ -32,6 +32,7 @@ class Found:
     lags: npt.NDArray[np.int64] | None = None
     correlation: Vector | None = None
     votes: dict[int, int] | None = None
+    opposite_lag: int | None = None
 
 
 def normalised(given: npt.NDArray[Any]) -> Vector:
@@ -85,9 +86,18 @@ def search_votes(signal_1: Vector, signal_2: Vector, reach: int, seed: int | Non
     rivals = [others for other, others in votes.items() if abs(other - lag) > 1]
     ratio = count / max(rivals) if rivals else float("inf")
     # Votes that chance brings together are no lag, and so many of them no ties.
-    ties = sum(others == count for others in votes.values()) if enough_votes(votes, lag) else 1
+    enough = enough_votes(votes, lag)
+    ties = sum(others == count for others in votes.values()) if enough else 1
+    opposite = None if enough else _opposite_vote(signal_1, signal_2, reach, seed)
     around = min(REACH, signal_1.size - 1 + lag, signal_2.size - 1 - lag)
     near = np.arange(lag - around, lag + around + 1)
     curve = direct_curve(signal_1, signal_2, lag - around, lag + around, silent)
     fraction = refine_peak(curve / np.sqrt(overlap_length(signal_1.size, signal_2.size, near)))
-    return Found(lag, ratio, ties, fraction, votes=votes)
+    return Found(lag, ratio, ties, fraction, votes=votes, opposite_lag=opposite)
+
+
+def _opposite_vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None) -> int | None:
+    """Return the lag for which enough samples vote where the sign of signal 2 is turned, None where too few do."""
+    votes = sampled_votes(signal_1, -signal_2, reach, np.random.default_rng(seed), silent)
+    lag = next(iter(votes), None)
+    return lag if lag is not None and enough_votes(votes, lag) else None

@@ -16,9 +16,10 @@ from stereolag.inputs import checked_signal
 from stereolag.progress import Progress, silent
 from stereolag.searches import SignalMethod
 from stereolag.signals.blocks import CentredRecording
-from stereolag.signals.estimates import by_blocks, estimate_lag, fitting_recordings
+from stereolag.signals.estimates import estimate_lag, fitting_recordings, way_of
 from stereolag.signals.finding import normalised, search_blocks, search_votes, search_whole
 from stereolag.signals.long_pairs import LongPair
+from stereolag.signals.long_search import search_bands
 from stereolag.signals.verdict import Judgement, Verdict, judge_pair
 from stereolag.signals.whitening import Pair, WhitePair
 
@@ -166,9 +167,10 @@ def signal_lag(
 
     started = time.perf_counter()
     pair: Pair
-    if by_blocks(given_1.size, given_2.size, method, reach):
+    way = way_of(given_1.size, given_2.size, method, reach)
+    if way != "whole":
         long_1, long_2 = CentredRecording(given_1), CentredRecording(given_2)
-        found = search_blocks(long_1, long_2, reach, report)
+        found = (search_blocks if way == "blocks" else search_bands)(long_1, long_2, reach, report)
         pair = LongPair(long_1, long_2)
     else:
         first, second = normalised(given_1), normalised(given_2)
@@ -182,7 +184,15 @@ def signal_lag(
         raise ValueError(
             f"nothing varies where the recordings overlap within ±{reach} samples; allow a larger max_lag."
         )
-    judgement = judge_pair(pair, found.lag, reach, lags=found.lags, curve=found.correlation, votes=found.votes)
+    judgement = judge_pair(
+        pair,
+        found.lag,
+        reach,
+        lags=found.lags,
+        curve=found.correlation,
+        votes=found.votes,
+        opposite_lag=found.opposite_lag,
+    )
     report(1.0)
     elapsed_s = time.perf_counter() - started
     time_s = found.lag / sampling_rate

@@ -70,7 +70,12 @@ def test_the_judgement_is_that_of_the_whole(name: str, monkeypatch: pytest.Monke
 
 def flat(values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     for name, value in values.items():
-        yield from flat(value) if isinstance(value, dict) else [(name, value)]
+        if isinstance(value, dict):
+            yield from flat(value)
+        elif isinstance(value, tuple):
+            yield from ((name, each) for each in value)
+        else:
+            yield name, value
 
 
 @pytest.mark.parametrize("size", [1, 100, 5000])
