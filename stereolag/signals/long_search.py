@@ -86,7 +86,7 @@ class _Bound:
     def weighted(self) -> FloatMap:
         """Return the bound of Pearson's correlation times ``sqrt(overlap / longest overlap)``."""
         # A short overlap, be it in full agreement, weighs no more than its length.
-        return np.minimum(self.total * self.weights, self.most)
+        return np.asarray(np.minimum(self.total * self.weights, self.most))
 
     def _weigh(self, signal_1: CentredRecording, signal_2: CentredRecording) -> None:
         """Take from running sums what makes Pearson's correlation of the products at each lag."""
