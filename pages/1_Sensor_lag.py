@@ -6,13 +6,13 @@ from stereolag.figures import recordings as figures
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui.controls import control, last_valid
-from stereolag.ui.lag.plan import show_plan
+from stereolag.ui.lag.comparison import compare_methods
+from stereolag.ui.lag.explanation import see_why
 from stereolag.ui.lag.report import show_curve, show_drift, show_verdict
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.searches import LAG_METHODS, LAG_METHODS_EXPLAINED
-from stereolag.ui.sliding import slide_it_yourself
 
 
 def listen(pair: RecordingPair, search: LagSearch) -> None:
@@ -60,14 +60,10 @@ def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     st.plotly_chart(figures.close_up(pair.signal_1, pair.signal_2, result.lag, start), key="close_up")
 
 
-@fragment
-def measure(pair: RecordingPair) -> None:
-    """Ask, compute and show; moving a control reruns this part alone."""
-    search = ask(pair)
-    if search is None:
-        return
+def search_lag(pair: RecordingPair, search: LagSearch) -> SignalLag | None:
+    """Return the lag, or None while it is computed and where it is refused."""
     try:
-        result = computed_in_turn(
+        return computed_in_turn(
             "lag",
             lambda progress: signal_lag(pair.signal_1, pair.signal_2, **search.model_dump(), seed=0, progress=progress),
             estimate_lag(pair.signal_1.size, pair.signal_2.size, method=search.method, max_lag=search.max_lag),
@@ -78,16 +74,22 @@ def measure(pair: RecordingPair) -> None:
         )
     except ValueError as error:
         st.error(str(error))
-        return
-    if result is None:
-        return
-    show_verdict(result, search)
-    show_drift(result, search)
-    with st.spinner("Drawing …"):
-        show(pair, result, search)
-        listen(pair, search)
-    st.subheader("From lag to metres", anchor=False)
-    show_plan(result, search.speed, key="lag.plan")
+        return None
+
+
+@fragment
+def measure(pair: RecordingPair) -> None:
+    """Ask, compute, show and explain; moving a control reruns this part alone."""
+    search = ask(pair)
+    result = search_lag(pair, search) if search else None
+    if search and result:
+        show_verdict(result, search)
+        show_drift(result, search)
+        with st.spinner("Drawing …"):
+            show(pair, result, search)
+            listen(pair, search)
+        compare_methods(pair, search)
+    see_why(result, search)
 
 
 with page(
@@ -98,8 +100,6 @@ with page(
     recordings = choose_recordings()
     st.caption(recordings.description)
     measure(recordings)
-    st.subheader("Slide it yourself", anchor=False)
-    slide_it_yourself(key="lag.sliding")
     with st.expander("The source report"):
         st.markdown(
             "Its two recordings hold 176,401 samples each, at 44.1 kHz, and lie 50,082 samples apart. "

@@ -180,6 +180,17 @@ def lag_over_time(drift: Drift, sampling_rate: float) -> go.Figure:
     return figure
 
 
+def run_times(seconds: Vector) -> go.Figure:
+    """Return how many runs took how long, with their median (Fig. 1.5c of the report)."""
+    milliseconds = 1e3 * seconds
+    figure = go.Figure(go.Histogram(x=milliseconds, nbinsx=30, marker={"color": CORRELATION}, name="runs"))
+    figure.add_vline(x=float(np.median(milliseconds)), line={"color": PEAK, "width": 2, "dash": "dash"})
+    figure.update_layout(height=220, **LAYOUT | {"hovermode": "closest", "showlegend": False})
+    figure.update_xaxes(title="ms")
+    figure.update_yaxes(title="runs")
+    return figure
+
+
 def _named(signal_1: Vector, signal_2: Vector) -> tuple[tuple[Vector, str, str], tuple[Vector, str, str]]:
     return (signal_1, "sensor 1", SENSOR_1), (signal_2, "sensor 2", SENSOR_2)
 

@@ -27,6 +27,7 @@ def test_every_place_on_the_curve_has_the_same_path_difference(browser: Browser,
 
 def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(open_page: OpenPage) -> None:
     page = open_page("Sensor_lag")
+    page.get_by_role("tab", name="From lag to metres").click()
     plan = page.locator(".plan")
     said, stage = plan.locator(".said"), plan.locator(".stage")
     stage.scroll_into_view_if_needed()
@@ -55,6 +56,7 @@ def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(open_pa
 
 def test_the_plan_fits_a_phone_in_the_dark(open_page: OpenPage) -> None:
     page = open_page("Sensor_lag", scheme="dark", width=390)
+    page.get_by_role("tab", name="From lag to metres").click()
     page.locator(".plan .stage").scroll_into_view_if_needed()
     expect(page.locator(".plan .said")).to_contain_text("apart")
     assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 390

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from stereolag.signals import SignalLag
 
-
 LEAST_SPREAD = 0.01
 """Samples: nobody needs to know how much less a lag varies."""
 

@@ -26,13 +26,13 @@ _panel = st.components.v2.component(
 )
 
 
-def show_plan(result: SignalLag, speed: float, *, key: str) -> None:
+def show_plan(result: SignalLag | None, speed: float, *, key: str) -> None:
     """Show from which places a source is heard with the lag that was measured, if it is sure.
 
     Parameters
     ----------
     result
-        Of the recordings.
+        Of the recordings, None where there is none.
     speed
         Of the wave, m/s.
     key
@@ -43,7 +43,7 @@ def show_plan(result: SignalLag, speed: float, *, key: str) -> None:
         "difference, so the sensors stand that far apart only if the source lies in line with them; anywhere else they "
         "are farther apart. Dashed: every place from which your recordings’ lag can come."
     )
-    measured = result.time_s * speed if result.verdict == "sure" and result.lag else None
+    measured = result.time_s * speed if result and result.verdict == "sure" and result.lag else None
     _panel(
         key=key,
         data={
