@@ -20,6 +20,7 @@ from benchmarks.doctor import doctor_tables
 from benchmarks.flow import flow_table
 from benchmarks.hostile import hostile_table
 from benchmarks.load import load_table
+from benchmarks.long import LENGTHS, long_table
 from benchmarks.long_drive import long_drive_table
 from benchmarks.pairs import DATA
 from benchmarks.sequences import DRIVE, sequence_table
@@ -30,7 +31,7 @@ from benchmarks.timing import Row
 from benchmarks.verdict import verdict_table
 
 USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
-TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "load", "hostile"]
+TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "long", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -90,6 +91,7 @@ def main() -> None:
         "tables", nargs="*", choices=[*TABLES, []], help=f"which tables; {', '.join(USUAL)} unless named"
     )
     parser.add_argument("--frames", type=int, help="of sequences: a drive of so many, by the command, and its memory")
+    parser.add_argument("--lengths", nargs="*", choices=LENGTHS, help="of long: which recordings; all unless named")
     options = parser.parse_args()
     wanted = options.tables or USUAL
     if "speed" in wanted:
@@ -126,6 +128,8 @@ def main() -> None:
             print(f"Suggestions are left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
     if "verdict" in wanted:
         keep("verdict", "Verdicts on lags", *verdict_table())
+    if "long" in wanted:
+        keep("long", "Long recordings", *long_table({name: LENGTHS[name] for name in options.lengths or LENGTHS}))
     if "load" in wanted:
         keep("load", "Many visitors at once", *load_table())
     if "hostile" in wanted:

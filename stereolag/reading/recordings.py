@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from os import PathLike
 from pathlib import Path
@@ -99,12 +99,32 @@ class Recording:
         channels = resample_poly(self.channels, up, down, axis=1, padtype="line")
         return Recording(channels, sampling_rate, self.mended_lines, self.resampled_from or self.sampling_rate)
 
+    def channel(self, number: int) -> Recording:
+        """Return one channel, from 1, as a recording of its own."""
+        return replace(self, channels=self.channels[number - 1 : number])
+
     @property
     def clock(self) -> int | None:
         """Return the number, from 0, of a channel beside others that rises evenly: times or counts, not a signal."""
         if len(self.channels) == 1:
             return None
         return next((number for number, channel in enumerate(self.channels) if _rises_evenly(channel)), None)
+
+
+def at_one_rate(first: Recording, second: Recording) -> tuple[Recording, Recording]:
+    """Return both at the lower of their rates, which holds what they can have in common.
+
+    A recording whose file states no rate is taken to have that of the other, and stays as it is.
+
+    Raises
+    ------
+    ValueError
+        As :meth:`Recording.resampled`.
+    """
+    if first.sampling_rate is None or second.sampling_rate is None:
+        return first, second
+    lower = min(first.sampling_rate, second.sampling_rate)
+    return first.resampled(lower), second.resampled(lower)
 
 
 def read_signal(source: Source) -> Recording:

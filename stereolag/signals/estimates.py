@@ -124,9 +124,9 @@ def _estimate_blocks(size_1: int, size_2: int, lags: int) -> Estimate:
 def _estimate_bands(size_1: int, size_2: int, lags: int) -> Estimate:
     step, total = cell_size(size_1, size_2), size_1 + size_2
     cells, size = lags // step + 2, total // step
-    # Of two bands at once the transforms of both recordings and a copy of one, the factors, and the bands at once;
+    # Of two bands at once the transforms of both recordings and three copies, the factors, and the bands at once;
     # later the bound and its search, which overlap the windows that are refined.
-    memory = (2 * 4 + 1 + BANDS_AT_ONCE) * HALF_COMPLEX * size + 12 * HALF_REAL * cells
+    memory = (2 * 5 + 1 + BANDS_AT_ONCE) * HALF_COMPLEX * size + 14 * HALF_REAL * cells
     memory += _estimate_blocks(SHORTEST_BLOCK, SHORTEST_BLOCK, 16 * AROUND).memory
     bands = step // 2
     seconds = BAND_SECONDS * bands * size * math.log2(size) + 4 * PIECE_SECONDS * total

@@ -48,7 +48,10 @@ class SignalLag:
     ties
         How many lags are equally good, this one among them: more than 1 for periodic recordings.
     lags, correlation
-        (N,) int64 and float64, read-only: the lags searched and the curve whose peak `lag` is. None for "sampled".
+        (N,) int64 and float64: the lags searched and the curve whose peak `lag` is. None for "sampled". Where every
+        lag of long recordings was searched ("fft", see :func:`signal_lag`) both are reduced: of each stretch of lags
+        the one where the curve may be highest, and how high; measured within 4,096 samples of the peak and its rivals,
+        an upper bound elsewhere, which is no higher than the peak.
     votes
         Lag to number of votes, the winner first; "sampled" only, otherwise None.
     elapsed_s
@@ -139,7 +142,11 @@ def signal_lag(
             The curve of "fft", its products summed lag by lag: slow, and simple enough to trust.
     max_lag
         Search ``-max_lag..max_lag`` only, samples. Where that is little beside the recordings, "fft" goes through them
-        in blocks, to the same result: an hour takes the memory of a few `max_lag`.
+        in blocks, to the same result: an hour takes the memory of a few `max_lag`. Above 8 million samples (3 minutes
+        at 44.1 kHz) every other search of "fft" goes through them in bands of frequency
+        (:func:`stereolag.signals.long_search.search_bands`): the lag is that of the whole curve wherever the recordings
+        have something in common, `correlation` is reduced, and `peak_ratio` and `ties` are no more than those of the
+        whole. The other methods hold the whole, and refuse what that takes too much memory for.
     seed
         Of the random samples, for "sampled"; None draws others each time.
     progress
