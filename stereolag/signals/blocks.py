@@ -5,7 +5,7 @@ W. Press et al., "Numerical Recipes", 3rd ed. (2007), section 13.1: convolution 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import Any
 
@@ -38,10 +38,12 @@ class CentredRecording:
     ----------
     signal
         (N,) integers or floats, all finite and not all equal.
+    on_read
+        Called whenever a part was read.
     """
 
-    def __init__(self, signal: npt.NDArray[Any]) -> None:
-        self._signal = signal
+    def __init__(self, signal: npt.NDArray[Any], on_read: Callable[[], None] | None = None) -> None:
+        self._signal, self._on_read = signal, on_read
         self._mean = float(signal.mean(dtype=np.float64))
         self._height = max(float(signal.max()) - self._mean, self._mean - float(signal.min()))
         self.size = signal.size
@@ -54,6 +56,8 @@ class CentredRecording:
         row[end:] = 0
         np.subtract(self._signal[first:stop], self._mean, out=row[before:end], dtype=np.float64)
         row[before:end] /= self._height
+        if self._on_read is not None:
+            self._on_read()
 
     def pieces(self, start: int, stop: int) -> Iterator[Vector]:
         """Yield the samples from `start` to before `stop`, a quarter of a million at a time."""

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from stereolag.estimates import check_memory
 from stereolag.inputs import checked_signal
-from stereolag.progress import Progress, silent
+from stereolag.progress import Progress, Pulse, silent
 from stereolag.searches import SignalMethod
 from stereolag.signals.blocks import CentredRecording
 from stereolag.signals.estimates import estimate_lag, fitting_recordings, way_of
@@ -22,6 +22,9 @@ from stereolag.signals.long_pairs import LongPair
 from stereolag.signals.long_search import search_bands
 from stereolag.signals.verdict import Judgement, Verdict, judge_pair
 from stereolag.signals.whitening import Pair, WhitePair
+
+_SEARCHING = 0.8
+"""The share of the time that the search takes of long recordings, the rest the judgement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +179,10 @@ def signal_lag(
     pair: Pair
     way = way_of(given_1.size, given_2.size, method, reach)
     if way != "whole":
-        long_1, long_2 = CentredRecording(given_1), CentredRecording(given_2)
-        found = (search_blocks if way == "blocks" else search_bands)(long_1, long_2, reach, report)
+        pulse = Pulse(report)
+        long_1, long_2 = CentredRecording(given_1, pulse.again), CentredRecording(given_2, pulse.again)
+        search = search_blocks if way == "blocks" else search_bands
+        found = search(long_1, long_2, reach, lambda done: pulse(_SEARCHING * done))
         pair = LongPair(long_1, long_2)
     else:
         first, second = normalised(given_1), normalised(given_2)

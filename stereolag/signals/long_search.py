@@ -144,9 +144,10 @@ def search_bands(signal_1: CentredRecording, signal_2: CentredRecording, reach: 
         chosen = [int(band) for band in order[start : start + BANDS_AT_ONCE]]
         parts = [band_signals(signal, chosen, step) for signal in (signal_1, signal_2)]
         with ThreadPoolExecutor(2) as threads:
-            list(threads.map(bound.add, chosen, *parts))
+            for number, _ in enumerate(threads.map(bound.add, chosen, *parts), start=1):
+                progress(0.1 + 0.6 * (start + number) / order.size)
+        del parts  # before the next are made
         rest = float(common[order[start + BANDS_AT_ONCE :]].sum())
-        progress(0.1 + 0.6 * min(1.0, (start + BANDS_AT_ONCE) / order.size))
         if rest < _REST or _leads(bound.weighted(), AROUND // step, rest):
             break
     return _refined(signal_1, signal_2, bound, reach, progress)

@@ -144,5 +144,21 @@ def test_no_correlation_is_above_its_bound(monkeypatch: pytest.MonkeyPatch) -> N
     assert np.all(np.abs(measured) <= 1.2 * bound.weighted()[cells] + 0.02)
 
 
+def test_whoever_hears_the_progress_can_end_it_anywhere(both_ways: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stereolag.progress.time.monotonic", iter(range(10**6)).__next__)
+    told: list[float] = []
+    whole, bands = both_ways(*common(60_000, 700, 0), progress=told.append)
+    check(whole, bands)
+    assert told == sorted(told[: told.index(1.0) + 1]) + sorted(told[told.index(1.0) + 1 :])
+    assert told.count(0.8) > 3  # while it is judged
+
+    def end(done: float) -> None:
+        if done >= 0.8:
+            raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        both_ways(*common(60_000, 700, 0), progress=lambda done: end(done % 1.0))
+
+
 def test_cells_are_powers_of_two() -> None:
     assert [cell_size(size, size) for size in (10**6, 12_000_000, 12_000_001, 158_760_000)] == [8, 8, 16, 128]
