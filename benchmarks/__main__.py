@@ -23,6 +23,7 @@ from benchmarks.load import load_table
 from benchmarks.long import LENGTHS, long_table
 from benchmarks.long_drive import long_drive_table
 from benchmarks.pairs import DATA
+from benchmarks.rocketman import rocketman_table
 from benchmarks.sequences import DRIVE, sequence_table
 from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
 from benchmarks.steadiness import steadiness_table
@@ -31,7 +32,7 @@ from benchmarks.timing import Row
 from benchmarks.verdict import verdict_table
 
 USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
-TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "long", "load", "hostile"]
+TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "long", "rocketman", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -130,6 +131,8 @@ def main() -> None:
         keep("verdict", "Verdicts on lags", *verdict_table())
     if "long" in wanted:
         keep("long", "Long recordings", *long_table({name: LENGTHS[name] for name in options.lengths or LENGTHS}))
+    if "rocketman" in wanted:
+        keep("rocketman", "Rocketman with doubt", *rocketman_table())
     if "load" in wanted:
         keep("load", "Many visitors at once", *load_table())
     if "hostile" in wanted:

@@ -8,10 +8,12 @@ from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.lag.comparison import compare_methods
 from stereolag.ui.lag.explanation import see_why
+from stereolag.ui.lag.files import show_lag_files
 from stereolag.ui.lag.report import show_curve, show_drift, show_verdict
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_in_turn
+from stereolag.ui.search_addresses import LAG_ADDRESS
 from stereolag.ui.searches import LAG_METHODS, LAG_METHODS_EXPLAINED
 
 
@@ -82,14 +84,17 @@ def measure(pair: RecordingPair) -> None:
     """Ask, compute, show and explain; moving a control reruns this part alone."""
     search = ask(pair)
     result = search_lag(pair, search) if search else None
+    if search:
+        LAG_ADDRESS.write(search, pair)
     if search and result:
         show_verdict(result, search)
         show_drift(result, search)
         with st.spinner("Drawing …"):
             show(pair, result, search)
             listen(pair, search)
+        show_lag_files(pair, result, search)
         compare_methods(pair, search)
-    see_why(result, search)
+    see_why(pair, result, search)
 
 
 with page(
@@ -97,7 +102,7 @@ with page(
     "Two sensors record the same sound. Slide one recording along the other, multiply, add up: where the sum peaks, "
     "the two agree. That lag is the time the wave took from one sensor to the other, and with its speed, the distance.",
 ):
-    recordings = choose_recordings()
+    recordings = LAG_ADDRESS.recalled(choose_recordings)
     st.caption(recordings.description)
     measure(recordings)
     with st.expander("The source report"):

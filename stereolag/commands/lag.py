@@ -30,6 +30,7 @@ def run(arguments: Sequence[str]) -> int:
     flags = SettingsFlags(parser, LagSearch())
     options, settings = flags.parsed(arguments)
 
+    from stereolag.export import lag_figures
     from stereolag.inputs import checked_signal
     from stereolag.reading.recordings import at_one_rate
 
@@ -51,25 +52,7 @@ def run(arguments: Sequence[str]) -> int:
     ]
     signals = [checked_signal(one.channels[0], name) for one, name in zip(channels, names, strict=True)]
     result = sl.signal_lag(*signals, **settings.model_dump(), seed=0)
-    figures = {
-        "command": "lag",
-        "recordings": facts,
-        "lag_samples": result.lag,
-        "lag_subsample": result.lag_subsample,
-        "time_s": result.time_s,
-        "distance_m": result.distance_m,
-        "score": result.score,
-        "peak_ratio": result.peak_ratio,
-        "ties": result.ties,
-        "verdict": result.verdict,
-        "reason": result.judgement.reason if result.judgement else None,
-        "rivals": list(result.rivals),
-        "inverted": result.inverted,
-        "drift_ppm": result.drift_ppm,
-        "uncertainty_samples": result.uncertainty,
-        "elapsed_s": result.elapsed_s,
-        "settings": settings.model_dump(),
-    }
+    figures = lag_figures(result, settings) | {"recordings": facts}
     tell(figures, _in_words(result, settings, facts), as_json=options.json)
     return DONE
 

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import json
-import math
 import sys
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 T = TypeVar("T")
@@ -101,16 +98,8 @@ def add_output(parser: argparse.ArgumentParser) -> None:
 def tell(figures: Mapping[str, Any], sentences: str, *, as_json: bool) -> None:
     """Print the figures as one line of JSON, NaN and infinity as null, or else the sentences."""
     if as_json:
-        print(json.dumps(_plain(figures), allow_nan=False))
+        from stereolag.export.documents import figures_json
+
+        print(figures_json(figures))
     else:
         print(sentences)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(name): _plain(one) for name, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    if isinstance(value, Path):
-        return str(value)
-    return None if isinstance(value, float) and not math.isfinite(value) else value

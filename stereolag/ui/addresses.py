@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeVar
 
 from stereolag.reading.sources import harmless, quoted
@@ -42,7 +42,13 @@ def parameters_of(settings: Settings, first: Settings) -> dict[str, str]:
     return found
 
 
-def recalled_settings(parameters: Mapping[str, str], first: SettingsT, *, prefix: str = "") -> Recalled:
+def recalled_settings(
+    parameters: Mapping[str, str],
+    first: SettingsT,
+    *,
+    prefix: str = "",
+    check: Callable[[SettingsT], None] = lambda settings: None,
+) -> Recalled:
     """Return the settings that :func:`parameters_of` wrote; what is unknown or not allowed is left out.
 
     Parameters
@@ -53,12 +59,16 @@ def recalled_settings(parameters: Mapping[str, str], first: SettingsT, *, prefix
         What holds where they say nothing.
     prefix
         What stands before their names in the address, for the sentences about them.
+    check
+        Raises :class:`~stereolag.settings.SettingsError` where settings are allowed, but not here.
     """
     wanted = dict(parameters)
     ignored: list[str] = []
     while wanted:
         try:
-            return Recalled(type(first).model_validate(_document(wanted, first)), ignored)
+            settings = type(first).model_validate(_document(wanted, first))
+            check(settings)
+            return Recalled(settings, ignored)
         except SettingsError as error:
             refused = _refused(error, wanted)
         for reason in dict.fromkeys(refused.values()):
@@ -72,6 +82,8 @@ def recalled_settings(parameters: Mapping[str, str], first: SettingsT, *, prefix
 def _written(value: Any) -> str:
     if value is None:
         return NOTHING
+    if isinstance(value, list | tuple):
+        return ",".join(map(_written, value))
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
@@ -94,8 +106,8 @@ def _document(parameters: Mapping[str, str], first: Settings) -> dict[str, Any]:
 
 
 def _read(text: str) -> Any:
-    """Return what a text stands for, where that is no plain value."""
-    return {NOTHING: None, ON: {}}.get(text, text)
+    """Return what a text stands for: with commas several values."""
+    return text.split(",") if "," in text else {NOTHING: None, ON: {}}.get(text, text)
 
 
 def _refused(error: SettingsError, parameters: Mapping[str, str]) -> dict[str, str]:

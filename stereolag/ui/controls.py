@@ -83,7 +83,7 @@ def control(
             options=options, default=at_first, format_func=lambda choice: named(choice, choice), required=True, **widget
         )
     bounds = Bounds.of(field).narrowed(low, high)
-    if at_first is None or bounds.low is None or bounds.high is None:
+    if when_empty is not None or at_first is None or bounds.low is None or bounds.high is None:
         widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": at_first}
         number_format = "%g" if isinstance(bounds.step, float) else "%d"
         return st.number_input(format=number_format, placeholder=when_empty, **widget)

@@ -26,12 +26,16 @@ MOVES: dict[str, dict[str, Any]] = {
         "lag.speed.recordings coast": 1_500.0,
         "lag.max.recordings coast": 1_000,
         "lag.from.recordings coast.50082": 1_000,
+        "lag.curve": "Plain Pearson",
     },
     SEARCH: {
         "pictures": "maze_dulled",
         "template.method": "sampled",
         "template.min_score": 0.2,
         "template.max_matches": 5,
+        "template.min_scale": 0.9,
+        "template.max_scale": 1.1,
+        "template.max_rotation": 10.0,
     },
     DEPTH: {
         "pairs": "square",
@@ -62,6 +66,7 @@ MOVES: dict[str, dict[str, Any]] = {
         "depth.colours.range.pair cube.near": 90.0,
         "depth.colours.inverted": True,
         "depth.colours.palette": "turbo",
+        "depth.colours.outlined": True,
         keys.setting("sgbm", "block_size"): 9,
         keys.setting("sgbm", "num_disparities", keys.CUBE): 32,
         keys.setting("sgbm", "min_disparity", keys.CUBE): 20,
@@ -105,7 +110,7 @@ for one in MOVES[DEPTH]:
     for name in ("bm", "sgbm", "sgm"):
         if one.startswith(f"depth.{name}."):  # its controls and its map
             FIRST[one] = {keys.TAB: name, keys.SHOWN: ["correlation", name]} | FIRST.get(one, {})
-SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine")}
+SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine"), "lag.runs"}
 ONLY_WITH_A_SQUARE_SEARCH: dict[str, Any] = {keys.SEARCH_SIZE: 60, keys.REACH: 0}
 
 

@@ -9,15 +9,21 @@ import streamlit as st
 from stereolag import samples
 from stereolag.export import settings_json
 from stereolag.reading import read_matcher
-from stereolag.reading.sources import quoted
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import keys
 from stereolag.ui.addresses import parameters_of, recalled_settings
-from stereolag.ui.choices import OWN
 from stereolag.ui.depth.maps import SHOWN_AT_FIRST, show_method, shown_methods
 from stereolag.ui.first_settings import first_settings
 from stereolag.ui.matcher_controls import set_controls
+from stereolag.ui.page_address import (
+    Choice,
+    chosen,
+    example_choice,
+    recalled_choices,
+    warn_ignored,
+    write_parameters,
+)
 from stereolag.ui.pairs import SIZES, StereoPair
 
 WRITTEN_KEY = "depth.address"
@@ -31,19 +37,8 @@ ADOPTED = "depth.adopt"
 
 
 def recall_choices() -> dict[str, str]:
-    """Choose the example, the size and the maps that a new address names; return its other parameters.
-
-    An address is new when it is not what this page wrote last: a link that was opened, or a step back.
-    """
-    found = st.query_params.to_dict()
-    if not found or found == st.session_state.get(WRITTEN_KEY):
-        return {}
-    for name, (key, allowed) in _choices().items():
-        value = found.pop(name, None)
-        if value in allowed:
-            st.session_state[key] = value
-        elif value is not None:
-            _warn(name, value, allowed)
+    """Choose the example, the size and the maps that a new address names; return its other parameters."""
+    found = recalled_choices(WRITTEN_KEY, _choices())
     _recall_maps(found.pop(MAPS, None))
     return found
 
@@ -58,11 +53,7 @@ def _recall_maps(value: str | None) -> None:
         st.session_state[keys.SHOWN] = [name for name in allowed if name in named]
         st.session_state[keys.TAB] = named[0]
     else:
-        _warn(MAPS, value, allowed)
-
-
-def _warn(name: str, value: str, allowed: list[str]) -> None:
-    st.warning(f"{name} = {quoted(value)} in the address is ignored: allowed are {', '.join(allowed)}.")
+        warn_ignored(MAPS, value, allowed)
 
 
 def recall_settings(parameters: Mapping[str, str], pair: StereoPair) -> None:
@@ -80,11 +71,7 @@ def recall_settings(parameters: Mapping[str, str], pair: StereoPair) -> None:
 
 def write_address(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) -> None:
     """Put what is chosen and set into the address, as far as it is not as at first."""
-    parameters: dict[str, str] = {}
-    for name, (key, allowed) in _choices().items():
-        value = st.session_state.get(key)
-        if value in allowed and value != allowed[0]:
-            parameters[name] = value
+    parameters = chosen(_choices())
     shown = [method.short_name for method in shown_methods()]
     if shown != SHOWN_AT_FIRST:
         parameters[MAPS] = ",".join(shown)
@@ -92,9 +79,7 @@ def write_address(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) ->
         if matcher is not None:
             found = parameters_of(matcher, first_settings(type(matcher), pair))
             parameters |= {_prefix(type(matcher)) + name: text for name, text in found.items()}
-    st.session_state[WRITTEN_KEY] = parameters
-    if st.query_params.to_dict() != parameters:
-        st.query_params.from_dict(parameters)
+    write_parameters(WRITTEN_KEY, parameters)
 
 
 def adopt(matcher: StereoMatcher) -> None:
@@ -117,15 +102,9 @@ def show_settings(matcher: StereoMatcher, pair: StereoPair) -> None:
     show_method(type(matcher))
 
 
-def _choices() -> dict[str, tuple[str, list[str]]]:
-    """Return what an address can choose: by its name there, the key it is kept under and what is allowed, first first.
-
-    Files of the visitor's own are no choice: an address does not hold them.
-    """
-    return {
-        "pair": (keys.PAIR, [name for name in samples.stereo_pairs() if name != OWN]),
-        "size": (keys.SIZE, [*SIZES]),
-    }
+def _choices() -> dict[str, Choice]:
+    """Return what an address can choose, by its name there."""
+    return {"pair": example_choice(keys.PAIR, samples.stereo_pairs()), "size": Choice(keys.SIZE, [*SIZES])}
 
 
 def _prefix(kind: type[StereoMatcher]) -> str:

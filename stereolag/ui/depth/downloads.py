@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import streamlit as st
@@ -18,7 +17,7 @@ from stereolag.ui.depth.maps import settings_key
 from stereolag.ui.depth.pair_exports import PAIR_EXPORTS
 from stereolag.ui.depth.subjects import Subject
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.jobs import HEAVY_MEMORY, Turn, limiter
+from stereolag.ui.downloads import made_in_turn, show_file_buttons, show_zip_button
 from stereolag.ui.private_files import download_button
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.sentences import duration
@@ -42,48 +41,27 @@ def show_downloads(view: DepthView) -> None:
         subject = Subject.of(view, chosen if chosen in view.results else names[0])
         if subject.reduced:
             _compute_in_own_size(subject)
+        rows, cols = subject.pair.left.shape[:2]
+        memory = BYTES_OF_A_PIXEL * rows * cols
         with st.container(horizontal=True, gap="small"):
-            download_button(
-                "All in one ZIP",
-                partial(_in_turn, subject, partial(archive, subject)),
-                "stereolag.zip",
-                "application/zip",
-                key=f"{KEY}.zip",
-                meaning="All files on offer here. Given back in place of a left image, it opens the page as it is now.",
-                icon=":material/folder_zip:",
-                primary=True,
+            show_zip_button(
+                partial(archive, subject),
+                memory,
+                key=KEY,
+                more="Given back in place of a left image, it opens the page as it is now.",
             )
             download_button(
                 "Session ZIP",
-                partial(_in_turn, subject, partial(archive, subject, PAIR_EXPORTS)),
+                partial(made_in_turn, partial(archive, subject, PAIR_EXPORTS), memory),
                 "stereolag-session.zip",
                 "application/zip",
                 key=f"{KEY}.session",
                 meaning="The pair and what the page is set to, without the results: enough to continue from here.",
                 icon=":material/bookmark:",
             )
-            for file in files(subject):
-                if file.label:
-                    download_button(
-                        file.label,
-                        partial(_in_turn, subject, file.make),
-                        file.name,
-                        key=f"{KEY}.{file.name}",
-                        meaning=file.refusal or file.meaning,
-                        disabled=bool(file.refusal),
-                    )
+            show_file_buttons(files(subject), memory, key=KEY)
         st.caption(" ".join([size_in_words(subject), *(change.sentence for change in subject.pair.changes)]))
         _load_settings(subject)
-
-
-def _in_turn(subject: Subject, make: Callable[[], bytes | str]) -> bytes | str:
-    """Return a file that is asked for; one of large images is made when it is its turn."""
-    rows, cols = subject.pair.left.shape[:2]
-    memory = BYTES_OF_A_PIXEL * rows * cols
-    if memory < HEAVY_MEMORY:
-        return make()
-    with limiter().admitted(Turn(memory), lambda: False):
-        return make()
 
 
 def _compute_in_own_size(subject: Subject) -> None:

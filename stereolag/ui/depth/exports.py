@@ -7,7 +7,6 @@ from functools import partial
 
 from stereolag.arrays import FloatMap
 from stereolag.export import (
-    bundle,
     check_kitti,
     confidence,
     confidence_png,
@@ -27,12 +26,12 @@ from stereolag.figures.map_files import cloud_ply, coloured_png
 from stereolag.stereo.evaluation import Evaluation
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher
-from stereolag.ui.depth.pair_exports import PAIR_EXPORTS, Export, File, Text, image_names
+from stereolag.ui import downloads
+from stereolag.ui.depth.pair_exports import PAIR_EXPORTS, Export, Text, image_names
 from stereolag.ui.depth.scoreboard import evaluations
 from stereolag.ui.depth.subjects import Subject
 from stereolag.ui.depth.view import DepthView
-
-README = "README.txt"
+from stereolag.ui.downloads import File
 
 
 def _of_map(ending: str) -> Callable[[Subject], str]:
@@ -188,9 +187,7 @@ def files(subject: Subject, exports: Sequence[Export] | None = None) -> list[Fil
 
 def archive(subject: Subject, exports: Sequence[Export] | None = None) -> bytes:
     """Return one ZIP of the files that can be had, of all exports unless told, and of what each holds."""
-    had = [file for file in files(subject, exports) if not file.refusal]
-    about = "".join(f"{file.name}: {file.meaning}\n" for file in had)
-    return bundle({README: f"{size_in_words(subject)}\n\n{about}"} | {file.name: file.make() for file in had})
+    return downloads.archive(files(subject, exports), size_in_words(subject))
 
 
 def size_in_words(subject: Subject) -> str:

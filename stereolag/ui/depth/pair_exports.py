@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 from stereolag.export import calibration_json, image_png, image_tiff, pfm, session_json
 from stereolag.inputs import Image
@@ -41,16 +41,6 @@ class Export:
     meaning: Text
     refusal: Callable[[Subject], str] = lambda subject: ""
     offered: Callable[[Subject], bool] = lambda subject: True
-
-
-class File(NamedTuple):
-    """An export of one result: its bytes are made when they are asked for."""
-
-    label: str
-    name: str
-    make: Callable[[], bytes | str]
-    meaning: str
-    refusal: str
 
 
 def _images(subject: Subject) -> tuple[tuple[str, Image], tuple[str, Image]]:

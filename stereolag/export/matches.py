@@ -1,0 +1,45 @@
+"""The places that a template search found, as files."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import asdict, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from stereolag.export.documents import figures_json
+from stereolag.searches import TemplateQuery
+from stereolag.templates import TemplateMatch, TemplateSearch
+
+
+def search_figures(result: TemplateSearch, query: TemplateQuery) -> dict[str, Any]:
+    """Return what ``stereolag find --json`` prints of a search: all it found but the score map, and its settings."""
+    found = {field.name: getattr(result, field.name) for field in fields(result)}
+    figures = {name: _figures_of(value) for name, value in found.items() if not isinstance(value, np.ndarray)}
+    figures.pop("score_map", None)
+    return {"command": "find", "found": result.found} | figures | {"settings": query.model_dump()}
+
+
+def matches_json(result: TemplateSearch, query: TemplateQuery) -> str:
+    """Return :func:`search_figures` as an indented JSON document; a figure that is NaN or infinite is null."""
+    return figures_json(search_figures(result, query), indent=2) + "\n"
+
+
+def matches_csv(result: TemplateSearch) -> str:
+    """Return the matches as CSV, best first: one line per match below a line of the names of its fields."""
+    text = io.StringIO()
+    table = csv.DictWriter(text, [field.name for field in fields(TemplateMatch)], lineterminator="\n")
+    table.writeheader()
+    table.writerows(asdict(match) for match in result.matches)
+    return text.getvalue()
+
+
+def _figures_of(value: Any) -> Any:
+    """Return dictionaries in place of matches, whatever holds them."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
+    if isinstance(value, list | tuple):
+        return [_figures_of(one) for one in value]
+    return value

@@ -1,0 +1,130 @@
+"""A lag or a template search as the command, or the short program, that makes it again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stereolag.export.programs import file_literal, text_literal
+from stereolag.searches import LagSearch, TemplateQuery
+from stereolag.settings import Settings
+from stereolag.version import VERSION
+
+_LAG = '''\
+"""Measure the lag between two recordings: positive where the second hears the event later.
+
+Written by stereolag {version}, which it needs. The recordings lie beside this file.
+"""
+
+from pathlib import Path
+
+import stereolag as sl
+
+FOLDER = Path(__file__).resolve().parent
+
+signal_1 = sl.read_signal(FOLDER / {first}).channels[0]
+signal_2 = sl.read_signal(FOLDER / {second}).channels[0]
+
+result = sl.signal_lag(
+    signal_1,
+    signal_2,
+{settings}
+)
+print(f"lag {{result.lag}} samples, {{result.time_s:.6g}} s, score {{result.score:.3f}}: {{result.verdict}}")
+'''
+
+_FIND = '''\
+"""Find a template in an image: row and column of its top-left pixel.
+
+Written by stereolag {version}, which it needs. The images lie beside this file.
+"""
+
+from pathlib import Path
+
+import stereolag as sl
+
+FOLDER = Path(__file__).resolve().parent
+
+image = sl.read_image(FOLDER / {image})
+template = sl.read_image(FOLDER / {template})
+{mask}
+result = sl.match_template(
+    image,
+    template,
+{settings}
+)
+for match in result.matches:
+    print(f"row {{match.row}}, column {{match.col}}, score {{match.score:.3f}}")
+'''
+
+
+def lag_command(search: LagSearch, first: str, second: str) -> str:
+    """Return the command that measures the same lag, for two files of one recording each."""
+    return _command("lag", [first, second], search)
+
+
+def lag_script(search: LagSearch, first: str, second: str) -> str:
+    """Return a Python program that measures the same lag; every setting is written out.
+
+    Parameters
+    ----------
+    search
+        The settings.
+    first, second
+        The names of the two files, which lie beside the program; folders in them are left out.
+    """
+    return _LAG.format(
+        version=VERSION, first=file_literal(first), second=file_literal(second), settings=_arguments(search)
+    )
+
+
+def find_command(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
+    """Return the command that finds the same places."""
+    return _command("find", [image, template, *([] if mask is None else ["--mask", mask])], query)
+
+
+def find_script(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
+    """Return a Python program that finds the same places; every setting is written out.
+
+    Parameters
+    ----------
+    query
+        The settings.
+    image, template, mask
+        The names of the files, which lie beside the program; folders in them are left out. A mask is brighter than 0
+        where the template counts; None: there is none.
+    """
+    masked = "" if mask is None else f"mask = sl.read_image(FOLDER / {file_literal(mask)})\n"
+    settings = _arguments(query)
+    return _FIND.format(
+        version=VERSION,
+        image=file_literal(image),
+        template=file_literal(template),
+        mask=masked,
+        settings=settings if mask is None else f"    mask=mask,\n{settings}",
+    )
+
+
+def _command(name: str, files: Sequence[str], settings: Settings) -> str:
+    """Return a command with the flags of all settings that have a value."""
+    flags = [
+        f"--{field.replace('_', '-')} {_flag_value(getattr(settings, field))}"
+        for field in type(settings).model_fields
+        if getattr(settings, field) is not None
+    ]
+    return " ".join(["stereolag", name, *files, *flags])
+
+
+def _flag_value(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return ",".join(map(str, value))
+    return f"{value:.12g}" if isinstance(value, float) and float(f"{value:.12g}") == value else str(value)
+
+
+def _arguments(settings: Settings) -> str:
+    """Return all settings, and the seed, as arguments of a call, one a line."""
+    values = {name: getattr(settings, name) for name in type(settings).model_fields} | {"seed": 0}
+    return "\n".join(f"    {name}={_literal(value)}," for name, value in values.items())
+
+
+def _literal(value: object) -> str:
+    return text_literal(value) if isinstance(value, str) else repr(value)

@@ -1,0 +1,63 @@
+"""Two recordings on one clock, the lag between them undone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stereolag.arrays import Vector
+
+
+def aligned(signal_1: Vector, signal_2: Vector, lag: int, first: int = 0, last: int | None = None) -> Vector:
+    """Return both recordings side by side, (samples, 2) float64, moved until the lag between them is 0.
+
+    Nothing is cut off: where one of them has not begun or is over, its mean stands, which no correlation sees.
+
+    Parameters
+    ----------
+    signal_1, signal_2
+        (N1,) and (N2,) finite numbers.
+    lag
+        Samples, as :class:`~stereolag.signals.SignalLag` has it: positive where signal 2 hears the event later.
+    first, last
+        The samples wanted, of the :func:`aligned_length` that there are; all unless given.
+    """
+    last = aligned_length(signal_1.size, signal_2.size, lag) if last is None else last
+    both = np.empty((max(0, last - first), 2))
+    for column, (signal, offset) in enumerate(zip((signal_1, signal_2), _offsets(lag), strict=True)):
+        start, stop = (min(max(offset + end, first), last) for end in (0, signal.size))
+        both[:, column] = signal.mean()
+        both[start - first : stop - first, column] = signal[start - offset : stop - offset]
+    return both
+
+
+def aligned_length(size_1: int, size_2: int, lag: int) -> int:
+    """Return how many samples the earlier beginning and the later end of the aligned recordings lie apart."""
+    offset_1, offset_2 = _offsets(lag)
+    return max(offset_1 + size_1, offset_2 + size_2)
+
+
+def together(signal_1: Vector, signal_2: Vector, lag: int, most: int) -> Vector:
+    """Return both recordings equally loud in one, (samples,) float64: an echo, or with its lag undone one sound.
+
+    Parameters
+    ----------
+    signal_1, signal_2
+        (N1,) and (N2,) finite numbers.
+    lag
+        To undo, samples; 0 leaves the recordings as they were made.
+    most
+        Samples wanted at the most. Where there are more, they begin where both recordings have begun.
+    """
+    if aligned_length(signal_1.size, signal_2.size, lag) > most:
+        later_2, later_1 = _offsets(lag)
+        signal_1, signal_2, lag = signal_1[later_1:][:most], signal_2[later_2:][:most], 0
+    both = np.zeros(aligned_length(signal_1.size, signal_2.size, lag))
+    for signal, offset in zip((signal_1, signal_2), _offsets(lag), strict=True):
+        centred = signal - signal.mean()
+        both[offset : offset + signal.size] += centred / (centred.std() or 1.0)
+    return both
+
+
+def _offsets(lag: int) -> tuple[int, int]:
+    """Return how many samples into the common clock each recording begins."""
+    return max(0, lag), max(0, -lag)

@@ -1,0 +1,199 @@
+"""The files of the lag page and of the template search: all on offer, each holds what it says, none made unasked."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import shlex
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+import stereolag as sl
+from stereolag.commands import main
+from stereolag.export import find_command, lag_command
+from stereolag.searches import LagSearch, TemplateQuery
+from stereolag.ui import downloads, match_files
+from stereolag.ui.downloads import File, archive
+from stereolag.ui.lag import files as lag_files
+from stereolag.ui.pictures import PictureAndTemplate
+from stereolag.ui.recordings import RecordingPair
+from tests.app.uploads import noise, texture
+
+OpenPage = Callable[[str], AppTest]
+PROJECT = Path(__file__).resolve().parents[2]
+LAG, FIND = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py"
+
+
+def recordings() -> RecordingPair:
+    """Return recordings of other sizes than the examples', 123 samples apart."""
+    sound = noise(4123)
+    return RecordingPair(1000 * sound[123:] + 40, sound[:3900], 8000.0, None, "Noise.", "noise", False)
+
+
+def lag_of(pair: RecordingPair, search: LagSearch) -> sl.SignalLag:
+    return sl.signal_lag(pair.signal_1, pair.signal_2, **search.model_dump(), seed=0)
+
+
+def unpacked(files: list[File], folder: Path) -> dict[str, str]:
+    """Unpack the ZIP into a folder; return what its README says of each file."""
+    with zipfile.ZipFile(io.BytesIO(archive(files, "About."))) as whole:
+        whole.extractall(folder)
+    lines = (folder / downloads.README).read_text("utf-8").splitlines()
+    said = dict(line.split(": ", 1) for line in lines if ": " in line)
+    assert said.keys() | {downloads.README} == {path.name for path in folder.iterdir()}
+    return said
+
+
+def by_script(folder: Path) -> str:
+    done = subprocess.run(
+        [sys.executable, "reproduce.py"],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(PROJECT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_zip_of_a_lag_measures_it_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pair, search = recordings(), LagSearch(sampling_rate=8000.0)
+    result = lag_of(pair, search)
+    unpacked(lag_files.lag_files(pair, result, search), tmp_path)
+    monkeypatch.chdir(tmp_path)
+    aligned = sl.read_signal("aligned.wav")
+    assert aligned.sampling_rate == 8000
+    assert sl.signal_lag(*aligned.channels).lag == 0
+    assert len((tmp_path / "curve.csv").read_text().splitlines()) == 1 + 4000 + 3900 - 1
+    kept = json.loads((tmp_path / "lag.json").read_text())
+    assert main([*shlex.split(lag_command(search, *lag_files.NAMES))[1:], "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert {**told, "elapsed_s": 0} == {**kept, "elapsed_s": 0}
+    assert by_script(tmp_path).startswith("lag 123 samples, 0.015375 s")
+
+
+def test_votes_and_a_rate_that_no_wav_holds(tmp_path: Path) -> None:
+    pair, search = recordings(), LagSearch(method="sampled", sampling_rate=0.25)
+    sampled = replace(pair, signal_1=pair.signal_1 / 1000)
+    files = lag_files.lag_files(pair, lag_of(sampled, search), search)
+    assert [file.name for file in files if file.refusal] == ["aligned.wav"]
+    said = unpacked(files, tmp_path)
+    assert "votes" in said["votes.csv"]
+    assert (tmp_path / "votes.csv").read_text().startswith("lag_samples,time_s,votes\n")
+
+
+def test_of_a_long_curve_the_part_around_the_lag_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lag_files, "CURVE_LAGS", 1000)
+    pair, search = recordings(), LagSearch()
+    curve = lag_files.lag_files(pair, lag_of(pair, search), search)[0]
+    assert "of the 1,000 lags around the one found" in curve.meaning
+    lines = str(curve.make()).splitlines()[1:]
+    assert len(lines) == 1000
+    assert 123 in {int(line.split(",")[0]) for line in lines}
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("masked", [False, True])
+def test_the_zip_of_a_search_finds_it_again(
+    dtype: type, masked: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = texture(90, 1500)[:, :, 0].astype(dtype)
+    template, mask = picture[20:40, 30:60].copy(), None
+    if masked:
+        template[:, :10], mask = 0, np.full((20, 30, 3), 255, np.uint8)
+        mask[:, :10] = 0
+    inputs = PictureAndTemplate(picture, template, "Noise.", "noise", False, mask)
+    query = TemplateQuery(min_score=0.9)
+    result = sl.match_template(picture, template, mask=mask, **query.model_dump(), seed=0)
+    files = match_files.match_files(inputs, result, query)
+    unpacked(files, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    framed = sl.read_image("framed.png")
+    assert framed.shape[:2] == picture.shape
+    names = [file.name for file in files if not file.label]
+    assert len(names) == 2 + masked
+    kept = json.loads((tmp_path / "matches.json").read_text())
+    assert main([*shlex.split(find_command(query, *names))[1:], "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert {**told, "elapsed_s": 0} == {**kept, "elapsed_s": 0}
+    if masked and dtype is np.float32:
+        assert by_script(tmp_path) == "row 20, column 30, score 1.000\n"
+    assert (tmp_path / "matches.csv").read_text().splitlines()[1].startswith("20,30,20,30,")
+
+
+def test_where_nothing_is_found_there_is_nothing_to_frame() -> None:
+    inputs = PictureAndTemplate(texture(60, 80), texture(9, 9, seed=1), "Noise.", "noise", False)
+    query = TemplateQuery(min_score=0.9)
+    result = sl.match_template(inputs.picture, inputs.template, **query.model_dump())
+    files = {file.name: file for file in match_files.match_files(inputs, result, query)}
+    assert [name for name, file in files.items() if file.refusal] == ["framed.png"]
+    assert len(str(files["matches.csv"].make()).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("path", "fold", "labels"),
+    [
+        (LAG, lag_files.KEY, ["All in one ZIP", "Curve CSV", "Result JSON", "Aligned WAV", "Python script"]),
+        (FIND, match_files.KEY, ["All in one ZIP", "Matches CSV", "Matches JSON", "Framed PNG", "Python script"]),
+    ],
+)
+def test_all_is_on_offer_once_it_is_opened(open_page: OpenPage, path: str, fold: str, labels: list[str]) -> None:
+    app = open_page(path)
+    assert not app.get("download_button")
+    app.session_state[f"{fold}.opened"] = True
+    app.run()
+    assert not app.exception
+    buttons = app.get("download_button")
+    assert [button.proto.label for button in buttons] == labels
+    assert not any(button.proto.disabled for button in buttons)
+    (command,) = [block.value for block in app.code if block.value.startswith("stereolag ")]
+    assert "--method fft" in command
+    assert any(caption.value.endswith("keep it as a bookmark.") for caption in app.caption)
+
+
+def test_both_are_heard_together_once_that_is_opened(open_page: OpenPage) -> None:
+    app = open_page(LAG)
+    before = len(app.get("audio"))
+    app.session_state["lag.both"] = True
+    app.run()
+    assert not app.exception
+    assert len(app.get("audio")) == before + 2
+    captions = [caption.value for caption in app.caption]
+    assert "Listen to both, as recorded" in captions
+    assert "Listen to both, the lag undone" in captions
+    assert any("With the lag undone it comes once." in caption for caption in captions)
+
+
+@pytest.mark.parametrize(
+    ("lag", "rate", "said"),
+    [(123, 1000.0, "comes twice"), (123, 44_100.0, "colour"), (0, 1000.0, "nothing to undo"), (None, 1.0, "No lag is")],
+)
+def test_what_is_heard_is_said(lag: int | None, rate: float, said: str) -> None:
+    sound = noise(4000)
+    second = noise(4000, seed=1) if lag is None else sound[: 4000 - lag]
+    result = sl.signal_lag(sound[lag or 0 :], second, sampling_rate=rate)
+    assert said in lag_files.heard_in_words(result)
+
+
+def test_nothing_is_made_before_it_is_asked_for(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
+    def made(*args: object, **options: object) -> bytes:
+        raise AssertionError("made unasked")
+
+    for maker in ("curve_csv", "lag_json", "aligned_wav", "npy", "lag_script"):
+        monkeypatch.setattr(lag_files, maker, made)
+    app = open_page(LAG)
+    app.session_state[f"{lag_files.KEY}.opened"] = True
+    app.run()
+    assert not app.exception
+    assert not app.error

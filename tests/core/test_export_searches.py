@@ -1,0 +1,282 @@
+"""A lag and a template search as files: each read back, and each program and command run again."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import shlex
+import subprocess
+import sys
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from commanded import ran
+from hypothesis import given
+from hypothesis import strategies as st
+
+import stereolag as sl
+from stereolag.export import (
+    aligned_wav,
+    curve_csv,
+    find_command,
+    find_script,
+    image_png,
+    lag_command,
+    lag_json,
+    lag_script,
+    matches_csv,
+    matches_json,
+    npy,
+    search_figures,
+)
+from stereolag.export.lags import BLOCK, check_aligned_wav
+from stereolag.searches import LagSearch, TemplateQuery
+from stereolag.signals.alignment import aligned, together
+
+PROJECT = Path(__file__).resolve().parents[2]
+Signal = npt.NDArray[np.float64]
+
+
+def apart(lag: int, size: int = 3000) -> tuple[Signal, Signal]:
+    """Return two recordings, the second of which hears it `lag` samples later."""
+    noise = np.random.default_rng(0).uniform(-0.5, 0.5, size + abs(lag))
+    first, second = noise[max(0, lag) :][:size], noise[max(0, -lag) :][:size]
+    return first, second
+
+
+def measured(lag: int, search: LagSearch, size: int = 3000) -> sl.SignalLag:
+    return sl.signal_lag(*apart(lag, size), **search.model_dump(), seed=0)
+
+
+def without_time(document: str) -> dict[str, Any]:
+    return {name: value for name, value in json.loads(document).items() if name != "elapsed_s"}
+
+
+@pytest.mark.parametrize("lag", [-700, 0, 123])
+@pytest.mark.parametrize("method", ["fft", "phat", "direct"])
+def test_the_curve_comes_back_with_all_its_digits(lag: int, method: str) -> None:
+    result = measured(lag, LagSearch(method=method))  # type: ignore[arg-type]
+    lines = [*csv.DictReader(io.StringIO(curve_csv(result, 8000.0)))]
+    assert result.lags is not None
+    assert result.correlation is not None
+    np.testing.assert_array_equal([int(line["lag_samples"]) for line in lines], result.lags)
+    np.testing.assert_array_equal([float(line["correlation"]) for line in lines], result.correlation)
+    np.testing.assert_array_equal([float(line["time_s"]) for line in lines], result.lags / 8000)
+    best = max(lines, key=lambda line: float(line["correlation"]))
+    assert int(best["lag_samples"]) == lag
+
+
+def test_votes_stand_in_the_place_of_a_correlation() -> None:
+    result = measured(123, LagSearch(method="sampled"))
+    assert result.votes is not None
+    lines = [*csv.DictReader(io.StringIO(curve_csv(result, 8000.0)))]
+    assert {int(line["lag_samples"]): int(line["votes"]) for line in lines} == result.votes
+    assert [int(line["lag_samples"]) for line in lines] == sorted(result.votes)
+
+
+@pytest.mark.parametrize("lag", [-2990, -700, 0, 2990])
+@pytest.mark.parametrize("most", [1, 100, 10_000])
+def test_a_shorter_curve_is_the_part_around_the_lag(lag: int, most: int) -> None:
+    result = measured(lag, LagSearch(method="fft"))
+    result = replace(result, lag=lag)  # hardly anything overlaps at the ends
+    lags = [int(line["lag_samples"]) for line in csv.DictReader(io.StringIO(curve_csv(result, 1.0, most)))]
+    assert len(lags) == min(most, 5999)
+    assert lag in lags
+    assert lags == [*range(lags[0], lags[0] + len(lags))]
+
+
+def padded(signal_1: Signal, signal_2: Signal, lag: int) -> Signal:
+    """Return both recordings with the lag undone, the plain way."""
+    before = max(0, lag), max(0, -lag)
+    length = max(before[0] + signal_1.size, before[1] + signal_2.size)
+    columns = [
+        np.pad(signal, (start, length - start - signal.size), constant_values=signal.mean())
+        for signal, start in zip((signal_1, signal_2), before, strict=True)
+    ]
+    return np.column_stack(columns)
+
+
+@given(st.integers(1, 30), st.integers(1, 30), st.integers(-40, 40), st.integers(0, 80), st.integers(0, 80))
+def test_any_part_of_the_aligned_recordings_is_that_of_the_whole(
+    size_1: int, size_2: int, lag: int, first: int, last: int
+) -> None:
+    signals = np.arange(1.0, size_1 + 1), -np.arange(1.0, size_2 + 1)
+    whole = padded(*signals, lag)
+    np.testing.assert_array_equal(aligned(*signals, lag), whole)
+    first, last = min(first, len(whole)), min(last, len(whole))
+    np.testing.assert_array_equal(aligned(*signals, lag, first, last), whole[first:last])
+
+
+@pytest.mark.parametrize("lag", [-1700, -1, 0, 123, 1700])
+@pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (900.0, 2048.0)])
+def test_the_wav_holds_all_of_both_and_their_lag_is_0(
+    lag: int, gain: float, offset: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("stereolag.export.lags.BLOCK", 777)
+    first, second = (gain * signal + offset for signal in apart(lag))
+    assert sl.signal_lag(first, second).lag == lag
+    back = sl.read_signal(aligned_wav(first, second, lag, 8000.0))
+    assert back.sampling_rate == 8000
+    both = np.column_stack(back.channels)
+    assert np.abs(both).max() <= 1
+    loudest = max(1.0, np.abs(first).max(), np.abs(second).max())
+    np.testing.assert_allclose(both * loudest, padded(first, second, lag), rtol=1e-6)
+    again = sl.signal_lag(*back.channels)
+    assert again.lag == 0
+    assert again.score > 0.5 or abs(lag) > 1000
+
+
+def test_samples_of_24_bits_are_kept() -> None:
+    samples = np.random.default_rng(0).integers(-(2**23), 2**23, 500) / 2**23
+    back = sl.read_signal(aligned_wav(samples, samples[7:], 0, 44_100.0))
+    np.testing.assert_array_equal(back.channels[0], samples)
+
+
+def test_what_a_wav_cannot_hold_is_refused() -> None:
+    for rate in (0.5, 1e9):
+        with pytest.raises(ValueError, match=r"a WAV file holds 1 to 500,000,000 samples a second"):
+            aligned_wav(np.ones(4), np.ones(4), 0, rate)
+    with pytest.raises(ValueError, match=r"have 600,000,000 samples; a stereo WAV file holds"):
+        check_aligned_wav(300_000_000, 300_000_000, 300_000_000, 8000.0)
+    check_aligned_wav(2**29 - BLOCK, 9, 0, 8000.0)
+
+
+def test_together_the_recordings_are_one_sound_once_the_lag_is_undone() -> None:
+    first, second = apart(400)
+    before, after = together(first, second, 0, 10**6), together(first, 50 * second + 3, 400, 10**6)
+    assert after.size == 3400
+    assert before.var() == pytest.approx(2, rel=0.1)  # two sounds
+    assert after[400:3000].var() == pytest.approx(4, rel=0.2)  # one, twice as loud
+
+
+@pytest.mark.parametrize("lag", [-400, 400])
+def test_of_long_recordings_one_hears_where_both_have_begun(lag: int) -> None:
+    first, second = apart(lag)
+    heard = together(first, second, lag, 1000)
+    assert heard.size == 1000
+    assert heard.var() == pytest.approx(4, rel=0.01)
+
+
+LAG_SEARCHES = [
+    LagSearch(),
+    LagSearch(method="phat", sampling_rate=8000.0, speed=1497.3, max_lag=500),
+    LagSearch(method="sampled", sampling_rate=0.1 + 0.2),
+]
+
+
+@pytest.fixture
+def recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    for name, signal in zip(("first.npy", "second.npy"), apart(123), strict=True):
+        (tmp_path / name).write_bytes(npy(signal))
+    return tmp_path
+
+
+@pytest.mark.parametrize("search", LAG_SEARCHES, ids=str)
+def test_the_lag_command_says_what_the_file_says(
+    search: LagSearch, recordings: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = shlex.split(lag_command(search, "first.npy", "second.npy"))
+    assert command[0] == "stereolag"
+    told = without_time(ran(capsys, *command[1:], "--json").out)
+    assert told == without_time(lag_json(measured(123, search), search))
+    assert told["lag_samples"] == 123
+    assert told["settings"] == search.model_dump()
+
+
+@pytest.fixture
+def pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder with an image, a template that lies in it twice, spoilt where its mask is 0."""
+    monkeypatch.chdir(tmp_path)
+    image = np.random.default_rng(0).integers(0, 255, (90, 120, 3), dtype=np.uint8)
+    image[60:80, 70:100] = image[20:40, 30:60] // 2
+    template, mask = image[20:40, 30:60].copy(), np.full((20, 30), 255, np.uint8)
+    template[:, :10], mask[:, :10] = 0, 0
+    for name, picture in (("image.png", image), ("template.png", template), ("mask.png", mask)):
+        (tmp_path / name).write_bytes(image_png(picture))
+    return tmp_path
+
+
+def found(query: TemplateQuery) -> sl.TemplateSearch:
+    image, template, mask = (sl.read_image(f"{name}.png") for name in ("image", "template", "mask"))
+    return sl.match_template(image, template, mask=mask, **query.model_dump(), seed=0)
+
+
+QUERIES = [
+    TemplateQuery(max_matches=3),
+    TemplateQuery(method="direct", min_score=0.95),
+    TemplateQuery(method="sampled"),
+]
+
+
+@pytest.mark.parametrize("query", QUERIES, ids=str)
+def test_the_find_command_says_what_the_file_says(
+    query: TemplateQuery, pictures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = shlex.split(find_command(query, "image.png", "template.png", "mask.png"))
+    told = without_time(ran(capsys, *command[1:], "--json").out)
+    result = found(query)
+    assert told == without_time(matches_json(result, query))
+    assert told["found"]
+    assert told["matches"] == [asdict(match) for match in result.matches]
+    assert told["settings"] == query.model_dump()
+
+
+@pytest.mark.parametrize("query", QUERIES, ids=str)
+def test_the_matches_come_back(query: TemplateQuery, pictures: Path) -> None:
+    result = found(query)
+    lines = [*csv.DictReader(io.StringIO(matches_csv(result)))]
+    kinds = {field.name: int if field.type == "int" else float for field in fields(sl.TemplateMatch)}
+    back = [{name: kinds[name](text) for name, text in line.items()} for line in lines]
+    assert back == [asdict(match) for match in result.matches]
+    assert matches_csv(replace(result, matches=[])) == matches_csv(result).splitlines()[0] + "\n"
+
+
+def test_whatever_else_a_search_comes_to_tell_is_in_its_figures() -> None:
+    @dataclass(frozen=True)
+    class Further(sl.TemplateSearch):
+        rivals: tuple[sl.TemplateMatch, ...]
+        best: sl.TemplateMatch | None
+        lead: float
+
+    match = sl.TemplateMatch(1, 2, 3, 4, 0.5)
+    result = Further([match], np.zeros((2, 2), np.float32), 4, 0.1, (match,), None, float("nan"))
+    figures = json.loads(matches_json(result, TemplateQuery()))
+    assert figures["rivals"] == [asdict(match)]
+    assert (figures["best"], figures["lead"]) == (None, None)
+    assert "score_map" not in search_figures(result, TemplateQuery())
+
+
+def by_script(program: str, folder: Path) -> str:
+    (folder / "reproduce.py").write_text(program, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "reproduce.py"],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(PROJECT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_lag_program_measures_it_again(recordings: Path) -> None:
+    search = LagSearch(method="phat", sampling_rate=8000.0, max_lag=500)
+    result = measured(123, search)
+    said = by_script(lag_script(search, "x/first.npy", "second.npy"), recordings)
+    assert said == f"lag 123 samples, 0.015375 s, score {result.score:.3f}: sure\n"
+
+
+@pytest.mark.parametrize("mask", ["mask.png", None])
+def test_the_find_program_finds_it_again(pictures: Path, mask: str | None) -> None:
+    query = TemplateQuery(max_matches=3, min_score=0.5)
+    said = by_script(find_script(query, "image.png", "template.png", mask), pictures)
+    assert len(said.splitlines()) == 2
+    score = f"{found(query).matches[0].score:.3f}" if mask else ""
+    assert said.startswith(f"row 20, column 30, score {score}")
