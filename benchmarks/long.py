@@ -24,8 +24,8 @@ MAX_LAG = 10 * RATE
 """Samples: ten seconds; of the shortest recordings a tenth of their length."""
 
 NOTE = (
-    "White noise at 0 dB, 44.1 kHz, float32; `max_lag` is ten seconds, of 4 s and 1 min a tenth. The peak is that of the "
-    "whole process, Python and the recordings included."
+    "White noise at 0 dB, 44.1 kHz, float32; `max_lag` is ten seconds, of 4 s and 1 min a tenth. The peak is that of "
+    "the whole process, Python and the recordings included."
 )
 
 
