@@ -21,6 +21,8 @@ from stereolag.ui.template_answer import doubtful, show_answer, why_no_score_map
 from stereolag.ui.template_by_hand import search_by_hand
 from stereolag.ui.template_controls import ask_poses
 
+SEE_WHY = ("Search by hand", "Step by step", "Damage it")
+
 
 def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
     """Return what to search for, or None where the settings are refused."""
@@ -91,13 +93,15 @@ def find(inputs: PictureAndTemplate) -> None:
     show_opencv_beside(inputs, result, query.method)
     show_match_files(inputs, result, query)
     st.subheader("See why", anchor="see-why")
-    by_hand, steps, damage = st.tabs(("Search by hand", "Step by step", "Damage it"))
+    by_hand, steps, damage = st.tabs(SEE_WHY, key="template.see_why", on_change="rerun")
     with by_hand:
         search_by_hand(inputs, result.matches)
-    with steps:
-        show_funnel(inputs)
-    with damage:
-        damage_it(inputs, result, query.min_score)
+    if steps.open:
+        with steps:
+            show_funnel(inputs)
+    if damage.open:
+        with damage:
+            damage_it(inputs, result, query.min_score)
 
 
 with page(

@@ -66,6 +66,9 @@ def open_unfolded(open_page: OpenPage) -> OpenPage:
             for fold in keys.FOLDS:
                 app.session_state[fold] = True
             app.run()
+        if "Rocketman" in path:
+            app.session_state["template.see_why"] = "Damage it"
+            app.run()
         return app
 
     return opened

@@ -59,6 +59,7 @@ def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenP
 
 def test_a_template_that_lacks_a_place_is_offered_no_damage(open_page: OpenPage) -> None:
     app = open_page(SEARCH)
+    app.session_state["template.see_why"] = "Damage it"
     app.button_group(key="pictures").set_value("own").run()
     app.file_uploader(key="pictures.picture").upload("scene.png", uploads.png(SCENE), "image/png").run()
     other = np.random.default_rng(6).integers(0, 256, (20, 20, 3), dtype=np.uint8)
@@ -69,6 +70,8 @@ def test_a_template_that_lacks_a_place_is_offered_no_damage(open_page: OpenPage)
 
 def test_damage_ends_one_method_after_the_other_and_can_be_undone(open_page: OpenPage) -> None:
     app = open_page(SEARCH)
+    app.session_state["template.see_why"] = "Damage it"
+    app.run()
     assert [text.split()[-1] for text in cards(app)] == ["found]"] * 3
     app.slider(key="degrade.noise").set_value(20).run()
     assert ["not found" in text for text in cards(app)] == [False, True, False]
@@ -170,6 +173,7 @@ def test_the_lesson_follows_what_happened() -> None:
 
 def test_images_of_two_types_are_damaged_too(open_page: OpenPage) -> None:
     app = open_page(SEARCH)
+    app.session_state["template.see_why"] = "Damage it"
     app.button_group(key="pictures").set_value("own").run()
     app.file_uploader(key="pictures.picture").upload("scene.png", uploads.png(SCENE[:, :, 0]), "image/png").run()
     deep = uploads.png(SCENE[30:50, 40:64, 0].astype(np.uint16))

@@ -22,6 +22,7 @@ def dots(page: Page) -> int:
 
 def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(open_page: OpenPage) -> None:
     page = open_page("Rocketman_search")
+    page.get_by_role("tab", name="Step by step").click()
     steps, said = page.locator(".funnel .steps button"), page.locator(".funnel .said")
     bars, colour = page.locator(".funnel .bars"), page.locator(".funnel .colour")
     expect(steps).to_have_text(["All pixels3,732,596", "This colour24", "Both ends agree1", "Scored9"])
@@ -61,6 +62,7 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(o
 
 def test_it_reads_in_dark_and_on_a_phone(open_page: OpenPage) -> None:
     page = open_page("Rocketman_search", scheme="dark", width=420)
+    page.get_by_role("tab", name="Step by step").click()
     page.get_by_text("Rocketman in the dust of the moon").click()
     steps = page.locator(".funnel .steps button")
     expect(steps.nth(2)).not_to_have_text("Both ends agree1")

@@ -154,6 +154,7 @@ def test_opencv_answers_beside_and_damage_is_seen(open_page: OpenPage) -> None:
     page = open_page("Rocketman_search")
     page.get_by_role("button", name="Search with OpenCV too").click()
     expect(page.get_by_text("The same place; the scores differ by less than")).to_be_visible()
+    page.get_by_role("tab", name="Damage it").click()
     settled(page)
     expect(page.get_by_text("not found")).to_have_count(0)
     slider = page.get_by_role("slider", name="Noise").first
