@@ -36,8 +36,8 @@ def show_lag() -> None:
     figure = correlation_curve(result, CURVES["fft"]).update_layout(height=265)
     st.plotly_chart(figure, key="lag", config={"staticPlot": True})
     st.markdown(
-        f"Two recordings of one beach. They agree at a lag of **{result.lag:,} samples**: sensor 2 stands "
-        f"**{result.distance_m:,.2f} m** farther away."
+        f"Two recordings of one beach. They agree at a lag of **{result.lag:,} samples**: the path to "
+        f"sensor 2 is **{result.distance_m:,.2f} m** longer."
     )
 
 

@@ -6,15 +6,15 @@ from stereolag.figures import recordings as figures
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui.controls import control, last_valid
-from stereolag.ui.elements import Number, show_numbers
-from stereolag.ui.lag_files import show_lag_files
+from stereolag.ui.lag.comparison import compare_methods
+from stereolag.ui.lag.explanation import see_why
+from stereolag.ui.lag.files import show_lag_files
+from stereolag.ui.lag.report import show_curve, show_drift, show_verdict
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.search_addresses import LAG_ADDRESS
-from stereolag.ui.searches import CURVES, LAG_METHODS, LAG_METHODS_EXPLAINED
-from stereolag.ui.sentences import duration, lag_in_words
-from stereolag.ui.sliding import slide_it_yourself
+from stereolag.ui.searches import LAG_METHODS, LAG_METHODS_EXPLAINED
 
 
 def listen(pair: RecordingPair, search: LagSearch) -> None:
@@ -44,28 +44,11 @@ def ask(pair: RecordingPair) -> LagSearch | None:
     )
 
 
-def report(result: SignalLag) -> None:
-    """Say the lag, in words and in numbers."""
-    st.subheader(lag_in_words(result), anchor=False)
-    show_numbers(
-        (
-            Number("Lag, samples", f"{result.lag:,}", f"With its fraction: {result.lag_subsample:,.2f}."),
-            Number("Time", f"{result.time_s:.5g} s", "Lag ÷ sampling rate; positive where sensor 2 hears it later."),
-            Number("Distance", f"{result.distance_m:,.2f} m", "Time × speed of the wave."),
-            Number("Score", f"{result.score:.3f}", "Pearson’s correlation where both overlap: 1 is perfect agreement."),
-            Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
-        )
-    )
-    if result.ties > 1:
-        st.info(f"{result.ties:,} lags fit equally well, as in anything that repeats; the smallest is given.")
-
-
 def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show the correlation, and both recordings with the lag undone."""
     left, right = st.columns(2, gap="large")
     with left:
-        st.markdown("##### Where the recordings agree")
-        st.plotly_chart(figures.correlation_curve(result, CURVES[search.method]), key="correlation")
+        show_curve(pair, result, search)
     with right:
         st.markdown("##### Shifted to line up")
         st.plotly_chart(figures.aligned(pair.signal_1, pair.signal_2, result.lag, search.sampling_rate), key="aligned")
@@ -79,15 +62,10 @@ def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     st.plotly_chart(figures.close_up(pair.signal_1, pair.signal_2, result.lag, start), key="close_up")
 
 
-@fragment
-def measure(pair: RecordingPair) -> None:
-    """Ask, compute and show; moving a control reruns this part alone."""
-    search = ask(pair)
-    if search is None:
-        return
-    LAG_ADDRESS.write(search, pair)
+def search_lag(pair: RecordingPair, search: LagSearch) -> SignalLag | None:
+    """Return the lag, or None while it is computed and where it is refused."""
     try:
-        result = computed_in_turn(
+        return computed_in_turn(
             "lag",
             lambda progress: signal_lag(pair.signal_1, pair.signal_2, **search.model_dump(), seed=0, progress=progress),
             estimate_lag(pair.signal_1.size, pair.signal_2.size, method=search.method, max_lag=search.max_lag),
@@ -98,14 +76,25 @@ def measure(pair: RecordingPair) -> None:
         )
     except ValueError as error:
         st.error(str(error))
-        return
-    if result is None:
-        return
-    report(result)
-    with st.spinner("Drawing …"):
-        show(pair, result, search)
-        listen(pair, search)
-    show_lag_files(pair, result, search)
+        return None
+
+
+@fragment
+def measure(pair: RecordingPair) -> None:
+    """Ask, compute, show and explain; moving a control reruns this part alone."""
+    search = ask(pair)
+    if search:
+        LAG_ADDRESS.write(search, pair)
+    result = search_lag(pair, search) if search else None
+    if search and result:
+        show_verdict(result, search)
+        show_drift(result, search)
+        with st.spinner("Drawing …"):
+            show(pair, result, search)
+            listen(pair, search)
+        compare_methods(pair, search)
+        show_lag_files(pair, result, search)
+    see_why(pair, result, search)
 
 
 with page(
@@ -116,8 +105,6 @@ with page(
     recordings = LAG_ADDRESS.recalled(choose_recordings)
     st.caption(recordings.description)
     measure(recordings)
-    st.subheader("Slide it yourself", anchor=False)
-    slide_it_yourself(key="lag.sliding")
     with st.expander("The source report"):
         st.markdown(
             "Its two recordings hold 176,401 samples each, at 44.1 kHz, and lie 50,082 samples apart. "

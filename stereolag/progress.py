@@ -11,3 +11,8 @@ Progress: TypeAlias = Callable[[float], None]
 
 def silent(fraction: float) -> None:
     """Ignore the progress: what a job calls when nobody asked."""
+
+
+def part(progress: Progress, number: int, count: int) -> Progress:
+    """Return the progress of one of several equal parts of a job, the first being number 0."""
+    return lambda done: progress((number + done) / count)

@@ -71,13 +71,39 @@ def _common_rate(first: Recording, second: Recording) -> float | None:
     return next(iter(rates), None)
 
 
+_REASONS = {
+    "clear": "a clear peak",
+    "drift": "a clear peak that drifts",
+    "repeats": "it repeats",
+    "rivals": "other lags fit as well",
+    "chance": "the highest point is what chance gives",
+    "too_little": "too few samples stand out",
+    "few_votes": "hardly two samples vote for the same lag",
+    "opposite_sign": "the opposite sign fits: one microphone is reversed",
+}
+
+
 def _in_words(result: sl.SignalLag, settings: LagSearch) -> str:
-    lines = [
-        f"lag       {result.lag} samples ({result.lag_subsample:.2f} with its fraction)",
-        f"time      {result.time_s:.6g} s at {settings.sampling_rate:g} samples a second",
-        f"distance  {result.distance_m:.6g} m at {settings.speed:g} m/s",
-        f"score     {result.score:.3f}, {settings.method} in {result.elapsed_s:.3g} s",
-    ]
-    if result.ties > 1:
-        lines.append(f"{result.ties} lags fit equally well, as in anything that repeats; the smallest is given.")
+    score = f"score     {result.score:.3f}, {settings.method} in {result.elapsed_s:.3g} s"
+    judgement = result.judgement
+    if judgement is None or judgement.verdict == "sure":
+        lines = [
+            f"lag       {result.lag} samples ({result.lag_subsample:.2f} with its fraction)",
+            f"time      {result.time_s:.6g} s at {settings.sampling_rate:g} samples a second",
+            f"distance  {result.distance_m:.6g} m of path at {settings.speed:g} m/s",
+            score,
+        ]
+    else:
+        lines = [f"highest   at {result.lag} samples: no lag to rely on", score]
+        if judgement.rivals:
+            lines.append("as good   " + ", ".join(map(str, judgement.rivals)))
+        if judgement.opposite_lag is not None:
+            lines.append(f"opposite  {judgement.opposite_lag} samples, with the sign of one recording turned")
+    if judgement is not None:
+        lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
+        if judgement.drift is not None:
+            drift = judgement.drift
+            lines.append(
+                f"drift     {drift.ppm:+.2f} ppm, ± {drift.error_ppm:.1g}; ± {drift.spread:.2g} samples a block"
+            )
     return "\n".join(lines)

@@ -13,6 +13,8 @@ from tsdownsample import MinMaxLTTBDownsampler
 from stereolag.arrays import Vector
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
+from stereolag.signals.drift import Drift
+from stereolag.signals.overlaps import overlap_length
 
 POINTS = 2_000
 """Drawn for a line, however long: about two for every pixel of its width."""
@@ -21,6 +23,11 @@ CLOSE_UP_SAMPLES = 200
 """Of Fig. 1.5b of the report."""
 
 VOTES_SHOWN = 200
+
+RIBBON_POINTS = 257
+
+DOUBTFUL = "#8a8a8a"
+"""The colour of a peak that is not sure, and of those that fit as well."""
 
 LINE = {"width": 1}
 LAYOUT: dict[str, Any] = {
@@ -87,22 +94,100 @@ def close_up(signal_1: Vector, signal_2: Vector, lag: int, start: int) -> go.Fig
     return figure
 
 
-def correlation_curve(result: SignalLag, title: str) -> go.Figure:
-    """Return the curve of a result with its peak marked, over an axis titled `title`; for "sampled", the votes."""
+def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] | None = None) -> go.Figure:
+    """Return the curve of a result with its peak and its rivals marked; for "sampled", the votes.
+
+    Parameters
+    ----------
+    result
+        Of :func:`stereolag.signals.signal_lag`. Where it was judged, a grey ribbon spans the values that chance gives.
+    title
+        Of the axis.
+    sizes
+        Lengths of the recordings where the curve is weighted by their overlap and plain Pearson shall be shown: there
+        the ribbon widens as the overlap shrinks.
+    """
     figure = go.Figure()
+    colour = PEAK if result.verdict == "sure" or result.judgement is None else DOUBTFUL
     if result.lags is not None and result.correlation is not None:
-        figure.add_trace(_line(result.lags, result.correlation, title, CORRELATION))
-        height = float(result.correlation[int(np.searchsorted(result.lags, result.lag))])
+        weight = _weights(result.lags, sizes)
+        curve = result.correlation / weight
+        _add_ribbon(figure, result, weight)
+        figure.add_trace(_line(result.lags, curve, title, CORRELATION))
+        at = np.searchsorted(result.lags, (result.lag, *result.rivals))
+        if result.rivals:
+            figure.add_trace(_rivals(result.lags[at[1:]], curve[at[1:]]))
+        height = float(curve[at[0]])
+        if sizes is not None:
+            figure.update_yaxes(range=[-1.08, 1.08])
     else:
         votes = dict(list((result.votes or {}).items())[:VOTES_SHOWN])
         lags, counts = np.array(list(votes), dtype=np.int32), np.array(list(votes.values()), dtype=np.int32)
         bar_width = max(1.0, float(np.ptp(lags)) / VOTES_SHOWN)
         figure.add_trace(go.Bar(x=lags, y=counts, width=bar_width, name=title, marker={"color": CORRELATION}))
         height = float(counts[0])
-    figure.add_trace(_peak(result.lag, height))
+    figure.add_trace(_peak(result.lag, height, colour))
     figure.update_layout(height=300, **LAYOUT | {"hovermode": "closest", "showlegend": False})
     figure.update_xaxes(title="lag, samples (right: sensor 2 hears it later)", tickformat=",d")
     figure.update_yaxes(title=title)
+    return figure
+
+
+def _weights(lags: npt.NDArray[np.int64], sizes: tuple[int, int] | None) -> Vector:
+    """Return by what the curve was multiplied so that short overlaps do not win, 1 where nothing is to be undone."""
+    if sizes is None:
+        return np.ones(lags.size)
+    return np.asarray(np.sqrt(overlap_length(*sizes, lags) / min(sizes)))
+
+
+def _add_ribbon(figure: go.Figure, result: SignalLag, weight: Vector) -> None:
+    """Add the ribbon between the values that chance gives."""
+    if result.judgement is None or result.judgement.ribbon is None or result.lags is None:
+        return
+    low, high = result.judgement.ribbon
+    kept = np.unique(np.linspace(0, result.lags.size - 1, RIBBON_POINTS).astype(np.int64))
+    lags = result.lags[kept].astype(np.int32)
+    lower, upper = (np.clip(level / weight[kept], -1, 1).astype(np.float32) for level in (low, high))
+    figure.add_trace(
+        go.Scatter(
+            x=np.concatenate((lags, lags[::-1])),
+            y=np.concatenate((upper, lower[::-1])),
+            mode="lines",
+            line={"width": 0},
+            fill="toself",
+            fillcolor="rgba(128, 128, 128, 0.22)",
+            hoverinfo="skip",
+            name="chance",
+        )
+    )
+
+
+def lag_over_time(drift: Drift, sampling_rate: float) -> go.Figure:
+    """Return the lag of each block over the seconds of recording 1, and the line of their drift."""
+    seconds, lags = np.array(drift.places) / sampling_rate, np.array(drift.lags)
+    slope, start = np.polyfit(seconds, lags, 1)
+    ends = np.array([seconds[0], seconds[-1]])
+    figure = go.Figure()
+    line = {"color": CORRELATION, "width": 2}
+    figure.add_trace(go.Scatter(x=ends, y=start + slope * ends, mode="lines", line=line, name="line", hoverinfo="skip"))
+    marker = {"color": PEAK, "size": 8}
+    figure.add_trace(go.Scatter(x=seconds, y=lags, mode="markers", marker=marker, name="blocks"))
+    # At least a sample high: what varies by hundredths must not look like a drift.
+    middle, half = float(np.median(lags)), max(0.5, 0.6 * float(np.ptp(lags)))
+    figure.update_layout(height=220, **LAYOUT | {"hovermode": "closest", "showlegend": False})
+    figure.update_xaxes(title="seconds of recording 1")
+    figure.update_yaxes(title="lag, samples", tickformat=",.1f", range=[middle - half, middle + half])
+    return figure
+
+
+def run_times(seconds: Vector) -> go.Figure:
+    """Return how many runs took how long, with their median (Fig. 1.5c of the report)."""
+    milliseconds = 1e3 * seconds
+    figure = go.Figure(go.Histogram(x=milliseconds, nbinsx=30, marker={"color": CORRELATION}, name="runs"))
+    figure.add_vline(x=float(np.median(milliseconds)), line={"color": PEAK, "width": 2, "dash": "dash"})
+    figure.update_layout(height=220, **LAYOUT | {"hovermode": "closest", "showlegend": False})
+    figure.update_xaxes(title="ms")
+    figure.update_yaxes(title="runs")
     return figure
 
 
@@ -119,15 +204,26 @@ def _line(x: npt.NDArray[Any], y: Vector, name: str, colour: str) -> go.Scatter:
     return go.Scatter(x=x.astype(small), y=y.astype(np.float32), name=name, mode="lines", line=LINE | {"color": colour})
 
 
-def _peak(lag: int, height: float) -> go.Scatter:
+def _rivals(lags: npt.NDArray[np.int64], heights: Vector) -> go.Scatter:
+    return go.Scatter(
+        x=lags.astype(np.int32),
+        y=heights.astype(np.float32),
+        mode="markers",
+        marker={"color": DOUBTFUL, "size": 9, "symbol": "circle-open", "line": {"width": 2}},
+        name="fits as well",
+        hovertemplate="lag %{x:,}: %{y:.3f}<extra>fits as well</extra>",
+    )
+
+
+def _peak(lag: int, height: float, colour: str) -> go.Scatter:
     return go.Scatter(
         x=[lag],
         y=[height],
         mode="markers+text",
-        marker={"color": PEAK, "size": 11, "symbol": "circle-open", "line": {"width": 2.5}},
+        marker={"color": colour, "size": 11, "symbol": "circle-open", "line": {"width": 2.5}},
         text=[f"  {lag:,}"],
         textposition="middle right",
-        textfont={"color": PEAK, "size": 14},
+        textfont={"color": colour, "size": 14},
         cliponaxis=False,
         name="peak",
         hovertemplate="lag %{x:,}: %{y:.3f}<extra>peak</extra>",

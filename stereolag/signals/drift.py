@@ -43,8 +43,8 @@ class Drift:
         Standard deviation of the lag of a block about the line, samples.
     span
         By how much the lag changes from the first to the last sample in common, samples, signed.
-    blocks
-        How many blocks lie on the line.
+    places, lags
+        (blocks,) where in recording 1 the middle of each block that lies on the line is, and its lag, samples.
     """
 
     start: float
@@ -52,7 +52,13 @@ class Drift:
     error_ppm: float
     spread: float
     span: float
-    blocks: int
+    places: tuple[float, ...]
+    lags: tuple[float, ...]
+
+    @property
+    def blocks(self) -> int:
+        """How many blocks lie on the line."""
+        return len(self.lags)
 
     @property
     def shows(self) -> bool:
@@ -82,7 +88,7 @@ def measure_drift(pair: WhitePair, lag: int) -> Drift | None:
     if clear.sum() < max(_FEWEST, _MOST * count):
         return None
     lags = np.array([_refined(curve, int(top)) for curve, top in zip(curves[clear], tops[clear], strict=True)]) - reach
-    return _line(starts[clear] + length / 2, lag + lags, size, count)
+    return _line(part_1.start, starts[clear] + length / 2, lag + lags, size, count)
 
 
 def _cut(size: int, count: int) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], int]:
@@ -109,7 +115,7 @@ def _refined(curve: Vector, top: int) -> float:
     return top + refine_peak(np.ascontiguousarray(curve[top - around : top + around + 1]))
 
 
-def _line(places: Vector, lags: Vector, size: int, count: int) -> Drift | None:
+def _line(start: int, places: Vector, lags: Vector, size: int, count: int) -> Drift | None:
     rough = stats.theilslopes(lags, places)
     near = np.abs(lags - rough.intercept - rough.slope * places) <= _STRAY
     if near.sum() < max(_FEWEST, _MOST * count):
@@ -118,5 +124,11 @@ def _line(places: Vector, lags: Vector, size: int, count: int) -> Drift | None:
     spread = float(np.std(lags[near] - fitted.intercept - fitted.slope * places[near], ddof=2))
     slope = float(fitted.slope)
     return Drift(
-        float(fitted.intercept), 1e6 * slope, 1e6 * float(fitted.stderr), spread, slope * size, int(near.sum())
+        float(fitted.intercept),
+        1e6 * slope,
+        1e6 * float(fitted.stderr),
+        spread,
+        slope * size,
+        tuple((start + places[near]).tolist()),
+        tuple(lags[near].tolist()),
     )

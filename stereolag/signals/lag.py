@@ -111,6 +111,7 @@ class _Found:
     lags: npt.NDArray[np.int64] | None = None
     correlation: Vector | None = None
     votes: dict[int, int] | None = None
+    opposite_lag: int | None = None
 
 
 def signal_lag(
@@ -189,7 +190,16 @@ def signal_lag(
         raise ValueError(
             f"nothing varies where the recordings overlap within ±{reach} samples; allow a larger max_lag."
         )
-    judgement = judge(first, second, found.lag, reach, lags=found.lags, curve=found.correlation, votes=found.votes)
+    judgement = judge(
+        first,
+        second,
+        found.lag,
+        reach,
+        lags=found.lags,
+        curve=found.correlation,
+        votes=found.votes,
+        opposite_lag=found.opposite_lag,
+    )
     report(1.0)
     elapsed_s = time.perf_counter() - started
     time_s = found.lag / sampling_rate
@@ -265,9 +275,18 @@ def _vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None, prog
     rivals = [others for other, others in votes.items() if abs(other - lag) > 1]
     ratio = count / max(rivals) if rivals else float("inf")
     # Votes that chance brings together are no lag, and so many of them no ties.
-    ties = sum(others == count for others in votes.values()) if enough_votes(votes, lag) else 1
+    enough = enough_votes(votes, lag)
+    ties = sum(others == count for others in votes.values()) if enough else 1
+    opposite = None if enough else _opposite_vote(signal_1, signal_2, reach, seed)
     around = min(REACH, signal_1.size - 1 + lag, signal_2.size - 1 - lag)
     near = np.arange(lag - around, lag + around + 1)
     curve = direct_curve(signal_1, signal_2, lag - around, lag + around, silent)
     fraction = refine_peak(curve / np.sqrt(overlap_length(signal_1.size, signal_2.size, near)))
-    return _Found(lag, ratio, ties, fraction, votes=votes)
+    return _Found(lag, ratio, ties, fraction, votes=votes, opposite_lag=opposite)
+
+
+def _opposite_vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None) -> int | None:
+    """Return the lag for which enough samples vote where the sign of signal 2 is turned, None where too few do."""
+    votes = sampled_votes(signal_1, -signal_2, reach, np.random.default_rng(seed), silent)
+    lag = next(iter(votes), None)
+    return lag if lag is not None and enough_votes(votes, lag) else None

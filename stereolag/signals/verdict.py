@@ -78,6 +78,7 @@ def judge(
     lags: Lags | None = None,
     curve: Vector | None = None,
     votes: dict[int, int] | None = None,
+    opposite_lag: int | None = None,
 ) -> Judgement:
     """Return whether `lag` can be relied on, however it was found.
 
@@ -98,6 +99,8 @@ def judge(
         (N,) ascending lags and the curve over them, where the method has one; lags may be left out.
     votes
         Lag to number of votes, where the method has them.
+    opposite_lag
+        Where the opposite of recording 2 may fit, for methods without a curve to tell it from.
     """
     first, last = -min(reach, signal_1.size - 1), min(reach, signal_2.size - 1)
     chance = math.sqrt(2 * math.log(last - first + 2))
@@ -109,7 +112,9 @@ def judge(
         rivals = tone_rivals(signal_1, signal_2, lag, first, last)
     height, ribbon = (math.nan, None) if curve is None else _height(curve, chance)
     drift = measure_drift(pair, lag)
-    opposite = None if curve is None or lags is None else _opposite(pair, agreement, lags, curve, needed)
+    if curve is not None and lags is not None:
+        opposite_lag = _lowest_point(lags, curve)
+    opposite = None if opposite_lag is None else _opposite(pair, agreement, opposite_lag, needed)
     verdict, reason = _decided(agreement, rivals, needed, drift, opposite, votes)
     if verdict != "ambiguous":
         rivals = ()
@@ -139,7 +144,7 @@ def _decided(
     if rivals:
         return "ambiguous", "repeats" if regular_spacing(rivals, agreement.lag) is not None else "rivals"
     if votes is not None and _pooled(votes, agreement.lag) < LEAST_VOTES:
-        return "nothing", "few_votes"
+        return "nothing", "few_votes" if opposite is None else "opposite_sign"
     if drift is not None and drift.shows:
         return "sure", "drift"
     if agreement.height >= needed:
@@ -167,11 +172,13 @@ def _height(curve: Vector, chance: float) -> tuple[float, tuple[float, float]]:
     return height, (middle - chance * deviation, middle + chance * deviation)
 
 
-def _opposite(pair: WhitePair, agreement: Agreement, lags: Lags, curve: Vector, needed: float) -> int | None:
-    """Return the lag at which the opposite of recording 2 agrees better; None if there is none."""
+def _lowest_point(lags: Lags, curve: Vector) -> int | None:
+    """Return the lag of the lowest point of the curve, if it is farther from zero than the highest."""
     lowest = int(np.argmin(curve))
-    if -curve[lowest] <= 1.1 * curve.max():
-        return None
-    lag = int(lags[lowest])
+    return int(lags[lowest]) if -curve[lowest] > 1.1 * curve.max() else None
+
+
+def _opposite(pair: WhitePair, agreement: Agreement, lag: int, needed: float) -> int | None:
+    """Return `lag` if the opposite of recording 2 agrees better there; None otherwise."""
     disagreement = -pair.agreement(lag).height
     return lag if disagreement >= max(needed, agreement.height) else None

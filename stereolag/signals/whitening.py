@@ -26,6 +26,9 @@ _LONGEST = 2**17
 _RUNS, _LONGEST_RUN = 64, 1024
 """Into how many runs the samples that carry an agreement are divided, and the samples of the longest."""
 
+_FEW_LAGS = 32
+"""Below so many lags sums of products take less time than transforms."""
+
 _MEMORY = 256
 """Lags over which whitened recordings may still resemble themselves."""
 
@@ -139,7 +142,15 @@ def _filtered(given: Vector, taps: npt.NDArray[np.float64]) -> Vector:
 
 def _autocorrelation(given: Vector, reach: int) -> Vector:
     """Return Pearson's autocorrelation for lags of 0 to `reach`, 0 beyond the recording."""
+    if reach < _FEW_LAGS:
+        few = range(min(reach + 1, given.size))
+        products = [float(np.einsum("i,i", given[: given.size - lag], given[lag:])) for lag in few]
+        return _relative(np.pad(products, (0, reach + 1 - len(few))))
     size = int(fft.next_fast_len(given.size + reach, real=True))
     spectrum = fft.rfft(given, size)
-    found = fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[: reach + 1]
-    return np.asarray(found / found[0]) if found[0] > 0 else np.zeros(reach + 1)
+    return _relative(fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[: reach + 1])
+
+
+def _relative(found: Vector) -> Vector:
+    """Return values relative to the first of them, zeros where that is zero."""
+    return np.asarray(found / found[0]) if found[0] > 0 else np.zeros_like(found)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from stereolag.arrays import FloatMap
 from stereolag.estimates import Estimate
-from stereolag.progress import Progress, silent
+from stereolag.progress import Progress, part, silent
 from stereolag.settings import changed, setting
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.tuning.judgement import Judgement
@@ -140,11 +140,6 @@ def estimate_sweep(matcher: StereoMatcher, pairs: Sequence[TuningPair], *, rows:
     maps = len(cells) * pairs[0].reference.size * np.dtype(np.float32).itemsize
     every = [one for cell in cells for one in cell]
     return Estimate(maps + max((one.memory for one in every), default=0), sum(one.seconds for one in every))
-
-
-def part(progress: Progress, number: int, count: int) -> Progress:
-    """Return the progress of one of several parts of a job."""
-    return lambda done: progress((number + done) / count)
 
 
 def _combinations(rows: Axis, cols: Axis) -> list[dict[str, Any]]:

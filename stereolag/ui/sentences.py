@@ -8,7 +8,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from stereolag.doctor.row_evidence import RowEvidence
-from stereolag.signals import SignalLag
 from stereolag.stereo.reasons import Reason
 from stereolag.templates import TemplateSearch
 
@@ -38,66 +37,6 @@ def started_in_words(min_disparity: int, num_disparities: int) -> str:
         f"Searched from {min_disparity} to {min_disparity + num_disparities - 1} px, the range found for this pair, "
         "with the fast preset."
     )
-
-
-# Recordings
-
-
-def lag_in_words(result: SignalLag) -> str:
-    """Return who hears it when, and how far apart that puts the sensors."""
-    if result.lag == 0:
-        return "Both sensors hear it **at the same time**: neither is nearer to it."
-    later, earlier = (2, 1) if result.lag > 0 else (1, 2)
-    time, distance = f"{abs(result.time_s):.4g} s", f"{result.distance_m:,.2f} m"
-    return f"Sensor {later} hears it **{time}** after sensor {earlier}: **{distance}**."
-
-
-def verdict_in_words(result: SignalLag) -> str:
-    """Return what the verdict on a lag is: the lag where it is sure, otherwise why none can be named."""
-    judgement = result.judgement
-    if judgement is None or judgement.verdict == "sure":
-        return lag_in_words(result)
-    if judgement.reason == "repeats" and judgement.spacing is not None:
-        return f"Cannot tell: it repeats every **{_samples(judgement.spacing)} samples**."
-    if judgement.verdict == "ambiguous":
-        others = len(judgement.rivals)
-        return f"Cannot tell: **{others} other {'lag fits' if others == 1 else 'lags fit'}** as well."
-    return _NOTHING_WORDS[judgement.reason]
-
-
-_NOTHING_WORDS = {
-    "chance": "Nothing in common found: the highest point is what chance gives.",
-    "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
-    "few_votes": "Nothing in common found: hardly two samples vote for the same lag.",
-    "opposite_sign": "Nothing in common found, but **the opposite sign fits**: one microphone is reversed.",
-}
-
-
-def verdict_explained(result: SignalLag, sampling_rate: float, speed: float) -> list[str]:
-    """Return what else is to be said of the verdict: the drift, how far the lag can be off, where the opposite fits."""
-    judgement = result.judgement
-    if judgement is None:
-        return []
-    said = []
-    drift = judgement.drift
-    if drift is not None and judgement.reason == "drift":
-        said.append(
-            f"The clocks differ by **{drift.ppm:+.1f} ppm** (± {drift.error_ppm:.1g}): the lag goes from "
-            f"{drift.start:,.1f} to {drift.start + drift.span:,.1f} samples, which smears the peak."
-        )
-    if drift is not None:
-        metres = drift.spread / sampling_rate * speed
-        said.append(
-            f"Over {drift.blocks} blocks the lag varies by ± {drift.spread:.2g} samples, ± {metres:.2g} m of path."
-        )
-    if judgement.opposite_lag is not None:
-        said.append(f"With its sign turned, recording 2 fits at {judgement.opposite_lag:,} samples.")
-    return said
-
-
-def _samples(spacing: float) -> str:
-    whole = round(spacing)
-    return f"{whole:,}" if abs(spacing - whole) < 0.05 or spacing >= 100 else f"{spacing:.1f}"
 
 
 # Templates

@@ -7,8 +7,9 @@ import pytest
 
 from stereolag.estimates import Estimate
 from stereolag.signals import SignalLag
+from stereolag.ui.lag.sentences import lag_in_words
 from stereolag.ui.results import RecentResults, SharedRoom, computed, computed_at_once
-from stereolag.ui.sentences import duration, lag_in_words
+from stereolag.ui.sentences import duration
 
 
 def of_bytes(count: int) -> SimpleNamespace:
@@ -106,8 +107,8 @@ def test_a_refusal_is_not_kept() -> None:
 @pytest.mark.parametrize(
     ("lag", "said"),
     [
-        (50_082, "Sensor 2 hears it **1.136 s** after sensor 1: **378.17 m**."),
-        (-50_082, "Sensor 1 hears it **1.136 s** after sensor 2: **378.17 m**."),
+        (50_082, "Sensor 2 hears it **1.136 s** after sensor 1: its path is **378.17 m** longer."),
+        (-50_082, "Sensor 1 hears it **1.136 s** after sensor 2: its path is **378.17 m** longer."),
         (0, "Both sensors hear it **at the same time**: neither is nearer to it."),
     ],
 )

@@ -59,6 +59,27 @@ def test_lag_tells_samples_seconds_and_metres(
     assert figures["settings"]["sampling_rate"] == 8000
     said = ran(capsys, "lag", *files).out
     assert said.startswith("lag       123 samples")
+    assert "verdict   sure: a clear peak" in said
+
+
+def test_lag_gives_no_metres_where_it_is_not_sure(
+    recordings: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(recordings)
+    random = np.random.default_rng(1)
+    soundfile.write("other.wav", random.uniform(-0.5, 0.5, 4000), 8000)
+    tone = 0.5 * np.sin(2 * np.pi * np.arange(4100) / 100)
+    soundfile.write("tone_1.wav", tone[:4000], 8000)
+    soundfile.write("tone_2.wav", tone[100:], 8000)
+    soundfile.write("turned.wav", -soundfile.read("second.wav")[0], 8000)
+    for files, verdict in (
+        (("first.wav", "other.wav"), "verdict   nothing: the highest point is what chance gives"),
+        (("tone_1.wav", "tone_2.wav"), "verdict   ambiguous: it repeats"),
+        (("first.wav", "turned.wav"), "opposite  123 samples, with the sign of one recording turned"),
+    ):
+        said = ran(capsys, "lag", *files).out
+        assert verdict in said
+        assert " m " not in said and said.startswith("highest   at ")
 
 
 def test_lag_takes_the_rate_that_is_given_before_that_of_the_files(

@@ -225,3 +225,20 @@ def test_the_microphones_of_one_array_are_sure(data_dir: Path, recording: str) -
         for method in ("fft", "phat"):
             result = signal_lag(channels[:, one], channels[:, other], sampling_rate=rate, method=method)  # type: ignore[arg-type]
             assert (result.verdict, reason(result)) == ("sure", "clear"), result.judgement
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_opposite_sign_is_told_by_every_method(method: SignalMethod) -> None:
+    whole = coloured(9000, 0.8, np.random.default_rng(4))
+    result = signal_lag(whole[1000:7000], -whole[:6000], method=method, seed=0)
+    assert (result.verdict, reason(result), result.inverted) == ("nothing", "opposite_sign", True)
+    assert result.judgement is not None and result.judgement.opposite_lag == 1000
+
+
+def test_the_blocks_of_a_drift_lie_on_its_line() -> None:
+    result = signal_lag(*drifting(150_000, 400, 50.0, 0.0, 1), max_lag=2000)
+    assert result.judgement is not None and result.judgement.drift is not None
+    drift = result.judgement.drift
+    assert drift.blocks == len(drift.places) >= 10
+    slope, _ = np.polyfit(drift.places, drift.lags, 1)
+    assert 1e6 * slope == pytest.approx(50.0, abs=5)

@@ -4,8 +4,6 @@ const PLACES_A_SECOND = 50;
 const PAGE = 10;
 const panels = new WeakMap();
 
-const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
-
 export default function ({ data, parentElement }) {
   let panel = panels.get(parentElement);
   if (!panel) panels.set(parentElement, (panel = new Panel(parentElement)));

@@ -1,15 +1,11 @@
 // Four strips over one axis: recording 2, the cut of recording 1, their products, and the curve of their sums.
 
-const SVG = "http://www.w3.org/2000/svg";
 const LEFT = 6;
 const RIGHT = 58;
 const NAME = 20; // px that the name of a strip takes above it
 const STRIPS = { recording: 92, cut: 64, products: 84, curve: 130 };
 const GAP = 8;
 const AXIS = 36;
-
-const shortened = (number, digits) =>
-  number.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }).replace(/^-(?=[0.,]*$)/, "").replace("-", "−");
 
 // The strips of one width: where they lie, and how samples and values become px.
 function laidOut(width, example, all) {
@@ -45,16 +41,7 @@ function drawStrips(svg, example, all, { place, visited, words }) {
   const { x, pitch, boxes, width } = at;
   const { recording, cut } = example;
   const covered = [...cut.keys()].map((index) => place + index);
-  svg.setAttribute("viewBox", `0 0 ${at.width} ${at.height}`);
-  svg.style.height = `${at.height}px`;
-  svg.replaceChildren();
-  const add = (name, attributes, text) => {
-    const node = document.createElementNS(SVG, name);
-    for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-    if (text !== undefined) node.textContent = text;
-    svg.append(node);
-    return node;
-  };
+  const add = emptied(svg, at.width, at.height);
   const stems = (kind, samples, values, y) => {
     const d = samples.map((sample, index) => `M${x(sample)} ${y(0)}V${y(values[index])}`);
     const dots = samples.map((sample, index) => `M${x(sample)} ${y(values[index])}h0`);
@@ -136,18 +123,7 @@ function drawThermometer(add, at, all, sum) {
   add("text", { x: x + 24, y: zero + 4, class: "small faint" }, "0");
 }
 
-function drawLags(add, { x, width, boxes, pitch }, { recording, lag, step }, words) {
-  const y = boxes.curve.bottom;
-  const sparse = (65 / pitch) * step;
-  const power = 10 ** Math.floor(Math.log10(sparse));
-  const every = [1, 2, 5, 10].map((times) => times * power).find((one) => one >= sparse);
-  add("path", { class: "zero", d: `M${LEFT} ${y}H${width - RIGHT}` });
-  const last = lag + (recording.length - 1) * step;
-  for (let tick = Math.ceil(lag / every) * every; tick <= last; tick += every) {
-    const place = x((tick - lag) / step);
-    add("path", { class: "zero", d: `M${place} ${y}v4` });
-    const anchor = place < 24 ? "start" : "middle";
-    add("text", { x: anchor === "start" ? LEFT : place, y: y + 16, class: "small faint", "text-anchor": anchor }, shortened(tick, 0));
-  }
-  add("text", { x: (width - RIGHT) / 2, y: y + 31, class: "small faint", "text-anchor": "middle" }, words.axis);
+function drawLags(add, { x, width, boxes }, { recording, lag, step }, words) {
+  const shown = { first: lag, last: lag + (recording.length - 1) * step, left: LEFT, right: width - RIGHT };
+  drawAxis(add, { ...shown, y: boxes.curve.bottom, x: (tick) => x((tick - lag) / step) }, words.axis);
 }

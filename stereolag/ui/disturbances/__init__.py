@@ -1,0 +1,78 @@
+"""Disturb two recordings by noise, repetition, an echo and drift, and watch the verdict on their lag turn.
+
+They are mixed, correlated and judged in the browser (the scripts beside this file), by the rule of
+:mod:`stereolag.signals.verdict`; nothing comes back.
+"""
+
+from __future__ import annotations
+
+import base64
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import streamlit as st
+
+from stereolag.figures import disturbances
+from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
+from stereolag.ui import sliding
+from stereolag.ui.disturbances.words import EXAMPLES, SLIDERS, START, WORDS
+from stereolag.ui.linked_pictures import source
+
+HERE = Path(__file__).parent
+
+ARITHMETIC = ("fourier.js", "curve.js", "whitening.js", "rivals.js", "drift.js", "verdict.js", "mixing.js")
+"""What needs no page."""
+
+_panel = st.components.v2.component(
+    "stereolag.disturbances",
+    html=source("disturbances.html", folder=HERE),
+    css=source("sliding.css", folder=sliding.HERE) + source("disturbances.css", folder=HERE),
+    js=source("drawing.js", folder=sliding.HERE) + source(*ARITHMETIC, "plots.js", "disturbances.js", folder=HERE),
+)
+
+
+def fool_it(*, key: str) -> None:
+    """Show the sliders and what becomes of the peak.
+
+    Parameters
+    ----------
+    key
+        Of the component.
+    """
+    _panel(
+        key=key,
+        data={
+            "parts": described_parts(),
+            "reach": disturbances.MAX_LAG,
+            "sliders": SLIDERS,
+            "start": START,
+            "examples": EXAMPLES,
+            "colours": {"sensor-1": SENSOR_1, "sensor-2": SENSOR_2, "curve": CORRELATION, "peak": PEAK},
+            "words": WORDS,
+        },
+    )
+
+
+@cache
+def described_parts() -> dict[str, Any]:
+    """Return what the browser mixes, and by which numbers; the samples as Base64 of signed bytes."""
+    parts = disturbances.ingredients()
+    return {
+        "fresh": _text(parts.fresh),
+        "pattern": _text(parts.pattern),
+        "noises": [_text(parts.noise_1), _text(parts.noise_2)],
+        "unit": disturbances.UNIT,
+        "softness": disturbances.SOFTNESS,
+        "settling": disturbances.SETTLING,
+        "before": disturbances.BEFORE,
+        "samples": disturbances.SAMPLES,
+        "lag": disturbances.LAG,
+        "echo_delay": disturbances.ECHO_DELAY,
+    }
+
+
+def _text(values: npt.NDArray[np.int8]) -> str:
+    return base64.b64encode(values.tobytes()).decode("ascii")

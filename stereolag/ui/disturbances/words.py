@@ -1,0 +1,111 @@
+"""What the disturbances are called, and what is said of the verdict on them."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from stereolag.figures.disturbances import LONGEST_PERIOD, MOST_DRIFT
+
+SLIDERS: Final[tuple[dict[str, Any], ...]] = (
+    {"name": "noise", "title": "Noise", "low": -30, "high": 30, "step": 1, "unit": "dB", "signed": True},
+    {"name": "repetition", "title": "Repetition", "low": 0, "high": 100, "step": 10, "unit": "%"},
+    {"name": "period", "title": "Period", "low": 20, "high": LONGEST_PERIOD, "step": 20, "unit": "samples"},
+    {"name": "echo", "title": "Echo", "low": 0, "high": 150, "step": 5, "unit": "%"},
+    {"name": "drift", "title": "Drift", "low": 0, "high": MOST_DRIFT, "step": 1, "unit": "samples"},
+)
+
+START: Final[dict[str, float]] = {"noise": -10, "repetition": 0, "period": 400, "echo": 0, "drift": 0}
+
+EXAMPLES: Final[tuple[dict[str, Any], ...]] = (
+    {
+        "name": "clean",
+        "title": "Clean",
+        "try": "Sensor 2 hears the sound 640 samples after sensor 1. Move a slider and watch the peak, the grey band "
+        "(what chance gives) and the verdict.",
+        "settings": {},
+    },
+    {
+        "name": "noise",
+        "title": "Noise",
+        "try": "Turn Noise up: the peak sinks into the grey band and the verdict turns. Then press Other noise a few "
+        "times: where does the highest point go?",
+        "settings": {"noise": 6},
+    },
+    {
+        "name": "repetition",
+        "title": "Repetition",
+        "try": "Turn Repetition down, then up: teeth rise beside the peak until one cannot tell them apart.",
+        "settings": {"repetition": 90},
+    },
+    {
+        "name": "tone",
+        "title": "Tone",
+        "try": "A tone is a sound that repeats after every period. Make the period longer: the teeth move apart.",
+        "settings": {"repetition": 100, "period": 20},
+    },
+    {
+        "name": "echo",
+        "title": "Echo",
+        "try": "The echo reaches sensor 2 as a second copy, 300 samples late. Make it as loud as the sound (100 %), "
+        "then louder.",
+        "settings": {"echo": 60},
+    },
+    {
+        "name": "drift",
+        "title": "Drift",
+        "try": "Two recorders’ clocks run apart, so the lag grows during the recording. Turn Drift up and watch the "
+        "peak up close.",
+        "settings": {"drift": 12},
+    },
+)
+
+WORDS: Final[dict[str, Any]] = {
+    "recordings": "240 samples of both, shifted by the lag found",
+    "curve": "Correlation × √overlap, at every lag",
+    "close": "The highest point, up close",
+    "agreement": "Agreement of the whitened recordings, standard deviations",
+    "axis": "lag, samples (▲ the true one)",
+    "chance": "chance",
+    "convinces": "convinces",
+    "numbers": "Highest at {lag}, true lag {true} · agreement {evidence} ({needed} convinces)",
+    "another": "{lag} samples fits",
+    "others": "{count} other lags fit",
+    "sliders": {
+        "noise": "Of each sensor, against the sound: 0 dB is as loud as the sound",
+        "repetition": "The share of the sound’s energy that repeats",
+        "period": "After how many samples it repeats",
+        "echo": "How loud the late copy is that sensor 2 hears, against the direct sound",
+        "drift": "By how much the lag grows from the first sample to the last",
+    },
+    "verdicts": {
+        "clear": "Sure: recording 2 lags by {lag} samples.",
+        "drift": "Sure, with drift: the lag goes from {from} to {to} samples.",
+        "wrong": "Fooled: sure of {lag} samples, but the true lag is {true}.",
+        "repeats": "Cannot tell: it repeats every {spacing} samples.",
+        "rivals": "Cannot tell: {rivals} as well.",
+        "chance": "Nothing in common found: the highest point is what chance gives.",
+        "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
+        "opposite_sign": "Nothing in common found, but the opposite sign fits.",
+    },
+    "lessons": {
+        "clear": "The peak stands at {lag} because there the sound lies on itself and the products add up. At any "
+        "other lag positive and negative products cancel.",
+        "drift": "Each part of the recording fits at a lag of its own, so one tall peak becomes a low, broad one. "
+        "Measured block by block, the lag lies on a straight line, and that convinces.",
+        "wrong": "Another copy of the sound made the higher peak, an echo or a repetition. A correlation finds the "
+        "copy that fits best; it cannot know which one came straight.",
+        "repeats": "Shifted by one period the sound lies on itself again, so every tooth fits as well as the next. A "
+        "tone has nothing but periods, so it has many peaks.",
+        "rivals": "The sound is there more than once, as an echo or a repetition, and each copy makes a peak as good "
+        "as the other.",
+        "chance": "Noise never lies on itself: at every lag its products cancel, but for chance. One of {searched} "
+        "lags must be the highest; it means nothing, and with other noise it is elsewhere.",
+        "too_little": "Products cancel at every lag but for chance; one of {searched} lags must be the highest.",
+        "opposite_sign": "Where every product is negative, one microphone is reversed.",
+    },
+    "notes": {
+        "wide": "The grey band follows the curve’s own spread, which such dense teeth widen.",
+        "echo": "The smaller peak {delay} samples later is the echo.",
+        "teeth": "The teeth every {period} samples are what repeats; what does not repeat settles the lag.",
+    },
+}

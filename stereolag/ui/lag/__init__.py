@@ -1,0 +1,1 @@
+"""The parts of the page that measures the lag of two recordings."""

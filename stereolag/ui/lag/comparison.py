@@ -1,0 +1,149 @@
+"""All methods on one pair of recordings, and how long one of them takes in run after run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar, get_args
+
+import numpy as np
+import numpy.typing as npt
+import streamlit as st
+
+from stereolag.estimates import Estimate
+from stereolag.figures import recordings as figures
+from stereolag.limits import limits
+from stereolag.progress import Progress, part
+from stereolag.searches import LagSearch, SignalMethod
+from stereolag.signals import SignalLag, estimate_lag, signal_lag
+from stereolag.ui.recordings import RecordingPair
+from stereolag.ui.results import computed_in_turn
+from stereolag.ui.searches import LAG_METHODS
+from stereolag.ui.sentences import duration
+
+T = TypeVar("T")
+
+LONGEST_S = 60.0
+"""A method that is expected to take longer is left out of the table."""
+
+RUNS = (10, 200, 50)
+"""The fewest, the most, and how many at first."""
+
+
+@dataclass(frozen=True, eq=False)
+class MethodLags:
+    """What each method gave; those left out are missing."""
+
+    lags: dict[SignalMethod, SignalLag]
+
+
+@dataclass(frozen=True, eq=False)
+class RunTimes:
+    """Seconds that each run took, (runs,) float64."""
+
+    seconds: npt.NDArray[np.float64]
+
+
+def compare_methods(pair: RecordingPair, search: LagSearch) -> None:
+    """Offer to run every method on the recordings, and one of them many times."""
+    with st.expander("All four methods, and run times"):
+        left, right = st.columns(2, gap="large")
+        with left:
+            _show_table(pair, search)
+        with right:
+            _show_run_times(pair, search)
+
+
+def _show_table(pair: RecordingPair, search: LagSearch) -> None:
+    estimates = {method: _estimate(pair, search, method) for method in get_args(SignalMethod)}
+    fitting = [method for method, estimate in estimates.items() if _fits(estimate)]
+    total = Estimate(
+        max((estimates[method].memory for method in fitting), default=0),
+        sum(estimates[method].seconds for method in fitting),
+    )
+    st.markdown(f"Every method on these recordings, about {duration(total.seconds)}.")
+    asked = f"lag.comparison.{pair.digest}"
+    if st.button("Compare the methods", key=f"{asked}.button", disabled=not fitting):
+        st.session_state[asked] = True
+    if not st.session_state.get(asked):
+        return
+
+    def measure(progress: Progress) -> MethodLags:
+        lags: dict[SignalMethod, SignalLag] = {}
+        for number, method in enumerate(fitting):
+            lags[method] = _measured(pair, search, method, part(progress, number, len(fitting)))
+        return MethodLags(lags)
+
+    found = _in_turn("lag methods", measure, total, pair, search.model_dump_json(exclude={"method"}))
+    if found is not None:
+        st.dataframe(_table(found, estimates), hide_index=True, key="lag.comparison.table")
+
+
+def _table(found: MethodLags, estimates: dict[SignalMethod, Estimate]) -> dict[str, list[str]]:
+    """Return the columns of the table, as they are shown."""
+    rows = []
+    for method, estimate in estimates.items():
+        result = found.lags.get(method)
+        if result is None:
+            rows.append((LAG_METHODS[method], "–", "–", "left out", f"about {duration(estimate.seconds)}"))
+            continue
+        lag = f"{result.lag:,}" if result.verdict == "sure" else f"({result.lag:,})"
+        rows.append((LAG_METHODS[method], lag, f"{result.score:.3f}", result.verdict, duration(result.elapsed_s)))
+    titles = ("Method", "Lag, samples", "Score", "Verdict", "Took")
+    return {title: [row[number] for row in rows] for number, title in enumerate(titles)}
+
+
+def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
+    name = LAG_METHODS[search.method]
+    fewest, most, at_first = RUNS
+    runs = st.slider("Runs", fewest, most, at_first, step=fewest, key="lag.runs")
+    once = _estimate(pair, search, search.method)
+    total = Estimate(once.memory, runs * once.seconds)
+    asked = f"lag.run_times.{pair.digest}"
+    if st.button(f"Time {runs} runs of {name}", key=f"{asked}.button", disabled=once.memory > limits().job_memory):
+        st.session_state[asked] = search.method, runs
+    if st.session_state.get(asked) != (search.method, runs):
+        return
+
+    def measure(progress: Progress) -> RunTimes:
+        seconds = np.empty(runs)
+        for run in range(runs):
+            seconds[run] = _measured(pair, search, search.method, part(progress, run, runs)).elapsed_s
+        return RunTimes(seconds)
+
+    found = _in_turn("lag run times", measure, total, pair, f"{runs} {search.model_dump_json()}")
+    if found is not None:
+        st.plotly_chart(figures.run_times(found.seconds), key="lag.run_times.figure")
+        median = float(np.median(found.seconds))
+        st.caption(f"{name}: half of the runs took less than {duration(median)}. The report’s took 1.5 to 3.5 s.")
+
+
+def _measured(pair: RecordingPair, search: LagSearch, method: SignalMethod, progress: Progress) -> SignalLag:
+    settings = search.model_dump() | {"method": method}
+    return signal_lag(pair.signal_1, pair.signal_2, **settings, seed=0, progress=progress)
+
+
+def _estimate(pair: RecordingPair, search: LagSearch, method: SignalMethod) -> Estimate:
+    return estimate_lag(pair.signal_1.size, pair.signal_2.size, method=method, max_lag=search.max_lag)
+
+
+def _fits(estimate: Estimate) -> bool:
+    return estimate.seconds <= LONGEST_S and estimate.memory <= limits().job_memory
+
+
+def _in_turn(
+    task: str, measure: Callable[[Progress], T], estimate: Estimate, pair: RecordingPair, settings: str
+) -> T | None:
+    try:
+        return computed_in_turn(
+            task,
+            measure,
+            estimate,
+            inputs=pair.digest,
+            settings=settings,
+            shared=pair.shared,
+            label="Measuring …",
+        )
+    except ValueError as error:
+        st.error(str(error))
+        return None

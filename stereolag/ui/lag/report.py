@@ -1,0 +1,85 @@
+"""The lag that was found: whether it can be relied on, its numbers, and its curve."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from stereolag.figures import recordings as figures
+from stereolag.searches import LagSearch
+from stereolag.signals import SignalLag
+from stereolag.ui.elements import Number, show_numbers
+from stereolag.ui.lag.sentences import RIBBON_EXPLAINED, verdict_explained, verdict_in_words
+from stereolag.ui.recordings import RecordingPair
+from stereolag.ui.searches import CURVES
+from stereolag.ui.sentences import duration
+
+FAIR, PLAIN = "Fair to short overlaps", "Plain Pearson"
+
+
+def show_verdict(result: SignalLag, search: LagSearch) -> None:
+    """Say whether there is a lag, and which; in numbers too, metres only where it is sure."""
+    st.subheader(verdict_in_words(result), anchor=False)
+    for sentence in verdict_explained(result, search.sampling_rate, search.speed):
+        st.markdown(sentence)
+    show_numbers((*(_sure(result) if result.verdict == "sure" else _doubtful(result)), *_always(result)))
+
+
+def _sure(result: SignalLag) -> tuple[Number, ...]:
+    return (
+        Number("Lag, samples", f"{result.lag:,}", f"With its fraction: {result.lag_subsample:,.2f}."),
+        Number("Time", f"{result.time_s:.5g} s", "Lag ÷ sampling rate; positive where sensor 2 hears it later."),
+        Number(
+            "Path difference",
+            f"{result.distance_m:,.2f} m",
+            "Time × speed of the wave. The sensors stand so far apart if the source lies in line with them, otherwise "
+            "farther.",
+        ),
+    )
+
+
+def _doubtful(result: SignalLag) -> tuple[Number, ...]:
+    return (Number("Highest point, samples", f"{result.lag:,}", "Where the curve is highest: not a lag to rely on."),)
+
+
+def _always(result: SignalLag) -> tuple[Number, ...]:
+    numbers = [
+        Number("Score", f"{result.score:.3f}", "Pearson’s correlation where both overlap: 1 is perfect agreement."),
+    ]
+    if result.judgement is not None:
+        numbers.append(
+            Number(
+                "Above chance",
+                f"{result.judgement.evidence:.1f} σ",
+                "Agreement of the whitened recordings, in standard deviations of chance. With so many lags tried, "
+                f"{result.judgement.needed:.1f} σ convince.",
+            )
+        )
+    return (*numbers, Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."))
+
+
+def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show where the recordings agree, with what chance gives, and how the lag changes over time."""
+    st.markdown("##### Where the recordings agree")
+    sizes, title = None, CURVES[search.method]
+    if search.method in ("fft", "direct"):
+        curve = st.segmented_control(
+            "Curve", (FAIR, PLAIN), default=FAIR, required=True, key="lag.curve", label_visibility="collapsed"
+        )
+        if curve == PLAIN:
+            sizes, title = (pair.signal_1.size, pair.signal_2.size), "Pearson’s correlation"
+    st.plotly_chart(figures.correlation_curve(result, title, sizes=sizes), key="correlation")
+    if result.lags is not None:
+        st.caption(RIBBON_EXPLAINED["phat" if search.method == "phat" else "plain" if sizes else "fair"])
+
+
+def show_drift(result: SignalLag, search: LagSearch) -> None:
+    """Show the lag of block after block, where it can be told."""
+    drift = result.judgement.drift if result.judgement else None
+    if drift is None:
+        return
+    with st.expander("Lag over time", expanded=drift.shows):
+        st.plotly_chart(figures.lag_over_time(drift, search.sampling_rate), key="lag_over_time")
+        st.caption(
+            f"Each dot is one block of the recordings. The line rises by {drift.ppm:+.1f} ± {drift.error_ppm:.1g} ppm: "
+            + ("the clocks of the recorders differ." if drift.shows else "the clocks agree within what can be told.")
+        )
