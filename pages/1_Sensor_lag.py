@@ -83,17 +83,17 @@ def search_lag(pair: RecordingPair, search: LagSearch) -> SignalLag | None:
 def measure(pair: RecordingPair) -> None:
     """Ask, compute, show and explain; moving a control reruns this part alone."""
     search = ask(pair)
+    result = search_lag(pair, search) if search else None
     if search:
         LAG_ADDRESS.write(search, pair)
-    result = search_lag(pair, search) if search else None
     if search and result:
         show_verdict(result, search)
         show_drift(result, search)
         with st.spinner("Drawing …"):
             show(pair, result, search)
             listen(pair, search)
-        compare_methods(pair, search)
         show_lag_files(pair, result, search)
+        compare_methods(pair, search)
     see_why(pair, result, search)
 
 

@@ -38,7 +38,7 @@ def session_json(
         In which the pair is shown: a name of :data:`stereolag.ui.pairs.SIZES`.
     colours
         "low" and "high", px of disparity in these images, or neither where the page chooses them; "palette", its name;
-        "inverted".
+        "inverted"; "outlined".
     description, history
         What is said of the pair, and what was done to it.
     num_disparities, min_disparity

@@ -111,11 +111,15 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Colours:
-    """The colours that maps share: a (256, 3) uint8 palette from `low` to `high`."""
+    """The colours that maps share: a (256, 3) uint8 palette from `low` to `high`; and the lines over all of them.
+
+    `outlines` is the path of an SVG, px of the whole picture; "" = none. It travels on its own.
+    """
 
     low: float
     high: float
     palette: Rgb
+    outlines: str = ""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 
 from stereolag.explaining.match import Box, MatchExplanation
 from stereolag.figures.legends import hexadecimal
-from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, png
+from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, fitted, png
 from stereolag.inputs import Image, as_grey
 
 WINDOW_COLOUR = PEAK
@@ -46,7 +46,7 @@ def patch_png(image: Image, box: Box) -> bytes:
     low, span = float(part.min()), float(np.ptp(part)) or 1.0
     stretched = np.rint((part - low) * (255 / span)).astype(np.uint8)
     scale = max(1, PATCH_SIDE // max(box.height, box.width))
-    return png(as_rgb(stretched.repeat(scale, axis=0).repeat(scale, axis=1)))
+    return png(fitted(as_rgb(stretched.repeat(scale, axis=0).repeat(scale, axis=1)), 2 * PATCH_SIDE))
 
 
 def score_landscape(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:

@@ -32,12 +32,16 @@ _ADDRESS = re.compile(r":/+|www\.|(?<=\w)[:@](?=\w)")
 
 @dataclass(frozen=True)
 class Colours:
-    """How maps are coloured: the range, px, or None where the page chooses it; the palette's name, "" of none named."""
+    """How maps are coloured: the range, px, or None where the page chooses it; the palette's name, "" of none named.
+
+    `outlined`: whether the outlines of the left image lie over the maps.
+    """
 
     low: float | None = None
     high: float | None = None
     palette: str = ""
     inverted: bool = False
+    outlined: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +136,8 @@ def _colours(document: dict[str, Any]) -> Colours:
     low, high = (_number(document.get(end)) for end in ("low", "high"))
     if low is None or high is None or not low < high:
         low = high = None
-    return Colours(low, high, _text(document.get("palette")), document.get("inverted") is True)
+    inverted, outlined = (document.get(name) is True for name in ("inverted", "outlined"))
+    return Colours(low, high, _text(document.get("palette")), inverted, outlined)
 
 
 def _mask(image: Image) -> Mask:

@@ -278,8 +278,8 @@ def _results(shared: bool) -> RecentResults:
 
 
 def _bytes_of(result: Any) -> int:
-    """Return the memory of a file, an array, a number, or the files and arrays that a result holds as attributes."""
-    if isinstance(result, bytes):
+    """Return the memory of a file, a text, an array, a number, or the files and arrays that a result has."""
+    if isinstance(result, bytes | str):
         return len(result)
     if isinstance(result, np.ndarray):
         return result.nbytes

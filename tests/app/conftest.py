@@ -77,6 +77,13 @@ def viewers(app: AppTest) -> list[dict[str, Any]]:
     return [json.loads(one.json) for one in all_of_them if one.component_name == "stereolag.linked_pictures"]
 
 
+def outlines(app: AppTest) -> dict[str, str]:
+    """Return the paths that lie over the maps, by the name of the set of linked pictures."""
+    all_of_them = [element.proto for element in app.get("bidi_component")]
+    drawn = [json.loads(one.json) for one in all_of_them if one.component_name == "stereolag.outlines"]
+    return {one["name"]: one["path"] for one in drawn}
+
+
 def figures(app: AppTest) -> dict[str, dict[str, str]]:
     """Return the numbers below each map of the depth page, by title and label."""
     bench = next(viewer for viewer in viewers(app) if viewer["name"] == "depth.bench")
@@ -98,7 +105,7 @@ def shown() -> Callable[[AppTest], str]:
         linked = viewers(app)
         for picture in (picture for viewer in linked for picture in viewer["pictures"]):
             picture["figures"] = [figure for figure in picture["figures"] if figure["label"] != "Took"]
-        all_shown = (*pictures, *charts, *headlines, json.dumps(linked))
+        all_shown = (*pictures, *charts, *headlines, json.dumps(linked), json.dumps(outlines(app)))
         return hashlib.sha256("\0".join(all_shown).encode()).hexdigest()
 
     return digest

@@ -62,6 +62,7 @@ MOVES: dict[str, dict[str, Any]] = {
         "depth.colours.range.pair cube.near": 90.0,
         "depth.colours.inverted": True,
         "depth.colours.palette": "turbo",
+        "depth.colours.outlined": True,
         keys.setting("sgbm", "block_size"): 9,
         keys.setting("sgbm", "num_disparities", keys.CUBE): 32,
         keys.setting("sgbm", "min_disparity", keys.CUBE): 20,

@@ -43,10 +43,10 @@ def messages(app: AppTest) -> list[dict[str, Any]]:
 def test_a_pixel_has_its_window_its_scores_its_row_and_the_disparity_by_each_method() -> None:
     app = opened()
     assert not app.exception
-    assert len(app.get("plotly_chart")) == 3
+    assert len(app.get("plotly_chart")) == 4
     assert len(app.get("image")) == 4
     assert [mark["width"] for mark in marks(app)] == [78, 15, 15, 15, 15, 0]
-    said = app.markdown[-1].value
+    said = app.markdown[-3].value
     assert all(f"**{name}**" in said for name in ("Convolution", "StereoBM", "StereoSGBM", "Ground truth"))
 
 

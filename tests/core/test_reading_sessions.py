@@ -33,7 +33,7 @@ def read(**changes: Any) -> Session:
             matchers=[method() for method in METHODS],
             shown=["sgm", "bm"],
             size="1/2",
-            colours={"low": -3.5, "high": 40.25, "palette": "turbo", "inverted": True},
+            colours={"low": -3.5, "high": 40.25, "palette": "turbo", "inverted": True, "outlined": True},
             description="A desk.",
             history=["It was rectified.", "Rows were aligned."],
             num_disparities=48,
@@ -68,7 +68,7 @@ def test_all_comes_back_bit_for_bit() -> None:
     assert (found.size, found.description) == ("1/2", "A desk.")
     assert found.history == ("It was rectified.", "Rows were aligned.")
     assert (found.min_disparity, found.num_disparities) == (-16, 48)
-    assert found.colours == Colours(-3.5, 40.25, "turbo", True)
+    assert found.colours == Colours(-3.5, 40.25, "turbo", True, True)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_all_comes_back_bit_for_bit() -> None:
         ({"low": 5, "high": 5}, Colours()),
         ({"low": float("nan"), "high": 5}, Colours()),
         ({"low": "0", "high": 5, "palette": 7}, Colours()),
-        ({"low": 1, "high": 1e300, "inverted": 1}, Colours()),
+        ({"low": 1, "high": 1e300, "inverted": 1, "outlined": "yes"}, Colours()),
         ({"low": 0, "high": 5, "palette": "viridis"}, Colours(0.0, 5.0, "viridis")),
     ],
 )

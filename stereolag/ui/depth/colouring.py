@@ -1,4 +1,7 @@
-"""The colours of all maps of the depth page: one range and one palette, near bright unless they are inverted."""
+"""The colours of all maps of the depth page: one range and one palette, near bright unless they are inverted.
+
+Beside them, the switch for the outlines of the left image over all maps.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import streamlit as st
 from stereolag.arrays import FloatMap
 from stereolag.figures.colour_ranges import disparity_range, searched_range
 from stereolag.figures.disparity import PALETTES
+from stereolag.figures.edges import edge_path
 from stereolag.figures.pictures import thinned
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui.depth.view import DepthView
@@ -19,6 +23,7 @@ from stereolag.ui.results import remembered
 from stereolag.ui.sentences import beyond_the_colours
 
 PALETTE, INVERTED = f"{COLOURS}.palette", f"{COLOURS}.inverted"
+OUTLINED = f"{COLOURS}.outlined"
 FIRST_PALETTE = "viridis"
 MOST_BEYOND = 0.02
 """Share of a map beyond the colours from which on the page says so."""
@@ -33,6 +38,7 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
     low, high = st.session_state.get(key) or searched_range(results.values())
     palette = st.session_state.get(PALETTE, FIRST_PALETTE)
     inverted = st.session_state.get(INVERTED, False)
+    outlined = st.session_state.get(OUTLINED, False)
     colours = st.popover("Colours", icon=":material/palette:", key=f"{COLOURS}.opened", on_change="rerun")
     if colours.open:  # drawing what nobody sees takes time at every move
         with colours:
@@ -52,8 +58,17 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
                 persist_state="session",
                 help="As the source report shows its maps: near things dark. The report’s preset switches it on.",
             )
+            outlined = st.toggle(
+                "Outlines of the left image",
+                key=OUTLINED,
+                persist_state="session",
+                help="Draws the edges of the left image over every map: where a depth edge lies beside its outline, "
+                "the window has smeared it.",
+            )
     colours_of = PALETTES[palette]
-    return DepthView(pair, results, low, max(high, low + 1), colours_of[::-1] if inverted else colours_of)
+    if inverted:
+        colours_of = colours_of[::-1]
+    return DepthView(pair, results, low, max(high, low + 1), colours_of, _outlines(pair) if outlined else "")
 
 
 def offer_fit(view: DepthView) -> None:
@@ -71,6 +86,11 @@ def offer_fit(view: DepthView) -> None:
 def set_inverted(inverted: bool) -> None:
     """Let far things be bright, or near things; only while the switch is not drawn yet."""
     st.session_state[INVERTED] = inverted
+
+
+def _outlines(pair: StereoPair) -> str:
+    """Return the outlines of the left image; from memory where they were drawn before."""
+    return remembered("outlines", lambda: edge_path(pair.left), inputs=pair.digest, settings="", shared=pair.shared)
 
 
 def _ask_range(key: str, pair: StereoPair, results: Mapping[str, DisparityMap], shown: tuple[float, float]) -> None:

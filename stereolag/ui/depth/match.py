@@ -25,6 +25,7 @@ from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.blanks import reasons_of
 from stereolag.ui.depth.maps import TRUTH
 from stereolag.ui.depth.match_marks import Pixel, legend_of, marks_of, moved, true_lag, truth_at
+from stereolag.ui.depth.overlap import show_overlap
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import show_png, shown_progress
 from stereolag.ui.hovered_match import can_follow, hovered_match
@@ -91,6 +92,7 @@ def show_inspection(view: DepthView) -> None:
     with hill:
         _show_scores(view, matcher, seen, (row, col))
     _show_row(view, seen, (row, col))
+    show_overlap(view, matcher, seen)
 
 
 def _correlation(view: DepthView) -> CorrelationMatcher | None:

@@ -12,7 +12,7 @@ from stereolag.reading.sessions import Colours, Session
 from stereolag.settings import scaled_settings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import keys
-from stereolag.ui.depth.colouring import FIRST_PALETTE, INVERTED, PALETTE, range_key
+from stereolag.ui.depth.colouring import FIRST_PALETTE, INVERTED, OUTLINED, PALETTE, range_key
 from stereolag.ui.depth.maps import shown_methods
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, StereoPair
@@ -36,6 +36,7 @@ def page_state(pair: StereoPair, factor: float) -> PageState:
     colours: dict[str, Any] = {
         "palette": st.session_state.get(PALETTE, FIRST_PALETTE),
         "inverted": bool(st.session_state.get(INVERTED, False)),
+        "outlined": bool(st.session_state.get(OUTLINED, False)),
     }
     ends = st.session_state.get(range_key(pair))
     if ends is not None:
@@ -53,6 +54,7 @@ def restore(session: Session) -> None:
     if session.colours.palette in PALETTES:
         st.session_state[PALETTE] = session.colours.palette
     st.session_state[INVERTED] = session.colours.inverted
+    st.session_state[OUTLINED] = session.colours.outlined
     st.session_state[RESTORED] = session.left.shape[1], session.matchers, session.colours
 
 

@@ -26,6 +26,8 @@ class DepthView:
         The locked range of colours, px of disparity.
     palette
         (256, 3) uint8 RGB from far to near.
+    outlines
+        The outlines of the left image that lie over the maps, the path of an SVG; "" = none.
     """
 
     pair: StereoPair
@@ -33,8 +35,9 @@ class DepthView:
     low: float
     high: float
     palette: Rgb = field(default_factory=lambda: FAR_TO_NEAR)
+    outlines: str = ""
 
     @property
     def colours(self) -> Colours:
         """Return the colours that all maps share."""
-        return Colours(self.low, self.high, self.palette)
+        return Colours(self.low, self.high, self.palette, self.outlines)

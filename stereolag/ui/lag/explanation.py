@@ -8,31 +8,39 @@ from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag
 from stereolag.ui.disturbances import fool_it
 from stereolag.ui.lag.plan import show_plan
+from stereolag.ui.phasors import show_phasors
+from stereolag.ui.recordings import RecordingPair
 from stereolag.ui.sliding import slide_it_yourself
 
 IN_A_SENTENCE = """
-- **Why the peak stands where it does.** There, every sample meets itself: all products are positive and add up,
-  while anywhere else ups meet downs and cancel.
+- **Why the peak stands where it does.** There, every sample meets itself and the products add up, while anywhere
+  else ups meet downs and cancel.
 - **Why a tone has many peaks.** It meets itself again after every period, so all those lags fit equally well.
 - **Why noise has none.** Two unrelated recordings agree in sign half of the time at every lag: the sum stays within
   the grey ribbon, and its highest point is chance.
 """
 
 
-def see_why(result: SignalLag | None, search: LagSearch | None) -> None:
+def see_why(pair: RecordingPair, result: SignalLag | None, search: LagSearch | None) -> None:
     """Show what can be slid, dragged and disturbed by hand, all in the browser.
 
     Parameters
     ----------
+    pair
+        The recordings on the page.
     result, search
-        Of the recordings on the page; None where there is none yet.
+        Of these; None where there is none yet.
     """
     st.subheader("See why", anchor="see-why")
-    slide, disturb, metres = st.tabs(("Slide it yourself", "Fool it", "From lag to metres"))
+    slide, disturb, arrows, metres = st.tabs(
+        ("Slide it yourself", "Fool it", "Arrows that line up", "From lag to metres")
+    )
     with slide:
         slide_it_yourself(key="lag.sliding")
     with disturb:
         fool_it(key="lag.fooling")
+    with arrows:
+        show_phasors(pair, result, key="lag.phasors")
     with metres:
         show_plan(result, (search or LagSearch()).speed, key="lag.plan")
     st.markdown(IN_A_SENTENCE)

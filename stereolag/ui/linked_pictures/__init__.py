@@ -61,11 +61,12 @@ _viewer = st.components.v2.component(
     "stereolag.linked_pictures",
     html=source("pictures.html"),
     css=source("pictures.css", "legends.css"),
-    js=source("fflate.js", "unpacking.js", "legends.js", "drawing.js", "pictures.js", "gestures.js"),
+    js=source("fflate.js", "unpacking.js", "legends.js", "drawing.js", "outlining.js", "pictures.js", "gestures.js"),
 )
 # Each picture travels alone, and so do the marks: Streamlit finds those that did not change, and does not send them.
 _picture = st.components.v2.component("stereolag.picture", js=source("picture.js"))
 _marks = st.components.v2.component("stereolag.marks", js=source("marks.js"))
+_outlines = st.components.v2.component("stereolag.outlines", js=source("outlines.js"))
 
 
 NOTHING_SENT: Mapping[str, PackedPicture] = MappingProxyType({})
@@ -101,7 +102,7 @@ def linked_pictures(
     key
         Of the component.
     colours
-        Of the pictures that have no pixels of their own.
+        Of the pictures that have no pixels of their own, and the outlines over these.
     columns
         How many stand side by side where there is room.
     hint
@@ -133,3 +134,5 @@ def linked_pictures(
         header = described(pictures, packs, name=key, colours=colours, legends=legends, columns=columns, hint=hint)
         _viewer(key=key, data=header, on_picked_change=picked)
         _marks(key=f"{key}.marks", data={"name": key, "marks": [asdict(mark) for mark in marks]})
+        if colours and colours.outlines:
+            _outlines(key=f"{key}.outlines", data={"name": key, "path": colours.outlines})

@@ -24,7 +24,9 @@ class LinkedPictures {
       this.renew(detail);
       this.load(this.data);
     };
+    this.onOutlines = ({ detail }) => detail === this.header?.name && this.draw();
     window.addEventListener("stereolag-marks", this.onMarks);
+    window.addEventListener("stereolag-outlines", this.onOutlines);
     window.addEventListener("stereolag-picture", this.onPicture);
     this.resized = new ResizeObserver(() => this.draw());
     this.resized.observe(this.stage);
@@ -32,6 +34,7 @@ class LinkedPictures {
 
   close() {
     window.removeEventListener("stereolag-marks", this.onMarks);
+    window.removeEventListener("stereolag-outlines", this.onOutlines);
     window.removeEventListener("stereolag-picture", this.onPicture);
     this.resized.disconnect();
     this.contents.forEach(forget);
@@ -195,16 +198,19 @@ class LinkedPictures {
     this.root.classList.toggle("zoomed", this.zoom > 1);
     this.find("[data-zoom=reset]").textContent = `${this.zoom < 9.95 ? +this.zoom.toFixed(1) : Math.round(this.zoom)}×`;
     const points = this.marks.filter((mark) => !mark.height && !mark.to);
+    const view = `${this.x} ${this.y} ${cols / this.zoom} ${rows / this.zoom}`;
+    const outlines = window.stereolagOutlines?.get(this.header.name);
     const read = this.at ?? points.at(-1) ?? null;
     this.find(".where").textContent = read ? `row ${read.row}, column ${read.col}` : "";
     for (const cell of this.cells) {
       const width = cell.viewport.clientWidth;
       cell.viewport.classList.toggle("near", (width * this.zoom) / cols > 3);
-      for (const layer of cell.layers) {
+      cell.layers.forEach((layer, side) => {
         layer.firstChild.style.transform =
           `scale(${this.zoom}) translate(${(-this.x / cols) * 100}%, ${(-this.y / rows) * 100}%)`;
-      }
-      cell.svg.setAttribute("viewBox", `${this.x} ${this.y} ${cols / this.zoom} ${rows / this.zoom}`);
+        outline(layer, this.pictures[cell.indices[side]].image ? "" : outlines, view);
+      });
+      cell.svg.setAttribute("viewBox", view);
       cell.svg.replaceChildren();
       const pixel = cols / this.zoom / (width || 1);
       for (const mark of this.marks) {

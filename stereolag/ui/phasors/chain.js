@@ -1,0 +1,51 @@
+// The cross-spectrum as arrows, one complex number for each frequency, and the chain that they make head to tail.
+
+const PLACES_A_SAMPLE = 4;
+
+const lagAt = (place, example) => place / PLACES_A_SAMPLE - example.longest;
+const placeOf = (lag, example) => Math.round((lag + example.longest) * PLACES_A_SAMPLE);
+const placesOf = (example) => 2 * example.longest * PLACES_A_SAMPLE + 1;
+
+// How long the arrows are: the product of both magnitudes. Whitened (PHAT), all are equal and 1 together; frequencies
+// with nothing in them stay out.
+function arrowLengths({ magnitude_1, magnitude_2 }, whiten) {
+  const products = magnitude_1.map((magnitude, index) => magnitude * magnitude_2[index]);
+  if (!whiten) return products;
+  const heard = products.filter((product) => product > 0).length;
+  return products.map((product) => (product > 0 ? 1 / heard : 0));
+}
+
+// Where the chain begins and where each of its arrows ends, as [x, y], y upwards: arrow k is turned back by
+// k * lag / size, the share of a turn that frequency k makes in that time.
+function chainAt({ turns, size }, lengths, lag) {
+  let [x, y] = [0, 0];
+  const points = [[x, y]];
+  lengths.forEach((length, index) => {
+    const angle = 2 * Math.PI * (((index + 1) * lag) / size - turns[index]);
+    x += length * Math.cos(angle);
+    y += length * Math.sin(angle);
+    points.push([x, y]);
+  });
+  return points;
+}
+
+// Everything that is drawn of one example: the chain at each place, how far to the right it ends (the correlation),
+// and how far it would reach with all arrows in line.
+function measuredChains(example, whiten) {
+  const lengths = arrowLengths(example, whiten);
+  const chains = Array.from({ length: placesOf(example) }, (_, place) => chainAt(example, lengths, lagAt(place, example)));
+  const reaches = chains.map((points) => points.at(-1)[0]);
+  const [xs, ys] = [0, 1].map((axis) => chains.flat().map((point) => point[axis]));
+  const total = lengths.reduce((sum, length) => sum + length, 0);
+  const bounds = { left: Math.min(...xs), right: Math.max(total, ...xs), bottom: Math.min(...ys), top: Math.max(...ys) };
+  return { lengths, chains, reaches, total, bounds };
+}
+
+// The places of the highest correlation, several where it repeats, the smallest lag first.
+function highestReaches({ reaches }, example) {
+  const top = Math.max(...reaches);
+  const [before, after] = [-1, 1].map((step) => (place) => reaches[place + step] ?? -Infinity);
+  const isPeak = (reach, place) => top - reach < 1e-3 && reach >= before(place) && reach >= after(place);
+  const size = (place) => Math.abs(lagAt(place, example));
+  return reaches.flatMap((reach, place) => (isPeak(reach, place) ? [place] : [])).sort((one, other) => size(one) - size(other));
+}

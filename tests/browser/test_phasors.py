@@ -1,0 +1,134 @@
+"""Arrows turned back by hand: what the browser adds up, and what it draws where one has been."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from stereolag import samples
+from stereolag.figures import phasors
+from stereolag.reading import read_signal
+from stereolag.ui.phasors import described
+from tests.browser.visits import OpenPage, screenshot
+
+CHAIN = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "phasors" / "chain.js"
+
+
+def coast() -> phasors.Phasors:
+    example = samples.recordings()["coast"]
+    first, second = (read_signal(path).channels[0] for path in (example.signal_1, example.signal_2))
+    found = phasors.common_stretch("coast", first, second, example.lag)
+    assert found is not None
+    return found
+
+
+EXAMPLES = {"knock": phasors.knock, "coast": coast, "tone": phasors.tone, "noise": phasors.noise}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("whiten", [False, True])
+def test_the_chain_of_the_browser_ends_where_numpy_correlates(browser: Browser, name: str, whiten: bool) -> None:
+    found = EXAMPLES[name]()
+    page = browser.new_page()
+    page.add_script_tag(path=CHAIN)
+    example = described(found, **{"try": ""})
+    told = page.evaluate("([example, whiten]) => measuredChains(example, whiten)", [example, whiten])
+    places = page.evaluate(
+        "(example) => Array.from({length: placesOf(example)}, (_, at) => lagAt(at, example))", example
+    )
+    best = page.evaluate("([all, example]) => lagAt(highestReaches(all, example)[0], example)", [told, example])
+    page.close()
+    lags, heights = phasors.correlation(found, whiten=whiten)
+    np.testing.assert_array_equal(places, lags)
+    np.testing.assert_allclose(told["reaches"], heights, atol=2e-5)
+    assert best == {"knock": 4, "coast": 4, "tone": -1}.get(name, lags[heights.argmax()])
+    arrows = np.diff(told["chains"], axis=1)
+    np.testing.assert_allclose(np.hypot(*arrows.T), np.tile(told["lengths"], (97, 1)).T, atol=1e-9)
+    if whiten:
+        heard = np.array(told["lengths"]) > 0
+        np.testing.assert_allclose(np.array(told["lengths"])[heard], 1 / heard.sum())
+
+
+def painted(page: Page) -> int:
+    """Return at how many places the curve is drawn."""
+    drawn = page.locator(".phasors .curve").get_attribute("d") or ""
+    return len(re.findall("[ML]", drawn))
+
+
+def drag(page: Page, drawing: str, *points: tuple[float, float]) -> None:
+    """Press at the first of these places, in shares of a drawing, and let go at the last."""
+    found = page.locator(f".phasors .{drawing}")
+    found.evaluate("drawing => drawing.scrollIntoView({ block: 'center' })")
+    box = found.bounding_box()
+    assert box is not None
+    for number, (x, y) in enumerate(points):
+        page.mouse.move(box["x"] + x * box["width"], box["y"] + y * box["height"], steps=4)
+        if not number:
+            page.mouse.down()
+    page.mouse.up()
+
+
+def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(open_page: OpenPage) -> None:
+    page = open_page("Sensor_lag")
+    page.get_by_role("tab", name="Arrows that line up").click()
+    root = page.locator(".phasors")
+    slider, where, said = (root.locator(f".{name}") for name in ("lag", "where", "said"))
+    slider.scroll_into_view_if_needed()
+    page.evaluate(
+        "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
+        "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
+    )
+    expect(where).to_have_text(re.compile(r"^Lag 0 · correlation "))
+    assert painted(page) == 1
+    slider.focus()
+    for _ in range(16):
+        page.keyboard.press("ArrowRight")
+    expect(where).to_have_text("Lag 4 · correlation 1.00")
+    expect(slider).to_have_attribute("aria-valuetext", "Lag 4 · correlation 1.00")
+    assert painted(page) == 17
+    assert root.locator(".arrow").count() > 50  # of 62; the others are shorter than a pixel
+    tips = [arrow.bounding_box() for arrow in root.locator(".arrow").all()]
+    assert max(tip["y"] + tip["height"] for tip in tips if tip) - min(tip["y"] for tip in tips if tip) < 8  # straight
+    page.keyboard.press("End")
+    expect(where).to_contain_text("Lag 12 ·")
+    assert painted(page) == 18  # the jump left the others out
+    page.keyboard.press(" ")
+    expect(said).to_contain_text("the chain is straight")
+    expect(where).to_contain_text("Lag 4 ·")
+    assert painted(page) == 97
+    expect(root.locator(".peak")).to_have_count(1)
+
+    root.get_by_role("button", name="Coast, up close").click()
+    expect(where).to_contain_text("Lag 0 (50,070 in the recordings)")
+    assert painted(page) == 1
+    drag(page, "lags", (0.01, 0.5), (0.99, 0.5))
+    expect(slider).to_have_value("12")
+    assert painted(page) == 97
+    drag(page, "phases", (0.4, 0.6), (0.5, 0.2), (0.97, 0.15))  # two turns at half a turn a sample
+    expect(slider).to_have_value(re.compile(r"3\.5|3\.75|4|4\.25|4\.5"))
+    root.locator(".play").click()
+    expect(where).to_have_text("Lag 4 (50,082 in the recordings) · correlation 0.99")
+    expect(said).to_contain_text("The peak is broad")
+    root.locator(".whiten").check()
+    expect(where).to_have_text("Lag 4 (50,082 in the recordings) · whitened correlation 0.88")
+    expect(said).to_contain_text("needle")
+    root.locator(".clear").click()
+    expect(said).to_have_text("")
+    assert page.evaluate("document.body.dataset.reran") is None
+
+
+def test_it_reads_in_dark_and_on_a_phone_without_motion(open_page: OpenPage) -> None:
+    page = open_page("Sensor_lag", scheme="dark", width=420)
+    page.emulate_media(reduced_motion="reduce")
+    page.get_by_role("tab", name="Arrows that line up").click()
+    root = page.locator(".phasors")
+    root.get_by_role("button", name="One tone").click()
+    root.locator(".play").click()
+    expect(root.locator(".where")).to_have_text("Lag −1 · correlation 1.00", timeout=2500)  # played, it takes 3 s
+    expect(root.locator(".peak")).to_have_count(5)
+    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 420
+    screenshot(page, "sensor-lag-phasors-phone")

@@ -1,0 +1,146 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stereolag import samples
+from stereolag.figures import phasors
+from stereolag.figures.phasors import LAG, LENGTH, LONGEST_LAG, SIZE
+from stereolag.reading import read_signal
+from stereolag.signals import signal_lag
+
+WHOLE = np.arange(-LONGEST_LAG, LONGEST_LAG + 1)
+
+
+def at_whole_lags(found: phasors.Phasors, *, whiten: bool = False) -> np.ndarray:
+    lags, heights = phasors.correlation(found, whiten=whiten)
+    np.testing.assert_array_equal(lags[::4], WHOLE)
+    return heights[::4]
+
+
+def peaks(found: phasors.Phasors, *, whiten: bool = False) -> list[float]:
+    lags, heights = phasors.correlation(found, whiten=whiten)
+    return [float(lag) for lag in lags[heights > heights.max() - 1e-6]]
+
+
+def stretches(seed: int, length_1: int = LENGTH, length_2: int = LENGTH) -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(seed)
+    return random.normal(3, 2, length_1), random.normal(-1, 5, length_2)
+
+
+def excerpt(name: str) -> phasors.Phasors:
+    example = samples.recordings()[name]
+    first, second = (read_signal(path).channels[0] for path in (example.signal_1, example.signal_2))
+    found = phasors.common_stretch(name, first, second, example.lag)
+    assert found is not None
+    return found
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, LENGTH), st.integers(2, LENGTH))
+def test_the_chain_reaches_as_far_as_numpy_correlates(seed: int, length_1: int, length_2: int) -> None:
+    first, second = (part - part.mean() for part in stretches(seed, length_1, length_2))
+    expected = np.zeros(2 * SIZE)
+    full = np.correlate(second, first, mode="full") / np.sqrt(first @ first * (second @ second))
+    expected[SIZE - length_1 + 1 : SIZE + length_2] = full
+    heights = at_whole_lags(phasors.phasors("two", first, second))
+    np.testing.assert_allclose(heights, expected[SIZE + WHOLE], atol=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_whitened_it_is_the_phase_transform(seed: int) -> None:
+    first, second = (part - part.mean() for part in stretches(seed))
+    cross = np.conj(np.fft.rfft(first, SIZE)) * np.fft.rfft(second, SIZE)
+    cross[0] = 0  # without means
+    phat = np.fft.irfft(np.divide(cross, np.abs(cross), where=np.abs(cross) > 0, out=np.zeros_like(cross)), SIZE)
+    heights = at_whole_lags(phasors.phasors("two", first, second), whiten=True)
+    np.testing.assert_allclose(heights, phat[WHOLE] * SIZE / (SIZE - 1), atol=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(-LONGEST_LAG, LONGEST_LAG))
+def test_at_the_true_lag_all_arrows_are_in_line_and_the_phase_has_its_slope(seed: int, lag: int) -> None:
+    sound = stretches(seed)[0][: LENGTH - 2 * LONGEST_LAG]
+    first, second = np.zeros((2, LENGTH))
+    first[LONGEST_LAG:][: sound.size] = second[LONGEST_LAG + lag :][: sound.size] = sound - sound.mean()
+    found = phasors.phasors("two", first, second)
+    off = found.turns - np.arange(1, found.turns.size + 1) * lag / SIZE
+    np.testing.assert_allclose(off, np.rint(off), atol=1e-6)
+    assert peaks(found) == peaks(found, whiten=True) == [lag]
+    assert phasors.correlation(found)[1].max() == pytest.approx(found.lengths.sum()) == pytest.approx(1)
+    for method in ("fft", "phat"):
+        assert signal_lag(first, second, method=method, max_lag=LONGEST_LAG).lag == lag  # type: ignore[arg-type]
+
+
+def test_between_samples_it_is_the_band_limited_curve() -> None:
+    first, second = (part - part.mean() for part in stretches(1))
+    cross = np.conj(np.fft.rfft(first, SIZE)) * np.fft.rfft(second, SIZE)
+    fine = 4 * np.fft.irfft(cross, 4 * SIZE) / np.sqrt(first @ first * (second @ second))
+    lags, heights = phasors.correlation(phasors.phasors("two", first, second))
+    np.testing.assert_allclose(heights, fine[(4 * lags).astype(int)], atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "lag"), [("coast", 50_082), ("harbour", -31_234)])
+@pytest.mark.parametrize("whiten", [False, True])
+def test_the_excerpts_peak_at_their_true_lag(name: str, lag: int, whiten: bool) -> None:
+    found = excerpt(name)
+    assert peaks(found, whiten=whiten) == [LAG]
+    assert found.offset + LAG * found.step == lag
+
+
+def width(found: phasors.Phasors, *, whiten: bool) -> int:
+    """Return at how many places the curve is above half its peak."""
+    _, heights = phasors.correlation(found, whiten=whiten)
+    return int((heights > heights.max() / 2).sum())
+
+
+def test_whitening_makes_the_coast_a_needle_and_lets_the_wind_in() -> None:
+    coast, harbour = excerpt("coast"), excerpt("harbour")
+    assert width(coast, whiten=False) > 4 * width(coast, whiten=True)
+    plain, white = (phasors.correlation(harbour, whiten=whiten)[1].max() for whiten in (False, True))
+    assert white < plain - 0.05
+    assert plain < 0.95 * harbour.lengths.sum()  # nowhere quite straight
+
+
+def test_a_knock_has_all_frequencies_and_a_tone_has_one() -> None:
+    assert peaks(phasors.knock()) == peaks(phasors.knock(), whiten=True) == [4]
+    assert phasors.knock().lengths.max() < 0.05
+    tone = phasors.tone()
+    assert np.count_nonzero(tone.lengths) == 1
+    assert peaks(tone) == peaks(tone, whiten=True) == [-11, -6, -1, 4, 9]
+
+
+def test_noise_lines_up_nowhere() -> None:
+    plain, white = (phasors.correlation(phasors.noise(), whiten=whiten)[1].max() for whiten in (False, True))
+    assert (round(plain, 2), round(white, 2)) == (0.18, 0.17)  # what is said beside it
+
+
+@pytest.mark.parametrize("lag", [-20_000, -300, 0, 7, 25_000])
+@pytest.mark.parametrize("size", [40_000, 60_000])
+def test_any_two_recordings_give_what_they_share(lag: int, size: int) -> None:
+    scene = np.random.default_rng(size).normal(size=size + abs(lag)).cumsum()
+    first, second = scene[max(0, lag) :][:size], 0.3 * scene[max(0, -lag) :][: size - 10] + 5
+    found = phasors.common_stretch("own", first, second, lag)
+    assert found is not None
+    assert found.offset + LAG * found.step == lag
+    assert peaks(found, whiten=True) == [LAG]
+
+
+def test_the_loudest_stretch_is_taken() -> None:
+    scene = np.random.default_rng(5).normal(size=60_000)
+    scene[:41_000] = scene[41_200:] = 0  # all other stretches are silent
+    found = phasors.common_stretch("own", scene[:-20], scene[20:], -20)
+    assert found is not None and peaks(found) == [LAG]
+
+
+def test_recordings_that_share_too_little_give_nothing() -> None:
+    noise = np.random.default_rng(0).normal(size=1000)
+    assert phasors.common_stretch("own", noise, noise, 1000 - LENGTH - LAG) is not None
+    assert phasors.common_stretch("own", noise, noise, 1000 - LENGTH - LAG + 1) is None
+    assert phasors.common_stretch("own", noise, np.zeros(1000), 0) is None
+
+
+@pytest.mark.parametrize("stretch", [np.zeros(10), np.arange(SIZE + 1.0)])
+def test_a_stretch_that_has_no_spectrum_here_is_refused(stretch: np.ndarray) -> None:
+    with pytest.raises(ValueError, match=f"has {stretch.size} samples"):
+        phasors.phasors("two", stretch, np.arange(5.0))
