@@ -22,6 +22,7 @@ from benchmarks.hostile import hostile_table
 from benchmarks.load import load_table
 from benchmarks.long_drive import long_drive_table
 from benchmarks.pairs import DATA
+from benchmarks.rocketman import rocketman_table
 from benchmarks.sequences import DRIVE, sequence_table
 from benchmarks.speed import REPORT, signal_rows, stereo_rows, template_rows
 from benchmarks.steadiness import steadiness_table
@@ -30,7 +31,7 @@ from benchmarks.timing import Row
 from benchmarks.verdict import verdict_table
 
 USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
-TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "load", "hostile"]
+TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "rocketman", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -126,6 +127,8 @@ def main() -> None:
             print(f"Suggestions are left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
     if "verdict" in wanted:
         keep("verdict", "Verdicts on lags", *verdict_table())
+    if "rocketman" in wanted:
+        keep("rocketman", "Rocketman with doubt", *rocketman_table())
     if "load" in wanted:
         keep("load", "Many visitors at once", *load_table())
     if "hostile" in wanted:

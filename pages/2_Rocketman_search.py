@@ -6,14 +6,20 @@ from stereolag.figures import templates as figures
 from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui.controls import control, last_valid
-from stereolag.ui.elements import Number, show_numbers, show_png
+from stereolag.ui.degrading import damage_it
+from stereolag.ui.elements import show_png
+from stereolag.ui.funnel import show_funnel
 from stereolag.ui.match_files import show_match_files
 from stereolag.ui.navigation import fragment, page
+from stereolag.ui.opencv_beside import show_opencv_beside
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
+from stereolag.ui.score_map import show_score_map
 from stereolag.ui.search_addresses import TEMPLATE_ADDRESS
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
-from stereolag.ui.sentences import duration, why_not_found
+from stereolag.ui.template_answer import doubtful, show_answer, why_no_score_map
+from stereolag.ui.template_by_hand import search_by_hand
+from stereolag.ui.template_controls import ask_poses
 
 
 def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
@@ -29,46 +35,22 @@ def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
             min_score = control(TemplateQuery, "min_score", key="template.min_score")
         with count:
             max_matches = control(TemplateQuery, "max_matches", key="template.max_matches")
+        poses = ask_poses(method)
     return last_valid(
-        lambda: TemplateQuery(method=method, min_score=min_score, max_matches=max_matches), "template.query"
+        lambda: TemplateQuery(method=method, min_score=min_score, max_matches=max_matches, **poses), "template.query"
     )
 
 
-def report(result: TemplateSearch, query: TemplateQuery) -> None:
-    """Say what was found, in words and in numbers."""
-    if result.found:
-        best = result.matches[0]
-        st.subheader(f"Found at row {best.row}, column {best.col}", anchor=False)
-    else:
-        st.subheader("Not found", anchor=False)
-        st.warning(why_not_found(result, query.min_score), icon=":material/search_off:")
-    score = f"{result.matches[0].score:.3f}" if result.found else "–"
-    show_numbers(
-        (
-            Number("Score", score, "1 for an exact copy, whatever its brightness and contrast."),
-            Number("Places found", f"{len(result.matches)}", "None overlaps another by more than half."),
-            Number("Candidates scored", f"{result.candidates:,}", "Places at which the correlation was computed."),
-            Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
-        )
-    )
-
-
-def show(inputs: PictureAndTemplate, result: TemplateSearch) -> None:
-    """Show the place in the picture, enlarged beside it, and the score of every place."""
-    whole, beside = st.columns([3, 1], gap="medium")
-    with whole:
-        show_png(figures.framed(inputs.picture, result.matches))
-    with beside:
-        for match in result.matches[:3]:
-            caption = f"row {match.row}, column {match.col}, score {match.score:.3f}"
-            show_png(figures.match_close_up(inputs.picture, match), caption)
+def show_scores(result: TemplateSearch, query: TemplateQuery) -> None:
+    """Show the score of every place."""
     if result.score_map is None:
-        st.caption("“Sampled” scores a few places only: there is no score map to show.")
+        st.caption(why_no_score_map(query))
         return
     st.markdown("##### How well it fits at every place")
     scores, legend = st.columns([3, 1], gap="medium")
     with scores:
-        show_png(figures.score_map_png(result.score_map, result.matches))
+        marked = result.matches if result.found else doubtful(result)
+        show_score_map(figures.score_map_png(result.score_map, marked), result.score_map)
     legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False})
     legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
 
@@ -84,10 +66,15 @@ def find(inputs: PictureAndTemplate) -> None:
         result = computed_in_turn(
             "template search",
             lambda progress: match_template(
-                inputs.picture, inputs.template, mask=inputs.mask, **query.model_dump(), seed=0, progress=progress
+                inputs.picture, inputs.template, mask=inputs.mask, **query.arguments, seed=0, progress=progress
             ),
             estimate_search(
-                inputs.picture.shape, inputs.template.shape, dtype=inputs.picture.dtype, method=query.method
+                inputs.picture.shape,
+                inputs.template.shape,
+                dtype=inputs.picture.dtype,
+                method=query.method,
+                scales=query.arguments["scales"],
+                rotations=query.arguments["rotations"],
             ),
             inputs=inputs.digest,
             settings=query.model_dump_json(),
@@ -99,9 +86,18 @@ def find(inputs: PictureAndTemplate) -> None:
         return
     if result is None:
         return
-    report(result, query)
-    show(inputs, result)
+    show_answer(result, inputs, query)
+    show_scores(result, query)
+    show_opencv_beside(inputs, result, query.method)
     show_match_files(inputs, result, query)
+    st.subheader("See why", anchor="see-why")
+    by_hand, steps, damage = st.tabs(("Search by hand", "Step by step", "Damage it"))
+    with by_hand:
+        search_by_hand(inputs, result.matches)
+    with steps:
+        show_funnel(inputs)
+    with damage:
+        damage_it(inputs, result, query.min_score)
 
 
 with page(

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias, TypedDict
 
 from pydantic import Field
 
-from stereolag.settings import Settings
+from stereolag.settings import Applies, Settings
 
 SignalMethod: TypeAlias = Literal["fft", "phat", "sampled", "direct"]
 TemplateMethod: TypeAlias = Literal["fft", "sampled", "direct"]
@@ -38,8 +38,23 @@ class LagSearch(Settings):
     )
 
 
+Range: TypeAlias = tuple[float, float]
+
+RESIZABLE = Applies(lambda query: query.method == "fft", "needs method 'fft'")
+
+
+class TemplateArguments(TypedDict):
+    """The arguments of :func:`stereolag.templates.match_template` that settings give."""
+
+    method: TemplateMethod
+    min_score: float
+    max_matches: int
+    scales: Range | None
+    rotations: Range | None
+
+
 class TemplateQuery(Settings):
-    """What :func:`stereolag.templates.match_template` is called with."""
+    """What :func:`stereolag.templates.match_template` is called with: its `arguments`."""
 
     method: TemplateMethod = Field(default="fft", title="Method", description="How the template is looked for.")
     min_score: float = Field(
@@ -53,3 +68,43 @@ class TemplateQuery(Settings):
     max_matches: int = Field(
         default=1, title="Matches wanted", description="At most so many places are given.", ge=1, le=20
     )
+    min_scale: Annotated[float, RESIZABLE] = Field(
+        default=1.0,
+        title="Smallest size",
+        description="How small the template may be in the image: 0.7 is seven tenths of its size.",
+        ge=0.3,
+        le=1,
+        json_schema_extra={"step": 0.05},
+    )
+    max_scale: Annotated[float, RESIZABLE] = Field(
+        default=1.0,
+        title="Largest size",
+        description="How large the template may be in the image: 1.4 is 1.4 times its size.",
+        ge=1,
+        le=3,
+        json_schema_extra={"step": 0.05},
+    )
+    max_rotation: Annotated[float, RESIZABLE] = Field(
+        default=0.0,
+        title="Turned by up to, °",
+        description="By how much the template may be turned in the image, to either side, degrees.",
+        ge=0,
+        le=180,
+        json_schema_extra={"step": 5},
+    )
+
+    @property
+    def resized(self) -> bool:
+        """Whether other sizes or angles than the template's own are searched."""
+        return self.min_scale < 1 or self.max_scale > 1 or self.max_rotation > 0
+
+    @property
+    def arguments(self) -> TemplateArguments:
+        """What to call the search with."""
+        return {
+            "method": self.method,
+            "min_score": self.min_score,
+            "max_matches": self.max_matches,
+            "scales": (self.min_scale, self.max_scale) if self.min_scale < 1 or self.max_scale > 1 else None,
+            "rotations": (-self.max_rotation, self.max_rotation) if self.max_rotation else None,
+        }

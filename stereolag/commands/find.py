@@ -14,8 +14,8 @@ def run(arguments: Sequence[str]) -> int:
     """Search as the arguments ask, print what is found, and return the code to exit with."""
     parser = CommandParser(
         "find",
-        "Tell where in an image a template is: row and column of its top-left pixel, best first. Transparent pixels of "
-        "the template do not count.",
+        "Tell where in an image a template is: row and column of its top-left pixel, best first. It is found where it "
+        "fits clearly better than anywhere else. Transparent pixels of the template do not count.",
         "IMAGE TEMPLATE [--min-score 0..1] [--max-matches N] [--json] [further settings]",
         f"; {NOT_FOUND} nothing is found",
     )
@@ -32,8 +32,25 @@ def run(arguments: Sequence[str]) -> int:
     if mask is not None and mask.ndim == 3:
         mask = mask[:, :, :3].max(axis=2)
     image, template = read(sl.read_image, options.image), read(sl.read_image, options.template)
-    result = sl.match_template(image, template, mask=mask, **query.model_dump(), seed=0)
-    lines = [f"row {one.row}, column {one.col}, score {one.score:.3f}" for one in result.matches]
-    lines = lines or [f"Not found: no place scores {query.min_score:g} or more."]
-    tell(search_figures(result, query), "\n".join(lines), as_json=options.json)
+    result = sl.match_template(image, template, mask=mask, **query.arguments, seed=0)
+    tell(search_figures(result, query), "\n".join(_told(result, query)), as_json=options.json)
     return DONE if result.found else NOT_FOUND
+
+
+def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
+    """Return what was found, a line for each place; why, where nothing was."""
+    if result.found:
+        return [_place(one) for one in result.matches]
+    if result.reason == "look_alikes":
+        alike = result.look_alikes
+        return [f"Not found: {len(alike)} places fit about equally well.", *(_place(one) for one in alike)]
+    if result.reason == "other_colours" and result.best is not None:
+        return [f"Not found in these colours, but in others: {_place(result.best)}."]
+    said = f"Not found: no place scores {query.min_score:g} or more."
+    return [said if result.best is None else f"{said} The best: {_place(result.best)}."]
+
+
+def _place(match: sl.TemplateMatch) -> str:
+    posed = (match.scale, match.rotation) != (1.0, 0.0)
+    pose = f", size {match.scale:.2f}, turned {match.rotation:+.1f}°" if posed else ""
+    return f"row {match.row}, column {match.col}, score {match.score:.3f}{pose}"

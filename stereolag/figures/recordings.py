@@ -164,12 +164,14 @@ def _add_ribbon(figure: go.Figure, result: SignalLag, weight: Vector) -> None:
 
 def lag_over_time(drift: Drift, sampling_rate: float) -> go.Figure:
     """Return the lag of each block over the seconds of recording 1, and the line of their drift."""
-    seconds, lags = np.array(drift.places) / sampling_rate, np.array(drift.lags)
-    slope, start = np.polyfit(seconds, lags, 1)
-    ends = np.array([seconds[0], seconds[-1]])
+    places, lags = np.array(drift.places), np.array(drift.lags)
+    seconds = places / sampling_rate
+    line_lags = np.polyval(np.polyfit(places, lags, 1), places[[0, -1]])
     figure = go.Figure()
     line = {"color": CORRELATION, "width": 2}
-    figure.add_trace(go.Scatter(x=ends, y=start + slope * ends, mode="lines", line=line, name="line", hoverinfo="skip"))
+    figure.add_trace(
+        go.Scatter(x=seconds[[0, -1]], y=line_lags, mode="lines", line=line, name="line", hoverinfo="skip")
+    )
     marker = {"color": PEAK, "size": 8}
     figure.add_trace(go.Scatter(x=seconds, y=lags, mode="markers", marker=marker, name="blocks"))
     # At least a sample high: what varies by hundredths must not look like a drift.

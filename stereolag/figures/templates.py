@@ -10,25 +10,38 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.arrays import Rgb
+from stereolag.figures.block_scores import best_of_blocks, block_side
 from stereolag.figures.disparity import legend
+from stereolag.figures.frames import draw_frame
 from stereolag.figures.pictures import FRAME, SHOWN_WIDTH, VIRIDIS, as_rgb, coloured, fitted, png
 from stereolag.inputs import Image
 from stereolag.templates import TemplateMatch
 from stereolag.templates.patterns import opaque_pixels
 
 CLOSE_UP_WIDTH = 640
-SCORE_MAP_WIDTH = 700
 LEFT_OUT = 128
 
 
-def framed(picture: Image, matches: Sequence[TemplateMatch], *, width: int = SHOWN_WIDTH) -> bytes:
-    """Return the image, no wider than `width` px, as a PNG with a frame around every match, the best one's boldest."""
+def framed(
+    picture: Image,
+    matches: Sequence[TemplateMatch],
+    doubtful: Sequence[TemplateMatch] = (),
+    *,
+    template: tuple[int, ...] | None = None,
+    width: int = SHOWN_WIDTH,
+) -> bytes:
+    """Return the image, no wider than `width` px, as a PNG with a frame around every match, the best one's boldest.
+
+    Doubtful places are dashed; frames are turned where the shape of the template is given.
+    """
     shown = fitted(picture, width).copy()
     scale = shown.shape[1] / picture.shape[1]
     thickness = max(2, shown.shape[1] // 250)
+    for match in reversed(doubtful):
+        draw_frame(shown, match, scale, thickness, template=template, dashed=True)
     for match in reversed(matches):
-        _frame(shown, match, scale, thickness if match is matches[0] else max(1, thickness // 2))
+        bold = thickness if match is matches[0] else max(1, thickness // 2)
+        draw_frame(shown, match, scale, bold, template=template)
     return png(shown)
 
 
@@ -42,8 +55,10 @@ def what_counts(template: Image, mask: Image | None) -> bytes:
     return png(shown)
 
 
-def match_close_up(picture: Image, match: TemplateMatch) -> bytes:
-    """Return the match with what is around it, 4:3 and enlarged, as a PNG."""
+def match_close_up(
+    picture: Image, match: TemplateMatch, *, doubtful: bool = False, template: tuple[int, ...] | None = None
+) -> bytes:
+    """Return the match with what is around it, 4:3 and enlarged, as a PNG; its frame is dashed where doubtful."""
     height = 2 * max(match.height, match.width)
     rows = _around(match.row + match.height // 2, height, picture.shape[0])
     cols = _around(match.col + match.width // 2, height * 4 // 3, picture.shape[1])
@@ -51,7 +66,8 @@ def match_close_up(picture: Image, match: TemplateMatch) -> bytes:
     scale = CLOSE_UP_WIDTH / max(part.shape[:2])
     size = (max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale)))
     shown = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
-    _frame(shown, replace(match, row=match.row - rows.start, col=match.col - cols.start), scale, 5)
+    moved = replace(match, row=match.row - rows.start, col=match.col - cols.start)
+    draw_frame(shown, moved, scale, 5, template=template, dashed=doubtful)
     return png(shown)
 
 
@@ -60,8 +76,8 @@ def score_map_png(score_map: npt.NDArray[np.float32], matches: Sequence[Template
 
     Where a pixel of the PNG stands for several places it shows the best of them: a peak is one place wide.
     """
-    factor = max(1, -(-score_map.shape[1] // SCORE_MAP_WIDTH))
-    shown = coloured(_best_of_blocks(score_map, factor), 0, 1)
+    factor = block_side(score_map)
+    shown = coloured(best_of_blocks(score_map, factor)[0], 0, 1)
     for match in matches:
         centre = (match.col // factor, match.row // factor)
         cv2.circle(shown, centre, max(8, shown.shape[1] // 50), FRAME, max(1, shown.shape[1] // 250), cv2.LINE_AA)
@@ -73,28 +89,7 @@ def score_legend() -> go.Figure:
     return legend(0, 1, VIRIDIS, "score")
 
 
-def _frame(picture: Rgb, match: TemplateMatch, scale: float, thickness: int) -> None:
-    """Draw a frame just outside of the match."""
-    away = thickness // 2 + 1
-    top_left = (round(match.col * scale) - away, round(match.row * scale) - away)
-    bottom_right = (
-        round((match.col + match.width) * scale) + away,
-        round((match.row + match.height) * scale) + away,
-    )
-    cv2.rectangle(picture, top_left, bottom_right, (255, 255, 255), thickness + 2)
-    cv2.rectangle(picture, top_left, bottom_right, FRAME, thickness)
-
-
 def _around(centre: int, length: int, end: int) -> slice:
     """Return `length` pixels around `centre`, moved (or cut) so that they lie within 0 … `end`."""
     start = max(0, min(centre - length // 2, end - length))
     return slice(start, min(end, start + length))
-
-
-def _best_of_blocks(score_map: npt.NDArray[np.float32], factor: int) -> npt.NDArray[np.float32]:
-    """Return the highest score of each block of factor × factor places, NaN where all of them are."""
-    rows, cols = (-(-side // factor) for side in score_map.shape)
-    padded = np.full((rows * factor, cols * factor), -np.inf, dtype=np.float32)
-    padded[: score_map.shape[0], : score_map.shape[1]] = np.nan_to_num(score_map, nan=-np.inf)
-    best = padded.reshape(rows, factor, cols, factor).max(axis=(1, 3))
-    return np.where(np.isneginf(best), np.float32(np.nan), best)

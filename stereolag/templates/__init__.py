@@ -2,6 +2,7 @@
 
 from stereolag.searches import TemplateMethod
 from stereolag.templates.estimates import estimate_search
-from stereolag.templates.search import TemplateMatch, TemplateSearch, match_template
+from stereolag.templates.result import TemplateMatch, TemplateSearch
+from stereolag.templates.search import match_template
 
 __all__ = ["TemplateMatch", "TemplateMethod", "TemplateSearch", "estimate_search", "match_template"]

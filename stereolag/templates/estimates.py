@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting
 from stereolag.searches import TemplateMethod
+from stereolag.templates.pose_ranges import PoseRange, Range, checked_poses
 from stereolag.templates.score_maps import tiling
 
 Shape = tuple[int, ...]
@@ -26,6 +28,12 @@ PRODUCT_SECONDS = 2.8e-10
 PIXEL_SECONDS = 4e-9
 """Seconds per pixel compared with a rare value."""
 
+PEAK = 40
+"""Bytes that the search for the peaks of a map takes for each of its scores, at the most."""
+
+REFINING_SECONDS = 0.8
+"""Seconds in which the best places are refined in size and angle."""
+
 FEWEST_MEGAPIXELS = 0.01
 """Smaller images are not worth suggesting."""
 
@@ -37,6 +45,8 @@ def estimate_search(
     dtype: npt.DTypeLike = np.uint8,
     method: TemplateMethod = "fft",
     masked: bool | None = None,
+    scales: Range | None = None,
+    rotations: Range | None = None,
 ) -> Estimate:
     """Return the memory and time that :func:`stereolag.templates.match_template` needs.
 
@@ -50,6 +60,9 @@ def estimate_search(
     * "sampled" holds three marks for each position. Where no value of the template is rare in the image it needs
       more: such a search is refused once the positions with the value are counted.
 
+    Over sizes and angles, "fft" holds the maps of a reduced image, one for every thread, and then a colour image of
+    half the size and the templates that are refined in it.
+
     Parameters
     ----------
     image_shape, template_shape
@@ -60,6 +73,8 @@ def estimate_search(
         As for :func:`~stereolag.templates.match_template`.
     masked
         Whether only some pixels of the template are compared; None: if it has alpha.
+    scales, rotations
+        As for :func:`~stereolag.templates.match_template`.
     """
     (rows, cols), (height, width) = image_shape[:2], template_shape[:2]
     both_coloured = len(image_shape) == 3 and len(template_shape) == 3
@@ -83,11 +98,42 @@ def estimate_search(
         memory = kept + deviations + planes + max(planes, sums + (channels + 5) * of_place) + DOUBLE * (pixels + size)
         seconds = PRODUCT_SECONDS * places * size * (2 * channels + 1)
         return Estimate(max(making, memory) + OVERHEAD, seconds)
+    poses = checked_poses(method, scales, rotations)
+    if poses is not None:
+        return _with_poses(image_shape, template_shape, channels, pixel_type, kept + making, poses)
     part = has_alpha(template_shape) if masked is None else masked
     search = _Tiles.of(image_shape, template_shape, channels, pixel_type, part)
     memory = kept + deviations + SCORE * places + search.shared + search.at_once * search.memory
     seconds = search.transforms * FFT_SECONDS * search.points * math.log2(search.points) / search.at_once
     return Estimate(max(making, memory) + OVERHEAD, seconds)
+
+
+def _with_poses(
+    image_shape: Shape, template_shape: Shape, channels: int, dtype: np.dtype[np.generic], made: int, poses: PoseRange
+) -> Estimate:
+    """Return what a search over sizes and angles takes: the coarse maps at once, then warped templates.
+
+    Parameters
+    ----------
+    made
+        Bytes of what is made of image and template before.
+    """
+    (rows, cols), factor, grid = image_shape[:2], poses.coarse_factor(template_shape), poses.grid()
+    largest = max(scale for scale, _ in grid)
+    sides = [math.ceil(side * largest / factor) for side in template_shape[:2]]
+    little = max(rows / factor, sides[0]), max(cols / factor, sides[1])
+    search = _Tiles.of((math.ceil(little[0]), math.ceil(little[1])), tuple(sides), 1, np.dtype(np.float32), masked=True)
+    # Of each map: its scores, their copies in the search for peaks, and these.
+    pixels = math.ceil(little[0]) * math.ceil(little[1])
+    threads = max(1, cv2.getNumThreads())
+    each = search.shared + search.at_once * search.memory + (SCORE + PEAK) * pixels
+    coarse = rows * cols * dtype.itemsize + SCORE * pixels + threads * each
+    turned = math.hypot(*template_shape[:2]) * largest
+    layers = 4 * SCORE * (channels + 1) * math.ceil(turned) ** 2 + 3 * DOUBLE * channels * math.ceil(turned) ** 2
+    halved = SCORE * channels * rows * cols * 4 / max(2.0, factor) ** 2
+    fine = halved + threads * layers
+    seconds = len(grid) * search.transforms * FFT_SECONDS * search.points * math.log2(search.points) / threads
+    return Estimate(round(made + max(coarse, fine)) + OVERHEAD, seconds + REFINING_SECONDS)
 
 
 class _Tiles:
@@ -138,17 +184,16 @@ def has_alpha(shape: Shape) -> bool:
 
 
 def fitting_image(
-    allowed: int,
-    *,
-    image_shape: Shape,
-    template_shape: Shape,
-    dtype: npt.DTypeLike,
-    method: TemplateMethod,
-    masked: bool,
+    estimate: Callable[[Shape, Shape], Estimate], image_shape: Shape, template_shape: Shape, allowed: int
 ) -> str:
     """Return a sentence that names the size of an image, or else of a template, that would fit into the bytes allowed.
 
     Both keep their shape: the image shrinks down to the template, then the template with it.
+
+    Parameters
+    ----------
+    estimate
+        Takes the shapes of an image and of a template.
     """
 
     def resized(shape: Shape, width: int) -> Shape:
@@ -156,12 +201,10 @@ def fitting_image(
 
     def of_image(width: int) -> Estimate:
         rows, cols, *rest = resized(image_shape, width)
-        room = max(rows, template_shape[0]), max(cols, template_shape[1]), *rest
-        return estimate_search(room, template_shape, dtype=dtype, method=method, masked=masked)
+        return estimate((max(rows, template_shape[0]), max(cols, template_shape[1]), *rest), template_shape)
 
     def of_template(width: int) -> Estimate:
-        small = resized(template_shape, width)
-        return estimate_search(image_shape, small, dtype=dtype, method=method, masked=masked)
+        return estimate(image_shape, resized(template_shape, width))
 
     width = largest_fitting(of_image, image_shape[1], allowed)
     rows, cols = resized(image_shape, max(width, 1))[:2]

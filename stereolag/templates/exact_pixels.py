@@ -53,6 +53,28 @@ class ExactPlacements:
     candidates: int
 
 
+@dataclass(frozen=True)
+class AnchorStages:
+    """What is left of the positions, stage by stage, once an anchor is chosen; each as rows and columns.
+
+    Parameters
+    ----------
+    run
+        First and last column of the opaque run along the anchor's row.
+    coloured
+        Positions at which the image holds the anchor's exact value.
+    agreeing
+        Those at which both ends of the run agree too.
+    scored
+        All within a small grid around these.
+    """
+
+    run: tuple[int, int]
+    coloured: tuple[Indices, Indices]
+    agreeing: tuple[Indices, Indices]
+    scored: tuple[Indices, Indices]
+
+
 def exact_positions(
     image: Image, pattern: Pattern, min_score: float, seed: int | None, progress: Progress
 ) -> ExactPlacements:
@@ -76,11 +98,10 @@ def exact_positions(
         Called with the fraction done, as if all anchors were needed; 1 at the end.
     """
     image = np.ascontiguousarray(image)
-    places = image.shape[0] - pattern.shape[0] + 1, image.shape[1] - pattern.shape[1] + 1
-    anchors = _rare_pixels(image, pattern, np.random.default_rng(seed))
+    anchors = rare_pixels(image, pattern, seed)
     candidates = 0
     for attempt, (row, col) in enumerate(anchors):
-        rows, cols = _grid(*_hits(image, pattern, row, col), places)
+        rows, cols = anchor_stages(image, pattern, row, col).scored
         candidates += len(rows)
         batch = BATCH // pattern.deviations.size + 1
         scores = np.empty(len(rows))
@@ -95,8 +116,17 @@ def exact_positions(
     return ExactPlacements(rows, cols, scores, candidates)
 
 
-def _rare_pixels(image: Image, pattern: Pattern, random: np.random.Generator) -> list[tuple[int, int]]:
-    """Return (row, col) of opaque template pixels of different colour, the rarest in a sample of the image first."""
+def rare_pixels(image: Image, pattern: Pattern, seed: int | None, most: int = ATTEMPTS) -> list[tuple[int, int]]:
+    """Return (row, col) of opaque template pixels of different colour, the rarest in a sample of the image first.
+
+    Parameters
+    ----------
+    image, pattern, seed
+        As :func:`exact_positions` takes them.
+    most
+        How many at the most.
+    """
+    random = np.random.default_rng(seed)
     rows, cols = np.nonzero(pattern.opaque)
     sample_rows, sample_cols = (random.integers(0, length, SAMPLE) for length in image.shape[:2])
     colours, appearances = np.unique(_codes(image[sample_rows, sample_cols]), return_counts=True)
@@ -105,7 +135,7 @@ def _rare_pixels(image: Image, pattern: Pattern, random: np.random.Generator) ->
     nearest = np.minimum(np.searchsorted(colours, codes), len(colours) - 1)
     count = np.where(colours[nearest] == codes, appearances[nearest], 0)
     _, first_of_colour = np.unique(codes, return_index=True)
-    rarest = first_of_colour[np.lexsort((first_of_colour, count[first_of_colour]))][:ATTEMPTS]
+    rarest = first_of_colour[np.lexsort((first_of_colour, count[first_of_colour]))][:most]
     return [(int(rows[index]), int(cols[index])) for index in shuffled[rarest]]
 
 
@@ -115,11 +145,24 @@ def _codes(pixels: Image) -> npt.NDArray[np.float64]:
     return np.asarray((pixels * weights).sum(axis=1))
 
 
-def _hits(image: Image, pattern: Pattern, row: int, col: int) -> tuple[Indices, Indices]:
-    """Return the positions where the template's pixel (row, col) and both ends of its opaque run agree."""
+def anchor_stages(image: Image, pattern: Pattern, row: int, col: int) -> AnchorStages:
+    """Return the positions that the template's pixel (row, col), as the anchor, leaves to be scored, and how.
+
+    Parameters
+    ----------
+    image
+        (rows, cols, channels), of the dtype and channels of the pattern.
+    pattern
+        The template; its pixel (row, col) is opaque.
+
+    Raises
+    ------
+    ValueError
+        The value is so common that its positions would need more memory than one job may take.
+    """
     gaps = np.flatnonzero(~pattern.opaque[row])
-    run_start = gaps[gaps < col].max(initial=-1) + 1
-    run_end = gaps[gaps > col].min(initial=pattern.opaque.shape[1]) - 1
+    run_start = int(gaps[gaps < col].max(initial=-1)) + 1
+    run_end = int(gaps[gaps > col].min(initial=pattern.opaque.shape[1])) - 1
     value = tuple(pattern.colours[row, col].tolist())
     places = image.shape[0] - pattern.shape[0] + 1, image.shape[1] - pattern.shape[1] + 1
     # A position inside the image has its pixel (row, col) inside this part of it.
@@ -128,11 +171,11 @@ def _hits(image: Image, pattern: Pattern, row: int, col: int) -> tuple[Indices, 
         Estimate(HIT_BYTES * cv2.countNonZero(marks), 0.0),
         "No value of the template is rare in this image; the method 'fft' does not depend on that.",
     )
-    rows, cols = _nonzero(marks)
+    coloured = rows, cols = _nonzero(marks)
     for end in (run_start, run_end):
         agrees = (image[rows + row, cols + end] == pattern.colours[row, end]).all(axis=1)
         rows, cols = rows[agrees], cols[agrees]
-    return rows, cols
+    return AnchorStages((run_start, run_end), coloured, (rows, cols), _grid(rows, cols, places))
 
 
 def _grid(rows: Indices, cols: Indices, places: tuple[int, int]) -> tuple[Indices, Indices]:

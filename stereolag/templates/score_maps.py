@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -98,7 +99,7 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
             for row in range(0, places[0], down)
             for col in range(0, places[1], across)
         ]
-        for fraction in _finished(jobs):
+        for fraction in finished(jobs):
             progress(fraction)
     finally:
         # A progress callback may raise to cancel the search: tiles that have not begun then never do.
@@ -195,7 +196,7 @@ def _fft_length(least: int) -> int:
     return FFT_UNIT * int(cv2.getOptimalDFTSize(-(-least // FFT_UNIT)))
 
 
-def _finished(jobs: list[Future[None]]) -> Iterator[float]:
+def finished(jobs: list[Future[Any]]) -> Iterator[float]:
     """Yield the fraction of jobs done, at least ten times a second, until all are; raise what a job raised."""
     pending = set(jobs)
     while pending:

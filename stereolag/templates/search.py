@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -14,61 +14,23 @@ from stereolag.estimates import check_memory
 from stereolag.inputs import Image, as_image
 from stereolag.progress import Progress, silent
 from stereolag.searches import TemplateMethod
+from stereolag.templates.colours import in_its_colours
 from stereolag.templates.estimates import estimate_search, fitting_image, has_alpha
-from stereolag.templates.exact_pixels import exact_positions
+from stereolag.templates.exact_pixels import ExactPlacements, exact_positions
+from stereolag.templates.judging import Places, judged
 from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of
+from stereolag.templates.peaks import peaks
+from stereolag.templates.pose_ranges import PoseRange, checked_poses
+from stereolag.templates.poses import posed_places
+from stereolag.templates.reduction import likely_places
+from stereolag.templates.result import TemplateSearch
 from stereolag.templates.score_maps import direct_score_map, fft_score_map
 
-Indices = npt.NDArray[np.intp]
+EXACT = 0.999
+"""What an exact copy scores at the least."""
 
-
-@dataclass(frozen=True)
-class TemplateMatch:
-    """One position of the template in the image.
-
-    Parameters
-    ----------
-    row, col
-        Of the top-left pixel, px.
-    height, width
-        Of the template, px.
-    score
-        Pearson's correlation coefficient, -1..1: 1 for an exact copy, whatever its brightness and contrast.
-    """
-
-    row: int
-    col: int
-    height: int
-    width: int
-    score: float
-
-
-@dataclass(frozen=True)
-class TemplateSearch:
-    """The result of :func:`match_template`.
-
-    Parameters
-    ----------
-    matches
-        Best first, never overlapping by more than half of their area; empty where no score is high enough.
-    score_map
-        (rows - height + 1, cols - width + 1) float32: the score with the template's top-left pixel at each
-        (row, col), NaN where the window is flat. None for "sampled".
-    candidates
-        Number of positions scored.
-    elapsed_s
-        Seconds the search took.
-    """
-
-    matches: list[TemplateMatch]
-    score_map: npt.NDArray[np.float32] | None
-    candidates: int
-    elapsed_s: float
-
-    @property
-    def found(self) -> bool:
-        """Whether the template is in the image at all."""
-        return bool(self.matches)
+LIKELY = 6
+"""Rivals of a copy that is not exact, looked for beside the exact pixels."""
 
 
 def match_template(
@@ -79,6 +41,8 @@ def match_template(
     mask: npt.ArrayLike | None = None,
     max_matches: int = 1,
     min_score: float = 0.5,
+    scales: tuple[float, float] | None = None,
+    rotations: tuple[float, float] | None = None,
     seed: int | None = None,
     progress: Progress | None = None,
 ) -> TemplateSearch:
@@ -105,9 +69,15 @@ def match_template(
     mask
         (height, width) of the template: its pixels above 0 are compared, whatever the template's alpha.
     max_matches
-        The largest number of matches, each a local maximum of the score.
+        The largest number of matches, each a local maximum of the score. The lead is counted after the last of them
+        that has one: of three equal copies none is found alone, and all three are where three are wanted.
     min_score
         Least score of a match, -1..1.
+    scales
+        Least and largest size of the template in the image over its own; None: its own size alone. For "fft".
+    rotations
+        Least and largest angle by which it is turned there, degrees, positive counter-clockwise as seen; None: upright
+        alone. For "fft".
     seed
         Of the choices of "sampled"; the other methods make none.
     progress
@@ -116,7 +86,8 @@ def match_template(
     Returns
     -------
     TemplateSearch
-        `found` is False, and `matches` empty, where no position reaches `min_score`.
+        `found` only where a position reaches `min_score` and has a clear lead over all others
+        (:mod:`stereolag.templates.verdict`); `matches` is empty where none reaches `min_score`.
 
     Raises
     ------
@@ -127,25 +98,40 @@ def match_template(
         (:func:`~stereolag.templates.estimate_search`).
     """
     _check_options(method, max_matches, min_score)
-    searched, pattern = _checked(image, template, mask, method)
+    poses = checked_poses(method, scales, rotations)
+    searched, pattern = _checked(image, template, mask, method, poses)
     report = silent if progress is None else progress
     started = time.perf_counter()
-    score_map: npt.NDArray[np.float32] | None = None
-    scores: npt.NDArray[np.floating[Any]]
+    score_map: npt.NDArray[np.float32] | None
     if method == "sampled":
         _check_same_type(searched, pattern)
         positions = exact_positions(searched, pattern, min_score, seed, report)
-        candidates = positions.candidates
-        enough = positions.scores >= min_score
-        rows, cols, scores = positions.rows[enough], positions.cols[enough], positions.scores[enough]
+        places, own = _with_rivals(searched, pattern, positions, min_score)
+        score_map, candidates = None, positions.candidates
+    elif poses is not None:
+        places, candidates = posed_places(searched, pattern, poses, report)
+        score_map, own = None, len(places.rows)
     else:
         score_map = (fft_score_map if method == "fft" else direct_score_map)(searched, pattern, report)
+        rows, cols = peaks(score_map, -1.0)
+        places, own = Places(rows, cols, score_map[rows, cols], pattern.shape), len(rows)
         candidates = score_map.size
-        rows, cols = peaks(score_map, min_score)
-        scores = score_map[rows, cols]
-    kept = suppress(rows, cols, scores, pattern.shape, max_matches)
-    matches = [TemplateMatch(int(rows[i]), int(cols[i]), *pattern.shape, float(scores[i])) for i in kept]
-    return TemplateSearch(matches, score_map, candidates, time.perf_counter() - started)
+    search = judged(places, max_matches, min_score, score_map=score_map, candidates=candidates, matchable=own)
+    search = in_its_colours(search, searched, pattern)
+    return replace(search, elapsed_s=time.perf_counter() - started)
+
+
+def _with_rivals(image: Image, pattern: Pattern, positions: ExactPlacements, min_score: float) -> tuple[Places, int]:
+    """Return the positions that share exact pixels, how many they are, and after them the likely places elsewhere.
+
+    A copy that is exact but for rounding needs none: any other copy as good shares its exact pixels.
+    """
+    scored = np.isfinite(positions.scores)
+    places = Places(positions.rows[scored], positions.cols[scored], positions.scores[scored], pattern.shape)
+    own = len(places.rows)
+    if own and min_score <= places.scores.max() < EXACT:
+        places = places.joined(*likely_places(image, pattern, LIKELY))
+    return places, own
 
 
 def _check_options(method: str, max_matches: int, min_score: float) -> None:
@@ -158,33 +144,33 @@ def _check_options(method: str, max_matches: int, min_score: float) -> None:
 
 
 def _checked(
-    image: npt.ArrayLike, template: npt.ArrayLike, mask: npt.ArrayLike | None, method: TemplateMethod
+    image: npt.ArrayLike,
+    template: npt.ArrayLike,
+    mask: npt.ArrayLike | None,
+    method: TemplateMethod,
+    poses: PoseRange | None,
 ) -> tuple[Image, Pattern]:
     """Return the image (rows, cols, channels) and the pattern to look for in it, if the search has room for it."""
     large, small = as_image(image, "image"), as_image(template, "template")
-    if small.shape[0] > large.shape[0] or small.shape[1] > large.shape[1]:
+    least = 1.0 if poses is None else poses.scales[0]
+    if small.shape[0] * least > large.shape[0] or small.shape[1] * least > large.shape[1]:
+        resized = "" if least == 1 else f" at {least:g} of its size"
         raise ValueError(
             f"template is {small.shape[1]} × {small.shape[0]} pixels and image {large.shape[1]} × "
-            f"{large.shape[0]}; the template must fit into the image."
+            f"{large.shape[0]}; the template must fit into the image{resized}."
         )
-    _check_room(large, small, method, masked=mask is not None or has_alpha(small.shape))
+    fitting = partial(
+        estimate_search,
+        dtype=large.dtype,
+        method=method,
+        masked=mask is not None or has_alpha(small.shape),
+        scales=None if poses is None else poses.scales,
+        rotations=None if poses is None else poses.rotations,
+    )
+    check_memory(fitting(large.shape, small.shape), partial(fitting_image, fitting, large.shape, small.shape))
     opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
     large, colours = alike(large, small)
     return large, pattern_of(colours, opaque)
-
-
-def _check_room(large: Image, small: Image, method: TemplateMethod, *, masked: bool) -> None:
-    check_memory(
-        estimate_search(large.shape, small.shape, dtype=large.dtype, method=method, masked=masked),
-        partial(
-            fitting_image,
-            image_shape=large.shape,
-            template_shape=small.shape,
-            dtype=large.dtype,
-            method=method,
-            masked=masked,
-        ),
-    )
 
 
 def _check_same_type(large: Image, pattern: Pattern) -> None:
@@ -193,55 +179,3 @@ def _check_same_type(large: Image, pattern: Pattern) -> None:
             f"image holds {large.dtype} and template {pattern.colours.dtype} pixels; "
             "the method 'sampled' compares exact values and needs one type (or use 'fft')."
         )
-
-
-Scores = npt.NDArray[np.floating[Any]]
-
-
-ROWS_AT_ONCE = 256
-"""Rows of a score map searched for peaks at a time: indices of every pixel take ten times the memory of a map."""
-
-
-def peaks(score_map: Scores, min_score: float) -> tuple[Indices, Indices]:
-    """Return rows and columns of the local maxima of at least `min_score`: no neighbour scores higher.
-
-    The slopes of a peak are left out, so that they do not return as matches just outside its suppressed half.
-    NaN is never a peak.
-    """
-    found = [
-        _peaks_of_rows(score_map, first, first + ROWS_AT_ONCE, min_score)
-        for first in range(0, len(score_map), ROWS_AT_ONCE)
-    ]
-    return np.concatenate([rows for rows, _ in found]), np.concatenate([cols for _, cols in found])
-
-
-def _peaks_of_rows(score_map: Scores, first: int, end: int, min_score: float) -> tuple[Indices, Indices]:
-    """Return the peaks of the rows from `first` to `end`; those next to them are looked at too."""
-    rows, cols = np.divmod(np.flatnonzero(score_map[first:end] >= min_score), score_map.shape[1])
-    rows += first
-    own = score_map[rows, cols]
-    last_row, last_col = score_map.shape[0] - 1, score_map.shape[1] - 1
-    highest = np.ones(len(rows), dtype=np.bool_)
-    for down in (-1, 0, 1):
-        for right in (-1, 0, 1):
-            neighbour = score_map[np.clip(rows + down, 0, last_row), np.clip(cols + right, 0, last_col)]
-            highest &= ~(neighbour > own)
-    return rows[highest], cols[highest]
-
-
-def suppress(rows: Indices, cols: Indices, scores: Scores, shape: tuple[int, int], max_matches: int) -> list[int]:
-    """Return the indices of the positions kept, best first: each removes all that it overlaps by more than half.
-
-    Positions are rectangles of `shape` (height, width) with their top-left pixel at (row, col); of equal scores
-    the first listed wins.
-    """
-    height, width = shape
-    left = np.argsort(-scores, kind="stable")
-    kept: list[int] = []
-    while left.size and len(kept) < max_matches:
-        best = left[0]
-        kept.append(int(best))
-        shared_rows = np.maximum(height - np.abs(rows[left] - rows[best]), 0)
-        shared_cols = np.maximum(width - np.abs(cols[left] - cols[best]), 0)
-        left = left[2 * shared_rows * shared_cols <= height * width]
-    return kept

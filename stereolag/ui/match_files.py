@@ -13,6 +13,7 @@ from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch
 from stereolag.ui.downloads import File, archive, show_reproduction, show_taken
 from stereolag.ui.pictures import PictureAndTemplate
+from stereolag.ui.template_answer import doubtful
 
 KEY = "template.take"
 
@@ -48,9 +49,17 @@ def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
         File(
             "Framed PNG",
             "framed.png",
-            partial(framed, inputs.picture, result.matches, width=cols),
-            f"The image in its own size, {cols} × {rows} pixels, with a frame around every match.",
-            "" if result.matches else "Nothing was found to be framed.",
+            partial(
+                framed,
+                inputs.picture,
+                result.matches if result.found else [],
+                doubtful(result),
+                template=inputs.template.shape,
+                width=cols,
+            ),
+            f"The image in its own size, {cols} × {rows} pixels, with a frame around every match, dashed where it is "
+            "doubtful.",
+            "" if result.best else "Nothing was found to be framed.",
         ),
         File("Python script", "reproduce.py", partial(find_script, query, *names), "Searches again."),
         _image_file(names[0], inputs.picture, "The image."),

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import streamlit as st
 
 from stereolag import samples
 from stereolag.inputs import Image, as_image
 from stereolag.reading import read_image
-from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui.choices import OWN, choose, own_or_example
+from stereolag.ui.cutting import box_in
+from stereolag.ui.painting import painted_mask
 from stereolag.ui.uploads import PICTURE_TYPES, Upload, forget_together, put_together, upload
 
 KEY = "pictures"
@@ -17,7 +19,10 @@ KEY = "pictures"
 
 @dataclass(frozen=True, eq=False)
 class PictureAndTemplate:
-    """An image, what to look for in it, and a mask: above 0 where the template counts, None where its alpha says."""
+    """An image, what to look for in it, and a mask: above 0 where the template counts, None where its alpha says.
+
+    Its `place`, (row, col) of its top-left pixel, is known of an example and of what was cut from the image.
+    """
 
     picture: Image
     template: Image
@@ -25,13 +30,31 @@ class PictureAndTemplate:
     digest: str
     shared: bool
     mask: Image | None = None
+    place: tuple[int, int] | None = None
 
 
 def choose_pictures() -> PictureAndTemplate:
-    """Ask where to look for what."""
+    """Ask where to look for what, and what of it does not count."""
     examples = samples.mazes()
     chosen = choose(examples, key=KEY)
-    return own_or_example(chosen, _own_pictures, example_pictures, examples, key=KEY, awaited="both images are")
+    given = "A file" if chosen == OWN else "The example’s"
+    template_from = st.segmented_control(
+        "Template",
+        ("given", "cut"),
+        default="given",
+        format_func=lambda one: given if one == "given" else "Cut from the image",
+        required=True,
+        key=f"{KEY}.from",
+        persist_state="session",
+    )
+    if template_from == "cut":
+        inputs = own_or_example(chosen, _own_cut, _example_cut, examples, key=KEY, awaited="your image is")
+    else:
+        inputs = own_or_example(chosen, _own_pictures, example_pictures, examples, key=KEY, awaited="both images are")
+    painted = painted_mask(inputs.template, inputs.mask, digest=inputs.digest, key=f"{KEY}.painted")
+    if painted is None:
+        return inputs
+    return replace(inputs, mask=painted.pixels, digest=f"{inputs.digest} painted {painted.digest}", shared=False)
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -39,7 +62,12 @@ def example_pictures(name: str) -> PictureAndTemplate:
     """Return one of the bundled images with its template."""
     example = samples.mazes()[name]
     return PictureAndTemplate(
-        read_image(example.picture), read_image(example.template), example.description, f"maze {name}", True
+        read_image(example.picture),
+        read_image(example.template),
+        example.description,
+        f"maze {name}",
+        True,
+        place=(example.row, example.col),
     )
 
 
@@ -69,6 +97,28 @@ def _own_pictures() -> PictureAndTemplate | None:
         forget_together(f"{KEY}.own")
         return None
     return put_together(lambda: _together(picture, template, mask), f"{KEY}.own")
+
+
+def _own_cut() -> PictureAndTemplate | None:
+    """Ask for one file, and for a box in it."""
+    picture = upload("Image", read_image, key=f"{KEY}.picture", types=PICTURE_TYPES)
+    if picture is None:
+        return None
+    return _cut(as_image(picture.content, "image"), "Your own image.", picture.digest, shared=False)
+
+
+def _example_cut(name: str) -> PictureAndTemplate:
+    example = example_pictures(name)
+    return _cut(example.picture, example.description, example.digest, shared=True)
+
+
+def _cut(image: Image, description: str, digest: str, *, shared: bool) -> PictureAndTemplate:
+    """Ask for a box in an image, whose pixels are then the template; a visitor's own box is kept for that visitor."""
+    box = box_in(image, digest=digest, shared=shared, key=f"{KEY}.cut")
+    template = image[box.slices]
+    digest = f"{digest} cut {box.row} {box.col} {box.height} {box.width}"
+    said = f"{description} What was cut out finds itself: ask for more matches, or damage the image below."
+    return PictureAndTemplate(image, template, said, digest, False, place=(box.row, box.col))
 
 
 def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:

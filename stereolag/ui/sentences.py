@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from stereolag.doctor.row_evidence import RowEvidence
 from stereolag.stereo.reasons import Reason
-from stereolag.templates import TemplateSearch
 
 
 def duration(seconds: float) -> str:
@@ -36,24 +33,6 @@ def started_in_words(min_disparity: int, num_disparities: int) -> str:
     return (
         f"Searched from {min_disparity} to {min_disparity + num_disparities - 1} px, the range found for this pair, "
         "with the fast preset."
-    )
-
-
-# Templates
-
-
-def why_not_found(result: TemplateSearch, min_score: float) -> str:
-    """Return how close the best place came, and what to try."""
-    if result.score_map is None:
-        return (
-            "No place in the image has exactly these pixels and a high enough score. “FFT” also finds a template that "
-            "was dimmed, recoloured or recompressed."
-        )
-    scores = result.score_map[np.isfinite(result.score_map)]
-    best = f"The best place scores {scores.max():.2f}" if scores.size else "No place has anything to correlate"
-    return (
-        f"{best}; the minimum score is {min_score:.2f}. The template is not in the image, or it is rotated, resized or "
-        "hidden there. Lower the minimum score to see the place that comes closest."
     )
 
 

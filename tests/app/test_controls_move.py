@@ -26,12 +26,23 @@ MOVES: dict[str, dict[str, Any]] = {
         "lag.speed.recordings coast": 1_500.0,
         "lag.max.recordings coast": 1_000,
         "lag.from.recordings coast.50082": 1_000,
+        "lag.curve": "Plain Pearson",
     },
     SEARCH: {
         "pictures": "maze_dulled",
+        "pictures.from": "cut",
         "template.method": "sampled",
         "template.min_score": 0.2,
         "template.max_matches": 5,
+        "template.min_scale": 0.9,
+        "template.max_scale": 1.1,
+        "template.max_rotation": 10.0,
+        "degrade.contrast": 0.3,
+        "degrade.brightness": 60,
+        "degrade.noise": 20,
+        "degrade.turn": 10.0,
+        "degrade.resize": 0.8,
+        "degrade.cover": 0.5,
     },
     DEPTH: {
         "pairs": "square",
@@ -106,7 +117,7 @@ for one in MOVES[DEPTH]:
     for name in ("bm", "sgbm", "sgm"):
         if one.startswith(f"depth.{name}."):  # its controls and its map
             FIRST[one] = {keys.TAB: name, keys.SHOWN: ["correlation", name]} | FIRST.get(one, {})
-SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine")}
+SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine"), "lag.runs"}
 ONLY_WITH_A_SQUARE_SEARCH: dict[str, Any] = {keys.SEARCH_SIZE: 60, keys.REACH: 0}
 
 

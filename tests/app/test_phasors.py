@@ -51,7 +51,7 @@ def test_ones_own_recordings_come_first_once_their_lag_is_found(open_page: Calla
     assert [example["name"] for example in others] == EXAMPLES
     assert own["title"] == "Your recordings"
     assert own["offset"] + LAG * own["step"] == -500
-    assert own["said"]["whitened"] == "The chain reaches furthest at lag 4, as the whole recordings do."
+    assert own["said"]["whitened"] == "The chain reaches furthest at lag 4, as in the whole recordings."
 
 
 def test_recordings_with_nothing_in_common_have_no_arrows(open_page: Callable[[str], AppTest]) -> None:
@@ -62,7 +62,7 @@ def test_recordings_with_nothing_in_common_have_no_arrows(open_page: Callable[[s
 @pytest.mark.parametrize(
     ("found", "said"),
     [
-        (common_stretch("own", noise(9_000), noise(9_000), 0), "furthest at lag 4, as the whole recordings do."),
+        (common_stretch("own", noise(9_000), noise(9_000), 0), "furthest at lag 4, as in the whole recordings."),
         (tone(), "furthest at lag −1, not at 4 as in the whole recordings."),
     ],
 )

@@ -146,7 +146,9 @@ def test_a_cursor_in_a_screenshot_needs_its_mask(with_uploads: Callable[..., App
     files = {name: next(folder.glob(f"{stem}.*")) for name, stem in names.items()}
     app = with_uploads("pictures", **{name: (path.name, path.read_bytes()) for name, path in files.items()})
     assert not app.error
-    assert app.subheader[0].value == "Found at row 6, column 271"
+    assert app.subheader[0].value == "Three places fit equally well"  # the screenshot shows three cursors
+    app.slider(key="template.max_matches").set_value(3).run()
+    assert app.subheader[0].value == "Found at three places"
 
 
 def test_an_own_pair_is_matched_and_judged_by_its_truth(with_uploads: Callable[..., AppTest]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import zipfile
@@ -177,11 +178,39 @@ def test_find_ends_with_three_where_there_is_nothing(
 ) -> None:
     monkeypatch.chdir(picture)
     told = ran(capsys, "find", "image.png", "stranger.png", "--min-score", "0.9")
-    assert (told.code, told.out) == (3, "Not found: no place scores 0.9 or more.\n")
+    assert told.code == 3
+    assert told.out.startswith("Not found: no place scores 0.9 or more. The best: row ")
     told = ran(capsys, "find", "image.png", "stranger.png", "--min-score", "0.9", "--json")
     assert told.code == 3
     assert told.figures["found"] is False
+    assert (told.figures["reason"], told.figures["matches"]) == ("low_score", [])
+    assert told.figures["best"]["score"] < 0.9
     assert "3 nothing is found" in ran(capsys, "find", "--help").out.replace("\n", " ")
+
+
+def test_find_tells_size_angle_and_look_alikes(
+    picture: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    noise = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (100, 120, 3), dtype=np.uint8), (0, 0), 2)
+    template = cv2.resize(noise[20:50, 30:60], (40, 40), interpolation=cv2.INTER_AREA)
+    Path("image.png").write_bytes(image_png(noise))
+    Path("template.png").write_bytes(image_png(template))
+    told = ran(capsys, "find", "image.png", "template.png", "--min-scale", "0.6", "--max-rotation", "10")
+    assert told.code == 0
+    assert re.match(r"row (20|21), column (30|31), score 0\.9\d+, size 0\.7\d, turned [+-]\d\.\d°\n", told.out), (
+        told.out
+    )
+    Path("image.png").write_bytes(image_png(np.hstack([noise, noise])))
+    Path("template.png").write_bytes(image_png(noise[20:50, 30:60]))
+    told = ran(capsys, "find", "image.png", "template.png")
+    assert told.code == 3
+    assert told.out.splitlines() == [
+        "Not found: 2 places fit about equally well.",
+        "row 20, column 30, score 1.000",
+        "row 20, column 150, score 1.000",
+    ]
+    assert ran(capsys, "find", "image.png", "template.png", "--max-matches", "2").code == 0
 
 
 def test_find_leaves_out_what_the_mask_leaves_out(

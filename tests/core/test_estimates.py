@@ -98,7 +98,13 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
             "match_template(a[:200, :200], a[:20, :20])",
             "match_template(a, t)",
             "estimate_search(a.shape, t.shape)",
-        )
+        ),
+        (
+            "a = image(1500, 2000); t = a[200:300, 300:400]",
+            "match_template(a[:200, :200], a[:20, :20], scales=(0.8, 1), rotations=(0, 10))",
+            "match_template(a, t, scales=(0.7, 1.4), rotations=(0, 10))",
+            "estimate_search(a.shape, t.shape, scales=(0.7, 1.4), rotations=(0, 10))",
+        ),
     ]
     + [
         (
@@ -117,7 +123,19 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
             ("StereoSGBM(mode='hh4', block_size=9)", 900, 1200),
         )
     ],
-    ids=["fft", "phat", "template", "fast", "window FFT", "phase", "accurate", "StereoBM", "HH", "HH4"],
+    ids=[
+        "fft",
+        "phat",
+        "template",
+        "resized template",
+        "fast",
+        "window FFT",
+        "phase",
+        "accurate",
+        "StereoBM",
+        "HH",
+        "HH4",
+    ],
 )
 def test_an_estimate_is_at_least_what_is_measured_and_at_most_twice_that(
     setup: str, warm: str, job: str, estimate: str
@@ -214,9 +232,7 @@ def test_thirty_million_samples_twice_do_not_fit_into_two_gigabytes(method: Any)
 def test_a_large_template_in_a_large_image_does_not_fit_into_two_gigabytes() -> None:
     image, template = (7000, 7000, 3), (3000, 4000, 3)
     assert estimate_search(image, template).memory > 4 * GB
-    sentence = fitting_image(
-        2 * GB, image_shape=image, template_shape=template, dtype=np.uint8, method="fft", masked=False
-    )
+    sentence = fitting_image(estimate_search, image, template, 2 * GB)
     found = re.match(r"With this template, an image of ([\d,]+) × ([\d,]+) pixels \([\d.]+ megapixels\)", sentence)
     assert found is not None
     cols, rows = (int(number.replace(",", "")) for number in found.groups())
@@ -227,9 +243,7 @@ def test_a_large_template_in_a_large_image_does_not_fit_into_two_gigabytes() -> 
 
 def test_where_the_template_alone_is_too_large_a_smaller_one_is_named() -> None:
     image, template = (7000, 7000, 3), (3000, 4000, 3)
-    sentence = fitting_image(
-        GB // 2, image_shape=image, template_shape=template, dtype=np.uint8, method="fft", masked=False
-    )
+    sentence = fitting_image(estimate_search, image, template, GB // 2)
     found = re.match(r"In this image, a template of ([\d,]+) × ([\d,]+) pixels", sentence)
     assert found is not None
     cols, rows = (int(number.replace(",", "")) for number in found.groups())

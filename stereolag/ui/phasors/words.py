@@ -89,7 +89,7 @@ EXAMPLES: Final[dict[str, dict[str, Any]]] = {
 _EQUAL = 1e-6
 
 OWN_TITLE: Final = "Your recordings"
-_FOUND = "The chain reaches furthest at lag {}, as the whole recordings do."
+_FOUND = "The chain reaches furthest at lag {}, as in the whole recordings."
 _MISSED = "In this short stretch the chain reaches furthest at lag {}, not at 4 as in the whole recordings."
 
 

@@ -1,0 +1,173 @@
+"""A template search small enough to be done by hand in the browser: both pictures reduced, and every place scored."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.arrays import Mask, Rgb
+from stereolag.figures.packing import packed_pictures, scores_as_colours
+from stereolag.figures.pictures import as_rgb
+from stereolag.inputs import Image, as_image
+from stereolag.templates import match_template
+from stereolag.templates.patterns import alike, opaque_pixels
+
+PIXELS = 250_000
+"""Of the reduced picture: some hundred kilobytes on their way, and one screen's width."""
+
+LEAST_SIDE = 12
+"""Px; a template that is shorter shows too little. Rather than that, only a part of the picture is sent."""
+
+LEAST_OPAQUE = 16
+"""With fewer pixels that are opaque all over, those count too that are opaque for the most part."""
+
+RIVALS = 3
+
+ScoreMap = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedSearch:
+    """A picture, a template and the score of every place, on a scale that the browser can hold.
+
+    Attributes
+    ----------
+    picture
+        (rows, cols, 3) uint8 RGB; every pixel is the mean of factor × factor pixels of the image.
+    template
+        (height, width, 3) uint8 RGB.
+    opaque
+        (height, width), the pixels that are compared.
+    score_map
+        (rows - height + 1, cols - width + 1) float32, NaN where the window is flat.
+    factor
+        How many pixels of the image along each side became one.
+    row, col
+        The pixel of the image at which the picture begins.
+    part
+        Whether the picture shows a part of the image only.
+    """
+
+    picture: Rgb
+    template: Rgb
+    opaque: Mask
+    score_map: ScoreMap
+    factor: int
+    row: int
+    col: int
+    part: bool
+
+    def leaders(self, count: int = 1 + RIVALS) -> list[tuple[int, int, float]]:
+        """Return (row, col, score) of the best places, best first, each at least a template away from the others."""
+        left = np.where(np.isnan(self.score_map), -np.inf, self.score_map)
+        height, width = self.opaque.shape
+        best: list[tuple[int, int, float]] = []
+        while len(best) < count and np.isfinite(left.max()):
+            row, col = (int(place) for place in np.unravel_index(int(left.argmax()), left.shape))
+            best.append((row, col, float(left[row, col])))
+            left[max(0, row - height + 1) : row + height, max(0, col - width + 1) : col + width] = -np.inf
+        return best
+
+
+def reduced_search(
+    image: Image, template: Image, mask: Image | None, *, near: tuple[int, int] | None = None, pixels: int = PIXELS
+) -> ReducedSearch:
+    """Reduce an image and a template by the same whole factor, and score every place of the one in the other.
+
+    Parameters
+    ----------
+    image, template, mask
+        As :func:`stereolag.templates.match_template` takes them.
+    near
+        (row, col) of a place that must survive: it falls on a pixel of the reduced picture, and the part of the image
+        that is left lies around it.
+    pixels
+        Of the reduced picture, about.
+
+    Raises
+    ------
+    ValueError
+        The template is constant, or becomes so when it is reduced.
+    """
+    whole, small = as_image(image, "image"), as_image(template, "template")
+    opaque = opaque_pixels(small, mask)
+    colours, sought = (as_rgb(one.squeeze()) for one in alike(whole, small))
+    wanted = math.ceil(math.sqrt(whole.shape[0] * whole.shape[1] / pixels))
+    factor = max(1, min(wanted, min(opaque.shape) // LEAST_SIDE))
+    place = near or (0, 0)
+    starts, sides = zip(
+        *(
+            _part(length, least, at, factor, math.sqrt(pixels / (whole.shape[0] * whole.shape[1])))
+            for length, least, at in zip(whole.shape[:2], opaque.shape, place, strict=True)
+        ),
+        strict=True,
+    )
+    ends = [start + side * factor for start, side in zip(starts, sides, strict=True)]
+    picture = _block_means(colours[starts[0] : ends[0], starts[1] : ends[1]], factor)
+    reduced, counts = _reduced_template(sought, opaque, factor)
+    scores = match_template(picture, reduced, mask=counts.astype(np.uint8), min_score=-1.0).score_map
+    assert scores is not None
+    part = any(side * factor < length - 2 * factor for side, length in zip(sides, whole.shape[:2], strict=True))
+    return ReducedSearch(picture, reduced, counts, scores, factor, starts[0], starts[1], part)
+
+
+def _part(length: int, least: int, at: int, factor: int, share: float) -> tuple[int, int]:
+    """Return where the picture begins along one side, and how many reduced pixels it has.
+
+    A picture that is still far too large at this factor keeps a part around the place `at`.
+    """
+    offset = at % factor
+    side = (length - offset) // factor
+    if share * factor > 1 / math.sqrt(2):
+        return offset, side
+    kept = min(side, max(round(length * share), 3 * (least // factor)))
+    first = min(max(0, (at - offset) // factor + least // factor // 2 - kept // 2), side - kept)
+    return offset + first * factor, kept
+
+
+def _block_means(colours: Rgb, factor: int) -> Rgb:
+    rows, cols = colours.shape[0] // factor, colours.shape[1] // factor
+    whole = np.ascontiguousarray(colours[: rows * factor, : cols * factor])
+    return np.asarray(cv2.resize(whole, (cols, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _reduced_template(colours: Rgb, opaque: Mask, factor: int) -> tuple[Rgb, Mask]:
+    """Return the means over the opaque pixels of each block, and the blocks that count."""
+    rows, cols = opaque.shape[0] // factor, opaque.shape[1] // factor
+    inner = np.s_[: rows * factor, : cols * factor]
+    blocks = opaque[inner].reshape(rows, factor, cols, factor)
+    filled = blocks.mean(axis=(1, 3))
+    sums = np.where(opaque[..., np.newaxis], colours, 0)[inner].reshape(rows, factor, cols, factor, 3)
+    means = sums.sum(axis=(1, 3)) / np.maximum(blocks.sum(axis=(1, 3)), 1)[..., np.newaxis]
+    counts = filled == 1
+    if np.count_nonzero(counts) < LEAST_OPAQUE:
+        counts = filled >= 0.5
+    return np.rint(means).astype(np.uint8), counts
+
+
+def packed_search(search: ReducedSearch, *, name: str, words: dict[str, object]) -> bytes:
+    """Return a search as :func:`~stereolag.figures.packing.packed_pictures`: picture, template, opaque pixels, scores.
+
+    Parameters
+    ----------
+    search
+        What is sent.
+    name
+        What the browser calls it.
+    words
+        All that is written beside it.
+    """
+    opaque = np.stack([search.opaque * np.uint8(255)] * 3, axis=-1)
+    header = {
+        "name": name,
+        "factor": search.factor,
+        "row": search.row,
+        "col": search.col,
+        "leaders": [{"row": row, "col": col, "score": score} for row, col, score in search.leaders()],
+        "words": words,
+    }
+    return packed_pictures(header, (search.picture, search.template, opaque, scores_as_colours(search.score_map)))

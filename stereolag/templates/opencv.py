@@ -1,0 +1,104 @@
+"""The same search by OpenCV: ``matchTemplate`` with TM_CCOEFF_NORMED, under a mask where the template has one."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.estimates import OVERHEAD, Estimate, check_memory
+from stereolag.inputs import Image, as_image
+from stereolag.templates.patterns import alike, opaque_pixels, pattern_of
+
+FLOAT = 4
+"""Bytes of the numbers that OpenCV reckons with."""
+
+COPIES = 9
+"""Images of floats that OpenCV holds at one time, measured under a mask: the image, its squares, products."""
+
+PIXEL_SECONDS, MASKED_PIXEL_SECONDS = 1e-7, 4e-7
+"""Seconds per pixel of the image, all channels."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenCVSearch:
+    """The highest score of ``matchTemplate``.
+
+    Attributes
+    ----------
+    row, col
+        Top-left pixel of the place of the highest score that is a number; -1 where none is.
+    score
+        That score, NaN where none is a number.
+    undefined
+        Places whose score is NaN or infinite. One NaN is enough for ``cv2.minMaxLoc`` to name no place.
+    score_map
+        (rows - height + 1, cols - width + 1) float32, as OpenCV gives it.
+    elapsed_s
+        Seconds ``matchTemplate`` took.
+    """
+
+    row: int
+    col: int
+    score: float
+    undefined: int
+    score_map: npt.NDArray[np.float32]
+    elapsed_s: float
+
+
+def estimate_opencv(image_shape: tuple[int, ...], masked: bool) -> Estimate:
+    """Return the memory and time that :func:`opencv_search` needs for an image of (rows, cols[, channels])."""
+    pixels = image_shape[0] * image_shape[1]
+    channels = min(image_shape[2], 3) if len(image_shape) == 3 else 1
+    seconds = (MASKED_PIXEL_SECONDS if masked else PIXEL_SECONDS) * pixels
+    return Estimate(COPIES * FLOAT * channels * pixels + OVERHEAD, seconds)
+
+
+def is_masked(template: Image, mask: Image | None) -> bool:
+    """Return whether some pixels of a template do not count."""
+    return not bool(opaque_pixels(template, mask).all())
+
+
+def opencv_search(image: npt.ArrayLike, template: npt.ArrayLike, *, mask: npt.ArrayLike | None = None) -> OpenCVSearch:
+    """Find a template with OpenCV's ``matchTemplate`` (TM_CCOEFF_NORMED), given what `match_template` compares.
+
+    Images of 16 bits and of doubles become float32: OpenCV takes nothing else.
+
+    Parameters
+    ----------
+    image, template, mask
+        As :func:`stereolag.templates.match_template` takes them.
+
+    Raises
+    ------
+    ValueError
+        What ``match_template`` refuses: no images, a template larger than the image, a mask of another size or
+        without a marked pixel, a constant template; more memory needed than one job may take.
+    """
+    large, small = as_image(image, "image"), as_image(template, "template")
+    if small.shape[0] > large.shape[0] or small.shape[1] > large.shape[1]:
+        raise ValueError(
+            f"template is {small.shape[1]} × {small.shape[0]} pixels and image {large.shape[1]} × "
+            f"{large.shape[0]}; the template must fit into the image."
+        )
+    opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
+    check_memory(estimate_opencv(large.shape, not opaque.all()), "A smaller image would fit.")
+    searched, colours = alike(large, small)
+    pattern_of(colours, opaque)  # refuses what has no correlation
+    kind = np.dtype(np.uint8 if searched.dtype == colours.dtype == np.uint8 else np.float32)
+    marks: Image | None = None if opaque.all() else opaque.astype(kind)
+    given: Image = np.ascontiguousarray(searched, dtype=kind)
+    looked_for: Image = np.ascontiguousarray(colours, dtype=kind)
+    started = time.perf_counter()
+    scores = np.asarray(cv2.matchTemplate(given, looked_for, cv2.TM_CCOEFF_NORMED, mask=marks), dtype=np.float32)
+    elapsed_s = time.perf_counter() - started
+    defined = np.isfinite(scores)
+    undefined = int(scores.size - np.count_nonzero(defined))
+    if undefined == scores.size:
+        return OpenCVSearch(-1, -1, float("nan"), undefined, scores, elapsed_s)
+    best = int(np.argmax(np.where(defined, scores, -np.inf)))
+    row, col = divmod(best, scores.shape[1])
+    return OpenCVSearch(row, col, float(scores[row, col]), undefined, scores, elapsed_s)

@@ -1,0 +1,217 @@
+"""A template that may be smaller or larger in the image, and turned: found coarse to fine.
+
+On a reduced grey image every size and angle of a grid is searched at every place; the best places are then refined in
+colour, with ever smaller steps of size and angle, on ever larger images.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from stereolag.inputs import Image, as_grey
+from stereolag.progress import Progress, silent
+from stereolag.templates.correlation import scores_at
+from stereolag.templates.judging import Places
+from stereolag.templates.patterns import Pattern
+from stereolag.templates.peaks import elsewhere, peaks
+from stereolag.templates.pose_ranges import ROTATION_STEP, SCALE_STEP, PoseRange
+from stereolag.templates.score_maps import fft_score_map, finished
+from stereolag.templates.warping import grey_pattern, reduced, warped, warped_shape
+
+FINE_SIDE = 160
+"""Px of a template's side beyond which refinement is on a reduced image too."""
+
+PER_POSE, REFINED, FINAL = 10, 30, 10
+"""Places kept of each size and angle, refined once, and refined to the end."""
+
+COARSE_SHARE = 0.6
+"""Of the time, roughly."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a template lies, how large and how turned.
+
+    Parameters
+    ----------
+    row, col
+        Of its centre in the full image, px from the top-left corner of the top-left pixel.
+    scale, rotation
+        As of :class:`~stereolag.templates.TemplateMatch`.
+    score
+        Correlation there.
+    """
+
+    row: float
+    col: float
+    scale: float
+    rotation: float
+    score: float
+
+
+def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Progress) -> tuple[Places, int]:
+    """Return the best places of a template in any size and angle of the ranges, and how many positions were scored.
+
+    Parameters
+    ----------
+    image
+        (rows, cols, channels), as many channels as the pattern.
+    pattern
+        The template.
+    poses
+        The sizes and angles.
+    progress
+        Called with the fraction done.
+    """
+    image = np.ascontiguousarray(image)
+    factor = poses.coarse_factor(pattern.shape)
+    coarse, candidates = _coarse(image, pattern, factor, poses, progress)
+    finest = max(1.0, math.sqrt(pattern.shape[0] * pattern.shape[1]) / FINE_SIDE)
+    between = max(finest, factor / 2)
+    steps = 0.5 * math.log(SCALE_STEP), 0.5 * ROTATION_STEP
+    level = _Level(reduced(image, between), image.shape, pattern, poses) if between > 1 else None
+    fine = _Level(reduced(image, finest) if finest > 1 else image, image.shape, pattern, poses)
+    first = level or fine
+    pool = ThreadPoolExecutor(max(1, cv2.getNumThreads()))
+    try:
+        jobs = [pool.submit(first.refined, pose, *steps, 2) for pose in coarse[:REFINED]]
+        share = (1 - COARSE_SHARE) / 2
+        for fraction in finished(jobs):
+            progress(COARSE_SHARE + share * fraction)
+        best = _apart([job.result() for job in jobs], pattern.shape, 0.5)[:FINAL]
+        jobs = [pool.submit(fine.finished, pose, *steps) for pose in best]
+        for fraction in finished(jobs):
+            progress(1 - share * (1 - fraction))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    scored = first.scored(len(coarse[:REFINED]), 1) + fine.scored(len(best), 3)
+    return _as_places([job.result() for job in jobs], image.shape, pattern), candidates + scored
+
+
+def _coarse(
+    image: Image, pattern: Pattern, factor: float, poses: PoseRange, progress: Progress
+) -> tuple[list[Pose], int]:
+    """Return the best places over all sizes and angles, best first, and how many positions were scored."""
+    grey = grey_pattern(pattern)
+    plain = grey is None  # a template of one luminance is told by its colours
+    flat = image if plain or image.shape[2] == 1 else as_grey(image)[:, :, np.newaxis]
+    little = reduced(flat, factor)
+    scaled = image.shape[0] / little.shape[0], image.shape[1] / little.shape[1]
+
+    def search(scale: float, rotation: float) -> tuple[list[Pose], int]:
+        small = warped(grey or pattern, scale / factor, rotation)
+        if small is None or small.shape[0] > little.shape[0] or small.shape[1] > little.shape[1]:
+            return [], 0
+        score_map = fft_score_map(little, small, silent)
+        rows, cols = peaks(score_map, -1.0)
+        scores = score_map[rows, cols]
+        places = [
+            Pose(
+                (rows[one] + small.shape[0] / 2) * scaled[0],
+                (cols[one] + small.shape[1] / 2) * scaled[1],
+                scale,
+                rotation,
+                float(scores[one]),
+            )
+            for one in elsewhere(rows, cols, scores, small.shape, [], PER_POSE)
+        ]
+        return places, score_map.size
+
+    pool = ThreadPoolExecutor(max(1, cv2.getNumThreads()))
+    try:
+        jobs = [pool.submit(search, *pose) for pose in poses.grid()]
+        for fraction in finished(jobs):
+            progress(COARSE_SHARE * fraction)
+    finally:
+        pool.shutdown(cancel_futures=True)
+    found = [job.result() for job in jobs]
+    return _apart([pose for poses, _ in found for pose in poses], pattern.shape, 0.3), sum(size for _, size in found)
+
+
+class _Level:
+    """The image at one size, in which poses are refined."""
+
+    def __init__(self, image: Image, full: tuple[int, ...], pattern: Pattern, poses: PoseRange) -> None:
+        self._image = image
+        self._pattern = pattern
+        self._poses = poses
+        self._scaled = full[0] / image.shape[0], full[1] / image.shape[1]
+
+    @staticmethod
+    def scored(poses: int, rounds: int) -> int:
+        """Return about how many positions that many poses and rounds of refinement scored."""
+        return poses * rounds * 9 * 25
+
+    def refined(self, pose: Pose, log_scale: float, rotation: float, reach: int) -> Pose:
+        """Return the best of the poses that are one step of size or angle away or none, within `reach` px."""
+        return max(
+            (self._near(pose, *around, reach) for around in self._around(pose, log_scale, rotation)),
+            key=lambda one: one.score,
+        )
+
+    def finished(self, pose: Pose, log_scale: float, rotation: float) -> Pose:
+        """Return a pose refined with smaller and smaller steps."""
+        for divisor, reach in ((2, 2), (4, 1), (8, 1)):
+            pose = self.refined(pose, log_scale / divisor, rotation / divisor, reach)
+        # Between the steps of the grid its own size and angle, the likeliest of all, would never be hit.
+        upright = self._near(pose, *self._poses.within(1.0, 0.0), 1)
+        return max(pose, upright, key=lambda one: one.score)
+
+    def _around(self, pose: Pose, log_scale: float, rotation: float) -> Iterator[tuple[float, float]]:
+        for down in (-1, 0, 1):
+            for across in (-1, 0, 1):
+                yield self._poses.within(pose.scale * math.exp(down * log_scale), pose.rotation + across * rotation)
+
+    def _near(self, pose: Pose, scale: float, rotation: float, reach: int) -> Pose:
+        """Return the best place of a size and angle around a pose; -1 is the score where it does not fit."""
+        tall, wide = self._scaled
+        pattern = warped(self._pattern, scale / math.sqrt(tall * wide), rotation)
+        nowhere = replace(pose, scale=scale, rotation=rotation, score=-1.0)
+        if pattern is None:
+            return nowhere
+        (height, width), (rows, cols) = pattern.shape, self._image.shape[:2]
+        top, left = round(pose.row / tall - height / 2), round(pose.col / wide - width / 2)
+        near_rows = np.arange(max(0, top - reach), min(rows - height, top + reach) + 1)
+        near_cols = np.arange(max(0, left - reach), min(cols - width, left + reach) + 1)
+        if not near_rows.size or not near_cols.size:
+            return nowhere
+        grid_rows, grid_cols = (grid.ravel() for grid in np.meshgrid(near_rows, near_cols, indexing="ij"))
+        scores = scores_at(self._image, pattern.deviations, pattern.opaque, grid_rows, grid_cols)
+        best = int(np.argmax(np.nan_to_num(scores, nan=-1.0)))
+        return Pose(
+            (grid_rows[best] + height / 2) * tall,
+            (grid_cols[best] + width / 2) * wide,
+            scale,
+            rotation,
+            float(np.nan_to_num(scores[best], nan=-1.0)),
+        )
+
+
+def _apart(poses: list[Pose], shape: tuple[int, int], share: float) -> list[Pose]:
+    """Return poses best first without those whose centre lies within that share of a better one's size."""
+    kept: list[Pose] = []
+    side = math.sqrt(shape[0] * shape[1])
+    for pose in sorted(poses, key=lambda one: -one.score):
+        if all(math.hypot(pose.row - one.row, pose.col - one.col) > share * side * one.scale for one in kept):
+            kept.append(pose)
+    return kept
+
+
+def _as_places(poses: list[Pose], full: tuple[int, ...], pattern: Pattern) -> Places:
+    """Return poses as positions of the upright boxes around them, those within the image that have a score."""
+    boxes = []
+    for pose in poses:
+        height, width = warped_shape(pattern.shape, pose.scale, pose.rotation)
+        row = min(max(round(pose.row - height / 2), 0), full[0] - height)
+        col = min(max(round(pose.col - width / 2), 0), full[1] - width)
+        if pose.score > -1 and row >= 0 and col >= 0:
+            boxes.append((row, col, height, width, pose))
+    rows, cols, heights, widths = (np.array([box[side] for box in boxes], dtype=np.intp) for side in range(4))
+    scores = np.array([box[4].score for box in boxes])
+    return Places(rows, cols, scores, (heights, widths), [(box[4].scale, box[4].rotation) for box in boxes])

@@ -1,0 +1,77 @@
+"""The places where a template fits best, found in a reduced grey image and scored in the full one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stereolag.inputs import Image, as_grey
+from stereolag.progress import silent
+from stereolag.templates.correlation import scores_at
+from stereolag.templates.patterns import Pattern
+from stereolag.templates.peaks import Indices, Scores, elsewhere, peaks
+from stereolag.templates.score_maps import fft_score_map
+from stereolag.templates.warping import grey_pattern, reduced, warped
+
+REDUCED_SIDE = 28
+"""Px of a template's side, the root of its area, in the reduced image: enough to tell it from most of the rest."""
+
+
+def reduction(shape: tuple[int, int]) -> float:
+    """Return by how much an image may be made smaller in the search for a template of that height and width."""
+    return max(1.0, min(math.sqrt(shape[0] * shape[1]) / REDUCED_SIDE, min(shape) / 6))
+
+
+def likely_places(image: Image, pattern: Pattern, count: int) -> tuple[Indices, Indices, Scores]:
+    """Return rows, columns and scores of about the `count` best places that share no pixel.
+
+    Parameters
+    ----------
+    image
+        (rows, cols, channels), as many channels as the pattern.
+    pattern
+        The template.
+    count
+        Of places.
+    """
+    nowhere = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp), np.empty(0)
+    factor = reduction(pattern.shape)
+    grey = grey_pattern(pattern)
+    small = None if grey is None else warped(grey, 1 / factor, 0.0)
+    if small is None:
+        return nowhere
+    flat = as_grey(image if image.shape[2] == 3 else image[:, :, 0])
+    little = reduced(flat[:, :, np.newaxis], factor)
+    if little.shape[0] < small.shape[0] or little.shape[1] < small.shape[1]:
+        return nowhere
+    score_map = fft_score_map(little, small, silent)
+    rows, cols = peaks(score_map, -1.0)
+    kept = elsewhere(rows, cols, score_map[rows, cols], small.shape, [], count)
+    # The centre of a place is the centre of its reduced copy.
+    scaled = flat.shape[0] / little.shape[0], flat.shape[1] / little.shape[1]
+    reach = math.ceil(factor / 2) + 1 if factor > 1 else 0
+    found = []
+    for row, col in zip(rows[kept], cols[kept], strict=True):
+        top = round((row + small.shape[0] / 2) * scaled[0] - pattern.shape[0] / 2)
+        left = round((col + small.shape[1] / 2) * scaled[1] - pattern.shape[1] / 2)
+        found.append(_best_near(image, pattern, top, left, reach))
+    places = [one for one in found if math.isfinite(one[2])]
+    if not places:
+        return nowhere
+    best_rows, best_cols, scores = zip(*places, strict=True)
+    return np.array(best_rows, dtype=np.intp), np.array(best_cols, dtype=np.intp), np.array(scores)
+
+
+def _best_near(image: Image, pattern: Pattern, row: int, col: int, reach: int) -> tuple[int, int, float]:
+    """Return the best position within `reach` px and its score, NaN where all are flat."""
+    last_row, last_col = image.shape[0] - pattern.shape[0], image.shape[1] - pattern.shape[1]
+    row, col = min(max(row, 0), last_row), min(max(col, 0), last_col)
+    near_rows = np.arange(max(0, row - reach), min(last_row, row + reach) + 1)
+    near_cols = np.arange(max(0, col - reach), min(last_col, col + reach) + 1)
+    rows, cols = (grid.ravel() for grid in np.meshgrid(near_rows, near_cols, indexing="ij"))
+    scores = scores_at(np.ascontiguousarray(image), pattern.deviations, pattern.opaque, rows, cols)
+    if np.isnan(scores).all():
+        return row, col, float("nan")
+    best = int(np.nanargmax(scores))
+    return int(rows[best]), int(cols[best]), float(scores[best])

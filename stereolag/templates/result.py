@@ -1,0 +1,88 @@
+"""What a template search returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.templates.verdict import Reason, leads
+
+
+@dataclass(frozen=True)
+class TemplateMatch:
+    """One position of the template in the image.
+
+    Parameters
+    ----------
+    row, col
+        Of the top-left pixel, px; of a turned template, of the upright box around it.
+    height, width
+        Of the template there, px; of a turned one, of that box.
+    score
+        Pearson's correlation coefficient, -1..1: 1 for an exact copy, whatever its brightness and contrast.
+    scale
+        Size in the image over size of the template.
+    rotation
+        By how much the template is turned in the image, degrees, positive counter-clockwise as seen.
+    """
+
+    row: int
+    col: int
+    height: int
+    width: int
+    score: float
+    scale: float = 1.0
+    rotation: float = 0.0
+
+
+@dataclass(frozen=True)
+class TemplateSearch:
+    """The result of :func:`match_template`.
+
+    Parameters
+    ----------
+    matches
+        Places that score enough, best first, never overlapping by more than half of their area; empty where no score
+        is high enough. Only the first `clear` of them can be relied on.
+    score_map
+        (rows - height + 1, cols - width + 1) float32: the score with the template's top-left pixel at each
+        (row, col), NaN where the window is flat. None for "sampled", and where sizes or angles were searched.
+    candidates
+        Number of positions scored.
+    elapsed_s
+        Seconds the search took.
+    best
+        The place that scores highest, enough or not; None where nothing could be scored.
+    rivals
+        The best places elsewhere than the clear matches (where none is clear, than the best place), best first; they
+        share no pixel with those, nor with one another.
+    clear
+        How many of the matches, best first, fit clearly better than every other place.
+    reason
+        Of `found`: "clear"; "look_alikes", where others fit about as well; "low_score", where no place scores enough;
+        "other_colours", where the best fits clearly better with the template's colour channels in another order.
+    """
+
+    matches: list[TemplateMatch]
+    score_map: npt.NDArray[np.float32] | None
+    candidates: int
+    elapsed_s: float
+    best: TemplateMatch | None
+    rivals: list[TemplateMatch]
+    clear: int
+    reason: Reason
+
+    @property
+    def found(self) -> bool:
+        """Whether the template is in the image: at least one place scores enough and has a clear lead."""
+        return self.clear > 0
+
+    @property
+    def look_alikes(self) -> list[TemplateMatch]:
+        """The best place and the rivals over which it has no clear lead, best first; empty for another reason."""
+        best = self.best
+        if best is None or self.reason != "look_alikes":
+            return []
+        return [best, *(rival for rival in self.rivals if not leads(best.score, rival.score))]

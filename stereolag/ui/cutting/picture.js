@@ -1,0 +1,9 @@
+// Keeps the bytes of a picture that something is drawn on, by its name, whichever of the two is on the page first.
+export default function ({ data }) {
+  const length = data[0] + 256 * data[1];
+  const name = new TextDecoder().decode(data.subarray(2, 2 + length));
+  const pictures = (window.stereolagDrawnOn ??= new Map());
+  pictures.set(name, data.slice(2 + length));
+  for (const old of pictures.keys()) if (pictures.size > 4) pictures.delete(old);
+  window.dispatchEvent(new CustomEvent("stereolag-drawn-on", { detail: name }));
+}

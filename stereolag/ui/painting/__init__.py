@@ -1,0 +1,100 @@
+"""A mask painted over a template in the browser: with a mouse, a finger, or the keyboard."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+import streamlit as st
+
+from stereolag.figures.pictures import as_rgb, png
+from stereolag.inputs import Image
+from stereolag.reading.hand_marks import packed_mask, read_packed_mask
+from stereolag.templates.patterns import opaque_pixels
+from stereolag.ui.cutting import HERE as CUTTING
+from stereolag.ui.cutting import send_drawn_on
+from stereolag.ui.linked_pictures import source
+
+HERE = Path(__file__).parent
+
+LARGEST_PIXELS: Final = 1_000_000
+"""Pixels of a template up to which it is painted on; a larger one takes a mask from a file."""
+
+_brush = st.components.v2.component(
+    "stereolag.brush",
+    html=source("brush.html", folder=HERE),
+    css=source("brush.css", folder=HERE),
+    js=source("drawn.js", folder=CUTTING) + "\n" + source("mask.js", "brush.js", folder=HERE),
+)
+
+
+class PaintedMask(NamedTuple):
+    """A mask, above 0 where the template counts, and its digest."""
+
+    pixels: Image
+    digest: str
+
+
+def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) -> PaintedMask | None:
+    """Offer to paint over a template, and return the mask that was painted; None while its own is used.
+
+    Parameters
+    ----------
+    template
+        What is painted on.
+    mask
+        Its own mask, None where its alpha says what counts.
+    digest
+        Of both; what was painted on another template is forgotten.
+    key
+        Of the component.
+    """
+    shape = template.shape[0], template.shape[1]
+    before, kept = st.session_state.get(f"{key}.mask", ("", None))
+    painted: PaintedMask | None = kept if before == digest else None
+    with st.expander("Paint a mask"):
+        if shape[0] * shape[1] > LARGEST_PIXELS:
+            st.caption("This template is too large to paint on. Among your own files you can add a mask.")
+            return painted
+        if refusal := st.session_state.pop(f"{key}.refusal", None):
+            st.error(refusal)
+        try:
+            own = opaque_pixels(template, mask)
+        except ValueError:  # the search says what is wrong with it
+            return painted
+        _draw(template, own, own if painted is None else painted.pixels, digest, key)
+    return painted
+
+
+def _draw(template: Image, own: Image, used: Image, digest: str, key: str) -> None:
+    def taken() -> None:
+        value = st.session_state[key].mask
+        if value is None:
+            return
+        try:
+            pixels = read_packed_mask(value, (own.shape[0], own.shape[1]))
+        except ValueError as error:
+            st.session_state[f"{key}.refusal"] = str(error)
+            return
+        if np.array_equal(pixels > 0, own):
+            st.session_state.pop(f"{key}.mask", None)
+        else:
+            painted = PaintedMask(pixels, hashlib.sha256(pixels.tobytes()).hexdigest())
+            st.session_state[f"{key}.mask"] = digest, painted
+
+    st.caption("Paint over what shall not count: a background, a shadow, whatever changes from place to place.")
+    with st.container(gap=None):
+        send_drawn_on(f"{digest} template", png(as_rgb(template)), key=f"{key}.picture")
+        _brush(
+            key=key,
+            data={
+                "name": f"{digest} template",
+                "rows": own.shape[0],
+                "cols": own.shape[1],
+                "own": packed_mask(own),
+                "used": packed_mask(used),
+            },
+            on_mask_change=taken,
+        )

@@ -1,0 +1,41 @@
+"""The score map, read under the pointer; a click compares the place in the search by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import streamlit as st
+
+from stereolag.figures.block_scores import ScoreMap, packed_score_map
+from stereolag.ui.linked_pictures import source
+from stereolag.ui.template_by_hand import HERE as BY_HAND
+from stereolag.ui.template_by_hand import NAME
+
+HERE = Path(__file__).parent
+
+WORDS = {
+    "hint": "Hover to read a score; click to compare that place below.",
+    "reading": "Row {row}, column {col}: score {score}",
+    "flat": "Row {row}, column {col}: flat, no score",
+    "stage": "Score map. Arrow keys read it, with Shift ten pixels on; Enter compares that place.",
+}
+
+_panel = st.components.v2.component(
+    "stereolag.score_map",
+    html=source("score_map.html", folder=HERE),
+    css=source("score_map.css", folder=HERE),
+    js=source("unpacking.js", folder=BY_HAND) + source("score_map.js", folder=HERE),
+)
+
+
+def show_score_map(png: bytes, score_map: ScoreMap) -> None:
+    """Show the score of every place.
+
+    Parameters
+    ----------
+    png
+        What :func:`stereolag.figures.templates.score_map_png` drew of it.
+    score_map
+        (rows, cols), NaN where there is no score.
+    """
+    _panel(key="template.score_map", data=packed_score_map(png, score_map, name=NAME, words=WORDS))

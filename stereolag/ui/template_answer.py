@@ -1,0 +1,135 @@
+"""The answer of a template search on its page: the headline, why not where it is not found, and the places framed."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from stereolag.figures import templates as figures
+from stereolag.searches import TemplateQuery
+from stereolag.templates import TemplateMatch, TemplateSearch
+from stereolag.ui.elements import Number, show_numbers, show_png
+from stereolag.ui.pictures import PictureAndTemplate
+from stereolag.ui.sentences import duration
+
+EQUAL = 0.005
+"""Scores that differ by less are told as equal."""
+
+CLOSE_UPS = 3
+SCORES_TOLD = 5
+
+COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
+
+
+def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: TemplateQuery) -> None:
+    """Say what was found, in words and in numbers, and show the places in the picture and enlarged beside it."""
+    st.subheader(headline(result), anchor=False)
+    if not result.found:
+        st.warning(why_not_found(result, query), icon=":material/search_off:")
+    best, rival = result.best, result.rivals[0] if result.rivals else None
+    show_numbers(
+        (
+            Number(
+                "Score", _score(best), "Of the best place: 1 for an exact copy, whatever its brightness and contrast."
+            ),
+            Number("Best rival", _score(rival), "The best place elsewhere. Found is what has a clear lead over it."),
+            Number("Places found", f"{result.clear}", "Places that fit clearly better than all others."),
+            Number("Candidates scored", f"{result.candidates:,}", "Places at which the correlation was computed."),
+            Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
+        )
+    )
+    whole, beside = st.columns([3, 1], gap="medium")
+    with whole:
+        places = result.matches if result.found else []
+        show_png(figures.framed(inputs.picture, places, doubtful(result), template=inputs.template.shape))
+    with beside:
+        if not result.found:
+            show_png(figures.what_counts(inputs.template, inputs.mask), "the template")
+        for match in (result.matches if result.found else doubtful(result))[:CLOSE_UPS]:
+            close_up = figures.match_close_up(
+                inputs.picture, match, doubtful=not result.found, template=inputs.template.shape
+            )
+            show_png(close_up, place(match))
+
+
+def doubtful(result: TemplateSearch) -> list[TemplateMatch]:
+    """Return the places to frame where nothing is found: the look-alikes, or the best one."""
+    if result.found or result.best is None:
+        return []
+    return result.look_alikes or [result.best]
+
+
+def headline(result: TemplateSearch) -> str:
+    """Return in one line what was found."""
+    if result.reason == "low_score" or result.best is None:
+        return "Not found"
+    if result.reason == "look_alikes":
+        scores = [one.score for one in result.look_alikes]
+        if scores[0] - scores[-1] < EQUAL:
+            return f"{_counted(len(scores))} places fit equally well"
+        told = " ".join(f"{score:.2f}" for score in scores[:SCORES_TOLD])
+        return f"{_counted(len(scores))} look-alikes: {told}{' …' if len(scores) > SCORES_TOLD else ''}"
+    if result.reason == "other_colours":
+        return "Not found in these colours"
+    if result.clear > 1:
+        return f"Found at {_counted(result.clear).lower()} places"
+    best = result.matches[0]
+    posed = "" if _is_upright(best) else f", {_pose(best)}"
+    return f"Found at row {best.row}, column {best.col}{posed}"
+
+
+def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
+    """Return why the best place is not enough, and what to try."""
+    sampled = query.method == "sampled"
+    if result.best is None and not sampled:
+        return "No place has anything to correlate."
+    if result.best is None:
+        return (
+            "No place in the image has exactly these pixels. “FFT” also finds a template that was dimmed, recoloured "
+            "or recompressed."
+        )
+    score, count = f"The best place scores {result.best.score:.2f}", len(result.look_alikes)
+    if count and result.best.score - result.look_alikes[-1].score < EQUAL:
+        return f"{score}, and so do the others. With {count} matches wanted, all of them are found."
+    if count:
+        return f"{score}, the next {result.rivals[0].score:.2f}: no clear lead. {_absent(query)}"
+    if result.reason == "other_colours":
+        return f"{score}, and clearly more with red, green and blue exchanged: the same shape in other colours."
+    tip = "“FFT” also finds a template that was dimmed or recompressed." if sampled else _absent(query)
+    return f"{score}; the minimum is {query.min_score:.2f}. {tip}"
+
+
+def _absent(query: TemplateQuery) -> str:
+    if query.resized:
+        return "The template is not in the image, or it is hidden there."
+    return "The template is not in the image, or it is hidden, resized or turned there: try other sizes and angles."
+
+
+def why_no_score_map(query: TemplateQuery) -> str:
+    """Return why a search has no map of scores."""
+    if query.resized:
+        return "With other sizes and angles a place has many scores: there is no score map to show."
+    return "“Sampled” scores a few places only: there is no score map to show."
+
+
+def place(match: TemplateMatch) -> str:
+    """Return where a match is, its score, and where they are not the template's own its size and angle."""
+    posed = "" if _is_upright(match) else f", {_pose(match)}"
+    return f"row {match.row}, column {match.col}, score {match.score:.3f}{posed}"
+
+
+def _is_upright(match: TemplateMatch) -> bool:
+    return (match.scale, match.rotation) == (1.0, 0.0)
+
+
+def _pose(match: TemplateMatch) -> str:
+    way = "counter-clockwise" if match.rotation > 0 else "clockwise"
+    turned = f"turned {abs(match.rotation):.1f}° {way}" if match.rotation else "upright"
+    return f"{match.scale:.2f} × its size, {turned}"
+
+
+def _score(match: TemplateMatch | None) -> str:
+    return "–" if match is None else f"{match.score:.3f}"
+
+
+def _counted(number: int) -> str:
+    return COUNTED[number] if number < len(COUNTED) else f"{number}"

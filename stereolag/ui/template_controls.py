@@ -1,0 +1,20 @@
+"""The controls of a template search that ask for other sizes and angles."""
+
+from __future__ import annotations
+
+import streamlit as st
+
+from stereolag.searches import TemplateMethod, TemplateQuery
+from stereolag.ui.controls import control
+
+POSES = ("min_scale", "max_scale", "max_rotation")
+
+
+def ask_poses(method: TemplateMethod) -> dict[str, float]:
+    """Return which sizes and angles to search: those of the template alone where the method knows no others."""
+    possible = method == "fft"
+    values: dict[str, float] = {}
+    for name, column in zip(POSES, st.columns(len(POSES), gap="medium"), strict=True):
+        with column:
+            values[name] = control(TemplateQuery, name, key=f"template.{name}", disabled=not possible)
+    return values if possible else {}

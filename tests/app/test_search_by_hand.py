@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from streamlit.testing.v1 import AppTest
+
+from tests.app.uploads import png, texture
+
+PAGE = "pages/2_Rocketman_search.py"
+
+
+def told(app: AppTest, name: str) -> Any:
+    """Return what a component of the page is told: its JSON, or the header of its bytes; None where it is not there."""
+    parts = [one.proto for one in app.get("bidi_component") if one.proto.component_name == f"stereolag.{name}"]
+    if not parts:
+        return None
+    (part,) = parts
+    if part.json:
+        return json.loads(part.json)
+    length = int.from_bytes(part.bytes[:4], "little")
+    return json.loads(part.bytes[4 : 4 + length])
+
+
+def test_the_search_page_lets_him_be_searched_by_hand(open_page: Callable[[str], AppTest]) -> None:
+    app = open_page(PAGE)
+    search, score_map, funnel = (told(app, name) for name in ("template_by_hand", "score_map", "funnel"))
+    best = search["leaders"][0]
+    assert search["row"] + search["factor"] * best["row"] == 528
+    assert search["col"] + search["factor"] * best["col"] == 982
+    assert "mean of 4 × 4" in search["words"]["texts"][".hint"]
+    assert score_map["name"] == search["name"]
+    assert funnel["anchors"][0]["counts"][0] == 3_732_596
+    assert funnel["anchors"][0]["best"][:2] == [528, 982]
+    app.slider(key="template.min_score").set_value(0.8).run()
+    assert told(app, "template_by_hand") == search  # what has been painted stays in the browser
+    app.button_group(key="template.method").set_value("sampled").run()
+    assert told(app, "score_map") is None
+    assert told(app, "template_by_hand") == search and told(app, "funnel") == funnel
+
+
+def test_pictures_of_ones_own_can_be_searched_by_hand_too(open_page: Callable[[str], AppTest]) -> None:
+    app = open_page(PAGE)
+    app.button_group(key="pictures").set_value("own").run()
+    scene = texture(120, 180)
+    uploads = {"pictures.picture": scene, "pictures.template": scene[30:60, 70:110]}
+    for key, picture in uploads.items():
+        app.file_uploader(key=key).upload(f"{key}.png", png(picture), "image/png")
+    app.run()
+    assert not app.exception
+    search = told(app, "template_by_hand")
+    assert (search["factor"], search["leaders"][0]["row"], search["leaders"][0]["col"]) == (1, 30, 70)
+    assert told(app, "funnel")["rows"] == 120
+
+
+def test_types_that_cannot_be_compared_exactly_have_no_funnel(open_page: Callable[[str], AppTest]) -> None:
+    app = open_page(PAGE)
+    app.button_group(key="pictures").set_value("own").run()
+    scene = texture(120, 180)[:, :, 0]
+    app.file_uploader(key="pictures.picture").upload("a.png", png(scene.astype(np.uint16) * 256), "image/png")
+    app.file_uploader(key="pictures.template").upload("b.png", png(scene[30:60, 70:110]), "image/png")
+    app.run()
+    assert not app.exception
+    assert told(app, "funnel") is None
+    assert any("cannot search here" in caption.value for caption in app.caption)
+    assert told(app, "template_by_hand") is not None

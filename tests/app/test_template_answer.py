@@ -1,0 +1,114 @@
+"""What the search page says of an answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereolag.figures.templates import framed
+from stereolag.searches import TemplateQuery
+from stereolag.templates import TemplateMatch, TemplateSearch, match_template
+from stereolag.templates.verdict import Reason
+from stereolag.ui.template_answer import doubtful, headline, why_no_score_map, why_not_found
+
+PAGE = "pages/2_Rocketman_search.py"
+
+
+def answer(*scores: float, reason: Reason, clear: int = 0) -> TemplateSearch:
+    places = [TemplateMatch(0, 50 * index, 10, 10, score) for index, score in enumerate(scores)]
+    best = places[0] if places else None
+    return TemplateSearch(places[: max(clear, 1)], None, 9, 0.1, best, places[max(clear, 1) :], clear, reason)
+
+
+@pytest.mark.parametrize(
+    ("result", "said"),
+    [
+        (answer(0.9, 0.3, reason="clear", clear=1), "Found at row 0, column 0"),
+        (answer(0.9, 0.9, 0.3, reason="clear", clear=2), "Found at two places"),
+        (answer(0.62, 0.6, 0.6, 0.58, 0.1, reason="look_alikes"), "Four look-alikes: 0.62 0.60 0.60 0.58"),
+        (answer(1.0, 1.0, 1.0, 0.5, reason="look_alikes"), "Three places fit equally well"),
+        (answer(*[0.5] * 12, 0.45, reason="look_alikes"), "13 look-alikes: 0.50 0.50 0.50 0.50 0.50 …"),
+        (answer(0.8, 0.3, reason="other_colours"), "Not found in these colours"),
+        (answer(0.3, reason="low_score"), "Not found"),
+        (answer(reason="low_score"), "Not found"),
+    ],
+)
+def test_the_headline_follows_the_verdict(result: TemplateSearch, said: str) -> None:
+    assert headline(result) == said
+
+
+def test_a_headline_tells_another_size_and_angle() -> None:
+    match = TemplateMatch(3, 4, 12, 12, 0.9, 1.2, -15.04)
+    result = TemplateSearch([match], None, 9, 0.1, match, [], 1, "clear")
+    assert headline(result) == "Found at row 3, column 4, 1.20 × its size, turned 15.0° clockwise"
+
+
+def test_why_it_is_not_found_tells_what_is_missing_and_what_to_try() -> None:
+    query, sampled = TemplateQuery(), TemplateQuery(method="sampled")
+    low = answer(0.3, reason="low_score")
+    assert why_not_found(low, query).startswith("The best place scores 0.30; the minimum is 0.50.")
+    assert "try other sizes and angles" in why_not_found(low, query)
+    assert "try other" not in why_not_found(low, TemplateQuery(max_rotation=30))
+    assert "“FFT” also finds" in why_not_found(low, sampled)
+    close = answer(0.62, 0.6, reason="look_alikes")
+    assert why_not_found(close, query).startswith("The best place scores 0.62, the next 0.60: no clear lead.")
+    assert "With 3 matches wanted" in why_not_found(answer(1.0, 1.0, 1.0, reason="look_alikes"), query)
+    assert "in other colours" in why_not_found(answer(0.8, 0.3, reason="other_colours"), query)
+    nothing = answer(reason="low_score")
+    assert why_not_found(nothing, query) == "No place has anything to correlate."
+    assert "exactly these pixels" in why_not_found(nothing, sampled)
+    assert "Sampled" in why_no_score_map(sampled)
+    assert "sizes and angles" in why_no_score_map(TemplateQuery(max_scale=1.2))
+
+
+def test_what_is_doubtful_is_framed_in_dashes() -> None:
+    assert doubtful(answer(0.9, 0.3, reason="clear", clear=1)) == []
+    assert len(doubtful(answer(0.62, 0.6, 0.1, reason="look_alikes"))) == 2
+    assert [one.score for one in doubtful(answer(0.3, 0.2, reason="low_score"))] == [0.3]
+    picture = np.zeros((200, 300, 3), np.uint8)
+    match = TemplateMatch(50, 80, 60, 90, 0.3)
+    solid, dashed, none = framed(picture, [match]), framed(picture, [], [match]), framed(picture, [])
+    assert len({solid, dashed, none}) == 3
+
+
+def test_a_frame_is_turned_as_the_template_is() -> None:
+    match = TemplateMatch(60, 80, 90, 90, 0.9, 1.0, 30.0)
+    shown = cv2.imdecode(
+        np.frombuffer(framed(np.zeros((200, 300, 3), np.uint8), [match], template=(40, 80)), np.uint8), 1
+    )
+    rows, cols = np.nonzero(shown.any(axis=2))
+    (_, (one, other), _) = cv2.minAreaRect(np.column_stack([cols, rows]).astype(np.float32))
+    assert sorted((one, other)) == pytest.approx([40, 80], abs=10)
+    top = int(cols[rows == rows.min()].mean())
+    assert top > 125  # counter-clockwise: its upper right corner is the highest
+
+
+def test_the_page_frames_a_look_alike_beside_the_template(open_page: Callable[[str], AppTest]) -> None:
+    app = open_page(PAGE)
+    app.button_group(key="pictures").set_value("maze_dulled").run()
+    app.slider(key="template.min_score").set_value(0.95).run()
+    assert app.subheader[0].value == "Not found"
+    captions = [picture.caption for element in app.get("image") for picture in element.proto.imgs]
+    assert "the template" in captions
+    assert any(caption.startswith("row 1048, column 1707, score 0.7") for caption in captions)
+
+
+def test_the_page_finds_him_among_other_sizes_and_angles(open_page: Callable[[str], AppTest]) -> None:
+    app = open_page(PAGE)
+    app.slider(key="template.max_rotation").set_value(10.0).run()
+    assert not app.exception
+    assert app.subheader[0].value == "Found at row 528, column 982"
+    assert any("no score map" in caption.value for caption in app.caption)
+    app.button_group(key="template.method").set_value("sampled").run()
+    assert not app.exception
+    assert app.subheader[0].value == "Found at row 528, column 982"
+    assert app.slider(key="template.max_rotation").disabled
+
+
+def test_the_search_is_refused_the_same_way_by_page_and_library() -> None:
+    with pytest.raises(ValueError, match="searched by 'fft' alone"):
+        match_template(np.eye(9), np.eye(3), method="direct", rotations=(0, 5))

@@ -1,0 +1,70 @@
+"""The steps of the "sampled" search in the browser."""
+
+from __future__ import annotations
+
+import re
+
+from playwright.sync_api import Page, expect
+
+from tests.browser.visits import OpenPage, screenshot
+
+WATCH_RUNS = (
+    "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
+    "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
+)
+
+
+def dots(page: Page) -> int:
+    """Return how many pixels are marked in the picture."""
+    marked = page.locator(".funnel .picture .dots")
+    return len(re.findall("M", marked.get_attribute("d") or "")) if marked.count() else 0
+
+
+def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(open_page: OpenPage) -> None:
+    page = open_page("Rocketman_search")
+    steps, said = page.locator(".funnel .steps button"), page.locator(".funnel .said")
+    bars, colour = page.locator(".funnel .bars"), page.locator(".funnel .colour")
+    expect(steps).to_have_text(["All pixels3,732,596", "This colour24", "Both ends agree1", "Scored9"])
+    bars.scroll_into_view_if_needed()
+    page.evaluate(WATCH_RUNS)
+    assert dots(page) == 0
+    for step, count in ((1, 24), (2, 1), (3, 9)):
+        steps.nth(step).press("Enter")
+        expect(steps.nth(step)).to_have_attribute("aria-pressed", "true")
+        assert dots(page) == count
+    expect(said).to_contain_text("Best: row 528, column 982, score 1.00.")
+    expect(page.locator(".funnel .picture .place")).to_have_count(1)
+
+    bars.press("ArrowRight")
+    expect(colour).to_contain_text("85 pixels of its colour")
+    expect(steps.nth(3)).to_have_text("Scored27")
+    assert dots(page) == 27
+    bars.press("End")
+    expect(bars).to_have_attribute("aria-valuenow", "24")
+    expect(steps.nth(1)).to_have_text("This colour390,413")
+    expect(said).to_contain_text("So many that only a count is shown")
+    steps.nth(1).click()
+    expect(said).to_contain_text("600 of them are drawn")
+    screenshot(page, "rocketman-funnel")
+
+    box = bars.bounding_box()
+    assert box is not None
+    bars.click(position={"x": box["width"] * 2.5 / 24, "y": 60})
+    expect(bars).to_have_attribute("aria-valuenow", "3")
+    template = page.locator(".funnel .template")
+    box = template.bounding_box()
+    assert box is not None
+    template.click(position={"x": box["width"] * 67.5 / 111, "y": box["height"] * 55.5 / 123})
+    expect(colour).to_have_text("Row 55, column 67 of the template: 24 pixels of its colour")
+    assert page.evaluate("document.body.dataset.reran") is None
+
+
+def test_it_reads_in_dark_and_on_a_phone(open_page: OpenPage) -> None:
+    page = open_page("Rocketman_search", scheme="dark", width=420)
+    page.get_by_text("Rocketman in the dust of the moon").click()
+    steps = page.locator(".funnel .steps button")
+    expect(steps.nth(2)).not_to_have_text("Both ends agree1")
+    steps.nth(3).click()
+    expect(page.locator(".funnel .said")).not_to_contain_text("score 1.00")
+    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 420
+    screenshot(page, "rocketman-funnel-phone")

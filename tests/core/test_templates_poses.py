@@ -1,0 +1,212 @@
+"""Templates that are smaller, larger or turned in the image: size, angle and place are recovered."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmarks.rocketman import absent_scenes, drawn, posed_scenes
+from stereolag.searches import TemplateQuery
+from stereolag.templates import estimate_search, match_template
+from stereolag.templates.patterns import pattern_of
+from stereolag.templates.pose_ranges import PoseRange
+from stereolag.templates.warping import warped, warped_shape
+
+Array = npt.NDArray[Any]
+
+
+def blobs(shape: tuple[int, ...], seed: int = 0, dtype: type = np.uint8) -> Array:
+    """A smooth texture that can be resampled without losing much."""
+    noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=shape).astype(np.float32), (0, 0), 3)
+    unit = (noise - noise.min()) / np.ptp(noise)
+    return unit.astype(dtype) if np.issubdtype(dtype, np.floating) else (unit * np.iinfo(dtype).max).astype(dtype)
+
+
+def sprite(dtype: type = np.uint8) -> Array:
+    """A disc of 40 × 50 px with alpha."""
+    rows, cols = np.mgrid[:40, :50]
+    opaque = ((rows - 19.5) / 20) ** 2 + ((cols - 24.5) / 25) ** 2 <= 1
+    full = 1 if np.issubdtype(dtype, np.floating) else np.iinfo(dtype).max
+    return np.dstack([blobs((40, 50, 3), 5, dtype), np.where(opaque, full, 0).astype(dtype)])
+
+
+@pytest.mark.parametrize(("scale", "rotation"), [(0.75, 0.0), (1.0, 25.0), (1.3, -17.0)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_size_angle_and_place_are_recovered(dtype: type, scale: float, rotation: float) -> None:
+    template = sprite()
+    scene = drawn(blobs((220, 260, 3)), template, 120.0, 95.0, scale, rotation).astype(dtype)
+    search = match_template(scene, template.astype(dtype), scales=(0.7, 1.4), rotations=(-30, 30))
+    (match,) = search.matches
+    assert search.found
+    assert match.scale == pytest.approx(scale, rel=0.03)
+    assert match.rotation == pytest.approx(rotation, abs=2)
+    assert (match.height, match.width) == warped_shape((40, 50), match.scale, match.rotation)
+    assert match.row + match.height / 2 == pytest.approx(120, abs=2)
+    assert match.col + match.width / 2 == pytest.approx(95, abs=2)
+    assert match.score > 0.95
+
+
+def test_a_positive_angle_is_counter_clockwise_as_seen() -> None:
+    scene, template = blobs((150, 150)), blobs((40, 40), seed=1)
+    scene[50:90, 60:100] = np.rot90(template)  # its top now points left
+    search = match_template(scene, template, rotations=(0, 120))
+    (match,) = search.matches
+    assert match.rotation == pytest.approx(90, abs=1)
+    assert (match.row, match.col) == (50, 60)
+
+
+def test_its_own_size_and_angle_are_found_exactly() -> None:
+    scene = blobs((200, 240, 3))
+    (match,) = match_template(scene, scene[61:101, 83:133], scales=(0.7, 1.4), rotations=(-25, 30)).matches
+    assert (match.row, match.col, match.height, match.width) == (61, 83, 40, 50)
+    assert (match.scale, match.rotation) == (1.0, 0.0)
+    assert match.score == pytest.approx(1, abs=1e-6)
+
+
+def test_grey_and_a_mask() -> None:
+    scene = blobs((200, 240))
+    template = cv2.resize(scene[60:120, 80:140], (40, 40), interpolation=cv2.INTER_AREA)
+    mask = np.ones((40, 40), np.uint8)
+    template[:10] = 0
+    mask[:10] = 0
+    (match,) = match_template(scene, template, mask=mask, scales=(1, 2)).matches
+    assert match.scale == pytest.approx(1.5, rel=0.02)
+    assert match.rotation == 0
+    assert abs(match.row - 60) <= 1
+    assert abs(match.col - 80) <= 1
+
+
+def test_several_sizes_of_one_template_are_all_found() -> None:
+    template = sprite()
+    scene = drawn(blobs((240, 300, 3)), template, 70.0, 70.0, 0.8, 20.0)
+    scene = drawn(scene, template, 150.0, 210.0, 1.3, -10.0)
+    search = match_template(scene, template, scales=(0.7, 1.4), rotations=(-30, 30), max_matches=2)
+    assert search.clear == 2
+    assert sorted(round(match.scale, 1) for match in search.matches) == [0.8, 1.3]
+    alone = match_template(scene, template, scales=(0.7, 1.4), rotations=(-30, 30))
+    assert (alone.found, alone.reason) == (False, "look_alikes")
+
+
+def test_a_template_larger_than_the_image_may_lie_in_it_smaller() -> None:
+    large = blobs((160, 200), seed=3)
+    scene = blobs((120, 150))
+    scene[20:100, 30:130] = cv2.resize(large, (100, 80), interpolation=cv2.INTER_AREA)
+    (match,) = match_template(scene, large, scales=(0.4, 0.7)).matches
+    assert match.scale == pytest.approx(0.5, rel=0.02)
+    with pytest.raises(ValueError, match=r"must fit into the image at 0\.8 of its size"):
+        match_template(scene, large, scales=(0.8, 1.0))
+
+
+def test_a_constant_image_holds_no_size_of_it() -> None:
+    search = match_template(np.full((90, 90), 7, np.uint8), blobs((30, 30)), scales=(0.8, 1.2))
+    assert (search.found, search.matches, search.best) == (False, [], None)
+
+
+def test_rocketman_in_the_maze_resized_and_turned() -> None:
+    for scene in posed_scenes(2):
+        assert scene.right(scene.search()), scene.name
+
+
+def test_what_is_not_in_the_maze_is_not_found_in_any_size() -> None:
+    names = {"painted over, all sizes and angles", "mirrored, all sizes and angles"}
+    tried = [scene for scene in absent_scenes() if scene.name in names]
+    assert len(tried) == len(names)
+    for scene in tried:
+        assert not scene.search().found, scene.name
+
+
+@given(
+    st.floats(0.1, 3),
+    st.floats(1, 3),
+    st.floats(-180, 170),
+    st.floats(0, 10),
+)
+def test_the_grid_holds_both_ends_and_no_larger_steps(low: float, ratio: float, first: float, reach: float) -> None:
+    grid = PoseRange((low, low * ratio), (first, first + reach)).grid()
+    scales, rotations = (sorted({round(pose[axis], 9) for pose in grid}) for axis in (0, 1))
+    assert scales[0] == pytest.approx(low)
+    assert scales[-1] == pytest.approx(low * ratio)
+    assert rotations[0] == pytest.approx(first, abs=1e-6)
+    assert rotations[-1] == pytest.approx(first + reach, abs=1e-6)
+    assert all(b / a <= 1.1 + 1e-6 for a, b in pairwise(scales))
+    assert all(b - a <= 10 + 1e-6 for a, b in pairwise(rotations))
+
+
+def test_hidden_pixels_do_not_bleed_into_a_warped_template() -> None:
+    colours = np.full((30, 30, 1), 255, dtype=np.uint8)
+    colours[8:22, 8:22, 0] = blobs((14, 14)) // 2
+    opaque = np.zeros((30, 30), dtype=np.bool_)
+    opaque[8:22, 8:22] = True
+    pattern = warped(pattern_of(colours, opaque), 0.7, 20)
+    assert pattern is not None
+    assert pattern.colours[pattern.opaque].max() <= 128
+    area = 14 * 14 * 0.7**2
+    assert 0.6 * area < pattern.count < area
+
+
+def test_a_warped_box_holds_the_template() -> None:
+    assert warped_shape((40, 50), 1, 0) == (40, 50)
+    assert warped_shape((40, 50), 1, 90) == (50, 40)
+    assert warped_shape((40, 50), 2, 0) == (80, 100)
+    assert warped_shape((40, 40), 1, 45) == (math.ceil(40 * math.sqrt(2)),) * 2
+
+
+def test_progress_rises_to_one_in_small_steps() -> None:
+    fractions: list[float] = []
+    scene = blobs((600, 800, 3))
+    match_template(
+        scene,
+        scene[100:200, 200:300],
+        scales=(0.7, 1.4),
+        rotations=(-30, 30),
+        progress=fractions.append,
+    )
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1
+    assert len(fractions) > 30
+
+
+def test_a_progress_that_raises_cancels_the_search() -> None:
+    def cancel(fraction: float) -> None:
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        match_template(blobs((90, 90)), blobs((30, 30), seed=1), scales=(0.8, 1.2), progress=cancel)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"scales": (1.2, 0.8)}, r"scales is \(1\.2, 0\.8\); allowed are a least and a largest number from 0\.1 to 10"),
+        ({"scales": (0, 1)}, r"scales is \(0, 1\)"),
+        ({"scales": (1, math.nan)}, r"scales is \(1, nan\)"),
+        ({"rotations": (-200, 0)}, r"rotations is \(-200, 0\); .* from -180 to 180"),
+        ({"rotations": (0, 10), "method": "sampled"}, r"method is 'sampled'; sizes and angles are searched by 'fft'"),
+    ],
+)
+def test_bad_ranges_are_named(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        match_template(blobs((90, 90)), blobs((30, 30), seed=1), **arguments)
+
+
+def test_settings_become_arguments() -> None:
+    assert TemplateQuery().arguments["scales"] is TemplateQuery().arguments["rotations"] is None
+    query = TemplateQuery(min_scale=0.7, max_rotation=30)
+    assert (query.arguments["scales"], query.arguments["rotations"]) == ((0.7, 1.0), (-30.0, 30.0))
+    with pytest.raises(ValueError, match=r"min_scale is 0\.7 and needs method 'fft'"):
+        TemplateQuery(method="sampled", min_scale=0.7)
+
+
+def test_more_sizes_and_angles_take_longer() -> None:
+    shapes = (1500, 2400, 3), (120, 110, 4)
+    some = estimate_search(*shapes, scales=(0.9, 1.1))
+    many = estimate_search(*shapes, scales=(0.9, 1.1), rotations=(-90, 90))
+    assert some.seconds < many.seconds

@@ -1,0 +1,218 @@
+"""A place is found only where it fits clearly better than every other."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stereolag.templates import TemplateMethod, match_template
+from stereolag.templates.peaks import elsewhere, next_elsewhere
+from stereolag.templates.verdict import Verdict, leads, verdict
+
+Array = npt.NDArray[Any]
+MAZES = Path(__file__).resolve().parents[2] / "assets" / "maze"
+METHODS: tuple[TemplateMethod, ...] = ("fft", "sampled")
+
+
+def read(path: Path) -> Array:
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    return np.asarray(image)
+
+
+@pytest.fixture(scope="module")
+def maze() -> Array:
+    return read(MAZES / "maze.png")
+
+
+@pytest.fixture(scope="module")
+def rocketman() -> Array:
+    return read(MAZES / "rocketman.png")
+
+
+def smooth_noise(shape: tuple[int, ...], seed: int = 0) -> Array:
+    noise = np.random.default_rng(seed).normal(size=shape).astype(np.float32)
+    return np.asarray(cv2.GaussianBlur(noise, (0, 0), 2.0))
+
+
+def test_a_lead_is_clear_where_the_rival_differs_clearly_more() -> None:
+    assert leads(1.0, 0.9)
+    assert leads(0.76, 0.34)
+    assert not leads(0.62, 0.6)
+    assert not leads(1.0, 1.0)
+    assert not leads(0.3, 0.9)
+
+
+@pytest.mark.parametrize(
+    ("scores", "following", "expected"),
+    [
+        ([], [], Verdict(0, "low_score")),
+        ([0.9], [0.3], Verdict(1, "clear")),
+        ([0.9], [-1.0], Verdict(1, "clear")),
+        ([0.6], [0.58], Verdict(0, "look_alikes")),
+        ([0.9, 0.89], [0.89, 0.3], Verdict(2, "clear")),
+        ([1.0, 0.4, 0.3], [0.4, 0.3, 0.28], Verdict(1, "clear")),
+        ([1.0, 1.0], [1.0, 1.0], Verdict(0, "look_alikes")),
+    ],
+)
+def test_as_many_matches_are_clear_as_stand_before_a_gap(
+    scores: list[float], following: list[float], expected: Verdict
+) -> None:
+    assert verdict(scores, following) == expected
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32), st.integers(1, 12), st.integers(1, 12))
+def test_places_elsewhere_share_no_pixel_and_none_better_is_left_out(seed: int, height: int, width: int) -> None:
+    random = np.random.default_rng(seed)
+    rows, cols, scores = random.integers(0, 40, 60), random.integers(0, 40, 60), random.random(60)
+
+    def covered(one: int) -> set[tuple[int, int]]:
+        return {(rows[one] + down, cols[one] + right) for down in range(height) for right in range(width)}
+
+    taken = [int(np.argmax(scores))]
+    found = elsewhere(rows, cols, scores, (height, width), taken, 4)
+    expected, used = [], covered(taken[0])
+    for one in np.argsort(-scores):
+        if len(expected) < 4 and not covered(int(one)) & used:
+            expected.append(int(one))
+            used |= covered(int(one))
+    assert found == expected
+    following = next_elsewhere(rows, cols, scores, (height, width), taken)
+    assert following == [scores[found[0]] if found else -1.0]
+
+
+@pytest.mark.parametrize("method", ["fft", "direct", "sampled"])
+def test_three_equal_copies_are_look_alikes_unless_three_are_wanted(method: TemplateMethod) -> None:
+    image = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
+    places = [(3, 5), (25, 30), (44, 60)]
+    for row, col in places[1:]:
+        image[row : row + 10, col : col + 12] = image[3:13, 5:17]
+    template = image[3:13, 5:17].copy()
+    one = match_template(image, template, method=method)
+    assert (one.found, one.reason, len(one.matches)) == (False, "look_alikes", 1)
+    assert sorted((alike.row, alike.col) for alike in one.look_alikes) == places
+    assert not match_template(image, template, method=method, max_matches=2).found
+    three = match_template(image, template, method=method, max_matches=3)
+    assert (three.found, three.clear, three.reason, three.look_alikes) == (True, 3, "clear", [])
+    assert not {(rival.row, rival.col) for rival in three.rivals} & set(places)
+    more = match_template(image, template, method=method, max_matches=9, min_score=-1)
+    assert more.clear == 3
+
+
+def test_the_flank_of_a_peak_is_no_rival() -> None:
+    image = smooth_noise((120, 160))
+    search = match_template(image, image[50:80, 60:100])
+    assert search.found
+    assert (search.best, search.matches) == (search.matches[0], [search.best])
+    for rival in search.rivals:
+        assert abs(rival.row - 50) >= 30 or abs(rival.col - 60) >= 40
+    scores = [rival.score for rival in search.rivals]
+    assert scores == sorted(scores, reverse=True)
+    assert search.score_map is not None
+    away = search.score_map.copy()
+    away[21:80, 21:100] = np.nan
+    assert scores[0] == np.nanmax(away[1:-1, 1:-1])
+
+
+def test_the_best_place_is_told_though_it_is_not_enough() -> None:
+    image = smooth_noise((60, 80))
+    search = match_template(image, smooth_noise((20, 20), seed=1), min_score=0.95)
+    assert (search.found, search.matches, search.reason) == (False, [], "low_score")
+    assert search.score_map is not None
+    assert search.best is not None
+    assert search.best.score == np.nanmax(search.score_map)
+    assert search.look_alikes == []
+
+
+def test_where_there_is_no_room_for_a_rival_the_score_decides() -> None:
+    image = smooth_noise((30, 40))
+    search = match_template(image, image[2:28, 3:37])
+    assert (search.found, search.rivals) == (True, [])
+
+
+def test_a_texture_that_repeats_holds_look_alikes() -> None:
+    image = np.tile(smooth_noise((16, 16)), (6, 8))
+    search = match_template(image, image[16:32, 32:48])
+    assert (search.found, search.reason) == (False, "look_alikes")
+    assert len(search.look_alikes) > 8
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_mirror_image_of_rocketman_is_not_found(maze: Array, rocketman: Array, method: TemplateMethod) -> None:
+    search = match_template(maze, np.ascontiguousarray(rocketman[:, ::-1]), method=method, seed=0)
+    assert not search.found
+    if method == "fft":
+        assert (search.reason, search.best and (search.best.row, search.best.col)) == ("look_alikes", (528, 982))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_rocketman_is_found_with_a_clear_lead(maze: Array, rocketman: Array, method: TemplateMethod) -> None:
+    search = match_template(maze, rocketman, method=method, seed=0)
+    assert (search.found, search.clear, search.reason) == (True, 1, "clear")
+    assert search.best == search.matches[0]
+
+
+@pytest.mark.parametrize("order", list(permutations(range(3)))[1:])
+@pytest.mark.parametrize("method", METHODS)
+def test_rocketman_in_other_colours_is_not_found(
+    maze: Array, rocketman: Array, method: TemplateMethod, order: tuple[int, ...]
+) -> None:
+    search = match_template(maze, rocketman[:, :, (*order, 3)], method=method, seed=0)
+    assert not search.found
+    assert search.look_alikes == [] or search.reason == "look_alikes"
+
+
+def test_other_brightness_contrast_and_tint_are_the_same_colours(maze: Array, rocketman: Array) -> None:
+    part = maze[400:800, 800:1300].astype(np.float32)
+    tinted = part * np.array([0.5, 0.9, 0.7], np.float32) + np.array([90, 5, 40], np.float32)
+    dusty = 0.4 * part + 0.4 * part.mean(axis=2, keepdims=True) + 30
+    for seen in (tinted, dusty):
+        search = match_template(np.clip(seen, 0, 255).astype(np.uint8), rocketman)
+        assert (search.reason, search.matches[0].row, search.matches[0].col) == ("clear", 128, 182)
+
+
+def test_a_grey_picture_in_three_channels_has_no_other_colours(maze: Array, rocketman: Array) -> None:
+    grey = cv2.cvtColor(maze[400:800, 800:1300], cv2.COLOR_BGR2GRAY)
+    search = match_template(np.dstack([grey] * 3), rocketman)
+    assert (search.reason, search.matches[0].row, search.matches[0].col) == ("clear", 128, 182)
+
+
+def test_a_template_a_tenth_smaller_is_not_found_at_a_stranger(maze: Array, rocketman: Array) -> None:
+    smaller = cv2.resize(rocketman, None, fx=0.9, fy=0.9, interpolation=cv2.INTER_AREA)
+    search = match_template(maze, smaller)
+    assert (search.found, search.reason) == (False, "look_alikes")
+    assert len(search.look_alikes) >= 4
+
+
+@pytest.mark.parametrize(
+    ("scene", "template", "mask", "reason", "place"),
+    [
+        ("boofcv_desktop/scene.png", "template_paint.png", None, "clear", (222, 338)),
+        ("simplecv/scene.png", "template.png", None, "clear", (33, 363)),
+        ("opencv_messi/scene.jpg", "template.jpg", None, "clear", (85, 220)),
+        ("boofcv_desktop/scene.png", "template_cursor.png", None, "clear", (265, 210)),
+        ("boofcv_desktop/scene.png", "template_cursor.png", "mask.png", "look_alikes", (6, 271)),
+        ("boofcv_desktop/scene.png", "template_browser.png", None, "low_score", (71, 261)),
+    ],
+)
+def test_real_pictures(
+    data_dir: Path, scene: str, template: str, mask: str | None, reason: str, place: tuple[int, int]
+) -> None:
+    path = data_dir / "template" / scene
+    marks = None if mask is None else read(path.parent / mask)
+    search = match_template(read(path), read(path.parent / template), mask=marks)
+    assert search.reason == reason
+    assert search.best is not None
+    assert (search.best.row, search.best.col) == place
+    if mask:  # the screenshot shows three cursors
+        assert {(one.row, one.col) for one in search.look_alikes} == {(6, 271), (265, 210), (285, 371)}
+        assert match_template(read(path), read(path.parent / template), mask=marks, max_matches=3).clear == 3
