@@ -115,7 +115,7 @@ def test_the_zip_of_a_search_finds_it_again(
         mask[:, :10] = 0
     inputs = PictureAndTemplate(picture, template, "Noise.", "noise", False, mask)
     query = TemplateQuery(min_score=0.9)
-    result = sl.match_template(picture, template, mask=mask, **query.model_dump(), seed=0)
+    result = sl.match_template(picture, template, mask=mask, **query.arguments, seed=0)
     files = match_files.match_files(inputs, result, query)
     unpacked(files, tmp_path)
     monkeypatch.chdir(tmp_path)
@@ -132,13 +132,17 @@ def test_the_zip_of_a_search_finds_it_again(
     assert (tmp_path / "matches.csv").read_text().splitlines()[1].startswith("20,30,20,30,")
 
 
-def test_where_nothing_is_found_there_is_nothing_to_frame() -> None:
-    inputs = PictureAndTemplate(texture(60, 80), texture(9, 9, seed=1), "Noise.", "noise", False)
+@pytest.mark.parametrize("blank", [False, True])
+def test_where_nothing_is_found_the_best_place_is_framed_if_there_is_one(blank: bool) -> None:
+    picture = np.full((60, 80, 3), 9, np.uint8) if blank else texture(60, 80)
+    inputs = PictureAndTemplate(picture, texture(9, 9, seed=1), "Noise.", "noise", False)
     query = TemplateQuery(min_score=0.9)
-    result = sl.match_template(inputs.picture, inputs.template, **query.model_dump())
+    result = sl.match_template(inputs.picture, inputs.template, **query.arguments)
     files = {file.name: file for file in match_files.match_files(inputs, result, query)}
-    assert [name for name, file in files.items() if file.refusal] == ["framed.png"]
+    assert [name for name, file in files.items() if file.refusal] == ["framed.png"] * blank
     assert len(str(files["matches.csv"].make()).splitlines()) == 1
+    if not blank:
+        assert (sl.read_image(io.BytesIO(bytes(files["framed.png"].make()))) != picture).any()  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
