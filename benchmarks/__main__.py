@@ -20,6 +20,7 @@ from benchmarks.doctor import doctor_tables
 from benchmarks.flow import flow_table
 from benchmarks.hostile import hostile_table
 from benchmarks.load import load_table
+from benchmarks.long import LENGTHS, long_table
 from benchmarks.long_drive import long_drive_table
 from benchmarks.pairs import DATA
 from benchmarks.rocketman import rocketman_table
@@ -31,7 +32,7 @@ from benchmarks.timing import Row
 from benchmarks.verdict import verdict_table
 
 USUAL = ["speed", "accuracy", "sequences", "browser", "flow"]
-TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "rocketman", "load", "hostile"]
+TABLES = [*USUAL, "steadiness", "doctor", "suggestion", "verdict", "long", "rocketman", "load", "hostile"]
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -91,6 +92,7 @@ def main() -> None:
         "tables", nargs="*", choices=[*TABLES, []], help=f"which tables; {', '.join(USUAL)} unless named"
     )
     parser.add_argument("--frames", type=int, help="of sequences: a drive of so many, by the command, and its memory")
+    parser.add_argument("--lengths", nargs="*", choices=LENGTHS, help="of long: which recordings; all unless named")
     options = parser.parse_args()
     wanted = options.tables or USUAL
     if "speed" in wanted:
@@ -127,6 +129,8 @@ def main() -> None:
             print(f"Suggestions are left out: the pairs with truth are not at {DATA} (set STEREOLAG_DATA).")
     if "verdict" in wanted:
         keep("verdict", "Verdicts on lags", *verdict_table())
+    if "long" in wanted:
+        keep("long", "Long recordings", *long_table({name: LENGTHS[name] for name in options.lengths or LENGTHS}))
     if "rocketman" in wanted:
         keep("rocketman", "Rocketman with doubt", *rocketman_table())
     if "load" in wanted:

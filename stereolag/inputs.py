@@ -25,11 +25,22 @@ def as_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
     ValueError
         Not one-dimensional, fewer than two samples, NaN or infinite samples, or a constant signal.
     """
+    return checked_signal(value, name).astype(np.float64, copy=False)
+
+
+def checked_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
+    """Return `value` as :func:`as_signal` does, but integers and floats in the type they have: nothing is copied.
+
+    Raises
+    ------
+    ValueError
+        As for :func:`as_signal`.
+    """
     try:
         given = np.asarray(value)
         if np.iscomplexobj(given):
             raise ValueError("a recording is real, and these are complex")
-        signal = given.astype(np.float64, copy=False)
+        signal = given if given.dtype.kind in "iuf" else given.astype(np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must hold numbers only: {error}") from error
     if signal.ndim != 1:
@@ -39,7 +50,7 @@ def as_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
     bad = signal.size - int(np.isfinite(signal).sum())
     if bad:
         raise ValueError(f"{name} holds {bad} NaN or infinite samples; every sample must be a finite number.")
-    if np.ptp(signal) == 0:
+    if signal.min() == signal.max():
         raise ValueError(f"{name} is constant ({signal[0]:g} throughout); a correlation needs something that varies.")
     return signal
 

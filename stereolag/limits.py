@@ -22,7 +22,7 @@ class Limits(Settings):
     # No less than the bundled examples take.
     max_megapixels: int = Field(default=50, description="Pixels of one image, millions.", ge=4, le=1000)
     max_megasamples: int = Field(
-        default=30, description="Samples of one recording, all channels, millions.", ge=1, le=10_000
+        default=320, description="Samples of one recording, all channels, millions.", ge=1, le=10_000
     )
     max_frames: int = Field(default=500_000, description="Frames of one sequence.", ge=1, le=100_000_000)
     max_video_s: int = Field(default=100_000, description="Length of one video, seconds.", ge=1, le=100_000_000)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -16,3 +17,21 @@ def silent(fraction: float) -> None:
 def part(progress: Progress, number: int, count: int) -> Progress:
     """Return the progress of one of several equal parts of a job, the first being number 0."""
     return lambda done: progress((number + done) / count)
+
+
+class Pulse:
+    """A progress that is told again while a job reads on without a step: whoever hears it can end the job there."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._done, self._told = 0.0, time.monotonic()
+
+    def __call__(self, done: float) -> None:
+        """Tell a new fraction."""
+        self._done, self._told = done, time.monotonic()
+        self._progress(done)
+
+    def again(self) -> None:
+        """Tell the last fraction again, at most twenty times a second."""
+        if time.monotonic() - self._told > 0.05:
+            self(self._done)

@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 
 from stereolag import CorrelationMatcher, SearchArea, match_template, optical_flow, preset, signal_lag
+from stereolag.signals.blocks import SHORTEST_BLOCK
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck
 
 IMAGE_TYPES = (np.uint8, np.uint16, np.float32, np.float64)
@@ -32,6 +33,8 @@ def _warm_recordings(random: np.random.Generator) -> None:
     signal_lag(sound[200:], sound[:-200], method="phat")
     signal_lag(sound[200:], sound[:-200], method="sampled", seed=0)
     signal_lag(sound[200:], sound[:-200], method="direct", max_lag=300)
+    long = random.normal(size=4 * SHORTEST_BLOCK)
+    signal_lag(long, long, max_lag=30)
 
 
 def _warm_templates(random: np.random.Generator) -> None:

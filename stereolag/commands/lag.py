@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import stereolag as sl
 from stereolag.commands.flags import SettingsFlags
@@ -11,7 +11,6 @@ from stereolag.commands.parsing import DONE, CommandParser, add_output, read, te
 from stereolag.searches import LagSearch
 
 if TYPE_CHECKING:
-    from stereolag.arrays import Vector
     from stereolag.reading import Recording
 
 
@@ -21,7 +20,7 @@ def run(arguments: Sequence[str]) -> int:
         "lag",
         "Tell by how many samples the second recording lags behind the first: positive where it hears the event later. "
         "Recordings are WAV, FLAC, OGG, MP3, AIFF, NPY or columns of numbers; one file with two channels is enough. "
-        "The sampling rate is that of the files, if they state one and no other is given.",
+        "The sampling rate is that of the files, if they state one and no other is given; of two rates the lower.",
         "FIRST [SECOND] [--speed M/S] [--method NAME] [--json] [further settings]",
     )
     parser.add_argument("first", metavar="FIRST", help="the first recording, or one of both channels")
@@ -32,43 +31,68 @@ def run(arguments: Sequence[str]) -> int:
     options, settings = flags.parsed(arguments)
 
     from stereolag.export import lag_figures
+    from stereolag.inputs import checked_signal
+    from stereolag.reading.recordings import at_one_rate
 
     first = read(sl.read_signal, options.first)
     second = first if options.second is None else read(sl.read_signal, options.second)
     numbers = options.channels or (1, 2 if options.second is None else 1)
-    signals = [
-        _channel(one, number, name)
-        for one, number, name in zip((first, second), numbers, (options.first, options.second), strict=True)
-    ]
+    names = options.first, options.second or options.first
+    channels = _channel(first, numbers[0], names[0]), _channel(second, numbers[1], names[1])
+    rate = settings.sampling_rate
     if "sampling_rate" not in vars(options):
-        settings = settings.model_copy(update={"sampling_rate": _common_rate(first, second) or settings.sampling_rate})
+        channels = at_one_rate(*channels)
+        rate = next((one.sampling_rate for one in channels if one.sampling_rate), rate)
+        settings = settings.model_copy(update={"sampling_rate": rate})
+    facts = [
+        _facts(one, name, number, count, rate)
+        for one, name, number, count in zip(
+            channels, names, numbers, (len(first.channels), len(second.channels)), strict=True
+        )
+    ]
+    signals = [checked_signal(one.channels[0], name) for one, name in zip(channels, names, strict=True)]
     result = sl.signal_lag(*signals, **settings.model_dump(), seed=0)
-    tell(lag_figures(result, settings), _in_words(result, settings), as_json=options.json)
+    figures = lag_figures(result, settings) | {"recordings": facts}
+    tell(figures, _in_words(result, settings, facts), as_json=options.json)
     return DONE
 
 
-def _channel(recording: Recording, number: int, name: str | None) -> Vector:
-    """Return a channel, counted from 1; ValueError where there is none, or nothing to compare in it."""
-    from stereolag.inputs import as_signal
-
+def _channel(recording: Recording, number: int, name: str) -> Recording:
+    """Return a channel, counted from 1; ValueError where there is none."""
     count = len(recording.channels)
     if not 1 <= number <= count:
         raise ValueError(
-            f"channel {number} is asked for, and {name or 'the recording'} has {count}: give a second recording, or "
-            "other --channels."
+            f"channel {number} is asked for, and {name} has {count}: give a second recording, or other --channels."
         )
-    return as_signal(recording.channels[number - 1], name or "the second channel")
+    return recording.channel(number)
 
 
-def _common_rate(first: Recording, second: Recording) -> float | None:
-    """Return the sampling rate that the files state, None where they state none; ValueError where they differ."""
-    rates = {one.sampling_rate for one in (first, second)} - {None}
-    if len(rates) > 1:
-        raise ValueError(
-            f"The recordings have {first.sampling_rate:g} and {second.sampling_rate:g} samples a second; both must "
-            "have the same sampling rate."
-        )
-    return next(iter(rates), None)
+def _facts(recording: Recording, name: str, number: int, count: int, rate: float) -> dict[str, Any]:
+    """Return what is compared: one channel of `count`, at the `rate` that holds for both."""
+    samples = recording.channels.shape[1]
+    return {
+        "file": name,
+        "channel": number,
+        "channels": count,
+        "samples": samples,
+        "duration_s": samples / rate,
+        "sampling_rate_in_file": recording.resampled_from or recording.sampling_rate,
+        "resampled": recording.resampled_from is not None,
+        "mended_lines": recording.mended_lines,
+    }
+
+
+def _fact_line(facts: dict[str, Any], rate: float) -> str:
+    told = [f"{facts['duration_s']:.6g} s, {facts['samples']} samples at {rate:g} Hz"]
+    if facts["channels"] > 1:
+        told.append(f"channel {facts['channel']} of {facts['channels']}")
+    if facts["resampled"]:
+        told.append(f"resampled from {facts['sampling_rate_in_file']:g} Hz")
+    if facts["sampling_rate_in_file"] is None:
+        told.append("rate assumed, the file states none")
+    if facts["mended_lines"]:
+        told.append(f"{facts['mended_lines']} damaged line{'s' * (facts['mended_lines'] > 1)} mended")
+    return f"{facts['file']}: {', '.join(told)}"
 
 
 _REASONS = {
@@ -83,7 +107,7 @@ _REASONS = {
 }
 
 
-def _in_words(result: sl.SignalLag, settings: LagSearch) -> str:
+def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, Any]]) -> str:
     score = f"score     {result.score:.3f}, {settings.method} in {result.elapsed_s:.3g} s"
     judgement = result.judgement
     if judgement is None or judgement.verdict == "sure":
@@ -106,4 +130,4 @@ def _in_words(result: sl.SignalLag, settings: LagSearch) -> str:
             lines.append(
                 f"drift     {drift.ppm:+.2f} ppm, ± {drift.error_ppm:.1g}; ± {drift.spread:.2g} samples a block"
             )
-    return "\n".join(lines)
+    return "\n".join([*lines, *(_fact_line(one, settings.sampling_rate) for one in facts)])

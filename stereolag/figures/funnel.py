@@ -79,7 +79,7 @@ def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | No
         raise ValueError(f"image holds {searched.dtype} and template {colours.dtype} pixels; both must be of one type.")
     searched = np.ascontiguousarray(searched)
     pattern = pattern_of(colours, opaque_pixels(small, mask))
-    shown = as_rgb(colours.squeeze(2) if colours.shape[2] == 1 else colours)
+    shown = as_rgb(colours[:, :, 0] if colours.shape[2] == 1 else colours)
     pixels = searched.shape[0] * searched.shape[1]
     most = min(MOST_ANCHORS, max(FEWEST_ANCHORS, MOST_COMPARED // pixels))
     chosen = rare_pixels(searched, pattern, seed, most=MOST_COLOURS)

@@ -95,7 +95,7 @@ def reduced_search(
     """
     whole, small = as_image(image, "image"), as_image(template, "template")
     opaque = opaque_pixels(small, mask)
-    colours, sought = (as_rgb(one.squeeze()) for one in alike(whole, small))
+    colours, sought = (as_rgb(one[:, :, 0] if one.shape[2] == 1 else one) for one in alike(whole, small))
     wanted = math.ceil(math.sqrt(whole.shape[0] * whole.shape[1] / pixels))
     factor = max(1, min(wanted, min(opaque.shape) // LEAST_SIDE))
     place = near or (0, 0)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import soundfile
+from scipy.signal import resample_poly
 
+from stereolag.estimates import Estimate, check_memory
 from stereolag.limits import limits
 from stereolag.reading.npy import MAGIC as NPY_MAGIC
 from stereolag.reading.npy import parse_npy
@@ -23,6 +28,14 @@ MAX_CHANNELS = 64
 FEWEST_TICKS = 10
 UNEVENNESS = 1e-3
 """How far a column of times may stray from a straight line, as a share of its length."""
+
+MOST_TERMS = 10_000
+"""Of the ratio of two sampling rates: the filter between them is twenty times as long."""
+
+LONGEST_DOUBLE = 30_000_000
+"""Samples, all channels, above which a recording is held with the 24 bits of float32: 11 minutes at 44.1 kHz."""
+
+Channels: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
 _BLOCK = 2**20
 """Samples decoded at a time."""
@@ -38,18 +51,57 @@ class Recording:
     Attributes
     ----------
     channels
-        (channels, samples) float64, all finite; audio is scaled to -1..1.
+        (channels, samples) float64, all finite; audio is scaled to -1..1. Float32 above 30 million samples in all.
     sampling_rate
         Samples per second; None where the file does not state it (text and NPY).
+    mended_lines
+        How many damaged lines of a text were mended (:mod:`stereolag.reading.mending`).
+    resampled_from
+        The samples per second of the file, where :meth:`resampled` changed them; otherwise None.
     """
 
-    channels: npt.NDArray[np.float64]
+    channels: Channels
     sampling_rate: float | None
+    mended_lines: int = 0
+    resampled_from: float | None = None
 
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
         """Return the (samples,) of a single channel, or (channels, samples) of several."""
         samples = self.channels[0] if len(self.channels) == 1 else self.channels
         return np.array(samples, dtype=dtype, copy=copy)
+
+    def resampled(self, sampling_rate: float) -> Recording:
+        """Return the recording at another rate, by :func:`scipy.signal.resample_poly`; itself where that is its own.
+
+        Nothing is delayed: the first sample stays the first. What lies above half the lower rate is lost.
+
+        Raises
+        ------
+        ValueError
+            A recording whose file states no rate, a rate that is not positive and finite, rates whose ratio takes
+            numbers above 10,000, or more samples than the limit in force.
+        """
+        if self.sampling_rate is None:
+            raise ValueError(f"The {WHAT} states no sampling rate, so it cannot be resampled to {sampling_rate:g} Hz.")
+        if not (np.isfinite(sampling_rate) and sampling_rate > 0):
+            raise ValueError(f"sampling_rate is {sampling_rate!r} Hz; it must be a positive, finite number.")
+        if sampling_rate == self.sampling_rate:
+            return self
+        ratio = Fraction(sampling_rate) / Fraction(self.sampling_rate)
+        up, down = ratio.numerator, ratio.denominator
+        if max(up, down) > MOST_TERMS:
+            raise ValueError(
+                f"The {WHAT} has {self.sampling_rate:,.10g} samples a second and {sampling_rate:,.10g} are asked for; "
+                f"their ratio is {up} : {down}, and numbers up to {MOST_TERMS:,} are allowed."
+            )
+        _check_size(len(self.channels), -(-self.channels.shape[1] * up // down))
+        # Beyond its ends a recording goes on as its last samples do: no step to zero where it has an offset.
+        channels = resample_poly(self.channels, up, down, axis=1, padtype="line")
+        return Recording(channels, sampling_rate, self.mended_lines, self.resampled_from or self.sampling_rate)
+
+    def channel(self, number: int) -> Recording:
+        """Return one channel, from 1, as a recording of its own."""
+        return replace(self, channels=self.channels[number - 1 : number])
 
     @property
     def clock(self) -> int | None:
@@ -59,13 +111,31 @@ class Recording:
         return next((number for number, channel in enumerate(self.channels) if _rises_evenly(channel)), None)
 
 
+def at_one_rate(first: Recording, second: Recording) -> tuple[Recording, Recording]:
+    """Return both at the lower of their rates, which holds what they can have in common.
+
+    A recording whose file states no rate is taken to have that of the other, and stays as it is.
+
+    Raises
+    ------
+    ValueError
+        As :meth:`Recording.resampled`.
+    """
+    if first.sampling_rate is None or second.sampling_rate is None:
+        return first, second
+    lower = min(first.sampling_rate, second.sampling_rate)
+    return first.resampled(lower), second.resampled(lower)
+
+
 def read_signal(source: Source) -> Recording:
     """Read a recording: WAV, FLAC, OGG, MP3, AIFF, NPY or text.
 
     Text holds one number per line, or several in columns (comma, semicolon, tab or space between them), which become
     channels. Lines before the first number are a header; lines that begin with ``#``, ``%`` or ``//`` and blank
-    lines are skipped. A comma may be the decimal sign where it is not what separates the columns.
-    An NPY array has one dimension, or two, of which the longer is time.
+    lines are skipped. A comma may be the decimal sign where it is not what separates the columns. Up to 5 damaged
+    lines, at most one in a hundred, are mended and counted: NUL bytes behind a number go, an empty field gets what lies
+    between its neighbours.
+    An NPY array has one dimension, or two, of which the longer is time. Audio given by its path is streamed.
 
     Parameters
     ----------
@@ -75,28 +145,31 @@ def read_signal(source: Source) -> Recording:
     Returns
     -------
     recording
-        Its ``channels``, (channels, samples) float64, and its ``sampling_rate`` in Hz or None.
+        Its ``channels``, (channels, samples) float64 or, if long, float32, and its ``sampling_rate`` in Hz or None.
 
     Raises
     ------
     ValueError
         An empty, damaged or unknown file; a word, a NUL byte, NaN or a missing number in a text (with its line);
-        fewer than 2 samples, more in all than the limit in force (30 million unless set otherwise), or more than 64
-        channels.
+        fewer than 2 samples, more in all than the limit in force (320 million unless set otherwise, an hour of two
+        channels) or than the memory of one job holds, or more than 64 channels.
     """
-    data = read_bytes(source, WHAT)
-    sampling_rate = None
-    if data.startswith(_AUDIO_MARKS + _MP3_SYNCS):
-        channels, sampling_rate = _parse_audio(data)
+    sampling_rate, mended_lines = None, 0
+    if isinstance(source, str | PathLike) and _is_audio(head := _head(source)):
+        # An hour has more bytes than are read at once.
+        with _AudioFile(source) as file:
+            channels, sampling_rate = _parse_audio(file, head)
+    elif _is_audio(data := read_bytes(source, WHAT)):
+        channels, sampling_rate = _parse_audio(_AudioBytes(data), data[:HEADER_BYTES])
     elif data.startswith(NPY_MAGIC):
         channels = _parse_npy(data)
     else:
-        channels = parse_columns(data, limits().max_samples)
+        channels, mended_lines = parse_columns(data, limits().max_samples)
         _check_size(*channels.shape)
     bad = sum(channel.size - int(np.isfinite(channel).sum()) for channel in channels)
     if bad:
         raise ValueError(f"The {WHAT} holds {bad} NaN or infinite samples; every sample must be a finite number.")
-    return Recording(channels, sampling_rate)
+    return Recording(channels, sampling_rate, mended_lines)
 
 
 def _check_size(channels: int, samples: int) -> None:
@@ -108,14 +181,30 @@ def _check_size(channels: int, samples: int) -> None:
         raise ValueError(
             f"The {WHAT} holds {channels} × {samples} samples; at most {limits().max_samples:,} in all are accepted."
         )
+    if channels * samples > LONGEST_DOUBLE:
+        needed = Estimate(channels * samples * np.dtype(np.float32).itemsize, 0.0)
+        check_memory(needed, "A shorter recording, or one of fewer channels, would fit.")
 
 
-def _rises_evenly(channel: npt.NDArray[np.float64]) -> bool:
+def _float_type(samples: int) -> Literal["float32", "float64"]:
+    return "float64" if samples <= LONGEST_DOUBLE else "float32"
+
+
+def _rises_evenly(channel: npt.NDArray[np.floating[Any]]) -> bool:
     """Return whether a channel never falls and keeps to a straight line, but for the rounding of its numbers."""
     if channel.size < FEWEST_TICKS or channel[-1] <= channel[0] or (channel[1:] < channel[:-1]).any():
         return False
     even = np.linspace(channel[0], channel[-1], channel.size)
     return bool(np.abs(channel - even).max() <= UNEVENNESS * (channel[-1] - channel[0]))
+
+
+def _head(path: str | PathLike[str]) -> bytes:
+    with Path(path).open("rb") as file:
+        return file.read(HEADER_BYTES)
+
+
+def _is_audio(data: bytes) -> bool:
+    return data.startswith(_AUDIO_MARKS + _MP3_SYNCS)
 
 
 class _AudioBytes(io.BytesIO):
@@ -128,13 +217,23 @@ class _AudioBytes(io.BytesIO):
             return self.tell()
 
 
-def _parse_audio(data: bytes) -> tuple[npt.NDArray[np.float64], float]:
+class _AudioFile(io.FileIO):
+    """A file on disk that does the same."""
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        try:
+            return super().seek(offset, whence)
+        except OSError:
+            return self.tell()
+
+
+def _parse_audio(stream: _AudioBytes | _AudioFile, head: bytes) -> tuple[Channels, float]:
     try:
-        with soundfile.SoundFile(_AudioBytes(data)) as file:
+        with soundfile.SoundFile(stream) as file:
             _check_size(file.channels, file.frames)
             channels, sampling_rate = _samples(file), float(file.samplerate)
     except RuntimeError as error:  # soundfile's own errors are of this kind
-        if data.startswith(b"FORM") and b"DWVW" in data[:HEADER_BYTES]:
+        if head.startswith(b"FORM") and b"DWVW" in head:
             raise ValueError(f"The {WHAT} is an AIFF in the encoding DWVW, which is not accepted.") from error
         raise ValueError(
             f"The {WHAT} is an audio file that is damaged, cut short or without channels; accepted are {ACCEPTED}."
@@ -145,16 +244,17 @@ def _parse_audio(data: bytes) -> tuple[npt.NDArray[np.float64], float]:
     return channels, sampling_rate
 
 
-def _samples(file: soundfile.SoundFile) -> npt.NDArray[np.float64]:
+def _samples(file: soundfile.SoundFile) -> Channels:
     """Return the (channels, samples) of an opened file, decoded in blocks into where they stay.
 
     A header may promise more than follows: memory that nothing is written to is never taken. Some encodings (GSM 6.10)
     cannot be read in one go at all.
     """
-    channels = np.empty((file.channels, file.frames))
+    dtype = _float_type(file.channels * file.frames)
+    channels = np.empty((file.channels, file.frames), dtype=dtype)
     count, size = 0, max(1, _BLOCK // file.channels)
     while count < channels.shape[1]:
-        block = file.read(min(size, channels.shape[1] - count), dtype="float64", always_2d=True)
+        block = file.read(min(size, channels.shape[1] - count), dtype=dtype, always_2d=True)
         if not len(block):
             return channels[:, :count].copy()
         channels[:, count : count + len(block)] = block.T
@@ -162,7 +262,7 @@ def _samples(file: soundfile.SoundFile) -> npt.NDArray[np.float64]:
     return channels
 
 
-def _parse_npy(data: bytes) -> npt.NDArray[np.float64]:
+def _parse_npy(data: bytes) -> Channels:
     array = parse_npy(data, WHAT)
     if array.ndim not in (1, 2):
         raise ValueError(f"The {WHAT} (.npy) has shape {array.shape}; allowed are (samples,) and (channels, samples).")
@@ -170,5 +270,5 @@ def _parse_npy(data: bytes) -> npt.NDArray[np.float64]:
     if channels.shape[0] > channels.shape[1]:
         channels = channels.T
     _check_size(*channels.shape)
-    with np.errstate(invalid="ignore"):  # signalling NaN; the caller counts all that are not finite
-        return np.array(channels, dtype=np.float64, order="C")
+    with np.errstate(invalid="ignore", over="ignore"):  # signalling NaN; the caller counts all that are not finite
+        return np.array(channels, dtype=_float_type(channels.size), order="C")

@@ -10,7 +10,7 @@ from scipy import fft, stats
 from stereolag.arrays import Vector
 from stereolag.signals.overlaps import overlap_slices
 from stereolag.signals.peaks import REACH, refine_peak
-from stereolag.signals.whitening import WhitePair
+from stereolag.signals.whitening import Pair
 
 _BLOCKS = 16
 _SHORTEST, _LONGEST = 1024, 2**14
@@ -66,7 +66,7 @@ class Drift:
         return abs(self.span) >= 1.0 and abs(self.ppm) > 4 * self.error_ppm
 
 
-def measure_drift(pair: WhitePair, lag: int) -> Drift | None:
+def measure_drift(pair: Pair, lag: int) -> Drift | None:
     """Return how the lag changes about `lag`; None where the blocks are too short or find no common line.
 
     The samples in common are cut into at most 16 blocks. Each is looked for by itself, up to 300 ppm of the whole
@@ -74,14 +74,14 @@ def measure_drift(pair: WhitePair, lag: int) -> Drift | None:
     median of all slopes (P. K. Sen, "Estimates of the regression coefficient based on Kendall's tau", J. Am. Stat.
     Assoc. 63 (1968)) and then least squares.
     """
-    part_1, part_2 = overlap_slices(pair.signal_1.size, pair.signal_2.size, lag)
+    part_1, _ = overlap_slices(*pair.sizes, lag)
     size = part_1.stop - part_1.start
     count = min(_BLOCKS, size // _SHORTEST)
     if count < _FEWEST:
         return None
     starts, length = _cut(size, count)
     reach = int(np.clip(_FARTHEST_PPM * 1e-6 * size, REACH, length // 4))
-    curves = _block_curves(pair.signal_1[part_1], pair.signal_2[part_2], starts, length, reach)
+    curves = _block_curves(*pair.blocks(lag, starts, length, reach), reach)
     tops = np.argmax(curves, axis=1)
     noise = 1.4826 * np.median(np.abs(curves - np.median(curves, axis=1, keepdims=True)), axis=1)
     clear = (curves.max(axis=1) > _CLEAR * noise) & (tops > 0) & (tops < 2 * reach)
@@ -98,14 +98,9 @@ def _cut(size: int, count: int) -> tuple[np.ndarray[tuple[int], np.dtype[np.int6
     return np.arange(count) * whole + (whole - length) // 2, length
 
 
-def _block_curves(
-    first: Vector, second: Vector, starts: np.ndarray[tuple[int], np.dtype[np.int64]], length: int, reach: int
-) -> Vector:
-    """Return (blocks, 2 * reach + 1) products of each block of `first` with `second` up to `reach` beside it."""
-    padded = np.pad(second, reach)
-    blocks_1 = np.stack([first[start : start + length] for start in starts])
-    blocks_2 = np.stack([padded[start : start + length + 2 * reach] for start in starts])
-    points = int(fft.next_fast_len(length + 2 * reach, real=True))
+def _block_curves(blocks_1: Vector, blocks_2: Vector, reach: int) -> Vector:
+    """Return (blocks, 2 * reach + 1) products of each block of recording 1 with recording 2 up to `reach` beside it."""
+    points = int(fft.next_fast_len(blocks_2.shape[1], real=True))
     spectra = np.conj(fft.rfft(blocks_1, points)) * fft.rfft(blocks_2, points)
     return np.asarray(fft.irfft(spectra, points)[:, : 2 * reach + 1])
 

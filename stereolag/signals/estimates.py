@@ -3,16 +3,39 @@
 from __future__ import annotations
 
 import math
+from typing import Literal, TypeAlias
 
 from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting, rounded_down
 from stereolag.searches import SignalMethod
+from stereolag.signals.blocks import SHORTEST_BLOCK, block_length, suits_blocks
 from stereolag.signals.curves import transform_length
+from stereolag.signals.long_search import AROUND, BANDS_AT_ONCE, cell_size
 
 REAL, COMPLEX, INDEX = 8, 16, 8
 """Bytes of one number of a recording, of its spectrum, and of a lag."""
 
+HALF_REAL, HALF_COMPLEX = 4, 8
+"""The same where half the digits will do."""
+
+Way: TypeAlias = Literal["whole", "blocks", "bands"]
+
+LONGEST_WHOLE = 2**23
+"""Samples of the longest recording that is always transformed as a whole: three minutes at 44.1 kHz, 1.2 GB."""
+
+BAND_SECONDS = 3e-9
+"""Seconds per lag of a band and doubling of their number: its transforms, and its share of the cutting into bands."""
+
 FFT_SECONDS = 1.4e-8
 """Seconds per point of the transform and doubling of its length: three transforms and the rest of the work."""
+
+BLOCK_SECONDS = 3e-9
+"""Seconds per point of a block and doubling of its length: two real transforms and the rest of the work."""
+
+PIECE_SECONDS = 2e-8
+"""Seconds per sample of either recording: it is converted for its mean, its energy and the score."""
+
+BLOCK_VECTORS = 16
+"""Vectors over the lags at the most: running sums and what is picked of them, the curve, the search for its peak."""
 
 SORT_SECONDS = 1.8e-8
 """Seconds per sample of the longer recording and doubling of its length: they are sorted by value."""
@@ -27,10 +50,14 @@ SAMPLE_SECONDS = 1.5e-8
 def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_lag: int | None = None) -> Estimate:
     """Return the memory and time that :func:`stereolag.signals.signal_lag` needs.
 
-    Both recordings are held mean-free, as float64. Beside them, at most,
+    "fft" within a `max_lag` that is little beside the recordings (:func:`way_of`) holds one block of each, their
+    spectra, scratch vectors for both, the sum of the spectra, and vectors over the lags. For every lag of recordings
+    above ``LONGEST_WHOLE`` samples it holds a few bands of both and their transforms.
 
-    * "fft" and "phat" hold two complex spectra, the twiddle factors of the transform and a scratch vector of each of
-      two threads; later the curve, its lags and those that the search for the peak picks: at worst all lags
+    Otherwise both recordings are held mean-free, as float64. Beside them, at most,
+
+    * "fft" and "phat" hold two complex spectra, the twiddle factors of the transform and a scratch vector of
+      each of two threads; later the curve, its lags and those that the search for the peak picks: at worst all lags
       whose overlap is at least half the longest, in seven vectors;
     * "direct" holds the curve and the same for its peak, and the two overlaps at the peak; it takes as long as it has
       products to sum: with every lag, ``size_1 * size_2`` of them;
@@ -46,7 +73,10 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
     """
     total, longest, shortest = size_1 + size_2, max(size_1, size_2), min(size_1, size_2)
     reach = longest - 1 if max_lag is None else max_lag
-    lags = min(reach, size_1 - 1) + min(reach, size_2 - 1) + 1
+    lags = _lag_count(size_1, size_2, reach)
+    way = way_of(size_1, size_2, method, reach)
+    if way != "whole":
+        return (_estimate_blocks if way == "blocks" else _estimate_bands)(size_1, size_2, lags)
     recordings = REAL * total
     # While they are made: the recordings converted to float64, and one vector in conversion.
     memory = recordings + recordings + REAL * longest
@@ -66,6 +96,41 @@ def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_
     memory = max(memory, recordings + transforms, recordings + COMPLEX * size + peak)
     seconds = FFT_SECONDS * size * math.log2(size)
     return Estimate(memory + kept_blocks(COMPLEX * size, 3) + OVERHEAD, seconds)
+
+
+def way_of(size_1: int, size_2: int, method: SignalMethod, reach: int) -> Way:
+    """Return how recordings of these sizes are gone through, for lags up to `reach` both ways."""
+    longest = max(size_1, size_2)
+    if method != "fft":
+        return "whole"
+    if suits_blocks(longest, _lag_count(size_1, size_2, reach)):
+        return "blocks"
+    return "whole" if longest <= LONGEST_WHOLE else "bands"
+
+
+def _lag_count(size_1: int, size_2: int, reach: int) -> int:
+    return min(reach, size_1 - 1) + min(reach, size_2 - 1) + 1
+
+
+def _estimate_blocks(size_1: int, size_2: int, lags: int) -> Estimate:
+    size, total = block_length(lags), size_1 + size_2
+    # Two rows, what is transformed of them, their spectra and the sum; the finiteness of every sample before.
+    memory = max((2 + 2 + 2 + 1) * REAL * size, BLOCK_VECTORS * REAL * lags) + max(size_1, size_2)
+    blocks = -(-min(size_1, size_2) // (size - lags + 1))
+    seconds = BLOCK_SECONDS * blocks * size * math.log2(size) + PIECE_SECONDS * total
+    return Estimate(memory + kept_blocks(REAL * size, 2) + OVERHEAD, seconds)
+
+
+def _estimate_bands(size_1: int, size_2: int, lags: int) -> Estimate:
+    step, total = cell_size(size_1, size_2), size_1 + size_2
+    cells, size = lags // step + 2, total // step
+    # Of two bands at once the transforms of both recordings and three copies, the factors, and the bands at once;
+    # later the bound and its search, which overlap the windows that are refined.
+    memory = (2 * 5 + 1 + BANDS_AT_ONCE) * HALF_COMPLEX * size + 14 * HALF_REAL * cells
+    memory += _estimate_blocks(SHORTEST_BLOCK, SHORTEST_BLOCK, 16 * AROUND).memory
+    bands = step // 2
+    seconds = BAND_SECONDS * bands * size * math.log2(size) + 4 * PIECE_SECONDS * total
+    return Estimate(max(memory, size_1, size_2), seconds)
 
 
 def fitting_recordings(allowed: int, *, sampling_rate: float, method: SignalMethod, max_lag: int | None) -> str:

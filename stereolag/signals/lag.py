@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import operator
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import get_args
@@ -12,17 +11,20 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Vector
 from stereolag.estimates import check_memory
-from stereolag.inputs import as_signal
-from stereolag.progress import Progress, silent
+from stereolag.inputs import checked_signal
+from stereolag.progress import Progress, Pulse, silent
 from stereolag.searches import SignalMethod
-from stereolag.signals.curves import direct_curve, fft_curve, phat_curve
-from stereolag.signals.estimates import estimate_lag, fitting_recordings
-from stereolag.signals.overlaps import overlap_length, overlap_pearson
-from stereolag.signals.peaks import REACH, Lags, find_peak, peak_ratio, refine_peak
-from stereolag.signals.sampling import sampled_votes
-from stereolag.signals.verdict import Judgement, Verdict, enough_votes, judge
+from stereolag.signals.blocks import CentredRecording
+from stereolag.signals.estimates import estimate_lag, fitting_recordings, way_of
+from stereolag.signals.finding import normalised, search_blocks, search_votes, search_whole
+from stereolag.signals.long_pairs import LongPair
+from stereolag.signals.long_search import search_bands
+from stereolag.signals.verdict import Judgement, Verdict, judge_pair
+from stereolag.signals.whitening import Pair, WhitePair
+
+_SEARCHING = 0.8
+"""The share of the time that the search takes of long recordings, the rest the judgement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +51,10 @@ class SignalLag:
     ties
         How many lags are equally good, this one among them: more than 1 for periodic recordings.
     lags, correlation
-        (N,) int64 and float64, read-only: the lags searched and the curve whose peak `lag` is. None for "sampled".
+        (N,) int64 and float64: the lags searched and the curve whose peak `lag` is. None for "sampled". Where every
+        lag of long recordings was searched ("fft", see :func:`signal_lag`) both are reduced: of each stretch of lags
+        the one where the curve may be highest, and how high; measured within 4,096 samples of the peak and its rivals,
+        an upper bound elsewhere, which is no higher than the peak.
     votes
         Lag to number of votes, the winner first; "sampled" only, otherwise None.
     elapsed_s
@@ -100,20 +105,6 @@ class SignalLag:
         return drift.spread if drift else float("nan")
 
 
-@dataclass(frozen=True)
-class _Found:
-    """The result of a method, in samples."""
-
-    lag: int
-    peak_ratio: float
-    ties: int
-    fraction: float
-    lags: npt.NDArray[np.int64] | None = None
-    correlation: Vector | None = None
-    votes: dict[int, int] | None = None
-    opposite_lag: int | None = None
-
-
 def signal_lag(
     signal_1: npt.ArrayLike,
     signal_2: npt.ArrayLike,
@@ -153,7 +144,12 @@ def signal_lag(
         ``"direct"``
             The curve of "fft", its products summed lag by lag: slow, and simple enough to trust.
     max_lag
-        Search ``-max_lag..max_lag`` only, samples.
+        Search ``-max_lag..max_lag`` only, samples. Where that is little beside the recordings, "fft" goes through them
+        in blocks, to the same result: an hour takes the memory of a few `max_lag`. Above 8 million samples (3 minutes
+        at 44.1 kHz) every other search of "fft" goes through them in bands of frequency
+        (:func:`stereolag.signals.long_search.search_bands`): the lag is that of the whole curve wherever the recordings
+        have something in common, `correlation` is reduced, and `peak_ratio` and `ties` are no more than those of the
+        whole. The other methods hold the whole, and refuse what that takes too much memory for.
     seed
         Of the random samples, for "sampled"; None draws others each time.
     progress
@@ -167,32 +163,41 @@ def signal_lag(
         wherever they overlap within `max_lag`; more memory needed than one job may take
         (:func:`~stereolag.signals.estimate_lag`).
     """
-    first, second = as_signal(signal_1, "signal_1"), as_signal(signal_2, "signal_2")
+    given_1, given_2 = checked_signal(signal_1, "signal_1"), checked_signal(signal_2, "signal_2")
     _check_positive(sampling_rate, "sampling_rate", "samples per second")
     _check_positive(speed, "speed", "metres per second")
     if method not in get_args(SignalMethod):
         raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, get_args(SignalMethod)))}.")
-    reach = _checked_reach(max_lag, max(first.size, second.size))
+    reach = _checked_reach(max_lag, max(given_1.size, given_2.size))
     report = progress or silent
     check_memory(
-        estimate_lag(first.size, second.size, method=method, max_lag=max_lag),
+        estimate_lag(given_1.size, given_2.size, method=method, max_lag=max_lag),
         partial(fitting_recordings, sampling_rate=sampling_rate, method=method, max_lag=max_lag),
     )
 
     started = time.perf_counter()
-    first, second = _normalised(first), _normalised(second)
-    if method == "sampled":
-        found = _vote(first, second, reach, seed, report)
+    pair: Pair
+    way = way_of(given_1.size, given_2.size, method, reach)
+    if way != "whole":
+        pulse = Pulse(report)
+        long_1, long_2 = CentredRecording(given_1, pulse.again), CentredRecording(given_2, pulse.again)
+        search = search_blocks if way == "blocks" else search_bands
+        found = search(long_1, long_2, reach, lambda done: pulse(_SEARCHING * done))
+        pair = LongPair(long_1, long_2)
     else:
-        found = _search(first, second, reach, method, report)
-    score = overlap_pearson(first, second, found.lag)
+        first, second = normalised(given_1), normalised(given_2)
+        if method == "sampled":
+            found = search_votes(first, second, reach, seed, report)
+        else:
+            found = search_whole(first, second, reach, method, report)
+        pair = WhitePair(first, second)
+    score = pair.pearson(found.lag)
     if np.isnan(score):
         raise ValueError(
             f"nothing varies where the recordings overlap within ±{reach} samples; allow a larger max_lag."
         )
-    judgement = judge(
-        first,
-        second,
+    judgement = judge_pair(
+        pair,
         found.lag,
         reach,
         lags=found.lags,
@@ -236,57 +241,3 @@ def _checked_reach(max_lag: int | None, longest: int) -> int:
             f"max_lag is {max_lag!r}; allowed are whole samples from 0 to {longest - 1}, the longer recording less one."
         )
     return reach
-
-
-def _normalised(signal: Vector) -> Vector:
-    """Return the signal without its mean and of height 1, so that the squares of no unit over- or underflow."""
-    centred = signal - signal.mean()
-    return np.asarray(centred / max(centred.max(), -centred.min()))
-
-
-def _search(signal_1: Vector, signal_2: Vector, reach: int, method: SignalMethod, progress: Progress) -> _Found:
-    first, last = -min(reach, signal_1.size - 1), min(reach, signal_2.size - 1)
-    overlap: Callable[[Lags], Lags] = partial(overlap_length, signal_1.size, signal_2.size)
-    if method == "direct":
-        curve = direct_curve(signal_1, signal_2, first, last, progress)
-    elif method == "fft":
-        curve = fft_curve(signal_1, signal_2, first, last)
-    else:
-        curve = phat_curve(signal_1, signal_2, first, last)
-        overlap = np.ones_like
-    lags = np.arange(first, last + 1)
-    peak, ties = find_peak(curve, lags, overlap)
-    around = min(REACH, peak, curve.size - 1 - peak)
-    near = slice(peak - around, peak + around + 1)
-    fraction = refine_peak(curve[near] / np.sqrt(overlap(lags[near])))
-    lags.flags.writeable = False
-    curve.flags.writeable = False
-    return _Found(int(lags[peak]), peak_ratio(curve, peak), ties, fraction, lags, curve)
-
-
-def _vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None, progress: Progress) -> _Found:
-    votes = sampled_votes(signal_1, signal_2, reach, np.random.default_rng(seed), progress)
-    if not votes:
-        raise ValueError(
-            f"no sample of signal_1 is found within ±{reach} samples in signal_2; "
-            "allow a larger max_lag, or use the method 'fft'."
-        )
-    lag, count = next(iter(votes.items()))
-    rivals = [others for other, others in votes.items() if abs(other - lag) > 1]
-    ratio = count / max(rivals) if rivals else float("inf")
-    # Votes that chance brings together are no lag, and so many of them no ties.
-    enough = enough_votes(votes, lag)
-    ties = sum(others == count for others in votes.values()) if enough else 1
-    opposite = None if enough else _opposite_vote(signal_1, signal_2, reach, seed)
-    around = min(REACH, signal_1.size - 1 + lag, signal_2.size - 1 - lag)
-    near = np.arange(lag - around, lag + around + 1)
-    curve = direct_curve(signal_1, signal_2, lag - around, lag + around, silent)
-    fraction = refine_peak(curve / np.sqrt(overlap_length(signal_1.size, signal_2.size, near)))
-    return _Found(lag, ratio, ties, fraction, votes=votes, opposite_lag=opposite)
-
-
-def _opposite_vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None) -> int | None:
-    """Return the lag for which enough samples vote where the sign of signal 2 is turned, None where too few do."""
-    votes = sampled_votes(signal_1, -signal_2, reach, np.random.default_rng(seed), silent)
-    lag = next(iter(votes), None)
-    return lag if lag is not None and enough_votes(votes, lag) else None

@@ -188,7 +188,10 @@ def turn_back_reference(products: Spectrum, turn: Spectrum, first: int, last: in
 
 
 def weighted_pearson_reference(signal_1: Vector, signal_2: Vector, lags: npt.NDArray[np.int64]) -> Vector:
-    """Return what :func:`weighted_pearson` and :func:`sliding_pearson` must make of each lag, by the plain formula."""
+    """Return what :func:`weighted_pearson` and :func:`sliding_pearson` must make of each lag, by the plain formula.
+
+    So must :func:`stereolag.signals.blocks.weigh_overlaps`.
+    """
     scores = np.array([overlap_pearson(signal_1, signal_2, int(lag)) for lag in lags])
     weight = overlap_length(signal_1.size, signal_2.size, lags) / min(signal_1.size, signal_2.size)
     return np.asarray(np.nan_to_num(scores * np.sqrt(weight)))

@@ -6,9 +6,9 @@ import numpy as np
 from scipy import fft, stats
 
 from stereolag.arrays import Vector
-from stereolag.signals.overlaps import overlap_length, overlap_pearson, overlap_slices
+from stereolag.signals.overlaps import overlap_length
 from stereolag.signals.peaks import Lags, main_lobe
-from stereolag.signals.whitening import Agreement, WhitePair, local_curve, loudest_stretch
+from stereolag.signals.whitening import Agreement, Pair, local_curve
 
 _RIVAL = 0.85
 """The share of its height at which another lag is as good; noise alone lowers a tooth of a comb by some per cent."""
@@ -33,9 +33,7 @@ _MOST_RIVALS = 16
 
 
 def rivals_of(
-    signal_1: Vector,
-    signal_2: Vector,
-    pair: WhitePair,
+    pair: Pair,
     agreement: Agreement,
     first: int,
     last: int,
@@ -50,31 +48,28 @@ def rivals_of(
             there = pair.best_agreement(other)
             if there.score >= _RIVAL * agreement.score and there.height >= needed:
                 nearby.add(there.lag)
+    rivals = _nearest(nearby, agreement.lag)
     # A horn that is blown again fits again, but not what is heard beside it: a rival fits with and without whitening.
-    least = _RIVAL * overlap_pearson(signal_1, signal_2, agreement.lag)
-    return tuple(
-        other for other in _nearest(nearby, agreement.lag) if overlap_pearson(signal_1, signal_2, other) >= least
-    )
+    least = _RIVAL * pair.pearson(agreement.lag) if rivals else 0.0
+    return tuple(other for other in rivals if pair.pearson(other) >= least)
 
 
 def _nearest(found: set[int], lag: int) -> tuple[int, ...]:
     return tuple(sorted(found - {lag}, key=lambda other: (abs(other - lag), other))[:_MOST_RIVALS])
 
 
-def tone_rivals(signal_1: Vector, signal_2: Vector, lag: int, first: int, last: int) -> tuple[int, ...]:
+def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> tuple[int, ...]:
     """Return the lags about `lag` at which tones that both recordings hold line up.
 
     Whitening takes tones away, and noise hides their teeth in the curve. They are told by its spectrum: a few lines
     hold most of it. The curve that these lines make alone has the teeth without the noise.
     """
-    part_1, part_2 = overlap_slices(signal_1.size, signal_2.size, lag)
-    one, other = signal_1[part_1], signal_2[part_2]
-    part = loudest_stretch(one, other, _STRETCH)
-    reach = min(_REACH, (part.stop - part.start) // 2)
+    one, other = pair.loudest(lag, _STRETCH, white=False)
+    reach = min(_REACH, one.size // 2)
     count = min(_LINES, reach // 64)
     if count == 0:
         return ()
-    curve = local_curve(one[part], other[part], reach)
+    curve = local_curve(one, other, reach)
     spectrum = fft.rfft(curve * np.hanning(curve.size))
     power = spectrum.real**2 + spectrum.imag**2
     left = power.copy()
@@ -100,11 +95,9 @@ def tone_rivals(signal_1: Vector, signal_2: Vector, lag: int, first: int, last: 
     return _nearest({each for each in found if first <= each <= last}, lag)
 
 
-def _repetitions(pair: WhitePair, lag: int, first: int, last: int, needed: float) -> set[int]:
+def _repetitions(pair: Pair, lag: int, first: int, last: int, needed: float) -> set[int]:
     """Return the lags about `lag` at which the loudest stretch in common fits as well as where it fits best."""
-    one, other = pair.overlap(lag)
-    part = loudest_stretch(one, other, _STRETCH)
-    one, other = one[part], other[part]
+    one, other = pair.loudest(lag, _STRETCH)
     reach = min(_REACH, one.size // 2)
     if reach < 2:
         return set()
@@ -118,12 +111,12 @@ def _repetitions(pair: WhitePair, lag: int, first: int, last: int, needed: float
     return {start + int(top) for top in tops} | ({start + best} if tops.size else set())
 
 
-def _high_points(pair: WhitePair, lag: int, lags: Lags, curve: Vector) -> list[int]:
+def _high_points(pair: Pair, lag: int, lags: Lags, curve: Vector) -> list[int]:
     """Return the lags of the curve's highest points outside the main lobe of `lag`, best first."""
     peak = int(np.searchsorted(lags, lag))
     if peak >= lags.size:
         return []
-    overlap = overlap_length(pair.signal_1.size, pair.signal_2.size, lags)
+    overlap = overlap_length(*pair.sizes, lags)
     high = _tops(curve, peak, 0.6 * curve[peak])
     high = high[overlap[high] >= 0.25 * overlap[peak]]
     best = high[np.argsort(-curve[high], kind="stable")[:_MOST_RIVALS]]

@@ -12,7 +12,7 @@ from stereolag.arrays import Vector
 from stereolag.signals.drift import Drift, measure_drift
 from stereolag.signals.peaks import Lags
 from stereolag.signals.rivals import regular_spacing, rivals_of, tone_rivals
-from stereolag.signals.whitening import Agreement, WhitePair
+from stereolag.signals.whitening import Agreement, Pair, WhitePair
 
 Verdict: TypeAlias = Literal["sure", "ambiguous", "nothing"]
 Reason: TypeAlias = Literal["clear", "drift", "repeats", "rivals", "chance", "too_little", "few_votes", "opposite_sign"]
@@ -100,19 +100,34 @@ def judge(
     votes
         Lag to number of votes, where the method has them.
     opposite_lag
-        Where the opposite of recording 2 may fit, for methods without a curve to tell it from.
+        Where the opposite of recording 2 may fit, for curves that cannot tell it.
     """
-    first, last = -min(reach, signal_1.size - 1), min(reach, signal_2.size - 1)
+    return judge_pair(
+        WhitePair(signal_1, signal_2), lag, reach, lags=lags, curve=curve, votes=votes, opposite_lag=opposite_lag
+    )
+
+
+def judge_pair(
+    pair: Pair,
+    lag: int,
+    reach: int,
+    *,
+    lags: Lags | None = None,
+    curve: Vector | None = None,
+    votes: dict[int, int] | None = None,
+    opposite_lag: int | None = None,
+) -> Judgement:
+    """Return what :func:`judge` does of recordings that are whitened already."""
+    first, last = -min(reach, pair.sizes[0] - 1), min(reach, pair.sizes[1] - 1)
     chance = math.sqrt(2 * math.log(last - first + 2))
     needed = chance + MARGIN
-    pair = WhitePair(signal_1, signal_2)
     agreement = pair.best_agreement(lag)
-    rivals = rivals_of(signal_1, signal_2, pair, agreement, first, last, needed, lags, curve)
+    rivals = rivals_of(pair, agreement, first, last, needed, lags, curve)
     if agreement.height < needed and not rivals:
-        rivals = tone_rivals(signal_1, signal_2, lag, first, last)
+        rivals = tone_rivals(pair, lag, first, last)
     height, ribbon = (math.nan, None) if curve is None else _height(curve, chance)
     drift = measure_drift(pair, lag)
-    if curve is not None and lags is not None:
+    if opposite_lag is None and curve is not None and lags is not None:
         opposite_lag = _lowest_point(lags, curve)
     opposite = None if opposite_lag is None else _opposite(pair, agreement, opposite_lag, needed)
     verdict, reason = _decided(agreement, rivals, needed, drift, opposite, votes)
@@ -178,7 +193,7 @@ def _lowest_point(lags: Lags, curve: Vector) -> int | None:
     return int(lags[lowest]) if -curve[lowest] > 1.1 * curve.max() else None
 
 
-def _opposite(pair: WhitePair, agreement: Agreement, lag: int, needed: float) -> int | None:
+def _opposite(pair: Pair, agreement: Agreement, lag: int, needed: float) -> int | None:
     """Return `lag` if the opposite of recording 2 agrees better there; None otherwise."""
     disagreement = -pair.agreement(lag).height
     return lag if disagreement >= max(needed, agreement.height) else None

@@ -7,6 +7,7 @@ taken away: the recordings are whitened, and the agreement is counted in its own
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,17 +15,20 @@ import numpy.typing as npt
 from scipy import fft, linalg, signal
 
 from stereolag.arrays import Vector
-from stereolag.signals.overlaps import overlap_slices
+from stereolag.signals.overlaps import overlap_pearson, overlap_slices
 
 _ORDER = 16
 _FLOOR = 1e-4
 """White noise that is added to the autocorrelation: 40 dB below the recording, so that a tone leaves something."""
 
-_LONGEST = 2**17
+LONGEST_LOUD = 2**17
 """Samples that the autocorrelations are taken from: the loudest stretch in common."""
 
-_RUNS, _LONGEST_RUN = 64, 1024
+_RUNS, LONGEST_RUN = 64, 1024
 """Into how many runs the samples that carry an agreement are divided, and the samples of the longest."""
+
+STEPS = 8
+"""The loudest stretch begins at a multiple of so small a part of its length."""
 
 _FEW_LAGS = 32
 """Below so many lags sums of products take less time than transforms."""
@@ -55,7 +59,39 @@ class Agreement:
     reachable: float
 
 
-class WhitePair:
+class Pair(ABC):
+    """Two recordings, as they are and whitened, in what they have in common at a lag."""
+
+    sizes: tuple[int, int]
+
+    @abstractmethod
+    def agreement(self, lag: int) -> Agreement:
+        """Return what the whitened recordings have in common at `lag` itself."""
+
+    @abstractmethod
+    def pearson(self, lag: int) -> float:
+        """Return Pearson's correlation of the recordings as they are where they overlap, -1..1; NaN where flat."""
+
+    @abstractmethod
+    def loudest(self, lag: int, longest: int, *, white: bool = True) -> tuple[Vector, Vector]:
+        """Return the parts of both that are loudest together at `lag`, of `longest` samples at the most."""
+
+    @abstractmethod
+    def blocks(self, lag: int, starts: npt.NDArray[np.int64], length: int, margin: int) -> tuple[Vector, Vector]:
+        """Return blocks of the whitened overlap at `lag`, (blocks, length), with a margin in the second recording.
+
+        The blocks of the second are (blocks, length + 2 * margin), zero beyond the overlap; `starts` count from where
+        it begins.
+        """
+
+    def best_agreement(self, lag: int, within: int = 1) -> Agreement:
+        """Return the best agreement at `lag` and up to `within` samples beside it."""
+        last, first = self.sizes[1] - 1, 1 - self.sizes[0]
+        near = range(max(first, lag - within), min(last, lag + within) + 1)
+        return max((self.agreement(each) for each in near), key=lambda one: one.height)
+
+
+class WhitePair(Pair):
     """Two recordings made white by the one filter that suits both, so that their lag stays as it was.
 
     The filter predicts each sample from the 16 before it (linear prediction by the autocorrelation method; J. Makhoul,
@@ -63,23 +99,19 @@ class WhitePair:
     """
 
     def __init__(self, signal_1: Vector, signal_2: Vector) -> None:
-        means = [_autocorrelation(_loudest(given), _ORDER) for given in (signal_1, signal_2)]
-        mean = (means[0] + means[1]) / 2
-        order = min(_ORDER, min(signal_1.size, signal_2.size) // 8)
-        mean[0] *= 1 + _FLOOR
-        taps = np.append(1.0, -linalg.solve_toeplitz(mean[:order], mean[1 : order + 1]) if order else [])
-        self.signal_1, self.signal_2 = (_filtered(given, taps) for given in (signal_1, signal_2))
-        # Bartlett: what remains of two recordings' colours makes their agreement by chance vary more.
-        one, other = (_autocorrelation(_loudest(given), _MEMORY) for given in (self.signal_1, self.signal_2))
-        self.colour = math.sqrt(max(1.0, 1 + 2 * float(one[1:] @ other[1:])))
+        self.sizes = signal_1.size, signal_2.size
+        self.raw = signal_1, signal_2
+        taps = whitening_taps(_loudest(signal_1), _loudest(signal_2), min(self.sizes))
+        self.signal_1, self.signal_2 = (_filtered(given, taps) for given in self.raw)
+        self.colour = common_colour(_loudest(self.signal_1), _loudest(self.signal_2))
 
     def overlap(self, lag: int) -> tuple[Vector, Vector]:
-        """Return the parts that lie on each other at `lag`."""
-        part_1, part_2 = overlap_slices(self.signal_1.size, self.signal_2.size, lag)
+        """Return the parts of the whitened recordings that lie on each other at `lag`."""
+        part_1, part_2 = overlap_slices(*self.sizes, lag)
         return self.signal_1[part_1], self.signal_2[part_2]
 
     def agreement(self, lag: int) -> Agreement:
-        """Return what the recordings have in common at `lag` itself."""
+        """Return what the whitened recordings have in common at `lag` itself."""
         first, second = self.overlap(lag)
         energy = math.sqrt(float(np.einsum("i,i", first, first)) * float(np.einsum("i,i", second, second)))
         products = first * second
@@ -87,19 +119,61 @@ class WhitePair:
         if not (energy > 0 and deviation > 0):
             return Agreement(lag, 0.0, 0.0, 0.0)
         carried = float(np.abs(products).sum())
-        # A note that both happen to hold agrees over hundreds of samples at once: they count as few.
-        together = int(min(_LONGEST_RUN, (carried / deviation) ** 2 / _RUNS))
+        together = run_length(carried, deviation)
         if together > 1:
             sums = np.add.reduceat(products, np.arange(0, products.size, together))
             deviation = max(deviation, math.sqrt(float(sums @ sums - total**2 / sums.size)))
         deviation *= self.colour
         return Agreement(lag, total / energy, total / deviation, carried / deviation)
 
-    def best_agreement(self, lag: int, within: int = 1) -> Agreement:
-        """Return the best agreement at `lag` and up to `within` samples beside it."""
-        last, first = self.signal_2.size - 1, 1 - self.signal_1.size
-        near = range(max(first, lag - within), min(last, lag + within) + 1)
-        return max((self.agreement(each) for each in near), key=lambda one: one.height)
+    def pearson(self, lag: int) -> float:
+        """Return Pearson's correlation of the recordings as they are, -1..1; NaN where flat."""
+        return overlap_pearson(*self.raw, lag)
+
+    def loudest(self, lag: int, longest: int, *, white: bool = True) -> tuple[Vector, Vector]:
+        """Return the parts of both that are loudest together."""
+        part_1, part_2 = overlap_slices(*self.sizes, lag)
+        one, other = (self.signal_1, self.signal_2) if white else self.raw
+        one, other = one[part_1], other[part_2]
+        part = loudest_stretch(one, other, longest)
+        return one[part], other[part]
+
+    def blocks(self, lag: int, starts: npt.NDArray[np.int64], length: int, margin: int) -> tuple[Vector, Vector]:
+        """Return blocks of the overlap."""
+        first, second = self.overlap(lag)
+        padded = np.pad(second, margin)
+        return (
+            np.stack([first[start : start + length] for start in starts]),
+            np.stack([padded[start : start + length + 2 * margin] for start in starts]),
+        )
+
+
+def whitening_taps(loud_1: Vector, loud_2: Vector, shortest: int) -> Vector:
+    """Return the filter that suits both recordings, from a loud stretch of each and the length of the shorter."""
+    mean = (autocorrelation(loud_1, _ORDER) + autocorrelation(loud_2, _ORDER)) / 2
+    order = min(_ORDER, shortest // 8)
+    mean[0] *= 1 + _FLOOR
+    return np.append(1.0, -linalg.solve_toeplitz(mean[:order], mean[1 : order + 1]) if order else [])
+
+
+def common_colour(loud_1: Vector, loud_2: Vector) -> float:
+    """Return by how much what remains of two recordings' colours makes their agreement by chance vary more (Bartlett).
+
+    `loud_1` and `loud_2` are loud stretches of the whitened recordings.
+    """
+    one, other = autocorrelation(loud_1, _MEMORY), autocorrelation(loud_2, _MEMORY)
+    return math.sqrt(max(1.0, 1 + 2 * float(one[1:] @ other[1:])))
+
+
+def run_length(carried: float, deviation: float) -> int:
+    """Return how many samples count as one: a note that both happen to hold agrees over hundreds at once.
+
+    Parameters
+    ----------
+    carried, deviation
+        The sum of the products' magnitudes, and the root of the sum of their squares.
+    """
+    return int(min(LONGEST_RUN, (carried / deviation) ** 2 / _RUNS))
 
 
 def local_curve(first: Vector, second: Vector, reach: int) -> Vector:
@@ -123,14 +197,20 @@ def loudest_stretch(first: Vector, second: Vector, longest: int) -> slice:
     """Return where `longest` samples of both are loudest together, or everything where there are no more."""
     if first.size <= longest:
         return slice(0, first.size)
-    step = longest // 8
+    step = longest // STEPS
     energy = np.add.reduceat((first * second) ** 2, np.arange(0, first.size, step))
-    start = step * int(np.argmax(np.convolve(energy, np.ones(8), mode="valid")))
-    return slice(min(start, first.size - longest), min(start, first.size - longest) + longest)
+    start = loudest_start(energy, first.size, longest)
+    return slice(start, start + longest)
+
+
+def loudest_start(energy: Vector, size: int, longest: int) -> int:
+    """Return where the loudest stretch begins, given the energy of each eighth of its length."""
+    start = longest // STEPS * int(np.argmax(np.convolve(energy, np.ones(STEPS), mode="valid")))
+    return min(start, size - longest)
 
 
 def _loudest(given: Vector) -> Vector:
-    return given[loudest_stretch(given, given, _LONGEST)]
+    return given[loudest_stretch(given, given, LONGEST_LOUD)]
 
 
 def _filtered(given: Vector, taps: npt.NDArray[np.float64]) -> Vector:
@@ -140,7 +220,7 @@ def _filtered(given: Vector, taps: npt.NDArray[np.float64]) -> Vector:
     return np.asarray(filtered - filtered.mean())
 
 
-def _autocorrelation(given: Vector, reach: int) -> Vector:
+def autocorrelation(given: Vector, reach: int) -> Vector:
     """Return Pearson's autocorrelation for lags of 0 to `reach`, 0 beyond the recording."""
     if reach < _FEW_LAGS:
         few = range(min(reach + 1, given.size))

@@ -31,6 +31,7 @@ PAGES = {
 
 
 JOB_MEMORY_MB = 2048
+MAX_MEGASAMPLES = 30
 MAX_FRAMES = 6000
 MAX_VIDEO_S = 600
 """What one job may take of a server that many share, unless whoever runs it says otherwise."""
@@ -60,7 +61,12 @@ def page(title: str, introduction: str = "") -> Iterator[None]:
 @functools.cache
 def _prepare_process() -> None:
     """Set, once per process, what a server needs that a script does not."""
-    set_defaults(job_memory_mb=JOB_MEMORY_MB, max_frames=MAX_FRAMES, max_video_s=MAX_VIDEO_S)
+    set_defaults(
+        job_memory_mb=JOB_MEMORY_MB,
+        max_megasamples=MAX_MEGASAMPLES,
+        max_frames=MAX_FRAMES,
+        max_video_s=MAX_VIDEO_S,
+    )
     warm()
     # An upload above 1 MB would be put down in a temporary file on its way into memory.
     MultiPartParser.spool_max_size = st.get_option("server.maxUploadSize") * 2**20

@@ -12,7 +12,9 @@ from stereolag import samples
 from stereolag.arrays import Vector
 from stereolag.inputs import as_signal
 from stereolag.reading import Recording, read_signal
+from stereolag.reading.recordings import at_one_rate
 from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui.lag.facts import own_facts, upload_limits
 from stereolag.ui.private_files import show_player
 from stereolag.ui.uploads import RECORDING_TYPES, Upload, forget_together, put_together, upload
 
@@ -71,6 +73,7 @@ def _own_recordings() -> RecordingPair | None:
         both_in_one = second is None and first is not None and len(_signals(first.content)) > 1
         holder = first if both_in_one else second
         channel_2 = _channel(holder, 1 if both_in_one else 0, key=f"{KEY}.channel_2")
+    st.caption(upload_limits())
     if first is None or holder is None:
         forget_together(f"{KEY}.own")
         return None
@@ -103,21 +106,27 @@ def _channel(file: Upload[Recording] | None, at_first: int, *, key: str) -> int:
 
 def _pair(first: Upload[Recording], channel_1: int, second: Upload[Recording], channel_2: int) -> RecordingPair:
     """Return the two channels as a pair; ValueError where they cannot be compared."""
-    rates = {file.content.sampling_rate for file in (first, second)} - {None}
-    if len(rates) > 1:
-        raise ValueError(
-            f"The two recordings have {first.content.sampling_rate:g} and {second.content.sampling_rate:g} samples a "
-            "second; both must have the same sampling rate."
-        )
+    digest = f"{first.digest} {channel_1} {second.digest} {channel_2}"
+    one, other = _at_one_rate(first.content.channel(channel_1), second.content.channel(channel_2), digest)
+    facts = own_facts((one, other), (channel_1, channel_2), (len(first.content.channels), len(second.content.channels)))
     return RecordingPair(
-        as_signal(first.content.channels[channel_1 - 1], "The recording of sensor 1"),
-        as_signal(second.content.channels[channel_2 - 1], "The recording of sensor 2"),
-        next(iter(rates), None),
+        as_signal(one.channels[0], "The recording of sensor 1"),
+        as_signal(other.channels[0], "The recording of sensor 2"),
+        one.sampling_rate or other.sampling_rate,
         None,
-        "Your own recordings.",
-        f"{first.digest} {channel_1} {second.digest} {channel_2}",
+        f"Your own recordings.  \n{facts}",
+        digest,
         False,
     )
+
+
+def _at_one_rate(one: Recording, other: Recording, digest: str) -> tuple[Recording, Recording]:
+    """Return both at one rate; what was resampled stays until other recordings are chosen."""
+    kept: tuple[str, tuple[Recording, Recording]] | None = st.session_state.get(f"{KEY}.resampled")
+    if kept is None or kept[0] != digest:
+        kept = digest, at_one_rate(one, other)
+        st.session_state[f"{KEY}.resampled"] = kept
+    return kept[1]
 
 
 AUDIBLE_RATES = (3_000, 384_000)

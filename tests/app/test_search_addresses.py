@@ -78,6 +78,14 @@ def test_a_link_opens_the_page_as_it_was() -> None:
     assert address(app) == link
 
 
+def test_a_link_names_the_sizes_and_angles_to_search() -> None:
+    link = {"min_scale": "0.95", "max_rotation": "2.0"}
+    app = linked(FIND, **link)
+    assert app.slider(key="template.min_scale").value == 0.95
+    assert app.slider(key="template.max_rotation").value == 2.0
+    assert address(app) == link
+
+
 @pytest.mark.parametrize(
     ("path", "name", "value", "said"),
     [

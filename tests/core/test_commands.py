@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import soundfile
 from commanded import ran
+from scipy.signal import resample_poly
 
 import stereolag as sl
 from stereolag import samples
@@ -36,7 +37,8 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     first, second = noise[123:], noise[:4000]
     soundfile.write(folder / "first.wav", first, 8000)
     soundfile.write(folder / "second.wav", second, 8000)
-    soundfile.write(folder / "faster.wav", second, 16000)
+    soundfile.write(folder / "faster.wav", resample_poly(second, 2, 1), 16000)
+    soundfile.write(folder / "odd.wav", second, 16001)
     soundfile.write(folder / "both.wav", np.column_stack([first, second]), 8000)
     soundfile.write(folder / "silence.wav", np.zeros(4000), 8000)
     np.savetxt(folder / "first.txt", first)
@@ -83,6 +85,23 @@ def test_lag_gives_no_metres_where_it_is_not_sure(
         assert " m " not in said and said.startswith("highest   at ")
 
 
+def test_lag_brings_two_rates_to_one_and_tells_what_it_compares(
+    recordings: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(recordings)
+    figures = ran(capsys, "lag", "first.wav", "faster.wav", "--json").figures
+    assert (figures["lag_samples"], figures["settings"]["sampling_rate"]) == (123, 8000)
+    told = [(one["resampled"], one["sampling_rate_in_file"], one["samples"]) for one in figures["recordings"]]
+    assert told == [(False, 8000, 4000), (True, 16000, 4000)]
+    said = ran(capsys, "lag", "first.wav", "faster.wav").out
+    assert "faster.wav: 0.5 s, 4000 samples at 8000 Hz, resampled from 16000 Hz" in said
+    lines = (recordings / "first.txt").read_bytes().split(b"\n")
+    (recordings / "damaged.txt").write_bytes(b"\n".join([*lines[:5], lines[5] + b"\0", *lines[6:]]))
+    said = ran(capsys, "lag", "damaged.txt", "second.txt").out
+    assert "at 44100 Hz, rate assumed, the file states none, 1 damaged line mended" in said
+    assert "channel 2 of 2" in ran(capsys, "lag", "both.wav").out
+
+
 def test_lag_takes_the_rate_that_is_given_before_that_of_the_files(
     recordings: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -110,9 +129,9 @@ def test_a_ratio_without_end_is_null(tmp_path: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["first.wav"], 1, "channel 2 is asked for, and the recording has 1"),
+        (["first.wav"], 1, "channel 2 is asked for, and first.wav has 1"),
         (["first.wav", "second.wav", "--channels", "1", "0"], 1, "channel 0 is asked for, and second.wav has 1"),
-        (["first.wav", "faster.wav"], 1, "8000 and 16000 samples a second"),
+        (["first.wav", "odd.wav"], 1, "their ratio is 8000 : 16001"),
         (["first.wav", "silence.wav"], 1, "silence.wav"),
         (["first.wav", "none.wav"], 1, "none.wav: No such file or directory."),
         (["first.wav", "second.wav", "--speed", "0"], 2, "speed is 0; allowed are numbers above 0."),

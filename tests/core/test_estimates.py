@@ -217,7 +217,13 @@ def test_two_long_recordings_are_refused_before_they_are_copied(limited: Callabl
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize("method", ["fft", "phat", "sampled", "direct"])
+def test_every_lag_of_two_hours_fits_beside_them_into_two_gigabytes() -> None:
+    hour = 3600 * 44_100
+    assert estimate_lag(hour, hour).memory + 2 * hour * np.dtype(np.float32).itemsize < 2 * GB
+    assert estimate_lag(hour, hour, max_lag=100_000).memory < 0.3 * GB
+
+
+@pytest.mark.parametrize("method", ["phat", "sampled", "direct"])
 def test_thirty_million_samples_twice_do_not_fit_into_two_gigabytes(method: Any) -> None:
     assert estimate_lag(30_000_000, 30_000_000, method=method).memory > 2 * GB
     sentence = fitting_recordings(2 * GB, sampling_rate=44_100.0, method=method, max_lag=None)

@@ -20,7 +20,7 @@ def as_found(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 def test_one_job_may_take_half_of_the_machine() -> None:
     assert limits().job_memory == machine_memory() // 2
-    assert (limits().max_pixels, limits().max_samples) == (50_000_000, 30_000_000)
+    assert (limits().max_pixels, limits().max_samples) == (50_000_000, 320_000_000)
 
 
 def test_the_environment_comes_before_the_defaults_of_a_server(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -90,6 +90,18 @@ def test_a_template_as_large_as_the_picture_has_one_place() -> None:
     assert search.score_map.shape == (1, 1) and search.score_map[0, 0] == pytest.approx(1)
 
 
+@pytest.mark.parametrize("size", [(1, 2), (2, 1), (2, 2), (40, 3), (5, 300)])
+def test_a_template_may_be_as_narrow_as_a_pixel(size: tuple[int, int]) -> None:
+    picture = np.random.default_rng(0).integers(0, 256, (300, 500), dtype=np.uint8)
+    for image in (picture, np.dstack([picture, picture.T[:300, :300].repeat(2, 1)[:, :500], picture])):
+        template = image[20 : 20 + size[0], 30 : 30 + size[1]]
+        search = reduced_search(image, template, None, near=(20, 30), pixels=20_000)
+        row, col = 20 - search.row, 30 - search.col
+        assert search.factor == 1 and search.part
+        assert search.score_map[row, col] == pytest.approx(1)
+        assert packed_search(search, name="here", words={})
+
+
 def test_grey_beside_colour_is_compared_by_luminance() -> None:
     picture, template = scene(200, 400)
     search = reduced_search(picture[:, :, 1], template, None)

@@ -1,0 +1,55 @@
+"""Recordings of different rates brought to one: nothing is delayed, and it is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereolag.limits import Limits
+from stereolag.reading import Recording
+from stereolag.signals import signal_lag
+
+
+def sound(rate: float, seconds: float, later: float = 0.0) -> np.ndarray:
+    """The same tones, all below 3 kHz and of no common period, at any rate."""
+    random = np.random.default_rng(0)
+    time = np.arange(round(rate * seconds)) / rate - later
+    tones = zip(random.uniform(100, 3000, 60), random.uniform(0, 6, 60), strict=True)
+    return 4.0 + sum(np.sin(2 * np.pi * frequency * time + phase) for frequency, phase in tones)
+
+
+@pytest.mark.parametrize(("rate", "other"), [(48_000, 44_100), (44_100, 48_000), (16_000, 8_000), (8_000, 44_100)])
+def test_the_same_sound_at_another_rate_comes_out(rate: int, other: int) -> None:
+    channels = np.stack([sound(rate, 0.5), -sound(rate, 0.5)])
+    resampled = Recording(channels, float(rate), mended_lines=2).resampled(float(other))
+    assert (resampled.sampling_rate, resampled.resampled_from, resampled.mended_lines) == (other, rate, 2)
+    expected = sound(other, 0.5)
+    inside = slice(300, -300)
+    for channel, sign in zip(resampled.channels, (1, -1), strict=True):
+        assert abs(channel.size - expected.size) <= 1
+        assert np.abs(sign * channel[: expected.size] - expected)[inside].max() < 0.02 * np.std(expected)
+
+
+def test_the_lag_between_recordings_of_two_rates_is_that_of_the_event() -> None:
+    first = Recording(sound(48_000, 1.0)[np.newaxis], 48_000.0).resampled(44_100.0)
+    second = Recording(sound(44_100, 1.0, later=0.01)[np.newaxis], 44_100.0)
+    assert signal_lag(first, second).lag == 441
+
+
+def test_a_recording_of_that_rate_stays_as_it_is() -> None:
+    recording = Recording(sound(8_000, 0.1)[np.newaxis], 8_000.0)
+    assert recording.resampled(8_000.0) is recording
+    assert recording.resampled_from is None
+
+
+def test_what_cannot_be_resampled_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = Recording(np.ones((1, 600_000)), 8_000.0)
+    with pytest.raises(ValueError, match="states no sampling rate, so it cannot be resampled to 8000 Hz"):
+        Recording(recording.channels, None).resampled(8_000.0)
+    with pytest.raises(ValueError, match=r"sampling_rate is 0.0 Hz; it must be a positive"):
+        recording.resampled(0.0)
+    with pytest.raises(ValueError, match="their ratio is 44101 : 8000, and numbers up to 10,000 are allowed"):
+        recording.resampled(44_101.0)
+    monkeypatch.setattr("stereolag.reading.recordings.limits", lambda: Limits(max_megasamples=1))
+    with pytest.raises(ValueError, match="holds 1 × 1200000 samples; at most 1,000,000"):
+        recording.resampled(16_000.0)
