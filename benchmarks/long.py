@@ -8,33 +8,45 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from stereolag import signal_lag
 
+Samples: TypeAlias = npt.NDArray[np.float32]
+
+PIECE = 2**20
 RATE = 44_100
 LENGTHS = {"4 s": 4, "1 min": 60, "10 min": 600, "1 h": 3600}
 MAX_LAG = 10 * RATE
 """Samples: ten seconds; of the shortest recordings a tenth of their length."""
 
+NOTE = (
+    "White noise at 0 dB, 44.1 kHz, float32; `max_lag` is ten seconds, of 4 s and 1 min a tenth. The peak is that of "
+    "the whole process, Python and the recordings included."
+)
 
-def noise(size: int, seed: int) -> npt.NDArray[np.float32]:
+
+def noise(size: int, seed: int) -> Samples:
     """Return white noise, made piece by piece in the memory that it takes."""
     random, made = np.random.default_rng(seed), np.empty(size, dtype=np.float32)
-    for start in range(0, size, 2**20):
-        made[start : start + 2**20] = random.standard_normal(min(2**20, size - start), dtype=np.float32)
+    for start in range(0, size, PIECE):
+        made[start : start + PIECE] = random.standard_normal(min(PIECE, size - start), dtype=np.float32)
     return made
 
 
-def pair(size: int, lag: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Return two recordings of one sound, each with noise of its own as loud as the sound."""
-    sound = noise(size + lag, 0)
+def pair(size: int, lag: int) -> tuple[Samples, Samples]:
+    """Return two recordings of one sound, each with noise of its own as loud as the sound, in no more memory."""
     first, second = noise(size, 1), noise(size, 2)
-    first += sound[lag:]
-    second += sound[:size]
+    random = np.random.default_rng(0)
+    for start in range(0, size + lag, PIECE):
+        sound = random.standard_normal(min(PIECE, size + lag - start), dtype=np.float32)
+        for recording, place in ((first, start - lag), (second, start)):
+            begin, stop = max(0, place), min(size, place + sound.size)
+            if begin < stop:
+                recording[begin:stop] += sound[begin - place : stop - place]
     return first, second
 
 
@@ -63,25 +75,27 @@ def measured(seconds: int, limited: bool) -> dict[str, Any]:
 
 def long_table(lengths: dict[str, int] | None = None) -> tuple[str, dict[str, Any]]:
     """Return the table as Markdown, and its figures."""
+    figures: dict[str, Any] = {}
+    for name, seconds in (lengths or LENGTHS).items():
+        for limited in (True, False):
+            command = [sys.executable, "-m", "benchmarks.long", str(seconds), str(int(limited))]
+            root = Path(__file__).parents[1]
+            done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True, timeout=600)
+            figures[f"{name}, {'max_lag' if limited else 'every lag'}"] = json.loads(done.stdout)
+    return as_markdown(figures), figures
+
+
+def as_markdown(figures: dict[str, Any]) -> str:
+    """Return the table of the figures."""
     lines = [
         "| each recording | search | seconds | of the processor | peak, MB | recordings, MB | verdict | right |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    figures: dict[str, Any] = {}
-    for name, seconds in (lengths or LENGTHS).items():
-        for limited in (True, False):
-            search = "max_lag" if limited else "every lag"
-            command = [sys.executable, "-m", "benchmarks.long", str(seconds), str(int(limited))]
-            root = Path(__file__).parents[1]
-            done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True, timeout=600)
-            one = figures[f"{name}, {search}"] = json.loads(done.stdout)
-            cells = [f"{one['seconds']:.2f}", f"{one['processor_seconds']:.2f}", f"{one['peak_mb']:,.0f}"]
-            cells += [f"{one['input_mb']:,.0f}", one["verdict"], "yes" if one["right"] else "no"]
-            lines.append("| " + " | ".join([name, search, *cells]) + " |")
-    note = (
-        "White noise at 0 dB, 44.1 kHz, float32; `max_lag` is ten seconds, of 4 s and 1 min a tenth. The peak is that"
-    )
-    return "\n".join([*lines, "", note + " of the whole process, Python and the recordings included."]), figures
+    for name, one in figures.items():
+        cells = [f"{one['seconds']:.2f}", f"{one['processor_seconds']:.2f}", f"{one['peak_mb']:,.0f}"]
+        cells += [f"{one['input_mb']:,.0f}", one["verdict"], "yes" if one["right"] else "no"]
+        lines.append("| " + " | ".join([*name.split(", "), *cells]) + " |")
+    return "\n".join([*lines, "", NOTE])
 
 
 if __name__ == "__main__":

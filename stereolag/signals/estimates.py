@@ -140,7 +140,10 @@ def fitting_recordings(allowed: int, *, sampling_rate: float, method: SignalMeth
         return estimate_lag(size, size, method=method, max_lag=None if max_lag is None else min(max_lag, size - 1))
 
     size = rounded_down(largest_fitting(of_length, allowed // REAL, allowed))
-    return f"Two recordings of {size:,} samples ({size / sampling_rate:.3g} s at {sampling_rate:,.10g} Hz) would fit."
+    fitting = (
+        f"Two recordings of {size:,} samples ({size / sampling_rate:.3g} s at {sampling_rate:,.10g} Hz) would fit."
+    )
+    return fitting if method == "fft" else f"{fitting} The method 'fft' takes longer ones."
 
 
 def product_count(size_1: int, size_2: int, reach: int) -> int:

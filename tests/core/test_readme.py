@@ -60,6 +60,7 @@ def test_the_commands_in_the_readme_run(
     assert '"row": 528, "col": 982' in said[1]
     assert "bad-2 0." in said[2]
     assert sl.read_matcher(tmp_path / "map/settings.json") == changed(sl.preset("fast"), {"median.radius": 4})
+    assert said[-2].startswith("row 528, column 982, score 1.000")
     assert said[-1].startswith("60 of 60 frames matched in ")
     refused = ran(capsys, *calibrating.split()[1:])
     assert refused.err == "stereolag calibrate: pairs.zip: there is no such file or folder.\n"
