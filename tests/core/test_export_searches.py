@@ -186,7 +186,6 @@ def test_the_lag_command_says_what_the_file_says(
     command = shlex.split(lag_command(search, "first.npy", "second.npy"))
     assert command[0] == "stereolag"
     told = without_time(ran(capsys, *command[1:], "--json").out)
-    assert [one["file"] for one in told.pop("recordings")] == ["first.npy", "second.npy"]
     assert told == without_time(lag_json(measured(123, search), search))
     assert told["lag_samples"] == 123
     assert told["settings"] == search.model_dump()
