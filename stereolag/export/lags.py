@@ -26,7 +26,10 @@ WAV_RATES = (1, 500_000_000)
 
 
 def lag_figures(result: SignalLag, search: LagSearch) -> dict[str, Any]:
-    """Return what ``stereolag lag --json`` prints of a lag: its figures by name, and the settings it was found with."""
+    """Return what ``stereolag lag --json`` prints of a lag: its figures by name, and the settings it was found with.
+
+    The command adds ``recordings``: what it read of its files.
+    """
     return {
         "command": "lag",
         "lag_samples": result.lag,
@@ -101,14 +104,16 @@ def aligned_wav(signal_1: npt.ArrayLike, signal_2: npt.ArrayLike, lag: int, samp
     ValueError
         As :func:`check_aligned_wav` does.
     """
-    first, second = (np.asarray(signal, dtype=np.float64) for signal in (signal_1, signal_2))
+    # In the type they have: a copy of an hour would take a gigabyte.
+    first, second = np.asarray(signal_1), np.asarray(signal_2)
     check_aligned_wav(first.size, second.size, lag, sampling_rate)
     length = aligned_length(first.size, second.size, lag)
-    loudest = max(1.0, *(float(np.abs(signal).max(initial=0.0)) for signal in (first, second)))
+    loudest = max(1.0, *(max(float(signal.max()), -float(signal.min())) for signal in (first, second)))
+    means = float(first.mean(dtype=np.float64)), float(second.mean(dtype=np.float64))
     stream = io.BytesIO()
     with soundfile.SoundFile(stream, "w", round(sampling_rate), 2, "FLOAT", format="WAV") as file:
         for start in range(0, length, BLOCK):
-            part = aligned(first, second, lag, start, min(start + BLOCK, length))
+            part = aligned(first, second, lag, start, min(start + BLOCK, length), means=means)
             file.write((part / loudest).astype(np.float32))
     return stream.getvalue()
 

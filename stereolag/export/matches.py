@@ -28,11 +28,15 @@ def matches_json(result: TemplateSearch, query: TemplateQuery) -> str:
 
 
 def matches_csv(result: TemplateSearch) -> str:
-    """Return the matches as CSV, best first: one line per match below a line of the names of its fields."""
+    """Return the matches as CSV, best first: one line per match below a line of the names of its fields.
+
+    Last stands ``clear``, 1 where a match fits clearly better than every other place and can be relied on, else 0.
+    """
     text = io.StringIO()
-    table = csv.DictWriter(text, [field.name for field in fields(TemplateMatch)], lineterminator="\n")
+    table = csv.DictWriter(text, [*(field.name for field in fields(TemplateMatch)), "clear"], lineterminator="\n")
     table.writeheader()
-    table.writerows(asdict(match) for match in result.matches)
+    for number, match in enumerate(result.matches):
+        table.writerow(asdict(match) | {"clear": int(number < result.clear)})
     return text.getvalue()
 
 

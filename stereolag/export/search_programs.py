@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from stereolag.export.programs import file_literal, text_literal
 from stereolag.searches import LagSearch, TemplateQuery
@@ -52,8 +52,10 @@ result = sl.match_template(
     template,
 {settings}
 )
-for match in result.matches:
+for match in result.matches[: result.clear]:
     print(f"row {{match.row}}, column {{match.col}}, score {{match.score:.3f}}")
+if not result.found:
+    print(f"Not found: {{result.reason}}")
 '''
 
 
@@ -72,8 +74,9 @@ def lag_script(search: LagSearch, first: str, second: str) -> str:
     first, second
         The names of the two files, which lie beside the program; folders in them are left out.
     """
-    settings = _arguments(search.model_dump())
-    return _LAG.format(version=VERSION, first=file_literal(first), second=file_literal(second), settings=settings)
+    return _LAG.format(
+        version=VERSION, first=file_literal(first), second=file_literal(second), settings=_written(search.model_dump())
+    )
 
 
 def find_command(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
@@ -93,7 +96,7 @@ def find_script(query: TemplateQuery, image: str, template: str, mask: str | Non
         where the template counts; None: there is none.
     """
     masked = "" if mask is None else f"mask = sl.read_image(FOLDER / {file_literal(mask)})\n"
-    settings = _arguments(dict(query.arguments))
+    settings = _written(query.arguments)
     return _FIND.format(
         version=VERSION,
         image=file_literal(image),
@@ -119,9 +122,9 @@ def _flag_value(value: object) -> str:
     return f"{value:.12g}" if isinstance(value, float) and float(f"{value:.12g}") == value else str(value)
 
 
-def _arguments(values: dict[str, object]) -> str:
-    """Return settings, and the seed, as arguments of a call, one a line."""
-    return "\n".join(f"    {name}={_literal(value)}," for name, value in (values | {"seed": 0}).items())
+def _written(arguments: Mapping[str, object]) -> str:
+    """Return the arguments of a call, and the seed, one a line."""
+    return "\n".join(f"    {name}={_literal(value)}," for name, value in [*arguments.items(), ("seed", 0)])
 
 
 def _literal(value: object) -> str:

@@ -7,7 +7,15 @@ import numpy as np
 from stereolag.arrays import Vector
 
 
-def aligned(signal_1: Vector, signal_2: Vector, lag: int, first: int = 0, last: int | None = None) -> Vector:
+def aligned(
+    signal_1: Vector,
+    signal_2: Vector,
+    lag: int,
+    first: int = 0,
+    last: int | None = None,
+    *,
+    means: tuple[float, float] | None = None,
+) -> Vector:
     """Return both recordings side by side, (samples, 2) float64, moved until the lag between them is 0.
 
     Nothing is cut off: where one of them has not begun or is over, its mean stands, which no correlation sees.
@@ -20,12 +28,15 @@ def aligned(signal_1: Vector, signal_2: Vector, lag: int, first: int = 0, last: 
         Samples, as :class:`~stereolag.signals.SignalLag` has it: positive where signal 2 hears the event later.
     first, last
         The samples wanted, of the :func:`aligned_length` that there are; all unless given.
+    means
+        Of both recordings, where they are known.
     """
     last = aligned_length(signal_1.size, signal_2.size, lag) if last is None else last
     both = np.empty((max(0, last - first), 2))
+    means = means or (float(signal_1.mean()), float(signal_2.mean()))
     for column, (signal, offset) in enumerate(zip((signal_1, signal_2), _offsets(lag), strict=True)):
         start, stop = (min(max(offset + end, first), last) for end in (0, signal.size))
-        both[:, column] = signal.mean()
+        both[:, column] = means[column]
         both[start - first : stop - first, column] = signal[start - offset : stop - offset]
     return both
 

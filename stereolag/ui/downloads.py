@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import streamlit as st
 
+from stereolag.estimates import spoken
 from stereolag.export import bundle
+from stereolag.limits import limits
 from stereolag.ui.jobs import HEAVY_MEMORY, Turn, limiter
 from stereolag.ui.private_files import download_button
 
@@ -63,24 +65,25 @@ def show_file_buttons(files: Sequence[File], memory: int, *, key: str) -> None:
             )
 
 
-def show_zip_button(make: Callable[[], bytes], memory: int, *, key: str, more: str = "") -> None:
-    """Offer one ZIP of all files; `more` is what else is to be said of it."""
+def show_zip_button(make: Callable[[], bytes], memory: int, *, key: str, more: str = "", refusal: str = "") -> None:
+    """Offer one ZIP of all files; `more` is what else is to be said of it, `refusal` why it cannot be had."""
     download_button(
         "All in one ZIP",
         partial(made_in_turn, make, memory),
         "stereolag.zip",
         "application/zip",
         key=f"{key}.zip",
-        meaning=" ".join(filter(None, ("All files on offer here.", more))),
+        meaning=refusal or " ".join(filter(None, ("All files on offer here.", more))),
         icon=":material/folder_zip:",
         primary=True,
+        disabled=bool(refusal),
     )
 
 
 def show_taken(files: Sequence[File], whole: Callable[[], bytes], memory: int, *, key: str) -> None:
     """Offer files, and before them one ZIP of all, which `whole` makes; the others as :func:`show_file_buttons`."""
     with st.container(horizontal=True, gap="small"):
-        show_zip_button(whole, memory, key=key)
+        show_zip_button(whole, memory, key=key, refusal=too_large(memory))
         show_file_buttons(files, memory, key=key)
 
 
@@ -103,6 +106,14 @@ def show_reproduction(command: str, does: str, *, own: bool) -> None:
         if own
         else "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
     )
+
+
+def too_large(memory: int) -> str:
+    """Return why a file cannot be made that takes so many bytes of memory, "" where it can."""
+    allowed = limits().job_memory
+    if memory <= allowed:
+        return ""
+    return f"Making it would take about {spoken(memory)} of memory; one job may take {spoken(allowed)}."
 
 
 def archive(files: Sequence[File], about: str) -> bytes:

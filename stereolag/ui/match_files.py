@@ -39,7 +39,12 @@ def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
     names = _names(inputs)
     rows, cols = inputs.picture.shape[:2]
     files = [
-        File("Matches CSV", "matches.csv", partial(matches_csv, result), "One line per match, best first."),
+        File(
+            "Matches CSV",
+            "matches.csv",
+            partial(matches_csv, result),
+            "One line per match, best first; clear is 1 where it can be relied on.",
+        ),
         File(
             "Matches JSON",
             "matches.json",

@@ -12,6 +12,9 @@ from stereolag.ui.page_address import Choice, SettingsAddress, example_choice
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.recordings import RecordingPair
 
+LARGEST = 10**12
+"""Samples a second, and metres a second."""
+
 _LAG_KEYS = {"method": "lag.method", "sampling_rate": "lag.rate", "speed": "lag.speed", "max_lag": "lag.max"}
 
 
@@ -31,16 +34,15 @@ def _lag_key(name: str, pair: RecordingPair) -> str:
 
 
 def _check_search(search: LagSearch, pair: RecordingPair) -> None:
-    """Refuse what the boxes of the page do not take."""
+    """Refuse what the boxes of the page do not take, and numbers so large that no figure can be drawn of them."""
     if search.max_lag is not None and search.max_lag > pair.longest_lag:
         sentence = f"max_lag is {search.max_lag}; allowed are whole numbers from 0 to {pair.longest_lag} or None."
         raise SettingsError((Problem("max_lag", sentence),))
     for name, value in (("sampling_rate", search.sampling_rate), ("speed", search.speed)):
         low = Bounds.of(LagSearch.model_fields[name]).low
-        if low is not None and value < low:
-            raise SettingsError(
-                (Problem(name, f"{name} is {value!r}; on this page allowed are numbers from {low:g}."),)
-            )
+        if low is not None and not low <= value <= LARGEST:
+            sentence = f"{name} is {value!r}; on this page allowed are numbers from {low:g} to {LARGEST:,}."
+            raise SettingsError((Problem(name, sentence),))
 
 
 LAG_ADDRESS: SettingsAddress[RecordingPair, LagSearch] = SettingsAddress(

@@ -78,6 +78,14 @@ def test_a_link_opens_the_page_as_it_was() -> None:
     assert address(app) == link
 
 
+def test_a_link_names_the_sizes_and_angles_to_search() -> None:
+    link = {"min_scale": "0.95", "max_rotation": "2.0"}
+    app = linked(FIND, **link)
+    assert app.slider(key="template.min_scale").value == 0.95
+    assert app.slider(key="template.max_rotation").value == 2.0
+    assert address(app) == link
+
+
 @pytest.mark.parametrize(
     ("path", "name", "value", "said"),
     [
@@ -88,7 +96,9 @@ def test_a_link_opens_the_page_as_it_was() -> None:
         (LAG, "max_lag", "-1", "max_lag is '-1'; allowed are whole numbers from 0"),
         (LAG, "max_lag", "9" * 400, "is ignored"),
         (LAG, "sampling_rate", "inf", "sampling_rate is 'inf'; allowed are numbers above 0."),
-        (LAG, "sampling_rate", "0.5", "sampling_rate is 0.5; on this page allowed are numbers from 1."),
+        (LAG, "sampling_rate", "0.5", "sampling_rate is 0.5; on this page allowed are numbers from 1 to 1,0"),
+        (LAG, "sampling_rate", "1e300", "sampling_rate is 1e+300; on this page allowed are numbers from 1 to"),
+        (LAG, "speed", "1e-300", "speed is 1e-300; on this page allowed are numbers from 1 to"),
         (LAG, "sampling_rate", "1,2", "sampling_rate is a list of 2; allowed are numbers above 0."),
         (LAG, "speed", "nan", "speed is 'nan'; allowed are numbers above 0."),
         (LAG, "<b>", "1", "LagSearch has no setting"),
@@ -106,9 +116,9 @@ def test_a_bad_link_is_answered_with_a_sentence_and_opens_the_page(path: str, na
 
 
 def test_an_extreme_link_does_no_harm() -> None:
-    app = linked(LAG, sampling_rate="1e300", speed="1e-300")
-    assert app.number_input(key=f"lag.rate.{COAST}").value == 1e300
-    assert len(ignored(app)) == 1
+    app = linked(LAG, sampling_rate="1e12", speed="1e12", max_lag="0")
+    assert app.number_input(key=f"lag.rate.{COAST}").value == 1e12
+    assert not ignored(app)
     assert not app.error
 
 
@@ -119,7 +129,7 @@ def test_files_of_the_visitors_own_are_not_in_the_address() -> None:
     app.file_uploader[0].upload("1.wav", wav(sound[100:]), "audio/wav")
     app.file_uploader[1].upload("2.wav", wav(sound[:4000]), "audio/wav").run()
     app.button_group(key="lag.method").set_value("phat").run()
-    assert "Your own recordings." in [one.value for one in app.caption]
+    assert any(one.value.startswith("Your own recordings.") for one in app.caption)
     assert address(app) == {"method": "phat"}
 
 

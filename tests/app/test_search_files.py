@@ -79,6 +79,7 @@ def test_the_zip_of_a_lag_measures_it_again(
     kept = json.loads((tmp_path / "lag.json").read_text())
     assert main([*shlex.split(lag_command(search, *lag_files.NAMES))[1:], "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
+    del told["recordings"]
     assert {**told, "elapsed_s": 0} == {**kept, "elapsed_s": 0}
     assert by_script(tmp_path).startswith("lag 123 samples, 0.015375 s")
 
@@ -132,13 +133,17 @@ def test_the_zip_of_a_search_finds_it_again(
     assert (tmp_path / "matches.csv").read_text().splitlines()[1].startswith("20,30,20,30,")
 
 
-def test_where_nothing_can_be_scored_there_is_nothing_to_frame() -> None:
-    inputs = PictureAndTemplate(np.full((60, 80, 3), 7, np.uint8), texture(9, 9, seed=1), "Flat.", "flat", False)
+@pytest.mark.parametrize("blank", [False, True])
+def test_where_nothing_is_found_the_best_place_is_framed_if_there_is_one(blank: bool) -> None:
+    picture = np.full((60, 80, 3), 9, np.uint8) if blank else texture(60, 80)
+    inputs = PictureAndTemplate(picture, texture(9, 9, seed=1), "Noise.", "noise", False)
     query = TemplateQuery(min_score=0.9)
     result = sl.match_template(inputs.picture, inputs.template, **query.arguments)
     files = {file.name: file for file in match_files.match_files(inputs, result, query)}
-    assert [name for name, file in files.items() if file.refusal] == ["framed.png"]
+    assert [name for name, file in files.items() if file.refusal] == ["framed.png"] * blank
     assert len(str(files["matches.csv"].make()).splitlines()) == 1
+    if not blank:
+        assert (sl.read_image(io.BytesIO(bytes(files["framed.png"].make()))) != picture).any()  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -184,6 +189,26 @@ def test_what_is_heard_is_said(lag: int | None, rate: float, said: str) -> None:
     second = noise(4000, seed=1) if lag is None else sound[: 4000 - lag]
     result = sl.signal_lag(sound[lag or 0 :], second, sampling_rate=rate)
     assert said in lag_files.heard_in_words(result)
+
+
+def test_a_zip_that_takes_too_much_memory_is_refused(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lag_files, "BYTES_OF_A_SAMPLE", 10**6)
+    app = open_page(LAG)
+    app.session_state[f"{lag_files.KEY}.opened"] = True
+    app.run()
+    disabled = {button.proto.label: button.proto.help for button in app.get("download_button") if button.proto.disabled}
+    assert [*disabled] == ["All in one ZIP"]
+    assert "one job may take" in disabled["All in one ZIP"]
+
+
+def test_a_reduced_curve_is_called_one() -> None:
+    pair, search = recordings(), LagSearch()
+    result = lag_of(pair, search)
+    assert result.lags is not None
+    assert result.correlation is not None
+    assert "of every lag" in lag_files.lag_files(pair, result, search)[0].meaning
+    reduced = replace(result, lags=result.lags[::10], correlation=result.correlation[::10])
+    assert "of each stretch" in lag_files.lag_files(pair, reduced, search)[0].meaning
 
 
 def test_nothing_is_made_before_it_is_asked_for(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -71,7 +71,7 @@ def test_every_file_of_a_search_is_downloaded_and_read_back(open_page: OpenPage)
     (match,) = found["matches"]
     assert (match["row"], match["col"]) == (528, 982)
     (line,) = lines(downloaded(page, "Matches CSV"))
-    assert {name: float(text) for name, text in line.items()} == match
+    assert {name: float(text) for name, text in line.items()} == match | {"clear": 1}
     framed = sl.read_image(downloaded(page, "Framed PNG"))
     with zipfile.ZipFile(io.BytesIO(downloaded(page, "All in one ZIP"))) as whole:
         image = sl.read_image(whole.read("image.png"))

@@ -55,7 +55,8 @@ def measured(lag: int, search: LagSearch, size: int = 3000) -> sl.SignalLag:
 
 
 def without_time(document: str) -> dict[str, Any]:
-    return {name: value for name, value in json.loads(document).items() if name != "elapsed_s"}
+    """Return the figures without the time taken, and without what a command read of its files."""
+    return {name: value for name, value in json.loads(document).items() if name not in ("elapsed_s", "recordings")}
 
 
 @pytest.mark.parametrize("lag", [-700, 0, 123])
@@ -185,7 +186,6 @@ def test_the_lag_command_says_what_the_file_says(
     command = shlex.split(lag_command(search, "first.npy", "second.npy"))
     assert command[0] == "stereolag"
     told = without_time(ran(capsys, *command[1:], "--json").out)
-    assert [one["file"] for one in told.pop("recordings")] == ["first.npy", "second.npy"]
     assert told == without_time(lag_json(measured(123, search), search))
     assert told["lag_samples"] == 123
     assert told["settings"] == search.model_dump()
@@ -212,7 +212,9 @@ def found(query: TemplateQuery) -> sl.TemplateSearch:
 QUERIES = [
     TemplateQuery(max_matches=3),
     TemplateQuery(method="direct", min_score=0.95, max_matches=2),
-    TemplateQuery(method="sampled", max_matches=2),
+    TemplateQuery(method="sampled"),
+    TemplateQuery(max_matches=1),  # of two places that fit equally well
+    TemplateQuery(max_matches=2, min_scale=0.9, max_rotation=10.0),
 ]
 
 
@@ -224,7 +226,7 @@ def test_the_find_command_says_what_the_file_says(
     told = without_time(ran(capsys, *command[1:], "--json").out)
     result = found(query)
     assert told == without_time(matches_json(result, query))
-    assert told["found"]
+    assert told["found"] == (query != QUERIES[3])
     assert told["matches"] == [asdict(match) for match in result.matches]
     assert told["settings"] == query.model_dump()
 
@@ -234,6 +236,7 @@ def test_the_matches_come_back(query: TemplateQuery, pictures: Path) -> None:
     result = found(query)
     lines = [*csv.DictReader(io.StringIO(matches_csv(result)))]
     kinds = {field.name: int if field.type == "int" else float for field in fields(sl.TemplateMatch)}
+    assert [int(line.pop("clear")) for line in lines] == [1] * result.clear + [0] * (len(lines) - result.clear)
     back = [{name: kinds[name](text) for name, text in line.items()} for line in lines]
     assert back == [asdict(match) for match in result.matches]
     assert matches_csv(replace(result, matches=[])) == matches_csv(result).splitlines()[0] + "\n"
@@ -242,13 +245,16 @@ def test_the_matches_come_back(query: TemplateQuery, pictures: Path) -> None:
 def test_whatever_else_a_search_comes_to_tell_is_in_its_figures() -> None:
     @dataclass(frozen=True)
     class Further(sl.TemplateSearch):
+        others: tuple[sl.TemplateMatch, ...]
         lead: float
 
     match = sl.TemplateMatch(1, 2, 3, 4, 0.5)
-    result = Further([match], np.zeros((2, 2), np.float32), 4, 0.1, None, [match], 1, "clear", float("nan"))
+    scores = np.zeros((2, 2), np.float32)
+    result = Further([match], scores, 4, 0.1, match, [match], 0, "look_alikes", (match,), float("nan"))
     figures = json.loads(matches_json(result, TemplateQuery()))
-    assert figures["rivals"] == [asdict(match)]
-    assert (figures["best"], figures["lead"]) == (None, None)
+    assert figures["rivals"] == figures["others"] == [asdict(match)]
+    assert (figures["best"], figures["lead"]) == (asdict(match), None)
+    assert (figures["found"], figures["reason"], figures["clear"]) == (False, "look_alikes", 0)
     assert "score_map" not in search_figures(result, TemplateQuery())
 
 
@@ -279,3 +285,9 @@ def test_the_find_program_finds_it_again(pictures: Path, mask: str | None) -> No
     assert len(said.splitlines()) == 2
     score = f"{found(query).matches[0].score:.3f}" if mask else ""
     assert said.startswith(f"row 20, column 30, score {score}")
+
+
+def test_the_find_program_says_why_nothing_is_found(pictures: Path) -> None:
+    query = TemplateQuery(min_scale=0.9, max_rotation=5.0, max_matches=1)
+    said = by_script(find_script(query, "image.png", "template.png", "mask.png"), pictures)
+    assert said == "Not found: look_alikes\n"

@@ -19,7 +19,7 @@ from stereolag.export import (
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag
 from stereolag.signals.alignment import aligned_length, together
-from stereolag.ui.downloads import File, archive, show_reproduction, show_taken
+from stereolag.ui.downloads import File, archive, show_reproduction, show_taken, too_large
 from stereolag.ui.recordings import LONGEST_S, RecordingPair, player
 from stereolag.ui.results import remembered
 
@@ -32,8 +32,11 @@ CURVE_LAGS = 1_000_000
 ECHO_S = 0.03
 """Sounds less than that apart are heard as one (Haas, 1951)."""
 
-BYTES_OF_A_SAMPLE, BYTES_OF_A_LAG = 48, 256
+BYTES_OF_A_SAMPLE, BYTES_OF_A_LAG = 32, 256
 """While the ZIP is made: the recordings, both aligned, and the curve as numbers and text."""
+
+BYTES_OF_ALIGNED = 10
+"""Of one sample of both while the WAV grows."""
 
 
 def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
@@ -60,6 +63,8 @@ def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list
     votes = result.lags is None
     many = result.lags is not None and len(result.lags) > CURVE_LAGS
     which = f"the {CURVE_LAGS:,} lags around the one found" if many else "every lag"
+    if result.lags is not None and result.lags[-1] - result.lags[0] >= len(result.lags):
+        which = "the highest lag of each stretch, as drawn"
     return [
         File(
             "Votes CSV" if votes else "Curve CSV",
@@ -93,7 +98,7 @@ def _wav_refusal(pair: RecordingPair, result: SignalLag, sampling_rate: float) -
         check_aligned_wav(pair.signal_1.size, pair.signal_2.size, result.lag, sampling_rate)
     except ValueError as error:
         return str(error)
-    return ""
+    return too_large(BYTES_OF_ALIGNED * aligned_length(pair.signal_1.size, pair.signal_2.size, result.lag))
 
 
 def heard_in_words(result: SignalLag) -> str:
