@@ -6,20 +6,20 @@ from stereolag.figures import templates as figures
 from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui.controls import control, last_valid
-from stereolag.ui.degrading import damage_it
 from stereolag.ui.elements import show_png
-from stereolag.ui.funnel import show_funnel
-from stereolag.ui.match_files import show_match_files
 from stereolag.ui.navigation import fragment, page
-from stereolag.ui.opencv_beside import show_opencv_beside
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
-from stereolag.ui.score_map import show_score_map
+from stereolag.ui.search.answer import doubtful, show_answer, why_no_score_map
+from stereolag.ui.search.by_hand import search_by_hand
+from stereolag.ui.search.controls import ask_poses
+from stereolag.ui.search.degrading import damage_it
+from stereolag.ui.search.files import show_match_files
+from stereolag.ui.search.funnel import show_funnel
+from stereolag.ui.search.opencv_beside import show_opencv_beside
+from stereolag.ui.search.score_map import show_score_map
 from stereolag.ui.search_addresses import TEMPLATE_ADDRESS
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
-from stereolag.ui.template_answer import doubtful, show_answer, why_no_score_map
-from stereolag.ui.template_by_hand import search_by_hand
-from stereolag.ui.template_controls import ask_poses
 
 SEE_WHY = ("Search by hand", "Step by step", "Damage it")
 

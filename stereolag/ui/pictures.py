@@ -10,8 +10,8 @@ from stereolag import samples
 from stereolag.inputs import Image, as_image
 from stereolag.reading import read_image
 from stereolag.ui.choices import OWN, choose, own_or_example
-from stereolag.ui.cutting import box_in
-from stereolag.ui.painting import painted_mask
+from stereolag.ui.search.cutting import box_in
+from stereolag.ui.search.painting import painted_mask
 from stereolag.ui.uploads import PICTURE_TYPES, Upload, forget_together, put_together, upload
 
 KEY = "pictures"

@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.figures import disturbances
 from stereolag.signals.verdict import Reason
-from stereolag.ui.disturbances.words import EXAMPLES, SLIDERS, START, WORDS
+from stereolag.ui.lag.disturbances.words import EXAMPLES, SLIDERS, START, WORDS
 
 
 def test_the_lag_page_hands_over_what_is_mixed_whatever_is_measured(open_page: Callable[[str], AppTest]) -> None:

@@ -9,7 +9,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.phasors import LAG, SIZE, Phasors, common_stretch, tone
-from stereolag.ui.phasors.words import own_in_words
+from stereolag.ui.lag.phasors.words import own_in_words
 from tests.app.uploads import noise, wav
 
 EXAMPLES = ["knock", "coast", "harbour", "tone", "noise"]

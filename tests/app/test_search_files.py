@@ -21,11 +21,12 @@ import stereolag as sl
 from stereolag.commands import main
 from stereolag.export import find_command, lag_command
 from stereolag.searches import LagSearch, TemplateQuery
-from stereolag.ui import downloads, match_files
+from stereolag.ui import downloads
 from stereolag.ui.downloads import File, archive
 from stereolag.ui.lag import files as lag_files
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.recordings import RecordingPair
+from stereolag.ui.search import files as match_files
 from tests.app.uploads import noise, texture
 
 OpenPage = Callable[[str], AppTest]

@@ -13,7 +13,7 @@ from stereolag.figures.templates import framed
 from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
 from stereolag.templates.verdict import Reason
-from stereolag.ui.template_answer import doubtful, headline, why_no_score_map, why_not_found
+from stereolag.ui.search.answer import doubtful, headline, why_no_score_map, why_not_found
 
 PAGE = "pages/2_Rocketman_search.py"
 

@@ -16,8 +16,8 @@ from stereolag.templates import TemplateSearch, match_template
 from stereolag.templates.degradation import Degradation
 from stereolag.templates.opencv import OpenCVSearch, opencv_search
 from stereolag.templates.trials import Trial, try_methods
-from stereolag.ui.degrading import lesson, numbers_of
-from stereolag.ui.opencv_beside import differences, table
+from stereolag.ui.search.degrading import lesson, numbers_of
+from stereolag.ui.search.opencv_beside import differences, table
 from tests.app import uploads
 
 OpenPage = Callable[[str], AppTest]

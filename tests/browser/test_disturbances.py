@@ -12,8 +12,8 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from stereolag import signal_lag
 from stereolag.figures import disturbances
-from stereolag.ui.disturbances import ARITHMETIC, HERE, described_parts
-from stereolag.ui.disturbances.words import START
+from stereolag.ui.lag.disturbances import ARITHMETIC, HERE, described_parts
+from stereolag.ui.lag.disturbances.words import START
 from tests.browser.visits import OpenPage, screenshot
 
 GRID = {

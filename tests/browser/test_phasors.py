@@ -12,10 +12,10 @@ from playwright.sync_api import Browser, Page, expect
 from stereolag import samples
 from stereolag.figures import phasors
 from stereolag.reading import read_signal
-from stereolag.ui.phasors import described
+from stereolag.ui.lag.phasors import described
 from tests.browser.visits import OpenPage, screenshot
 
-CHAIN = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "phasors" / "chain.js"
+CHAIN = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "phasors" / "chain.js"
 
 
 def coast() -> phasors.Phasors:

@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page, expect
 from stereolag.figures import sliding
 from tests.browser.visits import OpenPage, screenshot
 
-PRODUCTS = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "sliding" / "products.js"
+PRODUCTS = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "sliding" / "products.js"
 
 EXAMPLES = {
     "Seven numbers": sliding.seven_numbers,

@@ -14,7 +14,7 @@ from stereolag.figures.template_by_hand import ReducedSearch, reduced_search
 from stereolag.ui.pictures import example_pictures
 from tests.browser.visits import OpenPage, screenshot, settled
 
-SCORING = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "template_by_hand" / "scoring.js"
+SCORING = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "search" / "by_hand" / "scoring.js"
 
 COMPARE = """
 ({ picture, template, counts, places }) => {

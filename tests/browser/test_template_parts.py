@@ -6,7 +6,7 @@ import numpy as np
 from playwright.sync_api import Browser, Page, expect
 
 from stereolag.reading.hand_marks import packed_mask, read_packed_mask
-from stereolag.ui.painting import HERE
+from stereolag.ui.search.painting import HERE
 from tests.browser.visits import OpenPage, screenshot, settled
 
 COLS = 2446

@@ -6,11 +6,11 @@ import streamlit as st
 
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag
-from stereolag.ui.disturbances import fool_it
+from stereolag.ui.lag.disturbances import fool_it
+from stereolag.ui.lag.phasors import show_phasors
 from stereolag.ui.lag.plan import show_plan
-from stereolag.ui.phasors import show_phasors
+from stereolag.ui.lag.sliding import slide_it_yourself
 from stereolag.ui.recordings import RecordingPair
-from stereolag.ui.sliding import slide_it_yourself
 
 IN_A_SENTENCE = """
 - **Why the peak stands where it does.** There, every sample meets itself and the products add up, while anywhere

@@ -16,10 +16,10 @@ import streamlit as st
 from stereolag.figures.funnel import anchors
 from stereolag.figures.pictures import FRAME, fitted, jpeg
 from stereolag.figures.templates import what_counts
-from stereolag.ui.funnel.words import WORDS
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.results import computed
+from stereolag.ui.search.funnel.words import WORDS
 
 HERE = Path(__file__).parent
 

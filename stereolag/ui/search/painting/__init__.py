@@ -13,9 +13,9 @@ from stereolag.figures.pictures import as_rgb, png
 from stereolag.inputs import Image
 from stereolag.reading.hand_marks import packed_mask, read_packed_mask
 from stereolag.templates.patterns import opaque_pixels
-from stereolag.ui.cutting import HERE as CUTTING
-from stereolag.ui.cutting import send_drawn_on
 from stereolag.ui.linked_pictures import source
+from stereolag.ui.search.cutting import HERE as CUTTING
+from stereolag.ui.search.cutting import send_drawn_on
 
 HERE = Path(__file__).parent
 

@@ -8,8 +8,8 @@ import streamlit as st
 
 from stereolag.figures.block_scores import ScoreMap, packed_score_map
 from stereolag.ui.linked_pictures import source
-from stereolag.ui.template_by_hand import HERE as BY_HAND
-from stereolag.ui.template_by_hand import NAME
+from stereolag.ui.search.by_hand import HERE as BY_HAND
+from stereolag.ui.search.by_hand import NAME
 
 HERE = Path(__file__).parent
 

@@ -17,9 +17,9 @@ from stereolag.arrays import Vector
 from stereolag.figures.phasors import LONGEST_LAG, SIZE, Phasors, common_stretch, knock, noise, tone
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
-from stereolag.ui import sliding
+from stereolag.ui.lag import sliding
+from stereolag.ui.lag.phasors.words import EXAMPLES, INTRODUCTION, WORDS, excerpt_in_words, own_in_words
 from stereolag.ui.linked_pictures import source
-from stereolag.ui.phasors.words import EXAMPLES, INTRODUCTION, WORDS, excerpt_in_words, own_in_words
 from stereolag.ui.recordings import RecordingPair, example_recordings
 
 HERE = Path(__file__).parent

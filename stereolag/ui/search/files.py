@@ -13,7 +13,7 @@ from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch
 from stereolag.ui.downloads import File, archive, show_reproduction, show_taken
 from stereolag.ui.pictures import PictureAndTemplate
-from stereolag.ui.template_answer import doubtful
+from stereolag.ui.search.answer import doubtful
 
 KEY = "template.take"
 

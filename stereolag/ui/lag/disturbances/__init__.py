@@ -17,8 +17,8 @@ import streamlit as st
 
 from stereolag.figures import disturbances
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
-from stereolag.ui import sliding
-from stereolag.ui.disturbances.words import EXAMPLES, SLIDERS, START, WORDS
+from stereolag.ui.lag import sliding
+from stereolag.ui.lag.disturbances.words import EXAMPLES, SLIDERS, START, WORDS
 from stereolag.ui.linked_pictures import source
 
 HERE = Path(__file__).parent

@@ -16,7 +16,7 @@ from stereolag.templates import TemplateMatch
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.results import remembered
-from stereolag.ui.template_by_hand.words import words_of
+from stereolag.ui.search.by_hand.words import words_of
 
 HERE = Path(__file__).parent
 
