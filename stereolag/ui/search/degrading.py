@@ -55,7 +55,6 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, min_score: flo
     min_score
         Below it a method has not found it.
     """
-    st.markdown("##### Damage it")
     place = _place(inputs, result)
     if place is None:
         st.caption("Nothing was found, so there is no place to damage.")

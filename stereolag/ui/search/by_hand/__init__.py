@@ -47,7 +47,6 @@ def search_by_hand(inputs: PictureAndTemplate, matches: Sequence[TemplateMatch])
         search = reduced_search(inputs.picture, inputs.template, inputs.mask, near=near)
         return packed_search(search, name=NAME, words=words_of(search))
 
-    st.markdown("##### Search by hand")
     try:
         data = remembered("search by hand", pack, inputs=inputs.digest, settings=str(near), shared=inputs.shared)
     except ValueError:
