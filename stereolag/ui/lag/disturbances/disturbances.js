@@ -1,16 +1,9 @@
 // Sliders that disturb two recordings, and what is judged of them: mixed, correlated and judged here, nothing asked.
 
 const WIDE = 0.3; // more than any noise makes of a band
-const panels = new WeakMap();
 
-export default function ({ data, parentElement }) {
-  let panel = panels.get(parentElement);
-  if (!panel) panels.set(parentElement, (panel = new Panel(parentElement)));
-  panel.load(data);
-  return () => {
-    panel.close();
-    panels.delete(parentElement);
-  };
+export default function (component) {
+  return shown(Panel, component);
 }
 
 const filled = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);

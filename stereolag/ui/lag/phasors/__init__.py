@@ -28,7 +28,8 @@ _panel = st.components.v2.component(
     "stereolag.phasors",
     html=source("phasors.html", folder=HERE),
     css=source("sliding.css", folder=sliding.HERE) + source("phasors.css", folder=HERE),
-    js=source("drawing.js", "panel.js", folder=sliding.HERE)
+    js=source("shown.js")
+    + source("drawing.js", "panel.js", folder=sliding.HERE)
     + source("chain.js", "charts.js", "phasors.js", folder=HERE),
 )
 

@@ -11,6 +11,7 @@ import streamlit as st
 
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
+from stereolag.ui.lag import sliding
 from stereolag.ui.linked_pictures import source
 
 HERE = Path(__file__).parent
@@ -22,7 +23,7 @@ _panel = st.components.v2.component(
     "stereolag.plan",
     html=source("plan.html", folder=HERE),
     css=source("plan.css", folder=HERE),
-    js=source("geometry.js", "plan.js", folder=HERE),
+    js=source("shown.js") + source("drawing.js", folder=sliding.HERE) + source("geometry.js", "plan.js", folder=HERE),
 )
 
 

@@ -1,22 +1,13 @@
 // A plan of both sensors and a source that can be dragged: which places give the same lag.
 
-const SVG = "http://www.w3.org/2000/svg";
 const WIDE = 4; // the plan is so many times as wide as the sensors are apart
 const HIGH = 300;
 const STEP = 0.01;
-const panels = new WeakMap();
 
-const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const metres = (value) => value.toLocaleString("en", { maximumSignificantDigits: 4 });
 
-export default function ({ data, parentElement }) {
-  let panel = panels.get(parentElement);
-  if (!panel) panels.set(parentElement, (panel = new Plan(parentElement)));
-  panel.load(data);
-  return () => {
-    panel.close();
-    panels.delete(parentElement);
-  };
+export default function (component) {
+  return shown(Plan, component);
 }
 
 class Plan {
@@ -113,15 +104,7 @@ class Plan {
     const difference = pathDifference(source, apart);
     const sensors = [[-apart / 2, 0], [apart / 2, 0]];
     const reach = WIDE * apart;
-    this.svg.setAttribute("viewBox", `0 0 ${width} ${HIGH}`);
-    this.svg.style.height = `${HIGH}px`;
-    this.svg.replaceChildren();
-    const add = (name, attributes, text) => {
-      const node = document.createElementNS(SVG, name);
-      for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-      if (text) node.textContent = text;
-      this.svg.append(node);
-    };
+    const add = emptied(this.svg, width, HIGH);
     add("path", { class: "line", d: `M0 ${HIGH / 2}H${width}` });
     if (this.data.difference !== null) {
       add("path", { class: "measured", d: line(branch(this.data.difference, apart, reach)) });

@@ -2,18 +2,6 @@
 // which visits them all. A panel extends `VisitingPanel` and says what it measures and draws.
 
 const PLACES_A_SECOND = 50;
-const panels = new WeakMap();
-
-// Shows data in the panel of its element, and returns what closes it.
-function shown(Panel, { data, parentElement }) {
-  let panel = panels.get(parentElement);
-  if (!panel) panels.set(parentElement, (panel = new Panel(parentElement)));
-  panel.load(data);
-  return () => {
-    panel.close();
-    panels.delete(parentElement);
-  };
-}
 
 class VisitingPanel {
   start = 0; // the place of a fresh example

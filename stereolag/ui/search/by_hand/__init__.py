@@ -27,7 +27,7 @@ _panel = st.components.v2.component(
     "stereolag.template_by_hand",
     html=source("by_hand.html", folder=HERE),
     css=source("by_hand.css", folder=HERE),
-    js=source("unpacking.js", "scoring.js", "drawing.js", "by_hand.js", folder=HERE),
+    js=source("shown.js") + source("unpacking.js", "scoring.js", "drawing.js", "by_hand.js", folder=HERE),
 )
 
 

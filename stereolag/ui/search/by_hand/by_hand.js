@@ -3,16 +3,9 @@
 const STEP_FAR = 10;
 const SPOT = 3; // places to every side of a visited one that are painted with it
 const SVG = "http://www.w3.org/2000/svg";
-const panels = new WeakMap();
 
-export default function ({ data, parentElement }) {
-  let panel = panels.get(parentElement);
-  if (!panel) panels.set(parentElement, (panel = new Panel(parentElement)));
-  panel.load(data);
-  return () => {
-    panel.close();
-    panels.delete(parentElement);
-  };
+export default function (component) {
+  return shown(Panel, component);
 }
 
 class Panel {

@@ -25,7 +25,7 @@ _box = st.components.v2.component(
     "stereolag.box",
     html=source("box.html", folder=HERE),
     css=source("box.css", folder=HERE),
-    js=source("drawn.js", "box.js", folder=HERE),
+    js=source("shown.js") + source("drawn.js", "box.js", folder=HERE),
 )
 
 

@@ -3,17 +3,11 @@
 const REST_MS = 400;
 const FAR = 10;
 const HIGHEST = 0.7; // of the window
-const panels = new WeakMap();
 
-export default function ({ data, parentElement, setTriggerValue }) {
-  let panel = panels.get(parentElement);
-  if (!panel) panels.set(parentElement, (panel = new BoxPanel(parentElement)));
-  panel.onBox = (box) => setTriggerValue("box", box);
-  panel.load(data);
-  return () => {
-    panel.close();
-    panels.delete(parentElement);
-  };
+export default function (component) {
+  return shown(BoxPanel, component, (panel) => {
+    panel.onBox = (value) => component.setTriggerValue("box", value);
+  });
 }
 
 class BoxPanel {

@@ -30,7 +30,7 @@ _panel = st.components.v2.component(
     "stereolag.funnel",
     html=source("funnel.html", folder=HERE),
     css=source("funnel.css", folder=HERE),
-    js=source("funnel.js", folder=HERE),
+    js=source("shown.js") + source("funnel.js", folder=HERE),
 )
 
 

@@ -1,17 +1,13 @@
 // The steps of the "sampled" search, for whichever pixel of the template is picked; nothing is asked of the server.
 
 const SVG = "http://www.w3.org/2000/svg";
-const panels = new WeakMap();
 
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const grouped = (number) => number.toLocaleString("en");
 const filled = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
 
-export default function ({ data, parentElement }) {
-  let panel = panels.get(parentElement);
-  if (!panel) panels.set(parentElement, (panel = new Panel(parentElement)));
-  panel.load(data);
-  return () => panels.delete(parentElement);
+export default function (component) {
+  return shown(Panel, component);
 }
 
 class Panel {

@@ -26,7 +26,7 @@ _brush = st.components.v2.component(
     "stereolag.brush",
     html=source("brush.html", folder=HERE),
     css=source("brush.css", folder=HERE),
-    js=source("drawn.js", folder=CUTTING) + "\n" + source("mask.js", "brush.js", folder=HERE),
+    js=source("shown.js") + source("drawn.js", folder=CUTTING) + "\n" + source("mask.js", "brush.js", folder=HERE),
 )
 
 

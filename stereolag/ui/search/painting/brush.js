@@ -3,17 +3,11 @@
 const WIDEST = 420;
 const FAR = 10;
 const INK = [255, 0, 160];
-const panels = new WeakMap();
 
-export default function ({ data, parentElement, setTriggerValue }) {
-  let panel = panels.get(parentElement);
-  if (!panel) panels.set(parentElement, (panel = new BrushPanel(parentElement)));
-  panel.onMask = (mask) => setTriggerValue("mask", mask);
-  panel.load(data);
-  return () => {
-    panel.close();
-    panels.delete(parentElement);
-  };
+export default function (component) {
+  return shown(BrushPanel, component, (panel) => {
+    panel.onMask = (value) => component.setTriggerValue("mask", value);
+  });
 }
 
 class BrushPanel {

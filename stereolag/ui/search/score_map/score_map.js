@@ -1,16 +1,9 @@
 // The score of every place: read under the pointer, and compared on a click by the search by hand.
 
 const STEP_FAR = 10;
-const panels = new WeakMap();
 
-export default function ({ data, parentElement }) {
-  let panel = panels.get(parentElement);
-  if (!panel) panels.set(parentElement, (panel = new Panel(parentElement)));
-  panel.load(data);
-  return () => {
-    panel.turn = undefined;
-    panels.delete(parentElement);
-  };
+export default function (component) {
+  return shown(Panel, component);
 }
 
 class Panel {
@@ -22,6 +15,10 @@ class Panel {
     this.stage.addEventListener("keydown", (event) => this.type(event));
     this.stage.addEventListener("pointerdown", (event) => this.read(this.blockAt(event)));
     this.stage.addEventListener("click", () => this.compare());
+  }
+
+  close() {
+    this.turn = undefined;
   }
 
   async load(data) {
