@@ -1,11 +1,49 @@
 """Lag by correlation: between two recordings, of a template in an image, between the two images of a stereo camera.
 
->>> import stereolag as sl
->>> lag = sl.signal_lag(signal_1, signal_2, sampling_rate=44_100.0)
->>> search = sl.match_template(image, template)
->>> result = sl.preset("accurate", num_disparities=64).compute(left, right)
+A tour over the bundled examples. Two sensors hear the surf: how much later does the second one hear it, and by how much
+is its path longer?
 
-The public names are listed in ``__init__.pyi``; each is imported when it is first used.
+>>> import stereolag as sl
+>>> from stereolag import samples
+>>> coast = samples.recordings()["coast"]
+>>> lag = sl.signal_lag(sl.read_signal(coast.signal_1), sl.read_signal(coast.signal_2), sampling_rate=44_100.0)
+>>> lag.verdict, lag.lag, round(lag.time_s, 3), round(lag.distance_m, 2)  # samples, seconds, metres
+('sure', 50082, 1.136, 378.17)
+
+Where in the maze is Rocketman? The transparent pixels of his picture do not count.
+
+>>> maze = samples.mazes()["maze"]
+>>> search = sl.match_template(sl.read_image(maze.picture), sl.read_image(maze.template), method="sampled")
+>>> search.found, search.matches[0].row, search.matches[0].col  # px, of the top-left pixel
+(True, 528, 982)
+
+How far away is what two cameras see? Large disparity is near.
+
+>>> cube = samples.stereo_pairs()["cube"]
+>>> result = sl.preset("fast", num_disparities=64).compute(sl.read_image(cube.left), sl.read_image(cube.right))
+>>> disparity = result.disparity[240, 320]  # px, of the pixel at (row, col)
+>>> round(float(disparity), 1), round(float(sl.read_calibration(cube.calibration).depth(disparity)), 2)  # px, metres
+(45.1, 0.34)
+
+Every public name has an example of its own: ``help(sl.signal_lag)``.
+
+files
+    `read_signal`, `read_image`, `read_disparity`, `read_calibration`, `read_matcher`; `write_disparity`,
+    `write_matcher`
+matchers
+    `CorrelationMatcher` over a `SearchArea`, `SemiGlobalMatcher`, `StereoBM`, `StereoSGBM`; `preset` makes one;
+    `suggest` finds better settings for a pair: a `Suggestion`
+results
+    `SignalLag`; `TemplateSearch`, whose places are each a `TemplateMatch`; `DisparityMap`, with a `Reason` for every
+    pixel
+accuracy
+    `evaluate` a map against ground truth: an `Evaluation`; `diagnose` a pair before it is matched: a `Diagnosis`
+metres
+    `calibrate` a camera from pictures of a board: a `Calibration`; `rectify` a raw pair: a `Rectified` one
+motion
+    `optical_flow` between two frames: a `FlowMap`; `scene_flow` in metres: a `SceneFlow`
+
+The names are listed in ``__init__.pyi``; each is imported when it is first used.
 """
 
 import lazy_loader

@@ -68,6 +68,17 @@ class Diagnosis:
     suggested_range
         First disparity and their number, a multiple of 16, of a search that covers them with a modest margin; None
         where nothing tells it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> left = np.random.default_rng(0).integers(0, 256, (90, 140), dtype=np.uint8)
+    >>> diagnosis = sl.diagnose(left, np.roll(left, -5, axis=1), num_disparities=16)
+    >>> diagnosis.healthy
+    True
+    >>> diagnosis.suggested_range  # first disparity and how many, px
+    (0, 16)
     """
 
     findings: tuple[Finding, ...]
@@ -113,6 +124,20 @@ def diagnose(
     and every disparity positive. A rotation of the right view shows as a ``dy`` that grows across the image, a
     difference in scale as one that grows down it; cameras turned towards each other and lenses that distort show as one
     that bends.
+
+    Examples
+    --------
+    Left and right exchanged, every disparity is negative:
+
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> left = np.random.default_rng(0).integers(0, 256, (90, 140), dtype=np.uint8)
+    >>> right = np.roll(left, -5, axis=1)  # disparity 5 px
+    >>> diagnosis = sl.diagnose(right, left)
+    >>> [(finding.code.name, finding.remedy.name) for finding in diagnosis.findings if not finding.healthy]
+    [('SWAPPED', 'SWAP_SIDES')]
+    >>> round(diagnosis.finding("swapped").numbers["highest_px"], 1)
+    -5.0
     """
     images = as_stereo_pair(left, right)
     shape, dtype = images[0].shape, images[0].dtype

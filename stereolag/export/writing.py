@@ -34,6 +34,14 @@ def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> N
         written then.
     OSError
         The folder does not exist, the disk is full, and so on; a file that was there before is left as it was.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> sl.write_disparity("map.pfm", [[12.5, np.nan]])  # px; NaN = none
+    >>> sl.read_disparity("map.pfm")
+    array([[12.5,  nan]], dtype=float32)
     """
     target = Path(path)
     encode = DISPARITY_FORMATS.get(target.suffix.lower())
@@ -50,6 +58,14 @@ def write_matcher(path: str | os.PathLike[str], matcher: StereoMatcher) -> None:
     ------
     OSError
         The folder does not exist, the disk is full, and so on; a file that was there before is left as it was.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> matcher = sl.StereoBM(num_disparities=96, block_size=15)  # px
+    >>> sl.write_matcher("settings.json", matcher)
+    >>> sl.read_matcher("settings.json") == matcher
+    True
     """
     write_file(Path(path), settings_json(matcher).encode())
 

@@ -69,6 +69,24 @@ def calibrate(
     ValueError
         Fewer than 3 pairs in which both pictures show the board, pairs that contradict each other, boards held too much
         alike, left and right exchanged, cameras one above the other, or what :func:`find_boards` refuses.
+
+    Examples
+    --------
+    Two cameras 0.1 m apart, drawn with a board whose squares have sides of 30 mm:
+
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> from stereolag.geometry.boards import Board
+    >>> from stereolag.geometry.drawn_boards import drawn_pairs
+    >>> from stereolag.geometry.rig import StereoRig
+    >>> camera = [[220, 0, 119.5], [0, 220, 89.5], [0, 0, 1]]  # px
+    >>> rig = StereoRig(camera, [], camera, [], np.eye(3), [-0.1, 0, 0], width=240, height=180)
+    >>> pairs = drawn_pairs(rig, Board(4, 3), 3, square_m=0.03)
+    >>> calibration = sl.calibrate(pairs, board=(4, 3), square_m=0.03)
+    >>> round(calibration.baseline_m, 3)  # metres
+    0.1
+    >>> calibration.rms < 0.1  # px
+    True
     """
     check_positive(square_m, "square_m")
     report = None if progress is None else lambda fraction: progress(_FINDING_SHARE * fraction)

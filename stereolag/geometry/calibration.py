@@ -52,6 +52,16 @@ class Calibration:
     ValueError
         A focal length or baseline that is not above 0, a number that is not finite, or one far beyond any camera's:
         a focal length outside 1e-3 to 1e7 px, a baseline outside 1e-9 to 1e9 m, a centre beyond 1e7 px.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> camera = sl.Calibration(focal_px=1000.0, baseline_m=0.1)
+    >>> camera.depth([50.0, 10.0, np.nan])  # px to metres
+    array([ 2., 10., nan], dtype=float32)
+    >>> round(float(camera.depth_uncertainty(50.0, 0.5)), 3)  # metres, for an error of 0.5 px
+    0.02
     """
 
     focal_px: float

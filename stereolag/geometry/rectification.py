@@ -17,7 +17,20 @@ MAX_ASPECT_ERROR_PX = 1.0
 
 
 class Rectified(NamedTuple):
-    """A rectified pair: its images, of the same size and type as taken, and its calibration."""
+    """A rectified pair: its images, of the same size and type as taken, and its calibration.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> from stereolag.geometry.rig import StereoRig
+    >>> camera = [[200, 0, 79.5], [0, 200, 59.5], [0, 0, 1]]  # px
+    >>> rig = StereoRig(camera, [], camera, [], np.eye(3), [-0.1, 0, 0])
+    >>> taken = np.zeros((120, 160), np.uint8)
+    >>> pair = sl.rectify(taken, taken, sl.Calibration(200.0, 0.1, rig=rig))
+    >>> pair.left.shape, round(pair.calibration.baseline_m, 3)  # (rows, cols), metres
+    ((120, 160), 0.1)
+    """
 
     left: Image
     right: Image
@@ -51,6 +64,20 @@ def rectify(
     ValueError
         A calibration without a rig, images of different size or of another aspect ratio than they were calibrated at,
         or an alpha outside 0 to 1.
+
+    Examples
+    --------
+    Two cameras of the same lens, the right one 0.1 m beside the left one:
+
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> from stereolag.geometry.rig import StereoRig
+    >>> camera, lens = [[200, 0, 79.5], [0, 200, 59.5], [0, 0, 1]], [-0.1, 0, 0, 0]  # px; k1, k2, p1, p2
+    >>> rig = StereoRig(camera, lens, camera, lens, np.eye(3), [-0.1, 0, 0])
+    >>> taken = np.random.default_rng(0).integers(0, 256, (120, 160), dtype=np.uint8)
+    >>> left, right, calibration = sl.rectify(taken, taken, sl.Calibration(200.0, 0.1, rig=rig))
+    >>> round(calibration.focal_px), round(calibration.baseline_m, 3)  # px, metres
+    (198, 0.1)
     """
     if calibration.rig is None:
         raise ValueError(

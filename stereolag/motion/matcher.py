@@ -204,6 +204,16 @@ def optical_flow(
     ------
     ValueError
         Settings that are not allowed, or frames that :meth:`FlowMatcher.compute` refuses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> first = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
+    >>> second = np.roll(first, (2, -5), axis=(0, 1))  # 2 px down, 5 px to the left
+    >>> flow = sl.optical_flow(first, second, search=16)
+    >>> round(float(np.nanmedian(flow.dy)), 1), round(float(np.nanmedian(flow.dx)), 1)  # px
+    (2.0, -5.0)
     """
     matcher = FlowMatcher(window_size=window_size, search=search, filling=filling, **settings)
     return matcher.compute(first, second, progress=progress)

@@ -33,6 +33,17 @@ class FlowMap:
         Seconds of the computation alone.
     settings
         The :class:`~stereolag.motion.matcher.FlowMatcher` that made it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> first = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
+    >>> flow = sl.optical_flow(first, np.roll(first, -5, axis=1), search=16)
+    >>> flow
+    <FlowMap 100 × 60, ...% valid, in ... s>
+    >>> flow.dx[30, 2], sl.Reason(flow.reason[30, 2]).name  # px; the pixel has left the frame
+    (np.float32(nan), 'OUT_OF_FRAME')
     """
 
     dy: FloatMap

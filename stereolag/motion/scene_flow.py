@@ -55,6 +55,24 @@ class SceneFlow:
         How the static world moves in the frame of the camera.
     own_speed_kmh
         Km/h; None without a frame rate.
+
+    Examples
+    --------
+    A flat road 1.5 m below a camera that moves 1 m forwards; a patch of it moves to the right:
+
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> camera = sl.Calibration(focal_px=200.0, baseline_m=0.5, cx=31.5, cy=-20.0)
+    >>> row, col = np.indices((48, 64), dtype=np.float32)
+    >>> road = (row + 20) / 3  # disparity, px: the same from every place
+    >>> growth = road / (100 - road)
+    >>> dy, dx = (row + 20) * growth, (col - 31.5) * growth  # px
+    >>> dx[10:35, 20:45] += 8
+    >>> motion = sl.scene_flow(road, road, (dy, dx), camera)
+    >>> [(thing.row, thing.col) for thing in motion.regions]  # px, top left of the box
+    [(10, 20)]
+    >>> motion.moving.dtype, motion.against_world.shape  # metres
+    (dtype('bool'), (48, 64, 3))
     """
 
     motion: FloatMap
@@ -106,6 +124,21 @@ def scene_flow(
     -----
     Own motion by RANSAC over the pixels, then the residual of each, weighed by its expected error, as in A. Wedel
     et al., "Stereoscopic scene flow computation for 3D motion understanding", IJCV 95, 2011.
+
+    Examples
+    --------
+    A camera 1.5 m above a flat road moves 1 m forwards in 0.1 s:
+
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> camera = sl.Calibration(focal_px=200.0, baseline_m=0.5, cx=31.5, cy=-20.0)
+    >>> row, col = np.indices((48, 64), dtype=np.float32)
+    >>> road = (row + 20) / 3  # disparity, px: the same from every place
+    >>> growth = road / (100 - road)  # of the image, as a depth of 100 / road metres becomes 1 m less
+    >>> flow = (row + 20) * growth, (col - 31.5) * growth  # dy, dx, px
+    >>> motion = sl.scene_flow(road, road, flow, camera, frame_rate=10.0)
+    >>> round(motion.own_speed_kmh, 1), motion.regions  # km/h; nothing moves against the world
+    (36.0, ())
     """
     settings = test or MovingTest()
     if frame_rate is not None and not frame_rate > 0:

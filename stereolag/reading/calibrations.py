@@ -58,6 +58,14 @@ def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibratio
     ------
     ValueError
         A file that is empty, damaged or of another kind, or a calibration that lacks something or makes no sense.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> from stereolag import samples
+    >>> calibration = sl.read_calibration(samples.stereo_pairs()["cube"].calibration)
+    >>> calibration.focal_px, calibration.baseline_m  # px, metres
+    (900.0, 0.017)
     """
     if not sources:
         raise ValueError("No calibration was given; at least one file is needed.")

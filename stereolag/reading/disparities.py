@@ -44,6 +44,16 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     ValueError
         An empty, damaged or unknown file, a colour image, more megapixels than the limit in force, no pixel with a
         disparity, 8-bit integers without a divisor, or a divisor that is not above 0.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> from stereolag import samples
+    >>> disparity = sl.read_disparity(samples.stereo_pairs()["cube"].disparity)
+    >>> disparity.shape, disparity.dtype
+    ((480, 640), dtype('float32'))
+    >>> round(float(disparity[240, 320]), 2)  # px
+    45.57
     """
     found = read_stored_disparity(source)
     divisor = found.divisor if divisor is None else divisor

@@ -48,6 +48,14 @@ def read_image(source: Source) -> Image:
     ValueError
         An empty file, one that is not such an image or is cut short, or an image of more megapixels than the limit
         in force (50 unless set otherwise). The limit is checked on the header, before any pixel is decoded.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> from stereolag import samples
+    >>> image = sl.read_image(samples.stereo_pairs()["cube"].left)
+    >>> image.shape, image.dtype
+    ((480, 640, 3), dtype('uint8'))
     """
     pixels, orientation = _decoded(read_bytes(source, WHAT))
     return _upright(as_image(pixels, "The image"), orientation)

@@ -32,6 +32,13 @@ def read_matcher(source: Source) -> StereoMatcher:
     ------
     ValueError
         An empty file or one that is not such JSON, an unknown method, or a setting that is unknown or out of bounds.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> matcher = sl.read_matcher(b'{"method": "StereoBM", "settings": {"block_size": 15}}')
+    >>> matcher.block_size, matcher.num_disparities  # px; the second is the default
+    (15, 64)
     """
     data = read_bytes(source, WHAT)
     if len(data) > MAX_BYTES:

@@ -153,6 +153,14 @@ def read_signal(source: Source) -> Recording:
         An empty, damaged or unknown file; a word, a NUL byte, NaN or a missing number in a text (with its line);
         fewer than 2 samples, more in all than the limit in force (320 million unless set otherwise, an hour of two
         channels) or than the memory of one job holds, or more than 64 channels.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> from stereolag import samples
+    >>> recording = sl.read_signal(samples.recordings()["coast"].signal_1)
+    >>> recording.channels.shape, recording.sampling_rate  # (channels, samples), Hz
+    ((1, 176401), 44100.0)
     """
     sampling_rate, mended_lines = None, 0
     if isinstance(source, str | PathLike) and _is_audio(head := _head(source)):

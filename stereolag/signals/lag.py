@@ -62,6 +62,17 @@ class SignalLag:
     judgement
         Whether the lag can be relied on, and why: `verdict`, `rivals` and what follows read it. None where it was not
         judged.
+
+    Examples
+    --------
+    A tone of 50 samples fits as well one period later:
+
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> tone = np.sin(2 * np.pi * np.arange(1000) / 50)
+    >>> result = sl.signal_lag(tone, tone)
+    >>> result.lag, result.verdict, result.rivals[:2]  # samples
+    (0, 'ambiguous', (-50, 50))
     """
 
     lag: int
@@ -162,6 +173,17 @@ def signal_lag(
         method; a `max_lag` that is not one of 0 to the longer recording's length - 1; recordings that are constant
         wherever they overlap within `max_lag`; more memory needed than one job may take
         (:func:`~stereolag.signals.estimate_lag`).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> sound = np.random.default_rng(0).standard_normal(5000)
+    >>> result = sl.signal_lag(sound[300:], sound, sampling_rate=1000.0, speed=340.0)
+    >>> result.lag, result.time_s, result.distance_m  # samples, seconds, metres
+    (300, 0.3, 102.0)
+    >>> result.verdict
+    'sure'
     """
     given_1, given_2 = checked_signal(signal_1, "signal_1"), checked_signal(signal_2, "signal_2")
     _check_positive(sampling_rate, "sampling_rate", "samples per second")

@@ -29,6 +29,16 @@ class Evaluation:
         % of the pixels with ground truth that are missing, or off by more than 3 px *and* 5 % (KITTI's D1-all).
     truth_pixels
         How many pixels the figures rest on.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> figures = sl.evaluate([[10.0, 14.5, np.nan, 9.5]], [[10.0, 10.0, 10.0, 10.0]])  # px
+    >>> figures.density  # share of the truth
+    0.75
+    >>> figures.bad[2.0], round(figures.bad_measured[2.0], 1)  # %: missing counts as wrong, and does not
+    (50.0, 33.3)
     """
 
     density: float
@@ -66,6 +76,16 @@ def evaluate(
     -----
     `bad` counts a missing pixel as wrong, as the Middlebury benchmark does for dense methods; `bad_measured` does
     not. D1-all is the outlier rate of Menze & Geiger, "Object Scene Flow for Autonomous Vehicles", CVPR 2015.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> from stereolag import samples
+    >>> cube = samples.stereo_pairs()["cube"]
+    >>> result = sl.StereoBM(num_disparities=64).compute(sl.read_image(cube.left), sl.read_image(cube.right))
+    >>> figures = sl.evaluate(result.disparity, sl.read_disparity(cube.disparity))
+    >>> round(figures.bad[2.0])  # % of the pixels: off by more than 2 px, or missing
+    23
     """
     wrong_thresholds = [threshold for threshold in thresholds if not threshold > 0]
     if wrong_thresholds:

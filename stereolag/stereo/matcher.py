@@ -200,6 +200,19 @@ class DisparityMap:
         Seconds of the computation alone.
     settings
         The matcher that made it.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> from stereolag import samples
+    >>> cube = samples.stereo_pairs()["cube"]
+    >>> result = sl.StereoBM(num_disparities=64).compute(sl.read_image(cube.left), sl.read_image(cube.right))
+    >>> result
+    <DisparityMap 640 × 480, ...% valid, by StereoBM in ... s>
+    >>> round(float(result.disparity[240, 320]))  # px, of the pixel at (row, col)
+    45
+    >>> result.disparity[0, 0], sl.Reason(result.reason[0, 0]).name
+    (np.float32(nan), 'OUT_OF_FRAME')
     """
 
     disparity: FloatMap

@@ -83,6 +83,15 @@ def preset(name: PresetName, num_disparities: int = 64, min_disparity: int = 0) 
     ------
     ValueError
         Another name, or a range that is not allowed.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> from stereolag import samples
+    >>> cube = samples.stereo_pairs()["cube"]
+    >>> matcher = sl.preset("fast", num_disparities=64)  # px
+    >>> matcher.compute(sl.read_image(cube.left), sl.read_image(cube.right))
+    <DisparityMap 640 × 480, 100.0% valid, by CorrelationMatcher in ... s>
     """
     if name not in PRESETS:
         raise ValueError(f"preset is {name!r}; allowed are {', '.join(map(repr, PRESETS))}.")

@@ -6,7 +6,18 @@ from enum import IntEnum
 
 
 class Reason(IntEnum):
-    """Why a pixel has the disparity it has, or none."""
+    """Why a pixel has the disparity it has, or none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> left = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
+    >>> right = np.roll(left, -5, axis=1)  # disparity 5 px
+    >>> result = sl.SemiGlobalMatcher(num_disparities=16).compute(left, right)
+    >>> sl.Reason(result.reason[30, 50]).name, sl.Reason(result.reason[30, 2]).name
+    ('MEASURED', 'OUT_OF_FRAME')
+    """
 
     MEASURED = 0
     FILLED = 1

@@ -26,6 +26,17 @@ class TemplateMatch:
         Size in the image over size of the template.
     rotation
         By how much the template is turned in the image, degrees, positive counter-clockwise as seen.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> image = np.random.default_rng(0).integers(0, 256, (120, 160), dtype=np.uint8)
+    >>> match = sl.match_template(image, image[40:60, 70:100]).matches[0]
+    >>> match.row, match.col, match.height, match.width  # px
+    (40, 70, 20, 30)
+    >>> round(match.score, 3)
+    1.0
     """
 
     row: int
@@ -63,6 +74,21 @@ class TemplateSearch:
     reason
         Of `found`: "clear"; "look_alikes", where others fit about as well; "low_score", where no place scores enough;
         "other_colours", where the best fits clearly better with the template's colour channels in another order.
+
+    Examples
+    --------
+    A template that is there twice is found only where two are looked for:
+
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> image = np.random.default_rng(0).integers(0, 256, (120, 160), dtype=np.uint8)
+    >>> image[80:100, 10:40] = image[40:60, 70:100]
+    >>> one = sl.match_template(image, image[40:60, 70:100])
+    >>> one.found, one.reason
+    (False, 'look_alikes')
+    >>> two = sl.match_template(image, image[40:60, 70:100], max_matches=2)
+    >>> two.found, sorted((match.row, match.col) for match in two.matches)  # px
+    (True, [(40, 70), (80, 10)])
     """
 
     matches: list[TemplateMatch]

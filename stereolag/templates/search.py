@@ -96,6 +96,15 @@ def match_template(
         opaque pixels all of one value, an unknown method, numbers out of their bounds; for "sampled" also image
         and template of different type; more memory needed than one job may take
         (:func:`~stereolag.templates.estimate_search`).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> image = np.random.default_rng(0).integers(0, 256, (120, 160), dtype=np.uint8)
+    >>> search = sl.match_template(image, image[40:60, 70:100])
+    >>> search.found, search.matches[0].row, search.matches[0].col  # px, of the top-left pixel
+    (True, 40, 70)
     """
     _check_options(method, max_matches, min_score)
     poses = checked_poses(method, scales, rotations)

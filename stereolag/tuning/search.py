@@ -71,6 +71,20 @@ class Suggestion:
         images twice.
     finished
         Whether all was tried that was to be tried, and not ended by the time or a cancel.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> random = np.random.default_rng(0)
+    >>> left = random.normal(128, 40, (60, 100))
+    >>> right = np.roll(left, -5, axis=1) + random.normal(0, 20, left.shape)  # disparity 5 px
+    >>> start = sl.CorrelationMatcher(window_size=3, search=sl.SearchArea.rectified(16))
+    >>> suggestion = sl.suggest(start, left, right, ground_truth=np.full(left.shape, 5.0))
+    >>> suggestion.outcome.value, suggestion.finished
+    ('better', True)
+    >>> suggestion.bad < suggestion.bad_before  # %
+    True
     """
 
     start: StereoMatcher

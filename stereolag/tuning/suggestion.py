@@ -61,6 +61,20 @@ def suggest(
     ValueError
         Images or a ground truth that do not fit together, settings to begin with that do not fit the images, or a
         range that needs more memory than one job may take.
+
+    Examples
+    --------
+    A pair with noise, and windows that are too small for it:
+
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> random = np.random.default_rng(0)
+    >>> left = random.normal(128, 40, (60, 100))
+    >>> right = np.roll(left, -5, axis=1) + random.normal(0, 20, left.shape)
+    >>> truth = np.full(left.shape, 5.0)  # px
+    >>> start = sl.CorrelationMatcher(window_size=3, search=sl.SearchArea.rectified(16))
+    >>> sl.suggest(start, left, right, ground_truth=truth).changes["window_size"]  # px, from and to
+    (3, ...)
     """
     images = as_stereo_pair(left, right)
     clock = Clock(budget_s, progress or silent, cancelled)

@@ -8,8 +8,7 @@ import pytest
 from pairs import shifted_pair
 
 from stereolag.settings import SettingsError
-from stereolag.stereo import opencv
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.opencv import StereoBM, StereoSGBM, matchers
 from stereolag.stereo.reasons import Reason
 
 
@@ -103,8 +102,8 @@ def test_one_hot_pixel_leaves_the_other_grey_levels_apart(dtype: type, monkeypat
     left, right = (image.astype(dtype) * 12 for image in shifted_pair(90, 160, 0, -9))
     left[40, 80] = 65535
     seen: list[np.ndarray] = []
-    eight_bit = opencv.as_eight_bit
-    monkeypatch.setattr(opencv, "as_eight_bit", lambda *pair: seen.extend(eight_bit(*pair)) or tuple(seen))
+    eight_bit = matchers.as_eight_bit
+    monkeypatch.setattr(matchers, "as_eight_bit", lambda *pair: seen.extend(eight_bit(*pair)) or tuple(seen))
     result = StereoBM(num_disparities=16).compute(left, right)
     assert np.unique(seen[0]).size > 100
     assert abs(np.nanmedian(result.disparity) - 9) < 0.1

@@ -36,6 +36,16 @@ class SemiGlobalMatcher(StereoMatcher):
     H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008, over a cost that joins the
     correlation of windows with census and gradient. The later stages are off unless they are given;
     :func:`stereolag.preset` gives them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> left = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
+    >>> right = np.roll(left, -5, axis=1)  # disparity 5 px
+    >>> result = sl.SemiGlobalMatcher(window_size=9, num_disparities=16).compute(left, right)
+    >>> round(float(np.nanmedian(result.disparity)), 1)  # px
+    5.0
     """
 
     title = "Semi-global"

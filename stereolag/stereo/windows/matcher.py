@@ -57,6 +57,16 @@ class CorrelationMatcher(StereoMatcher):
     """Slide every window of the left image over its search area in the right one and keep the best score.
 
     The later stages are off unless they are given; :func:`stereolag.preset` gives them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> left = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
+    >>> right = np.roll(left, -5, axis=1)  # disparity 5 px
+    >>> matcher = sl.CorrelationMatcher(window_size=11, search=sl.SearchArea.rectified(16))
+    >>> round(float(np.nanmedian(matcher.compute(left, right).disparity)), 1)  # px
+    5.0
     """
 
     title = "Convolution"

@@ -17,7 +17,16 @@ ROOM_FOR_WINDOW = 32
 
 
 class SearchArea(Settings):
-    """What both search geometries share; make one with :meth:`centred` or :meth:`rectified`."""
+    """What both search geometries share; make one with :meth:`centred` or :meth:`rectified`.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> sl.SearchArea.rectified(num_disparities=64).lags(window_size=20)  # px, right minus left
+    LagRange(dy_first=0, dy_last=0, dx_first=-63, dx_last=0)
+    >>> sl.SearchArea.centred(40, vertical=2).lags(window_size=20)
+    LagRange(dy_first=-2, dy_last=2, dx_first=-10, dx_last=10)
+    """
 
     title: ClassVar[str] = ""
     """What the page calls it."""

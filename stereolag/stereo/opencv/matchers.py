@@ -13,9 +13,16 @@ from pydantic import Field, field_validator, model_validator
 from stereolag.estimates import OVERHEAD, Estimate, kept_blocks
 from stereolag.inputs import Image, as_eight_bit, as_grey
 from stereolag.progress import Progress
-from stereolag.settings import Applies, FitsImage, OfThePair, Pixels, Usual
+from stereolag.settings import FitsImage, OfThePair, Pixels, Usual
 from stereolag.stereo.estimates import ANSWER, PIXEL_SECONDS, grey_bytes
 from stereolag.stereo.matcher import MinDisparity, PixelMatches, StereoMatcher
+from stereolag.stereo.opencv.fields import (
+    BlockSize,
+    LeftRightTolerance,
+    SpeckleRange,
+    SpeckleWindowSize,
+    UniquenessRatio,
+)
 from stereolag.stereo.reasons import Reason
 
 SUBPIXEL = 16
@@ -23,59 +30,6 @@ SUBPIXEL = 16
 
 NO_LIMIT = 1 << 20
 """A difference of disparities, px, that no two can have."""
-
-
-BlockSize = Annotated[
-    int,
-    Pixels(),
-    FitsImage(),
-    Field(
-        title="Block",
-        description="Side of the compared block, px; odd (OpenCV's blockSize).",
-        ge=1,
-        le=51,
-        json_schema_extra={"step": 2},
-    ),
-]
-UniquenessRatio = Annotated[
-    int,
-    Field(
-        title="Uniqueness",
-        description="By how many percent the best must beat the second (OpenCV's uniquenessRatio).",
-        ge=0,
-        le=100,
-    ),
-]
-SpeckleWindowSize = Annotated[
-    int,
-    Pixels(power=2),
-    Field(
-        title="Speckle size",
-        description="Smaller islands are dropped, px²; 0 keeps all (OpenCV's speckleWindowSize).",
-        ge=0,
-        le=5000,
-        json_schema_extra={"step": 10},
-    ),
-]
-SpeckleRange = Annotated[
-    int,
-    Applies(lambda settings: settings.speckle_window_size > 0, "needs speckle_window_size above 0"),
-    Field(
-        title="Speckle range",
-        description="Largest step within one island (OpenCV's speckleRange: StereoBM counts 1/16 px, StereoSGBM px).",
-        ge=0,
-        le=256,
-    ),
-]
-LeftRightTolerance = Annotated[
-    int,
-    Field(
-        title="Left-right tolerance",
-        description="Largest disagreement of the two directions, px; -1: no check (OpenCV's disp12MaxDiff).",
-        ge=-1,
-        le=64,
-    ),
-]
 
 
 class BlockMatcher(StereoMatcher):
@@ -169,7 +123,18 @@ class BlockMatcher(StereoMatcher):
 
 
 class StereoBM(BlockMatcher):
-    """OpenCV's ``StereoBM``: absolute differences over a block (Konolige 1997); defaults as OpenCV's own."""
+    """OpenCV's ``StereoBM``: absolute differences over a block (Konolige 1997); defaults as OpenCV's own.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> left = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
+    >>> right = np.roll(left, -5, axis=1)  # disparity 5 px
+    >>> result = sl.StereoBM(num_disparities=16, block_size=11).compute(left, right)
+    >>> float(np.nanmedian(result.disparity))  # px
+    5.0
+    """
 
     short_name = "bm"
     first_shown = ("block_size", "num_disparities", "min_disparity", "uniqueness_ratio", "texture_threshold")
@@ -223,6 +188,16 @@ class StereoSGBM(BlockMatcher):
     """OpenCV's ``StereoSGBM``: semi-global matching (Hirschmüller 2008) over Birchfield-Tomasi costs.
 
     It is given grey images here, as all methods are that it is compared with; of its own it also takes colour.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> left = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
+    >>> right = np.roll(left, -5, axis=1)  # disparity 5 px
+    >>> result = sl.StereoSGBM(num_disparities=16, block_size=5).compute(left, right)
+    >>> float(np.nanmedian(result.disparity))  # px
+    5.0
     """
 
     short_name = "sgbm"
