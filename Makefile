@@ -32,7 +32,8 @@ bench: setup-dev
 	$(BIN)/python -m benchmarks
 
 docs: setup-dev
-	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet docs docs/_build
+	rm -rf docs/generated
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --jobs auto --quiet docs docs/_build
 
 clean:
 	rm -rf docs/_build docs/generated $(VENV) .pytest_cache .mypy_cache .ruff_cache

@@ -11,18 +11,19 @@ INCLUDE = re.compile(r"^```\{include\} (\S+)", re.MULTILINE)
 LINK = re.compile(r"\]\((?![a-z]+:|#)([^)#\s]+)")
 
 
-def _pages(folder: Path) -> dict[str, str]:
+def _pages(folder: Path) -> dict[Path, str]:
     """Return which page begins with which file of the project."""
     found = ((INCLUDE.match(page.read_text(encoding="utf-8")), page.name) for page in folder.glob("*.md"))
-    return {include[1]: name for include, name in found if include}
+    return {(folder / include[1]).resolve(): name for include, name in found if include}
 
 
 def _lead_on(app: Any, path: Path, parent: str, content: list[str]) -> None:
-    pages = _pages(Path(app.srcdir))
+    folder = Path(app.srcdir)
+    pages = _pages(folder)
 
     def target(link: re.Match[str]) -> str:
-        place = os.path.normpath(path.parent / link[1])
-        return f"]({pages.get(place, place)}"
+        file = (folder / path.parent / link[1]).resolve()
+        return f"]({pages.get(file, os.path.relpath(file, folder.resolve()))}"
 
     content[0] = LINK.sub(target, content[0])
 
