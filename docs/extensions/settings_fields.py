@@ -26,7 +26,10 @@ def _section(kind: type[Settings]) -> Iterator[str]:
     for name, field in kind.model_fields.items():
         yield f"{name} : default {field.default!r}"
         yield f"    {field.description or field.title or ''}"
-        if choices(field) or nested(field) or base_type(field) in (int, float):
+        within = [f":class:`~{one.__module__}.{one.__name__}`" for one in nested(field)]
+        if within:
+            yield f"    Its settings: {' or '.join(within)}."
+        elif choices(field) or base_type(field) in (int, float):
             yield f"    Allowed {allowed_values(field)}."
 
 

@@ -20,8 +20,11 @@ class Rectified(NamedTuple):
     """A rectified pair: its images, of the same size and type as taken, and its calibration."""
 
     left: Image
+    """As taken in size and type."""
     right: Image
+    """The same; a point lies in the row in which the left image has it."""
     calibration: Calibration
+    """Of the rectified pair, for its disparities."""
 
 
 def rectify(

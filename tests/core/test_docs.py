@@ -111,6 +111,11 @@ def test_the_reference_lists_every_public_name_once() -> None:
     assert set(re.findall(r"^   stereolag\.sequences\.(\w+)$", own("reference.md"), re.MULTILINE)) <= offered
 
 
+def test_every_reason_is_told() -> None:
+    told = re.findall(r"^\| `([A-Z_]+)` \|", own("method/finishing.md"), re.MULTILINE)
+    assert told == [reason.name for reason in sl.Reason]
+
+
 def test_every_table_of_the_benchmarks_is_told() -> None:
     tables = set()
     for node in ast.parse(text_of(PROJECT / "benchmarks/__main__.py")).body:
