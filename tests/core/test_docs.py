@@ -65,6 +65,16 @@ def test_links_and_included_files_are_there(page: Path) -> None:
         assert not anchor or anchor in headings(led_to), target
 
 
+def test_pictures_are_there_and_say_what_they_show() -> None:
+    shown = []
+    for page in PAGES:
+        for name, options in re.findall(r"```\{figure\} (\S+)\n((?::.*\n)*)", text_of(page)):
+            shown.append((page.parent / name).resolve())
+            assert shown[-1].is_file(), name
+            assert re.search(r"^:alt: .{30,}\.$", options, re.MULTILINE), name
+    assert sorted(shown) == sorted((DOCS / "pictures").iterdir())
+
+
 def test_included_files_lead_to_what_is_there() -> None:
     for page in PAGES:
         for name in INCLUDE.findall(text_of(page)):
