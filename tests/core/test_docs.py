@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import doctest
 import re
 import shutil
 import subprocess
@@ -152,6 +153,19 @@ def test_the_errata_are_what_the_examples_hold() -> None:
     assert f"row {maze.row}, column {maze.col}; {maze.row + height} is where he ends, {height} rows below" in errata
     rows, cols = sl.read_image(maze.picture).shape[:2]
     assert f"{cols} × {rows} px" in errata
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "method").glob("[!i]*.md")), ids=lambda page: page.stem)
+def test_the_examples_of_the_method_give_what_they_show(page: Path) -> None:
+    tried = doctest.testfile(str(page), module_relative=False, encoding="utf-8")
+    assert tried.attempted > 2
+    assert not tried.failed
+
+
+def test_the_program_of_the_first_page_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    (program,) = re.findall(r"```python\n(.*?)```", own("index.md"), re.DOTALL)
+    exec(program, {})
+    assert capsys.readouterr().out.startswith("(480, 640) ")
 
 
 def test_the_program_for_an_own_camera_runs_from_raw_pictures_to_metres(
