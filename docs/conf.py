@@ -35,6 +35,7 @@ templates_path = ["_templates"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 default_role = "literal"
+highlight_language = "none"
 add_module_names = False
 
 autodoc_member_order = "bysource"
