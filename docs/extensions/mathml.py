@@ -1,6 +1,6 @@
-"""Formulas as MathML, which every browser draws by itself: the pages need no script from elsewhere.
+r"""Formulas as MathML, which every browser draws by itself: the pages need no script from elsewhere.
 
-Write means as ``\\mu`` and conjugates with a star: accents (``\\bar``, ``\\hat``) are lost where there is no font for
+Write means as ``\mu`` and conjugates with a star: accents (``\bar``, ``\hat``) are lost where there is no font for
 mathematics.
 """
 
