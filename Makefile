@@ -1,5 +1,6 @@
 # make run    start the app on http://localhost:$(PORT)
 # make test   lint, types and the whole suite
+# make docs   the pages of docs/ as HTML in docs/_build
 # make bench  every speed and accuracy table against the peers
 # make setup  the set-up alone; the others call it
 
@@ -10,7 +11,7 @@ BIN := $(VENV)/bin
 LOOPS := $(shell grep -rlE --include='*.py' '^(from|import) .*(numba|llvmlite|compilation)' stereolag) \
   stereolag/warming.py
 
-.PHONY: run setup setup-dev test check bench clean
+.PHONY: run setup setup-dev test check bench docs clean
 
 run: setup
 	@exec $(BIN)/python -P stereolag/commands/serving.py --port $(PORT)
@@ -30,8 +31,12 @@ check: setup-dev
 bench: setup-dev
 	$(BIN)/python -m benchmarks
 
+docs: setup-dev
+	rm -rf docs/generated
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --jobs auto --quiet docs docs/_build
+
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache
+	rm -rf docs/_build docs/generated $(VENV) .pytest_cache .mypy_cache .ruff_cache
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and f"stereolag needs Python 3.11 or newer; {sys.executable} is {v.major}.{v.minor}. Name another: make PYTHON=python3.12")'

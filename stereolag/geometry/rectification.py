@@ -33,8 +33,11 @@ class Rectified(NamedTuple):
     """
 
     left: Image
+    """As taken in size and type."""
     right: Image
+    """The same; a point lies in the row in which the left image has it."""
     calibration: Calibration
+    """Of the rectified pair, for its disparities."""
 
 
 def rectify(

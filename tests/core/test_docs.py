@@ -1,0 +1,213 @@
+"""The pages of docs/: what they link to, include and name is there, their program runs, and Sphinx builds them."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import re
+import shutil
+import subprocess
+import sys
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import stereolag as sl
+from stereolag.doctor.findings import FindingCode
+from stereolag.geometry.boards import Board
+from stereolag.geometry.drawn_boards import drawn_pairs
+from stereolag.geometry.rig import StereoRig
+from stereolag.samples import mazes, recordings
+
+PROJECT = Path(__file__).resolve().parents[2]
+DOCS = PROJECT / "docs"
+PAGES = sorted(page for page in DOCS.rglob("*.md") if not {"_build", "generated"} & set(page.parts))
+
+INCLUDE = re.compile(r"^```\{include\} (\S+)", re.MULTILINE)
+ROLE = re.compile(r"\{py:(\w+)\}`(?:[^`<]*<)?~?([\w.]+)>?`")
+BUILDS = ("sphinx", "myst_parser", "furo", "numpydoc")
+
+
+def text_of(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
+
+
+def own(name: str) -> str:
+    return text_of(DOCS / name)
+
+
+def headings(page: Path) -> set[str]:
+    """Return the anchors of a page, as MyST names them, those of included files too."""
+    texts = [text_of(page), *(text_of(page.parent / name) for name in INCLUDE.findall(text_of(page)))]
+    titles = [title for text in texts for title in re.findall(r"^#+ (.+)$", text, re.MULTILINE)]
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@cache
+def defined_in(module: str) -> frozenset[str]:
+    """Return the names that a module of ours defines itself; ValueError where there is no such module."""
+    place = PROJECT / module.replace(".", "/")
+    file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+    body = ast.parse(text_of(file)).body
+    kinds = (ast.FunctionDef, ast.ClassDef)
+    return frozenset(node.name for node in body if isinstance(node, kinds))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
+def test_links_and_included_files_are_there(page: Path) -> None:
+    assert not [name for name in INCLUDE.findall(text_of(page)) if not (page.parent / name).is_file()]
+    for target in re.findall(r"\]\((?!https?:)([^)\s]+)\)", text_of(page)):
+        name, _, anchor = target.partition("#")
+        led_to = page.parent / name if name else page
+        assert led_to.is_file(), target
+        assert not anchor or anchor in headings(led_to), target
+
+
+def test_pictures_are_there_and_say_what_they_show() -> None:
+    shown = []
+    for page in PAGES:
+        for name, options in re.findall(r"```\{figure\} (\S+)\n((?::.*\n)*)", text_of(page)):
+            shown.append((page.parent / name).resolve())
+            assert shown[-1].is_file(), name
+            assert re.search(r"^:alt: .{30,}\.$", options, re.MULTILINE), name
+    assert sorted(shown) == sorted((DOCS / "pictures").iterdir())
+
+
+def test_included_files_lead_to_what_is_there() -> None:
+    for page in PAGES:
+        for name in INCLUDE.findall(text_of(page)):
+            file = page.parent / name
+            for target in re.findall(r"\]\((?!https?:|#)([^)#\s]+)", text_of(file)):
+                assert (file.parent / target).is_file(), f"{name}: {target}"
+
+
+def test_the_contents_hold_every_page_once() -> None:
+    listed = []
+    for page in PAGES:
+        for block in re.findall(r"```\{toctree\}\n(.*?)```", text_of(page), re.DOTALL):
+            lines = [line for line in block.splitlines() if line and not line.startswith(":")]
+            listed += [(page.parent / f"{line}.md").relative_to(DOCS).as_posix() for line in lines]
+    assert sorted([*listed, "index.md"]) == sorted(page.relative_to(DOCS).as_posix() for page in PAGES)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
+def test_what_pages_name_is_in_the_code(page: Path) -> None:
+    for kind, name in ROLE.findall(text_of(page)):
+        if kind == "mod":
+            defined_in(name)
+        else:
+            assert name.startswith("stereolag.")
+            thing: object = sl
+            for part in name.split(".")[1:]:
+                thing = getattr(thing, part)
+    for function, module in re.findall(r"`(\w+)` in\s+\{py:mod\}`([\w.]+)`", text_of(page)):
+        assert function in defined_in(module), f"{module}.{function}"
+    for path in re.findall(r"`((?:stereolag|benchmarks|assets|deployment)/[\w./]*)`", text_of(page)):
+        assert (PROJECT / path).exists(), path
+
+
+def test_the_page_of_modules_lists_those_that_pages_name() -> None:
+    named = {name for page in PAGES for kind, name in ROLE.findall(text_of(page)) if kind == "mod"}
+    assert re.findall(r"^   (stereolag\.[\w.]+)$", own("modules.md"), re.MULTILINE) == sorted(named)
+
+
+def test_the_reference_lists_every_public_name_once() -> None:
+    listed = re.findall(r"^   stereolag\.(\w+)$", own("reference.md"), re.MULTILINE)
+    assert sorted(listed) == sorted(set(sl.__all__) - {"__version__"})
+    sequences = ast.parse(text_of(PROJECT / "stereolag/sequences/__init__.py"))
+    offered = {alias.name for node in sequences.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    assert set(re.findall(r"^   stereolag\.sequences\.(\w+)$", own("reference.md"), re.MULTILINE)) <= offered
+
+
+def test_every_reason_is_told() -> None:
+    told = re.findall(r"^\| `([A-Z_]+)` \|", own("method/finishing.md"), re.MULTILINE)
+    assert told == [reason.name for reason in sl.Reason]
+
+
+def test_every_finding_of_the_doctor_is_told() -> None:
+    codes = [
+        code
+        for row in re.findall(r"^\| (`[a-z_`, ]+) \|", own("own_camera.md"), re.MULTILINE)
+        for code in row.split(", ")
+    ]
+    assert [code.strip("`") for code in codes] == [code.value for code in FindingCode]
+
+
+def test_every_table_of_the_benchmarks_is_told() -> None:
+    tables = set()
+    for node in ast.parse(text_of(PROJECT / "benchmarks/__main__.py")).body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in ("USUAL", "TABLES"):
+            tables |= {part.value for part in ast.walk(node) if isinstance(part, ast.Constant)}
+    assert set(re.findall(r"^\| `(\w+)` \|", own("measurements.md"), re.MULTILINE)) == tables
+
+
+def test_the_errata_are_what_the_examples_hold() -> None:
+    errata, coast, maze = own("errata.md"), recordings()["coast"], mazes()["maze"]
+    assert f"{coast.lag / coast.sampling_rate * coast.speed:.2f} m: {coast.lag:,} samples" in errata
+    assert f"{sl.read_signal(coast.signal_1).channels[0].size:,}" in errata
+    height = sl.read_image(maze.template).shape[0]
+    assert f"row {maze.row}, column {maze.col}; {maze.row + height} is where he ends, {height} rows below" in errata
+    rows, cols = sl.read_image(maze.picture).shape[:2]
+    assert f"{cols} × {rows} px" in errata
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "method").glob("[!i]*.md")), ids=lambda page: page.stem)
+def test_the_examples_of_the_method_give_what_they_show(page: Path) -> None:
+    tried = doctest.testfile(str(page), module_relative=False, encoding="utf-8")
+    assert tried.attempted > 2
+    assert not tried.failed
+
+
+def test_the_program_of_the_first_page_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    (program,) = re.findall(r"```python\n(.*?)```", own("index.md"), re.DOTALL)
+    exec(program, {})
+    assert capsys.readouterr().out.startswith("(480, 640) ")
+
+
+def test_the_program_for_an_own_camera_runs_from_raw_pictures_to_metres(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (program,) = re.findall(r"```python\n(.*?)```", own("own_camera.md"), re.DOTALL)
+    rig = StereoRig(
+        left_matrix=np.array([[330, 0, 202], [0, 330, 148], [0, 0, 1.0]]),
+        left_distortion=np.array([-0.2, 0.05, 0, 0, 0]),
+        right_matrix=np.array([[332, 0, 196], [0, 332, 152], [0, 0, 1.0]]),
+        right_distortion=np.array([-0.2, 0.05, 0, 0, 0]),
+        rotation=cv2.Rodrigues(np.array([0.01, -0.02, 0.008]))[0],
+        translation=np.array([-0.1, 0.001, 0.002]),
+        width=400,
+        height=300,
+    )
+    for number, pair in enumerate(drawn_pairs(rig, Board(9, 6), 6, square_m=0.03, seed=3)):
+        for side, picture in zip(("left", "right"), pair, strict=True):
+            (tmp_path / "boards" / side).mkdir(parents=True, exist_ok=True)
+            (tmp_path / "scene").mkdir(exist_ok=True)
+            cv2.imwrite(str(tmp_path / f"boards/{side}/{number:02}.png"), picture)
+            cv2.imwrite(str(tmp_path / f"scene/{side}.png"), picture)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    exec(program, names)
+    assert "measured or filled" in capsys.readouterr().out
+    calibration, depth = names["calibration"], names["depth"]
+    assert isinstance(calibration, sl.Calibration)
+    assert calibration.baseline_m == pytest.approx(0.1, rel=0.02)
+    assert 0.2 < float(np.nanmedian(np.asarray(depth))) < 5
+    assert (tmp_path / "scene/disparity.pfm").is_file()
+
+
+@pytest.mark.skipif(not all(map(find_spec, BUILDS)), reason="Sphinx and its extensions are not installed")
+def test_the_pages_are_built_without_a_warning(tmp_path: Path) -> None:
+    # Pages of names are written beside the others: into a copy.
+    shutil.copytree(DOCS, tmp_path / "docs", ignore=shutil.ignore_patterns("_build", "generated"))
+    for beside in PROJECT.iterdir():
+        if beside.name != "docs" and not beside.name.startswith("."):
+            (tmp_path / beside.name).symlink_to(beside)
+    # The modules take as long as all else, and differ from the public names in nothing but their number.
+    fewer = ["-D", "exclude_patterns=modules.md", "-D", "suppress_warnings=toc.not_readable"]
+    command = [sys.executable, "-m", "sphinx", "--quiet", "--fail-on-warning", "--builder", "dummy", *fewer]
+    built = subprocess.run([*command, "docs", "built"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (built.returncode, built.stderr) == (0, "")
