@@ -3,7 +3,7 @@
 FROM python:3.11-slim-bookworm
 
 WORKDIR /srv/stereolag
-RUN useradd --system --user-group --uid 10001 --create-home stereolag \
+RUN useradd --uid 10001 --create-home --shell /usr/sbin/nologin stereolag \
     && install --directory --owner stereolag --mode 0700 /var/cache/stereolag
 
 COPY requirements.txt ./
