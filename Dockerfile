@@ -17,7 +17,7 @@ COPY stereolag stereolag
 RUN python -m compileall -q stereolag
 
 # It can write to the folder of machine code, its home and /tmp alone.
-USER stereolag
+USER 10001
 ENV NUMBA_CACHE_DIR=/var/cache/stereolag
 ENV PORT=8501
 ENV PYTHONUNBUFFERED=1
@@ -25,5 +25,5 @@ RUN python -m stereolag.warming && python -P stereolag/commands/serving.py --che
 
 EXPOSE 8501
 HEALTHCHECK --interval=60s --timeout=70s --start-period=180s \
-    CMD python -P stereolag/commands/serving.py --probe --port "$PORT"
-CMD exec python -P stereolag/commands/serving.py --port "$PORT"
+    CMD ["sh", "-c", "exec python -P stereolag/commands/serving.py --probe --port $PORT"]
+CMD ["sh", "-c", "exec python -P stereolag/commands/serving.py --port $PORT"]
