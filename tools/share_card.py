@@ -1,6 +1,7 @@
-"""Draw the picture that stands for a link to the project: ``python -m tools.share_card`` writes it to ``.github``.
+"""Draw the picture that stands for a link to the project: ``python -m tools.share_card`` writes it to ``deployment``.
 
-1280 × 640 px, as GitHub asks for under Settings, Social preview. All that it shows is measured while it is drawn.
+The proxy names it for links to the app; GitHub takes its 1280 × 640 px under Settings, Social preview. All that it
+shows is measured while it is drawn.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from stereolag.figures.pictures import CORRELATION, PEAK, as_rgb, coloured
 from stereolag.samples import recordings, stereo_pairs
 from stereolag.ui.navigation import ICON
 
-CARD = Path(__file__).parents[1] / ".github" / "share-card.png"
+CARD = Path(__file__).parents[1] / "deployment" / "share-card.png"
 WIDTH, HEIGHT = 1280, 640
 MARGIN = 64
 SEAM = 610

@@ -204,19 +204,21 @@ def test_no_container_may_take_all_of_the_machine_or_become_root() -> None:
 def test_the_proxy_starts_in_an_empty_folder_and_logs_to_its_output(tmp_path: Path) -> None:
     assert NGINX is not None
     proxy = compose()["proxy"]
-    (mounted,) = proxy["volumes"]
-    here, there, _ = mounted.split(":")
+    mounted = [mount.split(":")[:2] for mount in proxy["volumes"]]
     with socket.socket() as listener:
         listener.bind(("localhost", 0))
         port = listener.getsockname()[1]
-    settings = (DEPLOYMENT / here).read_text(encoding="utf-8")
+    settings = (DEPLOYMENT / "nginx.conf").read_text(encoding="utf-8")
     settings = re.sub(r"listen \d+", f"listen {port}", settings)
     # Nobody is to answer there, whatever else runs on this machine.
     settings = re.sub(r"server 127\.0\.0\.1:\d+;", "server 127.0.0.1:1;", settings)
-    (tmp_path / "nginx.conf").write_text(settings, encoding="utf-8")
     shell, option, command = proxy["entrypoint"]
-    assert command.count(there) == 1
-    command = command.replace(there, str(tmp_path / "nginx.conf"))
+    for here, there in mounted:
+        shutil.copy(DEPLOYMENT / here, tmp_path)
+        assert command.count(there) == 1
+        command = command.replace(there, str(tmp_path / here))
+    # Of root's nginx a worker would be nobody, who may not look into a folder of the tests.
+    (tmp_path / "nginx.conf").write_text("user root;\n" + settings, encoding="utf-8")
     folder = tmp_path / "empty"
     folder.mkdir()
     environment = {"PATH": os.pathsep.join([str(Path(NGINX).parent), "/usr/bin", "/bin"])}
@@ -236,5 +238,8 @@ def test_the_proxy_starts_in_an_empty_folder_and_logs_to_its_output(tmp_path: Pa
                 time.sleep(0.1)
             assert nginx.stdout is not None
             assert '"GET /_stcore/health HTTP/1.1" 502' in nginx.stdout.readline()
+            with urllib.request.urlopen(f"http://localhost:{port}/share-card.png") as card:
+                assert card.headers.get_all("Content-Type") == ["image/png"]
+                assert card.read() == (DEPLOYMENT / "share-card.png").read_bytes()
         finally:
             nginx.terminate()
