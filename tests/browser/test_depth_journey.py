@@ -455,6 +455,9 @@ def test_presets_reset_and_controls_that_do_not_apply(open_page: OpenPage) -> No
 def test_settings_that_do_not_fit_together_are_answered_with_a_sentence(open_page: OpenPage) -> None:
     visit = DepthPage.with_example(open_page, "square")
     visit.press("The report’s")
+    # A busy server may not have begun to answer when the page is found at rest.
+    expect(visit.page.get_by_role("radio", name="Square", exact=True)).to_be_checked()
+    visit.settle()
     before = visit.number("Bad-2")
     visit.move("Window", "End")
     expect(visit.page.get_by_test_id("stAlertContentError")).to_contain_text("101")
