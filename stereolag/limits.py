@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from pydantic import Field
 
@@ -12,8 +13,9 @@ from stereolag.settings import Settings, SettingsError
 
 PREFIX = "STEREOLAG_"
 
-_MEMORY_FILES = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
-"""Where Linux tells a container how much memory it has (control groups 2 and 1)."""
+_MOUNTED = Path("/sys/fs/cgroup")
+_JOINED = Path("/proc/self/cgroup")
+"""Where Linux keeps control groups, and tells a process which ones it is in."""
 
 
 class Limits(Settings):
@@ -83,11 +85,34 @@ def limits() -> Limits:
 
 @cache
 def machine_memory() -> int:
-    """Return the memory of this machine or container, bytes."""
+    """Return the memory of this machine, or less where a container or a service is allowed less, bytes."""
     total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 8 * 2**30
-    for file in _MEMORY_FILES:
+    for file in _limit_files():
         try:
-            total = min(total, int(Path(file).read_text(encoding="ascii")))
+            total = min(total, int(file.read_text(encoding="ascii")))
         except (OSError, ValueError):  # no such file, or "max"
             continue
     return total
+
+
+def _limit_files() -> Iterator[Path]:
+    """Give the files with the memory limits of the control groups, versions 1 and 2, that this process is in.
+
+    The limit of a container stands at the root of what it sees, that of a systemd service in a group below; the groups
+    around a group limit it too.
+    """
+    try:
+        lines = _JOINED.read_text(encoding="utf-8").splitlines()
+    except OSError:  # not Linux
+        return
+    for line in lines:
+        _, controllers, path = line.split(":", 2)
+        if not controllers:
+            root, name = _MOUNTED, "memory.max"
+        elif "memory" in controllers.split(","):
+            root, name = _MOUNTED / "memory", "memory.limit_in_bytes"
+        else:
+            continue
+        group = PurePosixPath(path)
+        for around in (group, *group.parents):
+            yield root / around.relative_to("/") / name

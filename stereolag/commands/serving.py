@@ -1,7 +1,8 @@
 """Start the app if it can serve a page, and say why if it cannot.
 
 ``stereolag app``, or ``python -P stereolag/commands/serving.py``: run as a file it imports nothing of the library, and
-can still tell that the library cannot be imported. The health address of Streamlit knows nothing of the pages.
+can still tell that the library cannot be imported. The health address of Streamlit knows nothing of the pages:
+``--check`` opens one before there is a server, ``--probe`` asks a server for one.
 """
 
 from __future__ import annotations
@@ -81,6 +82,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.description = DESCRIPTION
     parser.add_argument("--port", type=int, default=8501, help="where it listens; 8501 unless given")
     parser.add_argument("--check", action="store_true", help="open the home page once instead, without a server")
+    parser.add_argument("--probe", action="store_true", help="ask the app on the port for the home page instead")
 
 
 def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) -> int:
@@ -98,7 +100,7 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
     Returns
     -------
     int
-        The code to exit with: 1 where the app cannot be started, after one line that says why.
+        The code to exit with: 1 where the app cannot be started, or serves no page, after one line that says why.
     """
     try:
         Path.home()
@@ -109,6 +111,8 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
     if options.check:
         check_page()
         return 0
+    if options.probe:
+        return _probe(options.port)
     try:
         fault = port_fault(options.port, remedy) or page_fault()
         if fault:
@@ -124,6 +128,16 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
     except KeyboardInterrupt:  # before the server minds it
         return 130
     return 0
+
+
+def _probe(port: int) -> int:
+    sys.path.insert(0, str(APP.parent))
+    from stereolag.commands.probing import served_fault
+
+    fault = served_fault(port)
+    if fault:
+        print(f"stereolag serves no page: {fault}", file=sys.stderr)
+    return 1 if fault else 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -9,8 +9,9 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Queue
 from threading import Thread
@@ -146,6 +147,52 @@ def test_a_user_without_a_home_can_open_the_page(environment: dict[str, str], tm
     command = [sys.executable, "-P", LAUNCHER, "--check"]
     ran = subprocess.run(command, cwd=PROJECT, env=environment, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("script", "said"),
+    [
+        ("raise ValueError('nothing\\nthere')", "ValueError: nothing there"),
+        ("import streamlit as st; st.error('Something failed.')", "Something failed."),
+        ("import", "The page cannot be compiled."),
+        ("import streamlit as st; st.warning('The file is large.')", ""),
+    ],
+)
+def test_a_probe_tells_what_is_wrong_with_the_page_of_a_healthy_process(
+    environment: dict[str, str], port: int, tmp_path: Path, script: str, said: str
+) -> None:
+    (tmp_path / "page.py").write_text(script)
+    serving = [sys.executable, "-m", "streamlit", "run", "page.py", "--server.port", str(port)]
+    with subprocess.Popen(
+        [*serving, "--server.headless", "true", "--browser.serverAddress", "localhost"], cwd=tmp_path, env=environment
+    ) as process:
+        try:
+            wait_until_healthy(port)
+            if said:
+                assert refused(environment, "--probe", "--port", str(port)).startswith(
+                    f"stereolag serves no page: {said}"
+                )
+            else:
+                probe = [sys.executable, "-P", LAUNCHER, "--probe", "--port", str(port)]
+                assert subprocess.run(probe, cwd=PROJECT, env=environment, check=False).returncode == 0
+        finally:
+            process.terminate()
+
+
+def wait_until_healthy(port: int) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        with suppress(OSError), urllib.request.urlopen(f"http://localhost:{port}/_stcore/health", timeout=5) as answer:
+            assert answer.read() == b"ok"
+            return
+        time.sleep(0.1)
+    raise TimeoutError
+
+
+def test_a_probe_tells_that_nobody_listens(environment: dict[str, str], port: int) -> None:
+    line = refused(environment, "--probe", "--port", str(port))
+    assert line.startswith("stereolag serves no page: ")
+    assert "refused" in line
 
 
 @pytest.mark.skipif(not shutil.which("make"), reason="make is not installed")

@@ -83,7 +83,9 @@ def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
         ):
             assert settings.count(there) == times
             settings = settings.replace(there, here)
-        (folder / "nginx.conf").write_text(settings, encoding="utf-8")
+        # Of root's nginx a worker would be nobody, who may not look into a folder of the tests.
+        (folder / "nginx.conf").write_text("user root;\n" + settings, encoding="utf-8")
+        shutil.copy(PROJECT / "deployment" / "share-card.png", folder)
         nginx = running.enter_context(subprocess.Popen([NGINX, "-p", str(folder), "-c", "nginx.conf", "-e", "stderr"]))
         running.callback(nginx.terminate)
         address = f"http://localhost:{port}"
@@ -182,3 +184,15 @@ def test_requests_in_another_name_or_from_the_page_of_another_site_are_refused(p
     assert ask(proxy.address, "/", Host="elsewhere.example")[0] == 421
     assert ask(proxy.address, "/", Origin="http://elsewhere.example")[0] == 403
     assert ask(proxy.address, "/", Origin=proxy.address)[0] == 200
+
+
+@pytest.mark.parametrize("path", ["/", "/Depth_maps"])
+def test_a_link_that_is_shared_is_shown_with_a_name_and_a_picture(proxy: Proxy, path: str) -> None:
+    with urllib.request.urlopen(proxy.address + path, timeout=60) as answer:
+        page = answer.read().decode()
+    assert "<title>stereolag</title>" in page
+    assert "Streamlit</title>" not in page
+    (picture,) = re.findall(r"property='og:image' content='(.*?)'", page)
+    assert picture == "http://localhost/share-card.png"
+    status, headers = ask(proxy.address, "/share-card.png")
+    assert (status, headers["Content-Type"]) == (200, "image/png")

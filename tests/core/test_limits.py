@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -48,3 +50,39 @@ def test_a_bad_variable_is_named(monkeypatch: pytest.MonkeyPatch, variable: str,
     limits.cache_clear()
     with pytest.raises(ValueError, match=f"{variable} is '{value}'; allowed are whole numbers {allowed}"):
         limits()
+
+
+@pytest.mark.parametrize(
+    ("joined", "files", "megabytes"),
+    [
+        ("0::/\n", {"memory.max": "268435456\n"}, 256),  # a container
+        ("4:cpu:/\n3:memory:/docker/b7\n", {"memory/memory.limit_in_bytes": "268435456\n"}, 256),  # of version 1
+        ("0::/system.slice/app.service\n", {"system.slice/app.service/memory.max": "268435456\n"}, 256),
+        (
+            "0::/system.slice/app.service\n",
+            {"system.slice/app.service/memory.max": "max\n", "system.slice/memory.max": "134217728\n"},
+            128,
+        ),
+        ("0::/app.service\n", {"app.service/memory.max": "max\n", "other.service/memory.max": "1\n"}, None),
+        ("1:name=systemd:/app.service\n", {"app.service/memory.max": "1\n"}, None),
+        (None, {"memory.max": "1\n"}, None),  # not Linux
+    ],
+)
+def test_a_container_and_a_service_have_the_memory_of_their_groups(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, joined: str | None, files: dict[str, str], megabytes: int | None
+) -> None:
+    for name, limit in files.items():
+        file = tmp_path / "groups" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(limit)
+    if joined is not None:
+        (tmp_path / "joined").write_text(joined)
+    monkeypatch.setattr(module, "_MOUNTED", tmp_path / "groups")
+    monkeypatch.setattr(module, "_JOINED", tmp_path / "joined")
+    machine_memory.cache_clear()
+    try:
+        whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        assert machine_memory() == (whole if megabytes is None else megabytes * 2**20)
+        assert limits().job_memory == machine_memory() // 2
+    finally:
+        machine_memory.cache_clear()

@@ -1,0 +1,245 @@
+"""The container and the compose file, as far as they can be run without Docker: each step in a bare folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sysconfig
+import time
+import tomllib
+import urllib.error
+import urllib.request
+from functools import cache
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import pytest
+import yaml
+from packaging.specifiers import SpecifierSet
+
+from stereolag.limits import PREFIX, Limits
+from stereolag.loops.compilation import FOLDER
+
+PROJECT = Path(__file__).resolve().parents[2]
+DEPLOYMENT = PROJECT / "deployment"
+NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))
+PATIENCE_S = 120
+
+pytestmark = pytest.mark.xdist_group("container")
+
+
+def instructions() -> list[tuple[str, str]]:
+    """Return what the Dockerfile says, one instruction and its arguments at a time."""
+    text = re.sub(r"^#.*\n", "", (PROJECT / "Dockerfile").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    lines = text.replace("\\\n", "").splitlines()
+    return [(word, said.strip()) for word, _, said in (line.partition(" ") for line in lines if line)]
+
+
+def said(word: str) -> list[str]:
+    return [arguments for instruction, arguments in instructions() if instruction == word]
+
+
+@cache
+def compose() -> dict[str, Any]:
+    services: dict[str, Any] = yaml.safe_load((DEPLOYMENT / "compose.yaml").read_text(encoding="utf-8"))["services"]
+    return services
+
+
+@pytest.fixture(scope="module")
+def tracked() -> list[str]:
+    listed = subprocess.run(["git", "ls-files"], cwd=PROJECT, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip("this is no checkout")
+    return listed.stdout.splitlines()
+
+
+def below(names: list[str], place: str) -> list[str]:
+    """Return the files that a name stands for: itself or all in it."""
+    return [name for name in names if name == place or name.startswith(f"{place}/")]
+
+
+def reaches_the_build(name: str) -> bool:
+    """Return whether .dockerignore lets a file through: the last rule for it, or for a folder above it, decides."""
+    reached = True
+    for rule in (PROJECT / ".dockerignore").read_text(encoding="utf-8").splitlines():
+        if rule and not rule.startswith("#"):
+            pattern = re.escape(rule.removeprefix("!")).replace(r"\*\*/", "(.*/)?").replace(r"\*", "[^/]*")
+            if re.fullmatch(f"{pattern}(/.*)?", name):
+                reached = rule.startswith("!")
+    return reached
+
+
+def surroundings(home: Path, **variables: str) -> dict[str, str]:
+    """Return the environment of a step: what the Dockerfile sets and nothing of ours but where Python is."""
+    assert FOLDER is not None
+    path = os.pathsep.join([sysconfig.get_path("scripts"), "/usr/bin", "/bin"])
+    stated = dict(one.split("=", 1) for one in said("ENV"))
+    # The machine code of the checkout: the same loops are not compiled again.
+    return stated | {"PATH": path, "HOME": str(home), "NUMBA_CACHE_DIR": str(FOLDER.parent)} | variables
+
+
+def step(command: list[str], folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run a command of the Dockerfile in a folder."""
+    environment = surroundings(folder, **variables)
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def image(tmp_path_factory: pytest.TempPathFactory, tracked: list[str]) -> Path:
+    """Do what the Dockerfile says, in a folder in place of its own, and return it.
+
+    Packages are those that are installed here, and the user is the one who runs the tests.
+    """
+    folder = tmp_path_factory.mktemp("image")
+    for word, arguments in instructions():
+        if word == "COPY":
+            source, target = arguments.split()
+            for name in below(tracked, source):
+                into = folder / target / PurePosixPath(name).relative_to(source)
+                if target.endswith("/"):
+                    into = folder / target / PurePosixPath(name).name
+                into.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(PROJECT / name, into)
+        elif word == "RUN" and not arguments.startswith("useradd"):
+            command = re.sub(r"\bpip install\b", "python -m pip install --dry-run --no-index", arguments)
+            done = step(["sh", "-c", command], folder)
+            assert done.returncode == 0, done.stdout + done.stderr
+            assert "Would install" not in done.stdout
+    return folder
+
+
+def test_only_what_is_copied_reaches_the_build_and_all_of_it_is_in_git(tracked: list[str]) -> None:
+    sources = [arguments.split()[0] for arguments in said("COPY")]
+    assert not [source for source in sources if not below(tracked, source)]
+    copied = {name for source in sources for name in below(tracked, source)}
+    assert {name for name in tracked if reaches_the_build(name)} == copied
+    for name in (
+        "stereolag/__pycache__/limits.pyc",
+        "stereolag/loops/__pycache__/a",
+        ".streamlit/secrets.toml",
+        ".env",
+    ):
+        assert not reaches_the_build(name)
+
+
+def test_it_runs_as_a_user_of_its_own_on_a_python_that_is_supported() -> None:
+    (base,) = said("FROM")
+    (user,) = said("USER")
+    words = [word for word, _ in instructions()]
+    assert words.index("USER") < words.index("CMD")
+    assert re.fullmatch(r"[1-9]\d+", user)  # by number, so that whoever starts it can see that it is not root
+    assert said("RUN")[0].startswith(f"useradd --uid {user} ")
+    project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert re.search(r"python:([\d.]+)", base)[1] in SpecifierSet(project["requires-python"])  # type: ignore[index]
+
+
+def test_the_health_check_passes_where_the_app_serves_its_page(image: Path) -> None:
+    with socket.socket() as listener:
+        listener.bind(("localhost", 0))
+        port = listener.getsockname()[1]
+    check = json.loads(said("HEALTHCHECK")[0].partition(" CMD ")[2])
+    command = json.loads(said("CMD")[0])
+    assert step(check, image, PORT=str(port)).returncode == 1
+    with (
+        (image / "log").open("w") as log,
+        subprocess.Popen(command, cwd=image, env=surroundings(image, PORT=str(port)), stdout=log, stderr=log) as app,
+    ):
+        try:
+            end = time.monotonic() + PATIENCE_S
+            while answer(f"http://localhost:{port}/_stcore/health") != 200:
+                assert app.poll() is None, (image / "log").read_text()
+                assert time.monotonic() < end, (image / "log").read_text()
+                time.sleep(0.1)
+            checked = step(check, image, PORT=str(port))
+            assert (checked.returncode, checked.stderr) == (0, "")
+        finally:
+            app.terminate()
+            assert app.wait(PATIENCE_S) == 0  # so does docker stop, without having to kill it
+
+
+def answer(address: str) -> int | None:
+    """Return the status of an answer, or None without one."""
+    try:
+        with urllib.request.urlopen(address, timeout=5) as answered:
+            return int(answered.status)
+    except urllib.error.HTTPError as refused:
+        with refused:
+            return refused.code
+    except (urllib.error.URLError, ConnectionError):
+        return None
+
+
+def test_the_processes_stand_where_the_proxy_looks_for_them() -> None:
+    services = compose()
+    proxy = (DEPLOYMENT / "nginx.conf").read_text(encoding="utf-8")
+    apps = {name: service for name, service in services.items() if service["image"] == "stereolag"}
+    addresses = [
+        f"{app['environment']['STREAMLIT_SERVER_ADDRESS']}:{app['environment']['PORT']}" for app in apps.values()
+    ]
+    assert addresses == re.findall(r"server (127\.0\.0\.1:\d+);", proxy)
+    (holder,) = services.keys() - apps.keys() - {"proxy"}
+    assert {services[name]["network_mode"] for name in (*apps, "proxy")} == {f"service:{holder}"}
+    (published,) = services[holder]["ports"]
+    assert {published.split(":")[1]} == set(re.findall(r"listen (\d+)", proxy))
+    assert f"//localhost:{published.split(':')[1]}/" in services["proxy"]["healthcheck"]["test"][-1]
+    for app in apps.values():
+        assert (DEPLOYMENT / app["build"] / "Dockerfile").is_file()
+        taken = {name for name in app["environment"] if name.startswith(PREFIX)}
+        assert taken == {f"{PREFIX}{name.upper()}" for name in Limits.model_fields}
+
+
+def test_no_container_may_take_all_of_the_machine_or_become_root() -> None:
+    for service in compose().values():
+        assert service["mem_limit"]
+        assert service["cap_drop"] == ["ALL"]
+        assert service["security_opt"] == ["no-new-privileges:true"]
+        assert service["image"] == "stereolag" or (service["user"] != "root" and service["read_only"])
+
+
+@pytest.mark.skipif(NGINX is None, reason="nginx is not installed")
+def test_the_proxy_starts_in_an_empty_folder_and_logs_to_its_output(tmp_path: Path) -> None:
+    assert NGINX is not None
+    proxy = compose()["proxy"]
+    mounted = [mount.split(":")[:2] for mount in proxy["volumes"]]
+    with socket.socket() as listener:
+        listener.bind(("localhost", 0))
+        port = listener.getsockname()[1]
+    settings = (DEPLOYMENT / "nginx.conf").read_text(encoding="utf-8")
+    settings = re.sub(r"listen \d+", f"listen {port}", settings)
+    # Nobody is to answer there, whatever else runs on this machine.
+    settings = re.sub(r"server 127\.0\.0\.1:\d+;", "server 127.0.0.1:1;", settings)
+    shell, option, command = proxy["entrypoint"]
+    for here, there in mounted:
+        shutil.copy(DEPLOYMENT / here, tmp_path)
+        assert command.count(there) == 1
+        command = command.replace(there, str(tmp_path / here))
+    # Of root's nginx a worker would be nobody, who may not look into a folder of the tests.
+    (tmp_path / "nginx.conf").write_text("user root;\n" + settings, encoding="utf-8")
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    environment = {"PATH": os.pathsep.join([str(Path(NGINX).parent), "/usr/bin", "/bin"])}
+    with subprocess.Popen(
+        [shell, option, command],
+        cwd=folder,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as nginx:
+        try:
+            end = time.monotonic() + 60
+            while answer(f"http://localhost:{port}/_stcore/health") is None:
+                assert nginx.poll() is None
+                assert time.monotonic() < end
+                time.sleep(0.1)
+            assert nginx.stdout is not None
+            assert '"GET /_stcore/health HTTP/1.1" 502' in nginx.stdout.readline()
+            with urllib.request.urlopen(f"http://localhost:{port}/share-card.png") as card:
+                assert card.headers.get_all("Content-Type") == ["image/png"]
+                assert card.read() == (DEPLOYMENT / "share-card.png").read_bytes()
+        finally:
+            nginx.terminate()

@@ -1,0 +1,118 @@
+"""Draw the picture that stands for a link to the project: ``python -m tools.share_card`` writes it to ``deployment``.
+
+The proxy names it for links to the app; GitHub takes its 1280 × 640 px under Settings, Social preview. All that it
+shows is measured while it is drawn.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+import stereolag as sl
+from stereolag.arrays import Rgb
+from stereolag.figures.colour_ranges import disparity_range
+from stereolag.figures.pictures import CORRELATION, PEAK, as_rgb, coloured
+from stereolag.samples import recordings, stereo_pairs
+from stereolag.ui.navigation import ICON
+
+CARD = Path(__file__).parents[1] / "deployment" / "share-card.png"
+WIDTH, HEIGHT = 1280, 640
+MARGIN = 64
+SEAM = 610
+FINER = 3
+"""Lines and letters are drawn this much larger, and then reduced: PIL's lines have no soft edges."""
+
+BACKGROUND, TEXT, LINK = "#fcfbf9", "#25232d", "#4a3c8c"
+QUESTIONS = ("How far apart are two sensors?", "Where is this template?", "How far away is everything?")
+
+Point = tuple[float, float]
+
+
+def depth() -> Rgb:
+    """Return a picture, as high as the card, that turns into its disparity map."""
+    pair = stereo_pairs()["giraffes"]
+    left = sl.read_image(pair.left)
+    disparity = (
+        sl.preset("accurate", num_disparities=pair.num_disparities).compute(left, sl.read_image(pair.right)).disparity
+    )
+    colours = coloured(disparity, *disparity_range([disparity]))
+    scale = HEIGHT / left.shape[0]
+    size = (round(left.shape[1] * scale), HEIGHT)
+    halves = [Image.fromarray(half).resize(size, Image.Resampling.LANCZOS) for half in (as_rgb(left), colours)]
+    both, map_ = (np.asarray(half)[:, -(WIDTH - SEAM) :].copy() for half in halves)
+    seam = both.shape[1] * 2 // 5
+    both[:, seam:] = map_[:, seam:]
+    return both
+
+
+def curve(width: int, height: int, columns: int = 400) -> tuple[list[Point], Point]:
+    """Return the correlation of two recordings about their lag as points of a picture, and its peak."""
+    example = recordings()["coast"]
+    found = sl.signal_lag(sl.read_signal(example.signal_1), sl.read_signal(example.signal_2))
+    assert found.correlation is not None
+    peak = found.lag - found.lags[0]
+    around = found.correlation[peak - 40_000 : peak + 40_000]
+    # Of every column the value that reaches furthest: peaks are narrower than a pixel.
+    parts = around.reshape(columns, -1)
+    furthest = parts[np.arange(columns), np.abs(parts).argmax(axis=1)]
+    heights = height * (furthest.max() - furthest) / np.ptp(furthest)
+    points = [(width * column / (columns - 1), float(y)) for column, y in enumerate(heights)]
+    return points, min(points, key=lambda point: point[1])
+
+
+def icon() -> tuple[str, str, list[Point]]:
+    """Return the colours of the app's icon and its line, of a square of 64 units."""
+    square, line = ElementTree.parse(ICON).getroot()
+    steps = line.attrib["d"].replace("M", "").replace("h", "|h").replace("l", "|l").split("|")
+    x, y = map(float, steps[0].split())
+    points = [(x, y)]
+    for step in steps[1:]:
+        numbers = [float(number) for number in step[1:].replace("-", " -").split()]
+        moves = [(numbers[0], 0.0)] if step[0] == "h" else list(zip(numbers[::2], numbers[1::2], strict=True))
+        for right, down in moves:
+            x, y = x + right, y + down
+            points.append((x, y))
+    return square.attrib["fill"], line.attrib["stroke"], points
+
+
+def placed(points: Sequence[Point], left: float, top: float, scale: float = 1.0) -> list[Point]:
+    """Return points at a place of the finer card."""
+    return [(FINER * (left + scale * x), FINER * (top + scale * y)) for x, y in points]
+
+
+def draw() -> Image.Image:
+    """Return the card."""
+    fine = Image.new("RGB", (FINER * WIDTH, FINER * HEIGHT), BACKGROUND)
+    pen = ImageDraw.Draw(fine)
+
+    side, line, points = icon()
+    pen.rounded_rectangle(placed([(0, 0), (72, 72)], MARGIN, MARGIN), radius=16 * FINER, fill=side)
+    pen.line(placed(points, MARGIN, MARGIN, 72 / 64), fill=line, width=round(4.5 * FINER), joint="curve")
+
+    def write(words: str, size: int, left: float, top: float, colour: str) -> None:
+        pen.text(
+            (FINER * left, FINER * top), words, fill=colour, font=ImageFont.load_default(FINER * size), anchor="ls"
+        )
+
+    write("stereolag", 76, MARGIN + 92, MARGIN + 62, TEXT)
+    write("Slide, multiply, find the peak.", 33, MARGIN, 204, LINK)
+    for row, question in enumerate(QUESTIONS):
+        write(question, 28, MARGIN, 270 + 42 * row, TEXT)
+
+    points, peak = curve(SEAM - 2 * MARGIN, 150)
+    ((x, y),) = placed([peak], MARGIN, 426)
+    pen.line(placed(points, MARGIN, 426), fill=CORRELATION, width=2 * FINER, joint="curve")
+    pen.ellipse((x - 8 * FINER, y - 8 * FINER, x + 8 * FINER, y + 8 * FINER), fill=PEAK)
+
+    card = fine.resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS)
+    card.paste(Image.fromarray(depth()), (SEAM, 0))
+    return card
+
+
+if __name__ == "__main__":
+    draw().save(CARD, optimize=True)
