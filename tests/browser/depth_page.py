@@ -11,7 +11,7 @@ import numpy as np
 from playwright.sync_api import Locator, Page, TimeoutError, expect
 
 from stereolag.samples import stereo_pairs
-from tests.browser.visits import OpenPage, screenshot, settled
+from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
 
 DOUBLE_CLICK_MS = 350
 
@@ -74,7 +74,7 @@ class DepthPage:
         visit.open_head()  # it folded when the pair was there
         visit.give("Ground truth (optional)", pair.truth)
         visit.give("Calibration files", pair.calibration)
-        expect(visit.page.get_by_text("Your own pair").first).to_be_visible()
+        expect_visible(visit.page.get_by_text("Your own pair").first)
         return visit
 
     def open_head(self) -> None:

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from tests.browser.serving import served_app
-from tests.browser.visits import OpenPage, faultless_pages, screenshot
+from tests.browser.visits import OpenPage, expect_visible, faultless_pages, screenshot
 
 
 @pytest.fixture(scope="module")
@@ -56,10 +56,10 @@ def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(ope
     expect(reading(page, "StereoBM")).to_have_text("no disparity: out of frame")
 
     left.click(position=point(left, 0.5, 0.6))  # type: ignore[arg-type]
-    expect(page.get_by_text("A: depth")).to_be_visible()
+    expect_visible(page.get_by_text("A: depth"))
     page.wait_for_timeout(400)  # longer than a double click
     left.click(position=point(left, 0.7, 0.2))  # type: ignore[arg-type]
-    expect(page.get_by_text("A to B")).to_be_visible()
+    expect_visible(page.get_by_text("A to B"))
     expect(page.locator(".viewport").first.locator("svg text")).to_have_text(["A", "B"])
     screenshot(page, "depth-readout-light")
 

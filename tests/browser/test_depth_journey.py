@@ -25,7 +25,7 @@ from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.opencv import StereoBM
 from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, example_files, number_in, picture_file
 from tests.browser.serving import PROJECT
-from tests.browser.visits import OpenPage
+from tests.browser.visits import OpenPage, expect_visible
 
 DEPTH_MAPS = "Depth_maps?pair="
 
@@ -80,7 +80,7 @@ def test_own_files_are_measured_in_metres_and_resized_with_all_that_belongs_to_t
 
     visit.open_head()
     visit.choose("1/2")
-    expect(visit.said("Shown at 1/2 of its size: 370 × 248 of 741 × 497 pixels.")).to_be_visible()
+    expect_visible(visit.said("Shown at 1/2 of its size: 370 × 248 of 741 × 497 pixels."))
     assert visit.value("Disparities searched") == disparities / 2
     assert visit.number("EPE") < 0.75 * error
     expect(visit.paragraph("Metric")).to_contain_text(f"{known.focal_px / 2:.6g} px × {known.baseline_m:.4g} m")
@@ -96,7 +96,7 @@ def test_one_picture_with_both_views_is_split_down_the_middle(open_page: OpenPag
     visit.choose("Your own files")
     visit.choose("One side-by-side image")
     visit.give("Both images side by side", picture_file("both.png", both))
-    expect(visit.said("The image was split down the middle.")).to_be_visible()
+    expect_visible(visit.said("The image was split down the middle."))
     visit.give("Ground truth (optional)", files.truth)
     assert visit.number("Bad-2") < 20
     visit.screenshot("side-by-side-light")
@@ -109,10 +109,10 @@ def test_sizes_that_differ_by_a_few_pixels_are_cropped_and_said(open_page: OpenP
     visit.choose("Your own files")
     visit.give("Left image", picture_file("left.png", read_image(files.left.data)[:200, :301]))
     visit.give("Right image", picture_file("right.png", read_image(files.right.data)[:202, :300]))
-    expect(visit.said("The images differ by a few pixels and were cropped to 300 × 200.")).to_be_visible()
+    expect_visible(visit.said("The images differ by a few pixels and were cropped to 300 × 200."))
     visit.give("Right image", picture_file("other.png", read_image(files.right.data)[:400, :300]))
     expect(visit.page.get_by_test_id("stAlertContentError")).to_contain_text("200")
-    expect(visit.said("cropped to 300 × 200")).to_be_visible()
+    expect_visible(visit.said("cropped to 300 × 200"))
     visit.screenshot("cropped-light")
 
 
@@ -140,19 +140,19 @@ def test_the_doctor_catches_mends_and_takes_back(
     for ailment, (symptom, remedy) in REMEDIES.items():
         visit.give("Both images side by side", picture_file(f"{ailment}.png", np.hstack(ILLS[ailment](left, right))))
         found = visit.said(symptom)
-        expect(found).to_be_visible()
-        expect(visit.said("Input doctor:")).to_be_visible()
+        expect_visible(found)
+        expect_visible(visit.said("Input doctor:"))
         ill = visit.number("Coverage", method=1)
         if source == "motorcycle":
             visit.screenshot(f"doctor-{source}-{ailment}-light")
         visit.page.get_by_role("button", name=remedy).click()
         undo = visit.page.get_by_role("button", name="Undo", exact=True)
-        expect(undo).to_be_visible()
+        expect_visible(undo)
         visit.settle()
         expect(visit.page.get_by_text(symptom)).to_have_count(0)
         assert visit.number("Coverage", method=1) > ill
         undo.click()
-        expect(found).to_be_visible()
+        expect_visible(found)
         visit.settle()
         assert visit.number("Coverage", method=1) == ill
 
@@ -173,14 +173,14 @@ def test_maps_are_compared_in_one_locked_range_under_one_crosshair(visit: DepthP
     assert number_in(visit.reading("Convolution − Ground truth")) == pytest.approx(found - true, abs=0.02)
     crosses = visit.pictures.locator("svg .cross")
     assert crosses.count() == visit.pictures.locator(".viewport").count() == 8
-    expect(visit.page.get_by_text("All 4 methods agree to 1 px on")).to_be_visible()
+    expect_visible(visit.page.get_by_text("All 4 methods agree to 1 px on"))
     visit.screenshot(f"compare-{visit.name}-light")
 
     visit.move("Window", "End")
     assert visit.value("Window") == 101
     assert legend.inner_text() == colours
     visit.pick("Minus", "StereoSGBM")
-    expect(visit.figure("Convolution − StereoSGBM")).to_be_visible()
+    expect_visible(visit.figure("Convolution − StereoSGBM"))
 
     visit.pictures.get_by_role("button", name="Before / after").click()
     visit.pictures.get_by_label("Image on the right").select_option("Ground truth")
@@ -207,7 +207,7 @@ def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(visit: 
 
     visit.click("Left image", *a)
     visit.click("Left image", *b)
-    expect(visit.page.get_by_text("A to B")).to_be_visible()
+    expect_visible(visit.page.get_by_text("A to B"))
     apart = distance_between(
         known, SeenPoint(*a, float(truth[a])), SeenPoint(*b, float(truth[b])), width=width, height=height
     )
@@ -225,7 +225,7 @@ def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(visit: 
     assert number_in(visit.table()["StereoSGBM"][3]) == pytest.approx(2.5, abs=0.01)
     visit.screenshot(f"known-distance-{visit.name}-light")
     visit.press("Forget this distance")
-    expect(visit.said("from the pair’s calibration")).to_be_visible()
+    expect_visible(visit.said("from the pair’s calibration"))
 
 
 # 5 Why this match?
@@ -304,7 +304,7 @@ def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(visit: DepthPage
         box.press("Enter")
         visit.settle()
     visit.press("Sweep 6 combinations")
-    expect(visit.said("Right: bad-2, %, lower is better.")).to_be_visible()
+    expect_visible(visit.said("Right: bad-2, %, lower is better."))
     chart = visit.page.get_by_test_id("stPlotlyChart").last
     bad = chart.locator(".js-plotly-plot").evaluate("plot => [...plot._fullData[0].z].map(row => [...row])")
     assert np.shape(bad) in {(2, 3), (3, 2)}
@@ -344,7 +344,7 @@ def test_the_room_is_shown_from_the_camera_and_from_above(open_page: OpenPage) -
     visit = DepthPage(open_page(DEPTH_MAPS + "cube&size=1/4"), "cube")
     visit.choose("In 3-D")
     said = visit.page.get_by_text("flying pixels, which hang")
-    expect(said).to_be_visible()
+    expect_visible(said)
     drawn, kept, farthest, flying = (
         float(one.replace(",", "")) for one in re.findall(r"[\d,]*\.?\d+", said.inner_text())
     )

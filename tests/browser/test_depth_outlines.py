@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Locator, expect
 
 from tests.browser.depth_page import DepthPage
-from tests.browser.visits import OpenPage, screenshot
+from tests.browser.visits import OpenPage, expect_visible, screenshot
 
 
 def switch_outlines(visit: DepthPage) -> None:
@@ -57,7 +57,7 @@ def test_the_windows_and_their_overlap_are_drawn_on_a_phone_too(open_page: OpenP
     page = open_page("Depth_maps?pair=cube&overlap=0.9", width=420)
     visit = DepthPage(page)
     visit.choose("Why this match?")
-    expect(visit.said("20 px windows, 90 % overlap: one every 2 px, so 289 values in this cut.")).to_be_visible()
+    expect_visible(visit.said("20 px windows, 90 % overlap: one every 2 px, so 289 values in this cut."))
     chart = page.get_by_test_id("stPlotlyChart").last
     expect(chart.locator(".shapelayer path, .layer-between path")).to_have_count(9)
     box = chart.bounding_box()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from playwright.sync_api import expect
 
 from tests.browser.depth_page import DepthPage
-from tests.browser.visits import OpenPage, screenshot
+from tests.browser.visits import OpenPage, expect_visible, screenshot
 
 ADDRESS = "Depth_maps?pair=square&size=1/2&maps=bm,sgbm&bm.block_size=13&sgbm.mode=hh"
 
@@ -18,7 +18,7 @@ def test_one_zip_opens_the_page_as_it_was(open_page: OpenPage) -> None:
     before.settle()
     bad = [before.number("Bad-2", method=method) for method in range(2)]
     before.unfold("Take it away")
-    expect(before.said("All files are for the images in their own size, 480 × 480 pixels.")).to_be_visible()
+    expect_visible(before.said("All files are for the images in their own size, 480 × 480 pixels."))
     data = before.download("Session ZIP")
     assert before.download("Settings JSON").count(b'"block_size": 25') == 1  # for the images in their own size
 
@@ -30,7 +30,7 @@ def test_one_zip_opens_the_page_as_it_was(open_page: OpenPage) -> None:
     expect(after.slider("Block")).to_have_value("13")
     after.settle()
     after.open_head()
-    expect(after.said("240 × 240 of 480 × 480 pixels")).to_be_visible()
+    expect_visible(after.said("240 × 240 of 480 × 480 pixels"))
     assert [after.number("Bad-2", method=method) for method in range(2)] == bad
     after.turn_to("StereoSGBM")
     after.unfold("More settings")

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.app.test_driving_page import COUNT, drive
-from tests.browser.visits import OpenPage, screenshot, settled
+from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
 
 
 class Drive:
@@ -20,10 +20,10 @@ class Drive:
         page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(
             {"name": "drive.zip", "mimeType": "application/zip", "buffer": drive(count=count)}
         )
-        expect(page.locator(".player")).to_be_visible()
+        expect_visible(page.locator(".player"))
 
     def wait_until_done(self) -> None:
-        expect(self.page.get_by_text("decoded, matched, coloured")).to_be_visible()
+        expect_visible(self.page.get_by_text("decoded, matched, coloured"))
         settled(self.page)
 
     @property
@@ -74,7 +74,7 @@ def test_it_plays_steps_and_scrubs(visit: Drive) -> None:
     assert visit.shown() != before
     assert visit.video("currentTime") == pytest.approx(0.35, abs=0.06)
     visit.page.keyboard.press("Space")
-    expect(visit.page.get_by_role("button", name="Pause")).to_be_visible()
+    expect_visible(visit.page.get_by_role("button", name="Pause"))
     visit.page.keyboard.press("Space")
     chart = visit.page.locator(".player .chart svg").first
     box = chart.bounding_box()
@@ -98,9 +98,9 @@ def test_a_frame_is_opened_on_the_depth_page(visit: Drive) -> None:
     visit.page.get_by_role("button", name="One frame on").click()
     expect(visit.where).to_contain_text(f"frame 2 of {COUNT}")
     visit.page.get_by_role("button", name="Open on the depth page").click()
-    expect(visit.page.get_by_role("heading", name="Depth maps")).to_be_visible()
+    expect_visible(visit.page.get_by_role("heading", name="Depth maps"))
     settled(visit.page)
-    expect(visit.page.get_by_text("Your own pair").first).to_be_visible()
+    expect_visible(visit.page.get_by_text("Your own pair").first)
     expect(visit.page.locator(".linked").first.locator("figure")).to_have_count(2)
 
 

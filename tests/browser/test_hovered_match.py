@@ -18,7 +18,7 @@ from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.hovered_match import browser_settings
 from stereolag.ui.pairs import example_pair
 from tests.browser.serving import served_app
-from tests.browser.visits import OpenPage, faultless_pages, screenshot, settled
+from tests.browser.visits import OpenPage, expect_visible, faultless_pages, screenshot, settled
 
 SCORING = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "hovered_match" / "scoring.js"
 
@@ -148,6 +148,6 @@ def test_a_click_still_asks_for_the_whole_explanation(open_fence: OpenPage) -> N
     box = picture.bounding_box()
     assert box is not None
     picture.click(position={"x": box["width"] * 303.5 / 640, "y": box["height"] * 332.5 / 480})
-    expect(page.get_by_text("Two places fit almost equally well")).to_be_visible()
+    expect_visible(page.get_by_text("Two places fit almost equally well"))
     screenshot(page, "depth-hovered-fence-phone")
     assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 420

@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.app import uploads
-from tests.browser.visits import OpenPage, screenshot, settled
+from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
 
 PAGES = {
     "home": "",
@@ -78,8 +78,8 @@ def test_an_own_pair_is_uploaded_and_matched(open_page: OpenPage) -> None:
             settled(page)
         inputs.nth(place).set_input_files({"name": name, "mimeType": "image/png", "buffer": uploads.png(picture)})
         settled(page)  # a file that is given to a box about to be drawn anew is lost
-    expect(page.get_by_text("Your own pair").first).to_be_visible()
-    expect(page.locator(".figures dd").filter(has_text=re.compile(r"^0\.0\d px$")).first).to_be_visible()
+    expect_visible(page.get_by_text("Your own pair").first)
+    expect_visible(page.locator(".figures dd").filter(has_text=re.compile(r"^0\.0\d px$")).first)
     no_exception(page)
     screenshot(page, "depth-maps-own-files")
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, FilePayload, Page, expect
+from playwright.sync_api import Browser, FilePayload, Page
 
 from tests.browser.serving import served_app
 from tests.browser.sounds import wav_file
-from tests.browser.visits import TIMEOUT_MS, WATCH_ANSWERS, settled
+from tests.browser.visits import TIMEOUT_MS, WATCH_ANSWERS, expect_visible, settled
 
 RATE = 44_100
 SECONDS = 13
@@ -57,7 +57,7 @@ def choose_files(page: Page, *files: FilePayload) -> None:
     for number, file in enumerate(files):
         page.locator("input[type=file]").nth(number).set_input_files(file)
         settled(page)
-    expect(page.get_by_text("Your own recordings.")).to_be_visible()
+    expect_visible(page.get_by_text("Your own recordings."))
     settled(page)
 
 

@@ -21,7 +21,7 @@ from playwright.sync_api import Browser, expect
 
 from tests.app import uploads
 from tests.browser.serving import PROJECT, served_app
-from tests.browser.visits import faultless_pages, settled
+from tests.browser.visits import expect_visible, faultless_pages, settled
 
 NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))  # Debian's place for it
 PROMISED = {
@@ -114,12 +114,12 @@ def test_a_session_with_uploads_stays_with_one_process(browser: Browser, proxy: 
             file = {"name": name, "mimeType": "image/png", "buffer": uploads.png(picture)}
             inputs.nth(place).set_input_files(file)  # type: ignore[arg-type]
             settled(page)
-        expect(page.get_by_text("Your own pair").first).to_be_visible()
-        expect(page.locator(".linked figure").first).to_be_visible()
+        expect_visible(page.get_by_text("Your own pair").first)
+        expect_visible(page.locator(".linked figure").first)
         page.reload()
         settled(page)
         expect(page.get_by_test_id("stException")).to_have_count(0)
-        expect(page.locator(".linked figure").first).to_be_visible()
+        expect_visible(page.locator(".linked figure").first)
     end = time.monotonic() + 60
     while time.monotonic() < end and sum("/_stcore/stream" in visit for visit in proxy.visits()[before:]) < 2:
         time.sleep(0.1)  # a socket is written down when it has closed
@@ -134,7 +134,7 @@ def test_a_session_with_uploads_stays_with_one_process(browser: Browser, proxy: 
 def test_the_policy_for_contents_breaks_no_page(browser: Browser, proxy: Proxy, path: str) -> None:
     with faultless_pages(browser, proxy.address) as open_page:
         page = open_page(path)
-        expect(page.get_by_test_id("stPlotlyChart").first).to_be_visible()
+        expect_visible(page.get_by_test_id("stPlotlyChart").first)
 
 
 def test_visitors_are_shared_out_among_the_processes(proxy: Proxy) -> None:

@@ -7,7 +7,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from stereolag.reading.hand_marks import packed_mask, read_packed_mask
 from stereolag.ui.search.painting import HERE
-from tests.browser.visits import OpenPage, screenshot, settled
+from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
 
 COLS = 2446
 
@@ -41,7 +41,7 @@ def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> No
 
 
 def found_at(page: Page, row: int, col: int) -> None:
-    expect(page.get_by_role("heading", name=f"Found at row {row}, column {col}", exact=True)).to_be_visible()
+    expect_visible(page.get_by_role("heading", name=f"Found at row {row}, column {col}", exact=True))
 
 
 def test_a_box_is_dragged_typed_and_moved_with_keys(open_page: OpenPage) -> None:
@@ -153,7 +153,7 @@ def test_a_painted_mask_is_used_when_it_is_asked_for(open_page: OpenPage) -> Non
 def test_opencv_answers_beside_and_damage_is_seen(open_page: OpenPage) -> None:
     page = open_page("Rocketman_search")
     page.get_by_role("button", name="Search with OpenCV too").click()
-    expect(page.get_by_text("The same place; the scores differ by less than")).to_be_visible()
+    expect_visible(page.get_by_text("The same place; the scores differ by less than"))
     page.get_by_role("tab", name="Damage it").click()
     settled(page)
     expect(page.get_by_text("not found")).to_have_count(0)
@@ -161,7 +161,7 @@ def test_opencv_answers_beside_and_damage_is_seen(open_page: OpenPage) -> None:
     slider.focus()
     slider.press("PageUp")
     expect(page.get_by_text("not found")).to_have_count(1)
-    expect(page.get_by_text("Sampled looks for exact pixel values")).to_be_visible()
+    expect_visible(page.get_by_text("Sampled looks for exact pixel values"))
     screenshot(page, "rocketman-damaged")
     page.get_by_role("button", name="Undo all damage").click()
-    expect(page.get_by_text("Nothing is damaged yet")).to_be_visible()
+    expect_visible(page.get_by_text("Nothing is damaged yet"))

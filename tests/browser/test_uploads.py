@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page, expect
 from tests.browser.conftest import OpenPage
 from tests.browser.serving import free_port, served_app
 from tests.browser.sounds import wav_file
-from tests.browser.visits import TIMEOUT_MS, WATCH_ANSWERS, settled
+from tests.browser.visits import TIMEOUT_MS, WATCH_ANSWERS, expect_visible, settled
 
 SOUND = 0.1 * np.random.default_rng(3).normal(size=9_000)
 EXAMPLE = "378.17 m"
@@ -33,7 +33,7 @@ def give(page: Page, number: int, file: dict[str, object]) -> None:
 def give_both(page: Page) -> None:
     give(page, 0, wav_file("first.wav", SOUND[300:][:8_000]))
     give(page, 1, wav_file("second.wav", SOUND[:8_000]))
-    expect(page.get_by_role("heading", name=OWN)).to_be_visible()
+    expect_visible(page.get_by_role("heading", name=OWN))
 
 
 def test_a_broken_file_dropped_over_a_good_one_changes_nothing(open_page: OpenPage) -> None:
@@ -47,12 +47,12 @@ def test_a_broken_file_dropped_over_a_good_one_changes_nothing(open_page: OpenPa
         }"""
     )
     give(page, 1, BROKEN)
-    expect(page.get_by_text(REFUSAL)).to_be_visible()
-    expect(page.get_by_text("The file before it stays in use.")).to_be_visible()
-    expect(page.get_by_role("heading", name=OWN)).to_be_visible()
+    expect_visible(page.get_by_text(REFUSAL))
+    expect_visible(page.get_by_text("The file before it stays in use."))
+    expect_visible(page.get_by_role("heading", name=OWN))
     assert not page.evaluate("window.thrownBack")
     give(page, 1, wav_file("third.wav", SOUND[200:][:8_000]))
-    expect(page.get_by_role("heading", name="Sensor 2 hears it 0.0125 s after sensor 1")).to_be_visible()
+    expect_visible(page.get_by_role("heading", name="Sensor 2 hears it 0.0125 s after sensor 1"))
     expect(page.get_by_text(REFUSAL)).to_have_count(0)
 
 
@@ -60,7 +60,7 @@ def test_a_file_that_was_removed_is_forgotten(open_page: OpenPage) -> None:
     page = on_own_files(open_page("Sensor_lag"))
     give_both(page)
     page.get_by_role("button", name="Remove second.wav").click()
-    expect(page.get_by_text("the page shows the example")).to_be_visible()
+    expect_visible(page.get_by_text("the page shows the example"))
     settled(page)
     expect(page.get_by_role("heading", name=OWN)).to_have_count(0)
 
@@ -68,7 +68,7 @@ def test_a_file_that_was_removed_is_forgotten(open_page: OpenPage) -> None:
 def test_a_refused_file_leaves_no_answer_of_an_example(open_page: OpenPage) -> None:
     page = on_own_files(open_page("Sensor_lag"))
     give(page, 0, BROKEN)
-    expect(page.get_by_text(REFUSAL)).to_be_visible()
+    expect_visible(page.get_by_text(REFUSAL))
     assert EXAMPLE not in page.inner_text("body").split("The source report")[0]
     expect(page.locator("[data-testid=stMetric]")).to_have_count(0)
 
@@ -85,12 +85,12 @@ def test_after_a_restart_the_page_says_that_the_files_are_gone(browser: Browser)
     time.sleep(1)
     with served_app(port=port):
         # Nobody touches the page: it finds out by itself.
-        expect(page.get_by_text("The files you had here are gone")).to_be_visible()
+        expect_visible(page.get_by_text("The files you had here are gone"))
         settled(page)
         expect(page.get_by_role("heading", name=OWN)).to_have_count(0)
         expect(page.get_by_text("Your own recordings.")).to_have_count(0)
         page.get_by_test_id("stButtonGroup").get_by_text("Coast", exact=True).click()
-        expect(page.get_by_role("heading", name=EXAMPLE)).to_be_visible()
+        expect_visible(page.get_by_role("heading", name=EXAMPLE))
         on_own_files(page)
         give_both(page)
     page.context.close()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, ConsoleMessage, Page, TimeoutError
+from playwright.sync_api import Browser, ConsoleMessage, Locator, Page, TimeoutError, expect
 
 SCREENSHOTS = Path(__file__).resolve().parents[2] / "screenshots"
 
@@ -81,6 +81,13 @@ def settled(page: Page) -> None:
     """Wait until the server has answered, the script has run and every chart is drawn."""
     page.wait_for_selector("h1")
     page.evaluate(REST, TIMEOUT_MS)
+
+
+def expect_visible(wanted: Locator) -> None:
+    """Expect one element, in view: a page may show the one of the run before beside it for a moment, and finding two is
+    an error that is not waited out."""
+    expect(wanted).to_have_count(1)
+    expect(wanted).to_be_visible()
 
 
 def screenshot(page: Page, name: str) -> None:
