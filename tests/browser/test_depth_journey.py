@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import io
-import os
 import re
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
@@ -24,8 +21,8 @@ from stereolag.reading import read_calibration, read_disparity, read_image
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.opencv import StereoBM
 from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, example_files, number_in, picture_file
-from tests.browser.serving import PROJECT
 from tests.browser.visits import OpenPage, expect_visible
+from tests.programs import printed_by
 
 DEPTH_MAPS = "Depth_maps?pair="
 
@@ -392,13 +389,7 @@ def test_everything_is_taken_away_read_back_and_reproduced(visit: DepthPage, pai
     visit.screenshot(f"take-{visit.name}-light")
 
     (tmp_path / "disparity.npy").unlink()
-    done = subprocess.run(
-        [sys.executable, str(tmp_path / "reproduce.py")],
-        env=os.environ | {"PYTHONPATH": str(PROJECT)},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
+    printed_by(tmp_path / "reproduce.py")
     np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), disparity)
 
     visit.press("Reset")

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import ast
 import io
-import os
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 from typing import Literal
@@ -23,8 +20,8 @@ import stereolag as sl
 from stereolag.export import bundle, image_png, script
 from stereolag.export.programs import constructor, imports
 from stereolag.settings import Settings
+from tests.programs import printed_by
 
-PROJECT = Path(__file__).resolve().parents[2]
 RECTIFIED = sl.CorrelationMatcher(window_size=11, overlap=0.8, search=sl.SearchArea.rectified(24), score="zncc")
 
 
@@ -48,13 +45,7 @@ class Stages(Settings):
 
 def run(program: str, folder: Path) -> tuple[np.ndarray, np.ndarray]:
     (folder / "program.py").write_text(program, encoding="utf-8")
-    elsewhere = folder.parent
-    environment = os.environ | {"PYTHONPATH": str(PROJECT), "PYTHONWARNINGS": "error::FutureWarning"}
-    done = subprocess.run(
-        [sys.executable, str(folder / "program.py")], cwd=elsewhere, env=environment, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    assert "of the pixels have a disparity" in done.stdout
+    assert "of the pixels have a disparity" in printed_by(folder / "program.py", folder=folder.parent)
     return np.load(folder / "disparity.npy"), sl.read_disparity(folder / "disparity.pfm")
 
 
