@@ -20,7 +20,7 @@ from stereolag.signals.estimates import estimate_lag, fitting_recordings, way_of
 from stereolag.signals.finding import normalised, search_blocks, search_votes, search_whole
 from stereolag.signals.long_pairs import LongPair
 from stereolag.signals.long_search import search_bands
-from stereolag.signals.verdict import Judgement, Verdict, judge_pair
+from stereolag.signals.verdict import Judgement, Verdict, judge
 from stereolag.signals.whitening import Pair, WhitePair
 
 _SEARCHING = 0.8
@@ -218,7 +218,7 @@ def signal_lag(
         raise ValueError(
             f"nothing varies where the recordings overlap within ±{reach} samples; allow a larger max_lag."
         )
-    judgement = judge_pair(
+    judgement = judge(
         pair,
         found.lag,
         reach,

@@ -150,13 +150,10 @@ class CoverageCurve:
         (n,) share of the pixels with ground truth that are kept, 0..1, ascending; one point without a score.
     bad
         (n,) % of the kept pixels that are off by more than the threshold.
-    mean_error
-        (n,) mean absolute error of the kept pixels, px.
     """
 
     coverage: npt.NDArray[np.float64]
     bad: npt.NDArray[np.float64]
-    mean_error: npt.NDArray[np.float64]
 
 
 def error_against_coverage(
@@ -210,7 +207,6 @@ def error_against_coverage(
     return CoverageCurve(
         coverage=kept / total,
         bad=100 * np.cumsum(error[order] > threshold)[kept - 1] / kept,
-        mean_error=np.cumsum(error[order])[kept - 1] / kept,
     )
 
 

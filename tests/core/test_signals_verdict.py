@@ -193,9 +193,9 @@ def test_a_spacing_is_regular_or_none(rivals: tuple[int, ...], lag: int, expecte
 
 
 def test_any_lag_can_be_judged_without_a_curve() -> None:
-    first, second = (signal - signal.mean() for signal in common(6000, 700, 1))
-    assert judge(first, second, 700, 5999).verdict == "sure"
-    wrong = judge(first, second, 4000, 5999)
+    pair = WhitePair(*(signal - signal.mean() for signal in common(6000, 700, 1)))
+    assert judge(pair, 700, 5999).verdict == "sure"
+    wrong = judge(pair, 4000, 5999)
     assert (wrong.verdict, wrong.reason) == ("nothing", "chance")
     assert np.isnan(wrong.height) and wrong.ribbon is None
 

@@ -15,7 +15,6 @@ from stereolag.sequences.records import FrameRecord
 from stereolag.ui.linked_pictures import source
 
 HERE = Path(__file__).parent
-NAME_CHARACTERS = 32
 
 
 _player = st.components.v2.component(
