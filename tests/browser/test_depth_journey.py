@@ -19,6 +19,7 @@ from stereolag.doctor import FindingCode
 from stereolag.geometry.distances import SeenPoint, distance_between
 from stereolag.reading import read_calibration, read_disparity, read_image
 from stereolag.stereo.evaluation import evaluate
+from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM
 from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, example_files, number_in, picture_file
 from tests.browser.visits import OpenPage, expect_visible
@@ -279,7 +280,7 @@ def test_the_scoreboard_says_what_the_evaluation_says(visit: DepthPage, pair: Ow
     rows = {first: [float(one) for one in others] for first, *others in visit.frame(8)}
     expected = [100 * judged.density, judged.epe, *judged.bad.values(), judged.d1_all]
     assert rows["StereoBM"] == pytest.approx(expected, rel=1e-5)
-    assert rows.keys() == {"Convolution", "StereoBM", "StereoSGBM", "Semi-global"}
+    assert rows.keys() == {method.title for method in METHODS}
     visit.screenshot(f"scoreboard-{visit.name}-light")
     visit.choose("are left out")
     rows = {first: [float(one) for one in others] for first, *others in visit.frame(7)}
