@@ -25,9 +25,11 @@ FLOORS: dict[str, float] = {
 }
 """Of every room, from the table: a room imports from the floors below, and within itself."""
 
-STAGES = ({"estimates", "reasons"}, {"matcher"}, {"finishing"}, {"windows", "semi_global", "opencv", "evaluation"})
+STAGES = ({"estimates", "reasons"}, {"matcher"}, {"finishing"})
 FLOORS |= {f"stereo.{room}": FLOORS["stereo"] + number / 10 for number, rooms in enumerate(STAGES) for room in rooms}
-FLOORS |= {"stereo.methods": FLOORS["stereo"] + 0.9}
+METHODS = {"stereo.windows", "stereo.semi_global", "stereo.opencv", "stereo.evaluation", "stereo"}
+FLOORS |= dict.fromkeys(METHODS, FLOORS["stereo"] + 0.3) | {"stereo.methods": FLOORS["stereo"] + 0.4}
+"""Within stereo the stages follow one another; each method, a new one too, knows those below and no other method."""
 
 FLOORS |= {"figures.pictures": 2, "figures.flow": 3, "figures.outlines": 3}
 """Of the figures some modules stand lower: coloured pictures, flows and outlines, which videos are made of too."""
