@@ -242,3 +242,16 @@ def test_the_blocks_of_a_drift_lie_on_its_line() -> None:
     assert drift.blocks == len(drift.places) >= 10
     slope, _ = np.polyfit(drift.places, drift.lags, 1)
     assert 1e6 * slope == pytest.approx(50.0, abs=5)
+
+
+def test_a_result_lets_go_of_the_recordings_once_it_is_judged() -> None:
+    sound = np.random.default_rng(0).standard_normal(4_000)
+    judged_later, judged_at_once = (
+        signal_lag(sound[200:], sound),
+        signal_lag(sound[200:], sound, progress=lambda _: None),
+    )
+    assert judged_later._judge is not None
+    assert judged_at_once._judge is None
+    assert judged_later.judgement == judged_at_once.judgement
+    assert judged_later.judgement is judged_later.judgement
+    assert judged_later._judge is None
