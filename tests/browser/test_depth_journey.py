@@ -23,7 +23,7 @@ from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM
 from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, example_files, number_in, picture_file
 from tests.browser.visits import OpenPage, expect_visible
-from tests.programs import printed_by
+from tests.programs import run_program_alone
 
 DEPTH_MAPS = "Depth_maps?pair="
 
@@ -390,7 +390,7 @@ def test_everything_is_taken_away_read_back_and_reproduced(visit: DepthPage, pai
     visit.screenshot(f"take-{visit.name}-light")
 
     (tmp_path / "disparity.npy").unlink()
-    printed_by(tmp_path / "reproduce.py")
+    run_program_alone(tmp_path / "reproduce.py")
     np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), disparity)
 
     visit.press("Reset")

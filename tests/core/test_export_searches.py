@@ -35,7 +35,7 @@ from stereolag.export import (
 from stereolag.export.lags import BLOCK, check_aligned_wav
 from stereolag.searches import LagSearch, TemplateQuery
 from stereolag.signals.alignment import aligned, together
-from tests.programs import printed_by
+from tests.programs import run_program
 
 Signal = npt.NDArray[np.float64]
 
@@ -257,7 +257,7 @@ def test_whatever_else_a_search_comes_to_tell_is_in_its_figures() -> None:
 
 def by_script(program: str, folder: Path) -> str:
     (folder / "reproduce.py").write_text(program, encoding="utf-8")
-    return printed_by(folder / "reproduce.py", folder)
+    return run_program(folder / "reproduce.py")
 
 
 def test_the_lag_program_measures_it_again(recordings: Path) -> None:
