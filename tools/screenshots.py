@@ -66,7 +66,7 @@ def bench(page: Page) -> Sequence[Locator]:
     visit = DepthPage(page)
     for preset in ("Fast", "Accurate"):
         visit.press(preset)
-    visit.hover("Convolution", 277, 770)
+    visit.hover("Convolution", 237, 682)
     return page.locator(".st-key-depth-bench-controls"), page.locator(".st-key-depth-bench-maps")
 
 
@@ -105,11 +105,12 @@ def driving(page: Page) -> Sequence[Locator]:
 
 
 def calibrating(page: Page) -> Sequence[Locator]:
-    """What a calibration found, and how far each pair agrees with it."""
-    error = page.get_by_text("Reprojection error")
-    expect_visible(error)
+    """The error of every pair, the corners found in one, and where the board has been."""
+    pairs = page.get_by_role("heading", name="Pair by pair")
+    expect_visible(pairs)
     settled(page)
-    return error, page.get_by_test_id("stPlotlyChart").last
+    pictures = page.get_by_test_id("stImage")
+    return pairs, pictures.nth(0), pictures.last
 
 
 SHOTS = {
@@ -128,7 +129,9 @@ def taken(open_page: OpenPage, shot: Shot, scheme: str) -> Image.Image:
     page.emulate_media(reduced_motion="reduce")
     page.set_viewport_size({"width": shot.width, "height": shot.height})
     settled(page)
-    boxes = [one.bounding_box() for one in shot.shown(page)]
+    elements = shot.shown(page)
+    expect(page.get_by_test_id("stTooltipContent")).to_have_count(0)
+    boxes = [one.bounding_box() for one in elements]
     left, top = (min(box[side] for box in boxes if box) for side in ("x", "y"))
     right = max(box["x"] + box["width"] for box in boxes if box)
     bottom = max(box["y"] + box["height"] for box in boxes if box)
