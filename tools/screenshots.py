@@ -91,8 +91,8 @@ def match(page: Page) -> Sequence[Locator]:
 
 
 def driving(page: Page) -> Sequence[Locator]:
-    """Maps of a drive by several methods, in the middle of it."""
-    page.get_by_role("button", name="Semi-global, accurate").click()
+    """Maps of a drive by two methods beside the truth, in the middle of it."""
+    page.get_by_text("True disparity", exact=True).first.click()
     settled(page)
     expect(page.get_by_text("decoded, matched, coloured")).to_be_visible()
     settled(page)
@@ -158,7 +158,7 @@ def main(names: Sequence[str]) -> None:
     if path is None:
         raise SystemExit(f"There is no Chromium at $CHROMIUM nor at {CHROMIUM[-1]}.")
     FOLDER.mkdir(exist_ok=True)
-    expect.set_options(timeout=4 * TIMEOUT_MS)
+    expect.set_options(timeout=4 * TIMEOUT_MS)  # as long as computing a whole drive may take
     with served_app() as address, chromium(path) as browser, faultless_pages(browser, address) as open_page:
         for name in names or SHOTS:
             for scheme in SCHEMES:
