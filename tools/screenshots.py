@@ -31,6 +31,9 @@ SCALE = 2
 MARGIN = 14
 """CSS px of the page around what is shown."""
 
+FADING_MS = 500
+"""What was of the run before is dim for as long after it is there again."""
+
 LARGEST = 140_000
 """Bytes of a file."""
 
@@ -118,7 +121,7 @@ SHOTS = {
     "lag": Shot("Sensor_lag", 1060, 1500, lag),
     "search": Shot("Rocketman_search", 1060, 1500, search, kept=1245),
     "match": Shot("Depth_maps?pair=fence", 1060, 3000, match),
-    "driving": Shot("Driving", 1320, 1500, driving),
+    "driving": Shot("Driving", 1320, 1800, driving),
     "calibrate": Shot("Calibrate", 1060, 2600, calibrating),
 }
 
@@ -130,7 +133,9 @@ def taken(open_page: OpenPage, shot: Shot, scheme: str) -> Image.Image:
     page.set_viewport_size({"width": shot.width, "height": shot.height})
     settled(page)
     elements = shot.shown(page)
-    expect(page.get_by_test_id("stTooltipContent")).to_have_count(0)
+    settled(page)
+    expect(page.locator("[data-testid=stTooltipContent], [data-stale=true]")).to_have_count(0)
+    page.wait_for_timeout(FADING_MS)
     boxes = [one.bounding_box() for one in elements]
     left, top = (min(box[side] for box in boxes if box) for side in ("x", "y"))
     right = max(box["x"] + box["width"] for box in boxes if box)
