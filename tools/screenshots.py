@@ -90,7 +90,7 @@ def match(page: Page) -> Sequence[Locator]:
     visit = DepthPage(page)
     visit.choose("Why this match?")
     visit.press("A pattern that repeats")
-    return page.get_by_role("heading", name="Look closer"), visit.pictures.locator(".legends")
+    return page.get_by_role("heading", name="Look closer"), visit.pictures.locator(".hint")
 
 
 def driving(page: Page) -> Sequence[Locator]:
