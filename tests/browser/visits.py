@@ -57,9 +57,10 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
         if message.type == "error" and "/_stcore/" not in message.location["url"]:
             errors.append(f"{message.text} ({message.location['url']})")
 
-    def opened(path: str = "", *, scheme: str = "light", width: int = 1280) -> Page:
+    def opened(path: str = "", *, scheme: str = "light", width: int = 1280, scale: float = 1) -> Page:
         page = browser.new_page(
             viewport={"width": width, "height": 900},
+            device_scale_factor=scale,
             color_scheme=scheme,  # type: ignore[arg-type]
         )
         pages.append(page)
