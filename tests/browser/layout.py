@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
+PATIENCE = 100
+
 CUT = """
 () => {
   const main = document.querySelector("[data-testid=stMainBlockContainer]");
@@ -48,6 +50,11 @@ def cut(page: Page, width: int) -> list[str]:
     # A scroll bar of the whole page would be as bad.
     page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
     found: list[str] = page.evaluate(CUT)
+    for _ in range(PATIENCE):  # charts follow a moment later
+        if not found:
+            break
+        page.wait_for_timeout(100)
+        found = page.evaluate(CUT)
     return found
 
 

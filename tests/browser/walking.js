@@ -1,5 +1,8 @@
 // Follows the focus through a page: what the Tab key stops at, and whether that is seen.
 (() => {
+  document.body.tabIndex = -1; // from the beginning, wherever the focus was
+  document.body.focus();
+  document.body.removeAttribute("tabindex");
   if (window.walk) {
     window.walk.stops = [];
     return;
