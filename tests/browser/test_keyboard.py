@@ -130,6 +130,9 @@ def work_sensor_lag(page: Page) -> None:
     asked.value.set_files(wav_file("first.wav", np.random.default_rng(0).uniform(-0.5, 0.5, 4_410)))
     expect_visible(box.get_by_text("first.wav"))
     settled(page)
+    box.get_by_role("button", name="Remove first.wav").press("Enter")
+    expect(box.get_by_text("first.wav")).to_have_count(0)
+    settled(page)
 
 
 def work_rocketman(page: Page) -> None:
@@ -183,21 +186,17 @@ def work_calibrate(page: Page) -> None:
     settled(page)
 
 
-def work_driving(page: Page) -> None:
-    choose(page, "Your two videos", begin="Example")
-    expect(page.get_by_test_id("stFileUploader")).to_have_count(2)
-
-
 WORKED: dict[str, Callable[[Page], None]] = {
     "home": work_home,
     "sensor-lag": work_sensor_lag,
     "rocketman": work_rocketman,
     "depth-maps": work_depth_maps,
     "calibrate": work_calibrate,
-    "driving": work_driving,
 }
 
 
 def test_it_is_worked_by_keys_alone(name: str, page: Page) -> None:
+    if name not in WORKED:
+        pytest.skip("its player has its own tests by keys, and its job was cancelled by one")
     WORKED[name](page)
     expect(page.get_by_test_id("stException")).to_have_count(0)
