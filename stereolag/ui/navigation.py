@@ -19,6 +19,7 @@ from stereolag.ui.visits import run_again_when_reconnected, this_visit
 from stereolag.warming import warm
 
 ICON = Path(__file__).with_name("icon.svg")
+STYLE = Path(__file__).with_name("page.css")
 
 PAGES = {
     "app.py": ("Home", ":material/home:"),
@@ -47,6 +48,7 @@ def page(title: str, introduction: str = "") -> Iterator[None]:
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=ICON, layout="wide")
     _prepare_process()
     this_visit()
+    st.html(STYLE)
     with st.container(horizontal=True, gap="medium", vertical_alignment="center", key="page-links"):
         for path, (label, icon) in PAGES.items():
             st.page_link(path, label=label, icon=icon)

@@ -23,6 +23,9 @@ KEY = "depth.space"
 FAR_BEHIND = 3.0
 """Times the median distance: what lies beyond is not shown at first."""
 
+VIEWS = {"Left camera": (0, 0), "Left": (-50, 15), "Right": (50, 15), "Above": (0, 60)}
+"""How far each is turned and raised about the middle of the scene, degrees."""
+
 LEAST_SHARE, MOST_AT_FIRST = 20, 95
 CELLS = 280
 METRES, BASELINES = "m", "baselines"
@@ -74,15 +77,21 @@ def show_space(view: DepthView) -> None:
             help="The farthest points are the least certain: their distance grows without bound as the disparity "
             "nears zero. Leaving some of them out brings the rest closer.",
         )
+        seen_from = st.segmented_control(
+            "Seen from", list(VIEWS), default=next(iter(VIEWS)), required=True, key=f"{KEY}.seen_from"
+        )
     space = _space(view, view.results[name], calibration, float(np.nanpercentile(depth, nearest)))
     if space.above is None:
         st.info("Nothing but flying pixels: no surface is larger than a few pixels.")
         return
     cloud, above = st.columns([3, 2], gap="medium")
     with cloud:
-        st.markdown("**Point cloud**, from where the left camera stands: drag to turn, scroll to come closer")
+        st.markdown("**Point cloud**: drag to turn, scroll to come closer")
+        turned, raised = VIEWS[seen_from]
         st.plotly_chart(
-            point_cloud(space.points, space.colours, unit), key=f"{KEY}.cloud", config={"displaylogo": False}
+            point_cloud(space.points, space.colours, unit, turned=turned, raised=raised),
+            key=f"{KEY}.cloud.{seen_from}",
+            config={"displaylogo": False},
         )
     with above:
         st.markdown("**Bird’s-eye view**, the camera at the bottom")

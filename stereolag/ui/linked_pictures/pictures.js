@@ -166,7 +166,9 @@ class LinkedPictures {
     button.setAttribute("aria-pressed", large);
     button.addEventListener("click", () => {
       if (!this.enlarged.delete(one.title)) this.enlarged.add(one.title);
+      const place = [...button.parentElement.children].indexOf(button);
       this.build();
+      this.find(".thumbnails").children[place]?.focus({ preventScroll: true }); // this one is drawn anew
     });
     return button;
   }
