@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import streamlit as st
 from streamlit.components.v2 import manifest_scanner
+from streamlit.runtime.caching.cache_resource_api import clear_session_cache
 from streamlit.testing.v1 import AppTest
 
 from tests.app import keys
@@ -19,6 +20,9 @@ from tests.app import keys
 PROJECT = Path(__file__).resolve().parents[2]
 
 OpenPage = Callable[[str], AppTest]
+
+SESSION = "test session id"
+"""Of every page that AppTest opens."""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -30,8 +34,14 @@ def components() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
+def a_new_visitor() -> None:
+    """Forget what the visitors before kept, who are all one to Streamlit here; what visitors share stays, as it does."""
+    clear_session_cache(SESSION)
+
+
+@pytest.fixture
 def empty_caches() -> None:
-    st.cache_data.clear()
+    """Forget what visitors share too: examples, and what was computed of them."""
     st.cache_resource.clear()
 
 
