@@ -1,6 +1,7 @@
-"""Tests run again and again beside a busy process, and how often each fails: ``python -m tests.repeated tests/browser``.
+"""Tests run again and again beside a busy process, and how often each fails.
 
-A test that waits for too little passes on an idle machine. Ends with 1 where anything failed.
+``python -m tests.repeated --times 20 tests/browser``; what it does not know itself goes to pytest. A test that waits
+for too little passes on an idle machine. Ends with 1 where anything failed.
 """
 
 from __future__ import annotations

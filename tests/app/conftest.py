@@ -35,7 +35,7 @@ def components() -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def a_new_visitor() -> None:
-    """Forget what the visitors before kept, who are all one to Streamlit here; what visitors share stays, as it does."""
+    """Forget what the visitor before kept, who is the same one to Streamlit; what visitors share stays."""
     clear_session_cache(SESSION)
 
 
