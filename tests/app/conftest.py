@@ -33,6 +33,12 @@ def components() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module", autouse=True)
+def a_new_server() -> None:
+    """Forget, once a file, what visitors share, examples and what was computed of them: files run in any order."""
+    st.cache_resource.clear()
+
+
 @pytest.fixture(autouse=True)
 def a_new_visitor() -> None:
     """Forget what the visitor before kept, who is the same one to Streamlit; what visitors share stays."""
@@ -41,7 +47,7 @@ def a_new_visitor() -> None:
 
 @pytest.fixture
 def empty_caches() -> None:
-    """Forget what visitors share too: examples, and what was computed of them."""
+    """Forget before a test what visitors share too: where it is told by the computing."""
     st.cache_resource.clear()
 
 
