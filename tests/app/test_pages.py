@@ -5,8 +5,9 @@ from collections.abc import Callable
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.ui.navigation import PAGES
 from tests.app import keys
-from tests.app.conftest import figures, viewers
+from tests.app.conftest import PROJECT, figures, viewers
 
 OpenPage = Callable[[str], AppTest]
 
@@ -15,25 +16,19 @@ def numbers(app: AppTest) -> dict[str, str]:
     return {metric.label: metric.value for metric in app.metric}
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "app.py",
-        "pages/1_Sensor_lag.py",
-        "pages/2_Rocketman_search.py",
-        "pages/3_Depth_maps.py",
-        "pages/4_Calibrate.py",
-        "pages/5_Driving.py",
-    ],
-)
+@pytest.mark.parametrize("path", PAGES)
 def test_every_page_runs_and_links_to_every_other(open_page: OpenPage, path: str) -> None:
     app = open_page(path)
     assert not app.exception
     assert not app.error
     assert len(app.title) == 1
-    assert len(app.get("page_link")) >= 6
+    assert len(app.get("page_link")) >= len(PAGES)
     # A picture in a file of its own may be replaced before a browser asks for it.
     assert all(one.url.startswith("data:image/") for element in app.get("image") for one in element.proto.imgs)
+
+
+def test_every_file_of_the_pages_is_linked() -> None:
+    assert sorted(PAGES) == ["app.py", *sorted(f"pages/{path.name}" for path in (PROJECT / "pages").glob("*.py"))]
 
 
 def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> None:

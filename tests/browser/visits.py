@@ -96,9 +96,12 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
         if message.type == "error" and "/_stcore/" not in message.location["url"]:
             errors.append(f"{message.text} ({message.location['url']})")
 
-    def opened(path: str = "", *, scheme: str = "light", width: int = 1280, moving: bool = False) -> Page:
+    def opened(
+        path: str = "", *, scheme: str = "light", width: int = 1280, scale: float = 1, moving: bool = False
+    ) -> Page:
         page = browser.new_page(
             viewport={"width": width, "height": 900},
+            device_scale_factor=scale,
             color_scheme=scheme,  # type: ignore[arg-type]
             # Drawing what only moves while a page waits, without a graphics card, takes a third of all time.
             reduced_motion="no-preference" if moving else "reduce",

@@ -1,15 +1,7 @@
 // Follows the crosshair of the pictures and explains the window under it, with nothing asked of the server.
 
-const panels = new WeakMap();
-
-export default function ({ data, parentElement }) {
-  let panel = panels.get(parentElement);
-  if (!panel) panels.set(parentElement, (panel = new Panel(parentElement)));
-  panel.load(data);
-  return () => {
-    panel.close();
-    panels.delete(parentElement);
-  };
+export default function (component) {
+  return shown(Panel, component);
 }
 
 class Panel {

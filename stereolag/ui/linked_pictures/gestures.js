@@ -2,17 +2,11 @@
 
 const DRAG_PX = 4;
 const DOUBLE_CLICK_MS = 300;
-const views = new WeakMap();
 
-export default function ({ data, parentElement, setTriggerValue }) {
-  let view = views.get(parentElement);
-  if (!view) views.set(parentElement, (view = new HandledPictures(parentElement)));
-  view.onPick = (pixel) => setTriggerValue("picked", pixel);
-  view.load(data);
-  return () => {
-    view.close();
-    views.delete(parentElement);
-  };
+export default function (component) {
+  return shown(HandledPictures, component, (view) => {
+    view.onPick = (pixel) => component.setTriggerValue("picked", pixel);
+  });
 }
 
 class HandledPictures extends LinkedPictures {

@@ -15,14 +15,13 @@ from stereolag.sequences.records import FrameRecord
 from stereolag.ui.linked_pictures import source
 
 HERE = Path(__file__).parent
-NAME_CHARACTERS = 32
 
 
 _player = st.components.v2.component(
     "stereolag.player",
     html=source("player.html", folder=HERE),
     css=source("legends.css") + source("player.css", folder=HERE),
-    js=source("legends.js") + source("player.js", folder=HERE),
+    js=source("shown.js", "legends.js") + source("player.js", folder=HERE),
 )
 # Each piece travels alone: Streamlit finds those that are there already, and does not send them again.
 _piece = st.components.v2.component("stereolag.video_piece", js=source("piece.js", folder=HERE))

@@ -5,19 +5,13 @@ const SVG = "http://www.w3.org/2000/svg";
 const COLOURS = ["#7c5cd6", "#d97706", "#0e9f6e", "#d6336c"];
 const WIDTH = 1000;
 const HEIGHT = 48;
-const players = new WeakMap();
 
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
-export default function ({ data, parentElement, setTriggerValue }) {
-  let player = players.get(parentElement);
-  if (!player) players.set(parentElement, (player = new Player(parentElement)));
-  player.onOpen = (frame) => setTriggerValue("opened", frame);
-  player.load(data);
-  return () => {
-    player.close();
-    players.delete(parentElement);
-  };
+export default function (component) {
+  return shown(Player, component, (player) => {
+    player.onOpen = (frame) => component.setTriggerValue("opened", frame);
+  });
 }
 
 class Player {
