@@ -22,7 +22,7 @@ setup: $(VENV)/.run-ready $(VENV)/.loops-warm
 setup-dev: setup $(VENV)/.dev-ready
 
 test: check
-	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 check: setup-dev
 	$(BIN)/ruff check .

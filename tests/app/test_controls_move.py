@@ -157,7 +157,7 @@ def test_the_box_beside_a_slider_takes_an_exact_value(open_page: OpenPage, shown
 
 
 @pytest.fixture(autouse=True)
-def empty_caches() -> None:
+def a_new_visitor() -> None:
     """Keep what was computed from one control to the next, as a visitor's session does."""
 
 

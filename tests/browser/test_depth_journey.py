@@ -323,7 +323,6 @@ def test_a_search_shows_its_progress_is_ended_and_taken_over(open_page: OpenPage
     expect(visit.page.get_by_test_id("stProgress")).to_contain_text(
         re.compile("[1-9][0-9]* tried. Yours: bad-2 [0-9.]+ %")
     )
-    visit.page.screenshot(path="screenshots/journey-suggest-running-light.png")
     visit.page.get_by_role("button", name="Cancel").click()
     said = visit.page.get_by_text("Bad-2 on the whole images")
     expect(said).to_contain_text("ended before it had tried everything")
