@@ -28,7 +28,7 @@ def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
     """Return what to search for, or None where the settings are refused."""
     template, controls = st.columns([1, 4], gap="large")
     with template:
-        show_png(figures.what_counts(inputs.template, inputs.mask), "Look for this", stretch=False)
+        show_png(figures.what_counts(inputs.template, inputs.mask), "The template", "Look for this", stretch=False)
     with controls:
         method = control(TemplateQuery, "method", key="template.method", names=TEMPLATE_METHODS)
         st.caption(TEMPLATE_METHODS_EXPLAINED[method])
@@ -53,7 +53,8 @@ def show_scores(result: TemplateSearch, query: TemplateQuery) -> None:
     with scores:
         marked = result.matches if result.found else doubtful(result)
         show_score_map(figures.score_map_png(result.score_map, marked), result.score_map)
-    legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False})
+    alt = "Colours of the scores: dark at 0, yellow at 1."
+    legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False}, alt=alt)
     legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
 
 

@@ -19,6 +19,7 @@ from stereolag.ui.visits import run_again_when_reconnected, this_visit
 from stereolag.warming import warm
 
 ICON = Path(__file__).with_name("icon.svg")
+STYLE = Path(__file__).with_name("page.css")
 
 PAGES = {
     "app.py": ("Home", ":material/home:"),
@@ -45,6 +46,7 @@ def page(title: str, introduction: str = "") -> Iterator[None]:
     itself.
     """
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=ICON, layout="wide")
+    st.html(STYLE)
     _prepare_process()
     this_visit()
     with st.container(horizontal=True, gap="medium", vertical_alignment="center", key="page-links"):

@@ -160,7 +160,9 @@ class LinkedPictures {
 
   // A small picture that joins the large ones when it is clicked, and leaves them again.
   thumbnail(one) {
-    const button = element("button", "", surface(one), element("span", "", one.title));
+    const title = element("span", "", one.title);
+    title.setAttribute("aria-hidden", true); // the picture says it too
+    const button = element("button", "", surface(one), title);
     const large = this.isLarge(one);
     Object.assign(button, { type: "button", title: large ? "Make it small again" : "Enlarge" });
     button.setAttribute("aria-pressed", large);
