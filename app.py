@@ -99,7 +99,7 @@ with page(
 ):
     for column, (question, (show, path, name)) in zip(st.columns(3, gap="medium"), MEASUREMENTS.items(), strict=True):
         with column.container(border=True, height="stretch"):
-            st.markdown(f"#### {question}")
+            st.markdown(f"## {question}")
             show()
             st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
     st.space("small")

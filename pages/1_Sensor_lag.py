@@ -20,7 +20,7 @@ from stereolag.ui.searches import LAG_METHODS, LAG_METHODS_EXPLAINED
 
 def listen(pair: RecordingPair, search: LagSearch) -> None:
     """Show both recordings and let them be heard."""
-    st.subheader("The recordings", anchor=False)
+    st.header("The recordings", anchor=False)
     signals = pair.signal_1, pair.signal_2, search.sampling_rate
     st.plotly_chart(figures.waveforms(*signals), key="waveforms", alt=waveforms_in_words(*signals))
     for column, signal, name in zip(st.columns(2, gap="medium"), (pair.signal_1, pair.signal_2), "12", strict=True):
@@ -52,10 +52,10 @@ def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     with left:
         show_curve(pair, result, search)
     with right:
-        st.markdown("##### Shifted to line up")
+        st.markdown("### Shifted to line up")
         lined_up = figures.aligned(pair.signal_1, pair.signal_2, result.lag, search.sampling_rate)
         st.plotly_chart(lined_up, key="aligned", alt=aligned_in_words(result))
-    st.markdown("##### Up close: 200 samples of both")
+    st.markdown("### Up close: 200 samples of both")
     first, last = figures.shared_samples(pair.signal_1, pair.signal_2, result.lag)
     start = first
     if last - first > figures.CLOSE_UP_SAMPLES:

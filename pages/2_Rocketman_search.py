@@ -48,7 +48,7 @@ def show_scores(result: TemplateSearch, query: TemplateQuery) -> None:
     if result.score_map is None:
         st.caption(why_no_score_map(query))
         return
-    st.markdown("##### How well it fits at every place")
+    st.markdown("### How well it fits at every place")
     scores, legend = st.columns([3, 1], gap="medium")
     with scores:
         marked = result.matches if result.found else doubtful(result)
@@ -93,7 +93,7 @@ def find(inputs: PictureAndTemplate) -> None:
     show_scores(result, query)
     show_opencv_beside(inputs, result, query.method)
     show_match_files(inputs, result, query)
-    st.subheader("See why", anchor="see-why")
+    st.header("See why", anchor="see-why")
     by_hand, steps, damage = st.tabs(SEE_WHY, key="template.see_why", on_change="rerun")
     with by_hand:
         search_by_hand(inputs, result.matches)

@@ -50,7 +50,7 @@ def show_estimates(view: DepthView) -> None:
     if not judged:
         return
     _show_table(judged, reference)
-    st.markdown("##### Where they differ from it")
+    st.markdown("### Where they differ from it")
     for column, (name, result) in zip(st.columns(len(judged)), judged.items(), strict=True):
         with column:
             st.markdown(f"**{name}**")

@@ -162,7 +162,7 @@ def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExpla
 
 def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the window beside the places found, enlarged."""
-    st.markdown("##### The windows compared")
+    st.markdown("### The windows compared")
     places = [("Looked for", view.pair.left, seen.window, math.nan)]
     if seen.found:
         places.append(("Found", view.pair.right, seen.found, seen.peak_score))
@@ -184,7 +184,7 @@ def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None
 
 def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the scores of all lags, and of some rows above and below that were not searched."""
-    st.markdown("##### The score of every place")
+    st.markdown("### The score of every place")
     around = explain_match(with_rows_around(matcher, ROWS_AROUND), view.pair.left, view.pair.right, *pixel)
     shape = st.segmented_control(
         "Shape",
@@ -220,19 +220,19 @@ def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     }
     row, fit = st.columns([1.7, 1], gap="medium")
     with row:
-        st.markdown("##### Along the row")
+        st.markdown("### Along the row")
         along = scores_in_words(seen, "The scores along the row")
         st.plotly_chart(score_row(seen, view.pair.right, drawn), key=f"{KEY}.row", config=PLAIN_CHART, alt=along)
     with fit:
-        st.markdown("##### Between the pixels")
+        st.markdown("### Between the pixels")
         if seen.peak is None or np.isnan(seen.fit(0.0)):
             st.caption(NO_FIT)
         else:
             st.plotly_chart(sub_pixel_fit(seen), key=f"{KEY}.fit", config=PLAIN_CHART, alt=fit_in_words(seen))
             st.caption(SQUARE_FIT if len(seen.around) > 1 else ROW_FIT)
-    st.markdown("##### The disparity by each method")
+    st.markdown("### The disparity by each method")
     lines = [f"| **{name}** | {said} |" for name, (_, said) in disparities.items()]
-    st.markdown("\n".join(["| | disparity |", "|---|---|", *lines]))
+    st.markdown("\n".join(["| method | disparity |", "|---|---|", *lines]))
 
 
 def _disparities(view: DepthView, pixel: Pixel) -> dict[str, tuple[float, str]]:

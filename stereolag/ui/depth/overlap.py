@@ -17,7 +17,7 @@ def show_overlap(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
     """Show the window that was explained among its neighbours, and say how many values the map has there."""
     height, width = view.pair.left.shape[:2]
     grid = window_grid((height, width), seen.window, matcher.step)
-    st.markdown("##### How the windows overlap")
+    st.markdown("### How the windows overlap")
     figure, words = st.columns([1.3, 1], gap="medium", vertical_alignment="center")
     said = overlap_in_words(grid, matcher.overlap)
     with figure:

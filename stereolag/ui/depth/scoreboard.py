@@ -57,7 +57,7 @@ def show_scoreboard(view: DepthView) -> None:
         return
     judgements = {name: _judged(view, result, truth) for name, result in view.results.items()}
     _show_tables(judgements)
-    st.markdown("##### Where they are wrong")
+    st.markdown("### Where they are wrong")
     for column, (name, result) in zip(st.columns(len(view.results)), view.results.items(), strict=True):
         with column:
             st.markdown(f"**{name}**")
@@ -70,7 +70,7 @@ def show_scoreboard(view: DepthView) -> None:
         alt=ERROR_COLOURS_IN_WORDS,
     )
     st.caption("Grey: no disparity." if np.isfinite(truth).all() else "Grey: no disparity. Black: no ground truth.")
-    st.markdown("##### Do they know where they are wrong?")
+    st.markdown("### Do they know where they are wrong?")
     _show_curves({name: judgement.curve for name, judgement in judgements.items()})
 
 

@@ -20,7 +20,7 @@ FAIR, PLAIN = "Fair to short overlaps", "Plain Pearson"
 
 def show_verdict(result: SignalLag, search: LagSearch) -> None:
     """Say whether there is a lag, and which; in numbers too, metres only where it is sure."""
-    st.subheader(verdict_in_words(result), anchor=False)
+    st.header(verdict_in_words(result), anchor=False)
     announce(verdict_in_words(result))
     for sentence in verdict_explained(result, search.sampling_rate, search.speed):
         st.markdown(sentence)
@@ -62,7 +62,7 @@ def _always(result: SignalLag) -> tuple[Number, ...]:
 
 def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show where the recordings agree, with what chance gives, and how the lag changes over time."""
-    st.markdown("##### Where the recordings agree")
+    st.markdown("### Where the recordings agree")
     sizes, title = None, CURVES[search.method]
     if search.method in ("fft", "direct"):
         curve = st.segmented_control(

@@ -144,7 +144,7 @@ class LinkedPictures {
     const layers = indices.map((index) => element("div", "layer", surface(this.pictures[index])));
     const viewport = element("div", "viewport", ...layers);
     viewport.style.aspectRatio = `${this.header.cols} / ${this.header.rows}`;
-    const svg = drawn("svg", { preserveAspectRatio: "none" }, viewport);
+    const svg = drawn("svg", { preserveAspectRatio: "none", "aria-hidden": true }, viewport);
     const readings = indices.map(() => element("p", "reading"));
     const caption = element("figcaption", "", ...indices.map((index) => element("span", "", this.pictures[index].title)));
     const below = indices.length > 1 || !this.pictures[indices[0]].figures.length ? null : element("dl", "figures");

@@ -23,7 +23,7 @@ COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight",
 
 def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: TemplateQuery) -> None:
     """Say what was found, in words and in numbers, and show the places in the picture and enlarged beside it."""
-    st.subheader(headline(result), anchor=False)
+    st.header(headline(result), anchor=False)
     announce(f"{headline(result)}. Score {_score(result.best)}.")
     if not result.found:
         st.warning(why_not_found(result, query), icon=":material/search_off:")
