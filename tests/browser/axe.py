@@ -13,12 +13,9 @@ from playwright.sync_api import Page, expect
 from tests.browser.visits import SCREENSHOTS, settled
 
 REPORT = SCREENSHOTS / "axe.json"
-"""Of the last run: axe's version, and the findings of every state of every page by rule, those let pass too."""
+"""Of the last run: axe's version, and how many elements each rule finds fault with in each state of each page."""
 
 FAULTS = ("moderate", "serious", "critical")
-
-EXCEPTIONS: dict[str, tuple[str, ...]] = {}
-"""Rules that Streamlit's own markup breaks where nothing here can mend it: parts of the selector axe gives."""
 
 FIND = """
 async ([exclude, options]) => (await axe.run({ include: [["html"]], exclude }, options)).violations
@@ -27,23 +24,19 @@ COLOURS_ALONE = {"runOnly": {"type": "rule", "values": ["color-contrast"]}}
 
 NAMELESS = """
 () => {
-  const nameless = [];
-  const look = (root) => {
-    for (const one of root.querySelectorAll("*")) {
-      if (one.shadowRoot) look(one.shadowRoot);
-      if (!one.matches("img, canvas, svg, [data-testid=stPlotlyChart]") || !one.checkVisibility()) continue;
-      if (one.closest("[aria-hidden=true], [role=img] *, button, [role=button]")) continue;
-      if (one.closest("[data-testid=stDataFrame], #js-plotly-tester")) continue; // a table for readers lies beside; no part of the page
-      if (one.closest("[data-testid=stPlotlyChart]") && !one.matches("[data-testid=stPlotlyChart]")) continue;
-      const named = one.matches("img") ? one.hasAttribute("alt") : one.getAttribute("aria-label");
-      if (!named) nameless.push(one.outerHTML.slice(0, 120));
-    }
-  };
-  look(document);
-  return nameless;
+  const drawings = "img, canvas, svg, [data-testid=stPlotlyChart]";
+  const named = (one) => (one.matches("img") ? one.hasAttribute("alt") : one.getAttribute("aria-label"));
+  // A button has the name of all that is in it, and a table its own for readers; the last is no part of the page.
+  const excused = (one) =>
+    one.closest("[aria-hidden=true], [role=img] *, button, [role=button], [data-testid=stDataFrame], #js-plotly-tester")
+    || one.parentElement?.closest("[data-testid=stPlotlyChart]");
+  const within = (root) => [...root.querySelectorAll("*")].flatMap((one) => [one, ...(one.shadowRoot ? within(one.shadowRoot) : [])]);
+  return within(document)
+    .filter((one) => one.matches(drawings) && one.checkVisibility() && !excused(one) && !named(one))
+    .map((one) => one.outerHTML.slice(0, 120));
 }
-"""
-"""Pictures, drawings and charts that are seen and neither named nor decoration; in buttons the button has the name."""
+"""  # noqa: E501
+"""Pictures, drawings and charts that are seen, and are neither named nor decoration."""
 
 
 class Finding(NamedTuple):
@@ -70,17 +63,27 @@ class Audit:
         app = page.get_by_test_id("stApp")
         theme = app.evaluate("(app) => getComputedStyle(app).colorScheme")
         other = "light" if theme == "dark" else "dark"
-        found = self._findings(page, but, {})
-        nameless = page.evaluate(NAMELESS)
+        found, without_text = self.findings(page, but=but), nameless(page)
         page.emulate_media(color_scheme=other)  # type: ignore[arg-type]
         expect(app).to_have_css("color-scheme", other)
         settled(page)
-        colours = self._findings(page, but, COLOURS_ALONE)
+        colours = self.findings(page, COLOURS_ALONE, but=but)
         for shown, findings in ((theme, found), (other, colours)):
             self._report[f"{state}, {shown}"] = Counter({one.rule: len(one.targets) for one in findings})
-        faults = [one for one in map(_inexcusable, [*found, *colours]) if one.targets and one.impact in FAULTS]
+        faults = [one for one in (*found, *colours) if one.impact in FAULTS]
         assert not faults, f"{state}: {faults}"
-        assert not nameless, f"{state}: no alternative text: {nameless}"
+        assert not without_text, f"{state}: no alternative text: {without_text}"
+
+    def findings(self, page: Page, options: dict[str, Any] | None = None, *, but: Sequence[str] = ()) -> list[Finding]:
+        """Return what axe-core finds, the minor too."""
+        if not page.evaluate("'axe' in window"):
+            page.evaluate(self._script)
+        self._version = page.evaluate("axe.version")
+        violations = page.evaluate(FIND, [[[one] for one in but], {"resultTypes": ["violations"]} | (options or {})])
+        return [
+            Finding(one["id"], one["impact"], tuple(_selector(node["target"]) for node in one["nodes"]))
+            for one in violations
+        ]
 
     def keep(self) -> None:
         """Write the report."""
@@ -88,25 +91,13 @@ class Audit:
         report = {"axe-core": self._version, "findings": self._report}
         REPORT.write_text(json.dumps(report, indent=1), encoding="utf-8")
 
-    def _findings(self, page: Page, but: Sequence[str], options: dict[str, Any]) -> list[Finding]:
-        if not page.evaluate("'axe' in window"):
-            page.evaluate(self._script)
-        self._version = page.evaluate("axe.version")
-        violations = page.evaluate(FIND, [[[one] for one in but], options | {"resultTypes": ["violations"]}])
-        return [
-            Finding(one["id"], one["impact"], tuple(_selector(node["target"]) for node in one["nodes"]))
-            for one in violations
-        ]
+
+def nameless(page: Page) -> list[str]:
+    """Return the beginning of each picture, drawing and chart that has no alternative text."""
+    found: list[str] = page.evaluate(NAMELESS)
+    return found
 
 
 def _selector(target: list[Any]) -> str:
     """Return the selector of an element; within a shadow root axe gives one for each root on the way."""
     return " >> ".join(one if isinstance(one, str) else " >> ".join(one) for one in target)
-
-
-def _inexcusable(finding: Finding) -> Finding:
-    """Return a finding without the elements that are excepted."""
-    excepted = EXCEPTIONS.get(finding.rule, ())
-    return finding._replace(
-        targets=tuple(target for target in finding.targets if not any(part in target for part in excepted))
-    )

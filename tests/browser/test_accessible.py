@@ -5,10 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, expect
 
-from tests.browser.axe import Audit
-from tests.browser.visits import OpenPage, settled
+from tests.browser.axe import Audit, nameless
+from tests.browser.visits import OpenPage, expect_visible, settled
+
+BENCH = (".st-key-depth-bench", ".st-key-depth-head", ".st-key-page-links")
+"""Of the depth page: what stays while its parts change."""
+
+PARTS = (
+    "Compare",
+    "Values",
+    "Why this match?",
+    "Why blank?",
+    "Scoreboard",
+    "All pairs",
+    "Sweep",
+    "Suggest",
+    "In 3-D",
+)
 
 
 @pytest.fixture(scope="module")
@@ -23,9 +38,17 @@ def press(page: Page, role: str, name: str) -> None:
     settled(page)
 
 
-def unfold(page: Page, title: str) -> None:
-    page.locator("summary:visible").filter(has_text=title).first.click()
-    settled(page)
+def unfold(page: Page, *titles: str) -> None:
+    for title in titles:
+        page.locator("summary:visible").filter(has_text=title).first.click()
+        settled(page)
+
+
+def announced(page: Page) -> Locator:
+    """Return the live region, marked: what takes its place later is not read aloud."""
+    region = page.locator("#stereolag-announced")
+    region.evaluate("(one) => { one.dataset.met = 'before'; }")
+    return page.locator("#stereolag-announced[data-met=before][role=status][aria-live=polite]")
 
 
 def test_home(open_page: OpenPage, audit: Audit) -> None:
@@ -34,24 +57,33 @@ def test_home(open_page: OpenPage, audit: Audit) -> None:
 
 def test_sensor_lag(open_page: OpenPage, audit: Audit) -> None:
     page = open_page("Sensor_lag")
-    unfold(page, "All four methods")
+    region = announced(page)
+    expect(region).to_have_text("Sensor 2 hears it 1.136 s after sensor 1: its path is 378.17 m longer.")
+    press(page, "radio", "Harbour in the wind")
+    expect(region).to_contain_text("Sensor 1 hears it 0.7083 s after sensor 2")
+    unfold(page, "All four methods", "Hear both together", "Take it away", "The source report")
     press(page, "button", "Compare the methods")
     audit.check(page, "Sensor lag")
     for tab in ("Fool it", "Arrows that line up", "From lag to metres"):
         press(page, "tab", tab)
         audit.check(page, f"Sensor lag: {tab}")
+    press(page, "radio", "Your own files")
+    audit.check(page, "Sensor lag: own files")
+    page.get_by_test_id("stPageLink").get_by_text("Home", exact=True).click()
+    expect(region).to_have_text("")
 
 
 def test_rocketman_search(open_page: OpenPage, audit: Audit) -> None:
     page = open_page("Rocketman_search")
     page.get_by_role("button", name="Reveal").click()
+    unfold(page, "Paint a mask", "Take it away")
     audit.check(page, "Rocketman search")
     for tab in ("Step by step", "Damage it"):
         press(page, "tab", tab)
         audit.check(page, f"Rocketman search: {tab}")
-    page.get_by_text("Your own files").click()
-    settled(page)
-    audit.check(page, "Rocketman search: own files")
+    press(page, "radio", "Cut from the image")
+    audit.check(page, "Rocketman search: a template cut out")
+    press(page, "radio", "Your own files")
     broken = {"name": "broken.png", "mimeType": "image/png", "buffer": b"this is no picture"}
     page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(broken)
     expect(page.get_by_test_id("stAlertContentError")).to_contain_text("accepted are")
@@ -61,25 +93,24 @@ def test_rocketman_search(open_page: OpenPage, audit: Audit) -> None:
 
 def test_depth_maps(open_page: OpenPage, audit: Audit) -> None:
     page = open_page("Depth_maps?pair=square")
+    region = announced(page)
+    before = region.inner_text()
+    assert "Coverage" in before
+    page.get_by_role("slider", name="Window").press("ArrowRight")
+    expect(region).not_to_have_text(before)
+    expect(region).to_contain_text("Bad-2")
     audit.check(page, "Depth maps")
-    page.get_by_text("choose a pair or bring your own").click()
-    settled(page)
-    audit.check(page, "Depth maps: choice of the pair")
-    page.get_by_text("choose a pair or bring your own").click()
-    bench = (".st-key-depth-bench", ".st-key-depth-head", ".st-key-page-links")  # looked at already
-    for part in (
-        "Compare",
-        "Values",
-        "Why this match?",
-        "Why blank?",
-        "Scoreboard",
-        "All pairs",
-        "Sweep",
-        "Suggest",
-        "In 3-D",
-    ):
+    for part in PARTS:
         press(page, "radio", part)
-        audit.check(page, f"Depth maps: {part}", but=bench)
+        audit.check(page, f"Depth maps: {part}", but=BENCH)
+    press(page, "radio", PARTS[-1])  # folded again
+    unfold(page, "choose a pair or bring your own")
+    press(page, "radio", "Your own files")
+    unfold(page, "More settings", "Input doctor", "Take it away")
+    press(page, "button", "Before / after")
+    page.get_by_role("button", name="Colours").click()
+    settled(page)
+    audit.check(page, "Depth maps: all unfolded")
 
 
 def test_calibrate(open_page: OpenPage, audit: Audit) -> None:
@@ -87,4 +118,15 @@ def test_calibrate(open_page: OpenPage, audit: Audit) -> None:
 
 
 def test_driving(open_page: OpenPage, audit: Audit) -> None:
-    audit.check(open_page("Driving"), "Driving")
+    page = open_page("Driving")
+    expect_visible(page.locator(".player"))
+    audit.check(page, "Driving")
+
+
+def test_it_looks_into_components(open_page: OpenPage, audit: Audit) -> None:
+    page = open_page("Depth_maps?pair=square")
+    zoom = page.locator(".linked button[data-zoom=in]").first
+    zoom.evaluate("(one) => { one.textContent = ''; one.title = ''; one.removeAttribute('aria-label'); }")
+    page.locator(".linked .layer canvas").first.evaluate("(one) => one.removeAttribute('aria-label')")
+    assert "button-name" in {one.rule for one in audit.findings(page)}
+    assert len(nameless(page)) == 1
