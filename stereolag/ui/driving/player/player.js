@@ -63,8 +63,7 @@ class Player {
     if (before?.name !== data.name) this.begin();
     this.append();
     this.find(".scrub").max = data.frames - 1;
-    const told = (one) => JSON.stringify([one?.titles, one?.charts.length]); // the first figures come after the first piece
-    if (told(before) !== told(data)) this.layOut();
+    if (JSON.stringify(before?.titles) !== JSON.stringify(data.titles)) this.layOut();
     this.find(".legends").replaceChildren(...data.legends.map(legend));
     this.drawTimeline();
     this.showFrame();
@@ -119,14 +118,8 @@ class Player {
       return canvas;
     });
     this.find(".screens").replaceChildren(
-      ...this.screens.map((canvas, at) => element("figure", "", this.caption(this.data.titles[at]), canvas)),
+      ...this.screens.map((canvas, at) => element("figure", "", element("figcaption", "", this.data.titles[at]), canvas)),
     );
-  }
-
-  // The title of a screen, with a piece of its line of the timeline.
-  caption(title) {
-    const line = this.data.charts.flatMap(({ series }) => series).find((one) => one.title === title);
-    return element("figcaption", "", ...(line ? [sample(line.colour, line.dash), " "] : []), title);
   }
 
   // Shows the picture that the video shows now, each part in its place.
@@ -218,6 +211,12 @@ class Player {
   drawTimeline() {
     this.charts = this.data.charts.map((chart) => this.chart(chart));
     this.find(".timeline").replaceChildren(...this.charts.map(({ box }) => box));
+    const drawn = this.charts.flatMap(({ series }) => series);
+    this.screens.forEach((canvas, at) => {
+      const title = this.data.titles[at];
+      const line = drawn.find((one) => one.title === title);
+      canvas.previousSibling.replaceChildren(...(line ? [sample(line.colour, line.dash)] : []), title);
+    });
   }
 
   chart({ name, unit, digits, from_zero, series }) {
