@@ -46,9 +46,9 @@ def page(title: str, introduction: str = "") -> Iterator[None]:
     itself.
     """
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=ICON, layout="wide")
-    st.html(STYLE)
     _prepare_process()
     this_visit()
+    st.html(STYLE)
     with st.container(horizontal=True, gap="medium", vertical_alignment="center", key="page-links"):
         for path, (label, icon) in PAGES.items():
             st.page_link(path, label=label, icon=icon)
