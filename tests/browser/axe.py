@@ -60,6 +60,8 @@ class Audit:
 
         All rules are held in the theme that it has; then it is turned to the other, for its colours, and stays so.
         """
+        page.mouse.move(0, 0)  # a tooltip of Streamlit's lies outside of every landmark
+        settled(page)
         app = page.get_by_test_id("stApp")
         theme = app.evaluate("(app) => getComputedStyle(app).colorScheme")
         other = "light" if theme == "dark" else "dark"

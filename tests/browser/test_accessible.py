@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.browser.axe import Audit, nameless
+from tests.browser.axe import COLOURS_ALONE, Audit, nameless
 from tests.browser.visits import OpenPage, expect_visible, settled
 
 BENCH = (".st-key-depth-bench", ".st-key-depth-head", ".st-key-page-links")
@@ -82,6 +82,10 @@ def test_rocketman_search(open_page: OpenPage, audit: Audit) -> None:
     page.get_by_role("button", name="Reveal").click()
     unfold(page, "Paint a mask", "Take it away")
     audit.check(page, "Rocketman search")
+    main = page.get_by_role("button", name="All in one ZIP")
+    main.hover()
+    expect(main).to_have_css("background-color", "rgb(185, 173, 245)")  # now in the dark
+    assert audit.findings(page, COLOURS_ALONE) == []
     for tab in ("Step by step", "Damage it"):
         press(page, "tab", tab)
         audit.check(page, f"Rocketman search: {tab}")
