@@ -28,7 +28,7 @@ def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
     """Return what to search for, or None where the settings are refused."""
     template, controls = st.columns([1, 4], gap="large")
     with template:
-        show_png(figures.what_counts(inputs.template, inputs.mask), "Look for this", stretch=False)
+        show_png(figures.what_counts(inputs.template, inputs.mask), "The template", "Look for this", stretch=False)
     with controls:
         method = control(TemplateQuery, "method", key="template.method", names=TEMPLATE_METHODS)
         st.caption(TEMPLATE_METHODS_EXPLAINED[method])
@@ -48,12 +48,13 @@ def show_scores(result: TemplateSearch, query: TemplateQuery) -> None:
     if result.score_map is None:
         st.caption(why_no_score_map(query))
         return
-    st.markdown("##### How well it fits at every place")
+    st.markdown("### How well it fits at every place")
     scores, legend = st.columns([3, 1], gap="medium")
     with scores:
         marked = result.matches if result.found else doubtful(result)
         show_score_map(figures.score_map_png(result.score_map, marked), result.score_map)
-    legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False})
+    alt = "Colours of the scores: dark at 0, yellow at 1."
+    legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False}, alt=alt)
     legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
 
 
@@ -92,7 +93,7 @@ def find(inputs: PictureAndTemplate) -> None:
     show_scores(result, query)
     show_opencv_beside(inputs, result, query.method)
     show_match_files(inputs, result, query)
-    st.subheader("See why", anchor="see-why")
+    st.header("See why", anchor="see-why")
     by_hand, steps, damage = st.tabs(SEE_WHY, key="template.see_why", on_change="rerun")
     with by_hand:
         search_by_hand(inputs, result.matches)

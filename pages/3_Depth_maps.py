@@ -64,7 +64,7 @@ def workspace(pair: StereoPair) -> None:
         show_presets(pair)
         show_controls(pair)
     write_address(pair, matchers.values())
-    st.subheader("Look closer", anchor="look-closer")
+    st.header("Look closer", anchor="look-closer")
     part = st.segmented_control(
         "Look closer", [*PARTS], key=PART, persist_state="session", width="stretch", label_visibility="collapsed"
     )

@@ -23,7 +23,7 @@ def workspace(pictures: BoardPictures) -> None:
     figures = st.container()
     by_pair, coverage = st.columns([3, 2], gap="large")
     with by_pair:
-        st.markdown("#### Pair by pair")
+        st.markdown("## Pair by pair")
         leave_out = ask_pairs(pictures, views)
     with figures:
         result = calibrated(pictures, views, square_m, leave_out)
@@ -37,7 +37,7 @@ def workspace(pictures: BoardPictures) -> None:
             show_rectified(pictures, shown, result)
     if result is not None:
         with coverage:
-            st.markdown("#### Where the board has been")
+            st.markdown("## Where the board has been")
             show_coverage(result)
 
 

@@ -98,6 +98,8 @@ class Picture:
         Whether a click on it picks a pixel.
     thumbnail
         Whether it is small at first, and grows when it is clicked.
+    alternative
+        Returns what it shows, for whoever cannot see it; read after its title.
     """
 
     title: str
@@ -107,6 +109,7 @@ class Picture:
     photograph: bool = False
     pickable: bool = True
     thumbnail: bool = False
+    alternative: Callable[[], str] = str
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,6 +221,7 @@ def described(
                 "title": one.title,
                 "pickable": one.pickable,
                 "thumbnail": one.thumbnail,
+                "alternative": one.alternative(),
                 "figures": [figure._asdict() for figure in one.figures()],
                 "depths": [asdict(depth) if (depth := reading.depth()) else None for reading in one.readings],
             }

@@ -18,7 +18,7 @@ from stereolag.inputs import Image, as_grey
 WINDOW_COLOUR = PEAK
 SEARCH_COLOUR = SENSOR_1
 RUNNER_UP_COLOUR = SENSOR_2
-TRUTH_COLOUR = "#2fa866"
+TRUTH_COLOUR = "#2a6e3e"
 
 PATCH_SIDE = 240
 FIT_REACH = 4

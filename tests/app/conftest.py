@@ -120,7 +120,7 @@ def shown() -> Callable[[AppTest], str]:
     def digest(app: AppTest) -> str:
         pictures = [picture.url for element in app.get("image") for picture in element.proto.imgs]
         charts = [element.proto.spec for element in app.get("plotly_chart")]
-        headlines = [subheader.value for subheader in app.subheader]
+        headlines = [header.value for header in app.header]
         linked = viewers(app)
         for picture in (picture for viewer in linked for picture in viewer["pictures"]):
             picture["figures"] = [figure for figure in picture["figures"] if figure["label"] != "Took"]

@@ -43,7 +43,7 @@ def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> N
 
 def test_lag_page_says_who_hears_it_later_and_how_far_apart_that_is(open_page: OpenPage) -> None:
     app = open_page("pages/1_Sensor_lag.py")
-    assert app.subheader[0].value == "Sensor 2 hears it **1.136 s** after sensor 1: its path is **378.17 m** longer."
+    assert app.header[0].value == "Sensor 2 hears it **1.136 s** after sensor 1: its path is **378.17 m** longer."
     assert numbers(app)["Lag, samples"] == "50,082"
     assert len(app.get("plotly_chart")) == 5
     assert len(app.get("audio")) == 2
@@ -52,16 +52,16 @@ def test_lag_page_says_who_hears_it_later_and_how_far_apart_that_is(open_page: O
 def test_lag_page_turns_the_sentence_round_for_a_negative_lag(open_page: OpenPage) -> None:
     app = open_page("pages/1_Sensor_lag.py")
     app.button_group(key="recordings").set_value("harbour").run()
-    assert app.subheader[0].value.startswith("Sensor 1 hears it **0.7083 s** after sensor 2")
+    assert app.header[0].value.startswith("Sensor 1 hears it **0.7083 s** after sensor 2")
     assert numbers(app)["Lag, samples"] == "-31,234"
 
 
 def test_search_page_finds_him_and_says_how_many_places_it_scored(open_page: OpenPage) -> None:
     app = open_page("pages/2_Rocketman_search.py")
-    assert app.subheader[0].value == "Found at row 528, column 982"
+    assert app.header[0].value == "Found at row 528, column 982"
     all_places = int(numbers(app)["Candidates scored"].replace(",", ""))
     app.button_group(key="template.method").set_value("sampled").run()
-    assert app.subheader[0].value == "Found at row 528, column 982"
+    assert app.header[0].value == "Found at row 528, column 982"
     assert int(numbers(app)["Candidates scored"].replace(",", "")) < all_places
 
 
@@ -69,10 +69,10 @@ def test_search_page_says_plainly_that_nothing_was_found_and_what_to_try(open_pa
     app = open_page("pages/2_Rocketman_search.py")
     app.button_group(key="pictures").set_value("maze_dulled").run()
     app.slider(key="template.min_score").set_value(1.0).run()
-    assert app.subheader[0].value == "Not found"
+    assert app.header[0].value == "Not found"
     assert "The best place scores" in app.warning[0].value
     app.button_group(key="template.method").set_value("sampled").run()
-    assert app.subheader[0].value == "Not found"
+    assert app.header[0].value == "Not found"
     assert "FFT" in app.warning[0].value
 
 

@@ -84,6 +84,8 @@ def show_space(view: DepthView) -> None:
     if space.above is None:
         st.info("Nothing but flying pixels: no surface is larger than a few pixels.")
         return
+    nearest_point = float(space.points[:, 2].min())
+    reach = f"from {_distance(nearest_point)} to {_distance(space.farthest)} {unit} away"
     cloud, above = st.columns([3, 2], gap="medium")
     with cloud:
         st.markdown("**Point cloud**: drag to turn, scroll to come closer")
@@ -92,11 +94,15 @@ def show_space(view: DepthView) -> None:
             point_cloud(space.points, space.colours, unit, turned=turned, raised=raised),
             key=f"{KEY}.cloud.{seen_from}",
             config={"displaylogo": False},
+            alt=f"Cloud of {len(space.points):,} points, {reach}.",
         )
     with above:
         st.markdown("**Bird’s-eye view**, the camera at the bottom")
         st.plotly_chart(
-            birds_eye(space.above, unit), key=f"{KEY}.above", config={"displayModeBar": False, "scrollZoom": True}
+            birds_eye(space.above, unit),
+            key=f"{KEY}.above",
+            config={"displayModeBar": False, "scrollZoom": True},
+            alt=f"The points from above, {reach}.",
         )
     st.caption(
         f"{len(space.points):,} of {space.kept:,} points, up to {_distance(space.farthest)} {unit} away. Left out: "

@@ -18,6 +18,7 @@ from stereolag.tuning.objective import Criterion, TuningPair, Unjudged, estimate
 from stereolag.tuning.parameters import Parameter, parameters
 from stereolag.tuning.sweep import estimate_sweep, range_of_sweep, sweep
 from stereolag.ui.depth.address import adopt
+from stereolag.ui.depth.alternatives import sheet_in_words
 from stereolag.ui.depth.judging import JUDGED_BY, UNJUDGED, criterion_on, known_truth, sweep_in_words, tuning_pairs
 from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, forget_job, job_on, show_running
 from stereolag.ui.depth.pair_sets import JudgedPairs
@@ -31,6 +32,8 @@ FEWER, MORE = 5, 7
 """Values tried at first, down and across."""
 
 MOST_VALUES = 10
+
+SHEETS = {"maps": "Small maps", "bad": "How wrong each is"}
 
 
 @dataclass(frozen=True)
@@ -211,6 +214,7 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shee
             on_select="rerun",
             selection_mode="points",
             config={"displayModeBar": False},
+            alt=f"{SHEETS[kind]}: {sheet_in_words(sheet, titles)}",
         )
         if event.selection.point_indices:
             clicked = int(event.selection.point_indices[0])

@@ -49,6 +49,16 @@ CHARTS = (
 )
 
 
+class Line(NamedTuple):
+    """How the figures of one method are drawn: colour-blind eyes have the dashes (px, of an SVG) as well."""
+
+    colour: str
+    dash: str
+
+
+LINES = (Line("#785bd5", ""), Line("#d87607", "8 4"), Line("#0ca674", "2 3"), Line("#bd195c", "8 3 2 3"))
+
+
 class Played(NamedTuple):
     """What is played.
 
@@ -139,7 +149,7 @@ def described(played: Played, records: Sequence[FrameRecord]) -> dict[str, Any]:
         if any(one is not None for column in values.values() for one in column):
             # Each keeps its place, and so its colour, also where others have nothing to tell.
             series = [
-                {"title": title, "values": values[method], "place": place}
+                {"title": title, "values": values[method], **LINES[place % len(LINES)]._asdict()}
                 for place, (method, title) in enumerate(played.methods.items())
                 if any(one is not None for one in values[method])
             ]
