@@ -64,8 +64,8 @@ def test_differences_are_told_in_shares() -> None:
 
 
 def test_curves_are_told_by_their_ends() -> None:
-    curve = CoverageCurve(np.array([0.25, 0.5, 1.0]), np.array([1.0, 2.0, 8.0]), np.ones(3))
-    point = CoverageCurve(np.array([0.8]), np.array([9.0]), np.ones(1))
+    curve = CoverageCurve(np.array([0.25, 0.5, 1.0]), np.array([1.0, 2.0, 8.0]))
+    point = CoverageCurve(np.array([0.8]), np.array([9.0]))
     said = depth.coverage_curves_in_words({"One": curve, "Other": point})
     assert said == (
         "Error against coverage. One: 8.0 % wrong at 100 % kept, 2.0 % at 50 %; Other: 9.0 % wrong at 80 % kept."
