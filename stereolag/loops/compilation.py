@@ -36,8 +36,8 @@ HERE = Path(__file__).absolute()
 SOURCES = HERE.parents[1]
 """The package, somewhere in which the loops lie."""
 
-MAKES_CODE = re.compile(rb"^(?:from|import) .*\b(?:numba|llvmlite|compilation)\b", re.MULTILINE)
-"""What a file with a loop, or with an instruction for loops, imports."""
+MAKES_CODE = re.compile(rb"^(?:from|import) .*\b(?:numba|llvmlite|compilation|NamedTuple)\b", re.MULTILINE)
+"""What a file with a loop, with an instruction for loops, or with a tuple that loops take, imports."""
 
 UNUSED_S = 7 * 24 * 3600
 """How long machine code of other sources is kept after a process last started with it or added to it."""

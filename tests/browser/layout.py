@@ -60,7 +60,15 @@ def cut(page: Page, width: int) -> list[str]:
 
 def jumps(page: Page, act: Callable[[], None]) -> list[tuple[int, str]]:
     """Return how far, px up or down, which parts of a page in view moved while something was done."""
-    page.evaluate(WATCH_JUMPS)
-    act()
-    found: list[tuple[int, str]] = page.evaluate("jumping.disconnect(), jumps")
+
+    def watched(act: Callable[[], None]) -> list[tuple[int, str]]:
+        page.evaluate(WATCH_JUMPS)
+        act()
+        found: list[tuple[int, str]] = page.evaluate("jumping.disconnect(), jumps")
+        return found
+
+    for _ in range(PATIENCE):  # what of the opening is still to come is no part of it
+        if not watched(lambda: page.wait_for_timeout(300)):
+            break
+    found = watched(act)
     return [(far, said) for far, said in found if far]

@@ -1,6 +1,7 @@
 // Pictures, marks, and numbers as they are read.
 
 const SVG = "http://www.w3.org/2000/svg";
+const LOADING_MS = 10_000;
 
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
@@ -50,8 +51,9 @@ function fill(made, { title, alternative, image, readings, colours, seen }) {
   else paint(made, readings[0], colours);
 }
 
+// An element that was given the picture a moment ago may still be loading it.
 function forget({ image }) {
-  if (image) URL.revokeObjectURL(image.src);
+  if (image) setTimeout(() => URL.revokeObjectURL(image.src), LOADING_MS);
 }
 
 function figures(all) {
