@@ -13,7 +13,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[2] / "stereolag"
 
 FLOORS = (
-    {"arrays", "progress", "version", "samples"},
+    {"arrays", "progress", "version", "samples", "typography"},
     {"settings", "inputs", "loops"},
     {"limits", "searches", "figures.pictures"},
     {"estimates", "figures.flow", "figures.outlines"},

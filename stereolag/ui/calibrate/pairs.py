@@ -12,9 +12,11 @@ from stereolag.geometry.board_views import BoardViews
 from stereolag.geometry.calibration_report import LeftOut, PairReport, StereoCalibration
 from stereolag.geometry.rectification import rectify
 from stereolag.inputs import as_image
+from stereolag.ui import prose
 from stereolag.ui.calibrate.pictures import KEY, BoardPictures
 from stereolag.ui.elements import show_jpeg
 from stereolag.ui.results import computed
+from stereolag.ui.states import show_refused
 
 WHY_LEFT_OUT = {
     LeftOut.NOT_FOUND: "the board was not found in either picture",
@@ -110,9 +112,9 @@ def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: S
         with column:
             show_jpeg(picture)
             found = "not found" if corners is None else f"{len(corners)} of {views.board.corners} corners"
-            st.caption(f"{side}: {found}")
+            prose.caption(f"{side}: {found}")
     if report is not None:
-        st.markdown(_in_words(report))
+        prose.markdown(_in_words(report))
 
 
 def show_rectified(pictures: BoardPictures, number: int, result: StereoCalibration) -> None:
@@ -133,10 +135,10 @@ def show_rectified(pictures: BoardPictures, number: int, result: StereoCalibrati
             label="Rectifying the pair …",
         )
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return
     show_jpeg(data)
-    st.caption(
+    prose.caption(
         f"Pair {pictures.names[number]}, rectified: a point on a line in the left picture lies on it in the right one."
     )
 

@@ -17,6 +17,7 @@ from stereolag.figures.match import RUNNER_UP_COLOUR, SEARCH_COLOUR, TRUTH_COLOU
 from stereolag.figures.pictures import CORRELATION, VIRIDIS
 from stereolag.inputs import Image, as_grey
 from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.ui.linked_pictures import source
 from stereolag.ui.match_sentences import HOVER_WORDS
 from stereolag.ui.pairs import StereoPair
 
@@ -29,17 +30,13 @@ MOST_PRODUCTS = 30_000_000
 """Products of pixels a window that the browser sums up within a frame or two."""
 
 
-def _source(*names: str) -> str:
-    return "\n".join((HERE / name).read_text(encoding="utf-8") for name in names)
-
-
 # The pair travels alone: what changes with a click is then some bytes, and Streamlit keeps the pair in the browser.
-_pair = st.components.v2.component("stereolag.grey_pair", js=_source("pair.js"))
+_pair = st.components.v2.component("stereolag.grey_pair", js=source("pair.js", folder=HERE))
 _panel = st.components.v2.component(
     "stereolag.hovered_match",
-    html=_source("panel.html"),
-    css=_source("panel.css"),
-    js=_source("scoring.js", "drawing.js", "hovering.js"),
+    html=source("panel.html", folder=HERE),
+    css=source("panel.css", folder=HERE),
+    js=source("numbers.js") + source("scoring.js", "drawing.js", "hovering.js", folder=HERE),
 )
 
 

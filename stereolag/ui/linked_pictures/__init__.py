@@ -61,7 +61,16 @@ _viewer = st.components.v2.component(
     "stereolag.linked_pictures",
     html=source("pictures.html"),
     css=source("pictures.css", "legends.css"),
-    js=source("fflate.js", "unpacking.js", "legends.js", "drawing.js", "outlining.js", "pictures.js", "gestures.js"),
+    js=source(
+        "fflate.js",
+        "unpacking.js",
+        "legends.js",
+        "numbers.js",
+        "drawing.js",
+        "outlining.js",
+        "pictures.js",
+        "gestures.js",
+    ),
 )
 # Each picture travels alone, and so do the marks: Streamlit finds those that did not change, and does not send them.
 _picture = st.components.v2.component("stereolag.picture", js=source("picture.js"))

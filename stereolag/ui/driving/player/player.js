@@ -180,7 +180,7 @@ class Player {
   showFrame() {
     const { rate, frames, names, problems } = this.data;
     this.find(".scrub").value = this.frame;
-    this.find(".where").textContent = `${(this.frame / rate).toFixed(1)} s · frame ${this.frame + 1} of ${frames}`;
+    this.find(".where").textContent = `${shortened(this.frame / rate, 1, "s")} · frame ${this.frame + 1} of ${frames}`;
     const problem = problems[this.frame];
     this.find(".problem").textContent = problem ? `${names[this.frame]} is left out: ${problem}` : "";
     for (const { head, now, rows, unit, digits } of this.charts ?? []) {
@@ -188,7 +188,7 @@ class Player {
       now.replaceChildren(
         ...rows.map(({ values, colour, title }) => {
           const value = values[this.frame];
-          const line = element("span", "", value == null ? "–" : `${value.toFixed(digits)} ${unit}`);
+          const line = element("span", "", value == null ? "–" : shortened(value, digits, unit));
           line.style.color = colour;
           line.title = title;
           return line;
