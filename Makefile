@@ -1,6 +1,7 @@
 # make run    start the app on http://localhost:$(PORT)
 # make test   lint, types and the whole suite
 # make docs   the pages of docs/ as HTML in docs/_build
+# make pictures the README's pictures, taken again of the app
 # make bench  every speed and accuracy table against the peers
 # make setup  the set-up alone; the others call it
 
@@ -11,7 +12,7 @@ BIN := $(VENV)/bin
 LOOPS := $(shell grep -rlE --include='*.py' '^(from|import) .*(numba|llvmlite|compilation)' stereolag) \
   stereolag/warming.py
 
-.PHONY: run setup setup-dev test check bench docs clean
+.PHONY: run setup setup-dev test check bench docs pictures clean
 
 run: setup
 	@exec $(BIN)/python -P stereolag/commands/serving.py --port $(PORT)
@@ -21,7 +22,7 @@ setup: $(VENV)/.run-ready $(VENV)/.loops-warm
 setup-dev: setup $(VENV)/.dev-ready
 
 test: check
-	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 check: setup-dev
 	$(BIN)/ruff check .
@@ -34,6 +35,9 @@ bench: setup-dev
 docs: setup-dev
 	rm -rf docs/generated
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --jobs auto --quiet docs docs/_build
+
+pictures: setup-dev
+	$(BIN)/python -m tools.screenshots
 
 clean:
 	rm -rf docs/_build docs/generated $(VENV) .pytest_cache .mypy_cache .ruff_cache

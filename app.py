@@ -12,14 +12,17 @@ from stereolag.signals import signal_lag
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.templates import match_template
 from stereolag.ui import prose
+from stereolag.ui.depth.alternatives import map_in_words
 from stereolag.ui.depth.maps import map_task
 from stereolag.ui.elements import show_png
 from stereolag.ui.first_settings import first_settings
+from stereolag.ui.lag.alternatives import curve_in_words
 from stereolag.ui.navigation import page
 from stereolag.ui.pairs import example_pair
 from stereolag.ui.pictures import example_pictures
 from stereolag.ui.recordings import example_recordings
 from stereolag.ui.results import computed
+from stereolag.ui.search.answer import place
 from stereolag.ui.searches import CURVES
 
 
@@ -35,7 +38,7 @@ def show_lag() -> None:
         label="Comparing two recordings …",
     )
     figure = correlation_curve(result, CURVES["fft"]).update_layout(height=265)
-    st.plotly_chart(figure, key="lag", config={"staticPlot": True})
+    st.plotly_chart(figure, key="lag", config={"staticPlot": True}, alt=curve_in_words(result))
     prose.markdown(
         f"Two recordings of one beach. They agree at a lag of **{result.lag:,} samples**: the path to "
         f"sensor 2 is **{result.distance_m:,.2f} m** longer."
@@ -54,8 +57,8 @@ def show_search() -> None:
         label="Looking for Rocketman …",
     )
     best = result.matches[0]
-    show_png(match_close_up(pictures.picture, best))
     rows, cols = pictures.picture.shape[:2]
+    show_png(match_close_up(pictures.picture, best), f"Rocketman in the crowd, framed: {place(best)}")
     prose.markdown(
         f"An image of {cols:,} × {rows:,} pixels full of people in his colours. Rocketman is at row **{best.row}**, "
         f"column **{best.col}**."
@@ -75,7 +78,8 @@ def show_depth() -> None:
         label="Matching windows …",
     )
     low, high = disparity_range([result.disparity if pair.truth is None else pair.truth])
-    show_png(image_into_map(pair.left, result.disparity, low, high))
+    alt = map_in_words(result.disparity, "A photograph of a puzzle cube that turns into its disparity map")
+    show_png(image_into_map(pair.left, result.disparity, low, high), alt)
     prose.markdown(
         f"Two cameras look at a puzzle cube. **{result.valid.sum():,} windows** were each found again: those that "
         "shifted most, the bright ones, are the nearest."
@@ -108,7 +112,7 @@ with page(
 ):
     for column, (question, (show, path, name)) in zip(st.columns(3, gap="medium"), MEASUREMENTS.items(), strict=True):
         with column.container(border=True, height="stretch"):
-            prose.markdown(f"#### {question}")
+            prose.markdown(f"## {question}")
             show()
             st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
     for column, (path, name, said) in zip(st.columns(2, gap="medium"), MORE, strict=True):

@@ -20,8 +20,6 @@ from stereolag import samples
 from stereolag.ui.keys import preset_key, setting_key
 from tests.browser.serving import free_port, served_process
 
-PROJECT = Path(__file__).resolve().parents[1]
-START_TIMEOUT_S = 60
 LEFT, RIGHT = "pairs.left", "pairs.right"
 PAIRS, OWN = "pairs", "Your own files"
 WINDOW = setting_key("correlation", "window_size")

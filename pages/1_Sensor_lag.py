@@ -7,6 +7,7 @@ from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
+from stereolag.ui.lag.alternatives import aligned_in_words, close_up_in_words, waveforms_in_words
 from stereolag.ui.lag.comparison import compare_methods
 from stereolag.ui.lag.explanation import see_why
 from stereolag.ui.lag.files import show_lag_files
@@ -21,8 +22,9 @@ from stereolag.ui.states import show_refused
 
 def listen(pair: RecordingPair, search: LagSearch) -> None:
     """Show both recordings and let them be heard."""
-    prose.subheader("The recordings", anchor=False)
-    st.plotly_chart(figures.waveforms(pair.signal_1, pair.signal_2, search.sampling_rate), key="waveforms")
+    prose.header("The recordings", anchor=False)
+    signals = pair.signal_1, pair.signal_2, search.sampling_rate
+    st.plotly_chart(figures.waveforms(*signals), key="waveforms", alt=waveforms_in_words(*signals))
     for column, signal, name in zip(st.columns(2, gap="medium"), (pair.signal_1, pair.signal_2), "12", strict=True):
         with column:
             player(signal, search.sampling_rate, f"sensor {name}")
@@ -52,16 +54,18 @@ def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     with left:
         show_curve(pair, result, search)
     with right:
-        prose.markdown("##### Shifted to line up")
-        st.plotly_chart(figures.aligned(pair.signal_1, pair.signal_2, result.lag, search.sampling_rate), key="aligned")
-    prose.markdown("##### Up close: 200 samples of both")
+        prose.markdown("### Shifted to line up")
+        lined_up = figures.aligned(pair.signal_1, pair.signal_2, result.lag, search.sampling_rate)
+        st.plotly_chart(lined_up, key="aligned", alt=aligned_in_words(result))
+    prose.markdown("### Up close: 200 samples of both")
     first, last = figures.shared_samples(pair.signal_1, pair.signal_2, result.lag)
     start = first
     if last - first > figures.CLOSE_UP_SAMPLES:
         liveliest = figures.liveliest_start(pair.signal_1, first, last)
         highest = last - figures.CLOSE_UP_SAMPLES
         start = st.slider("From sample", first, highest, liveliest, key=f"lag.from.{pair.digest}.{result.lag}")
-    st.plotly_chart(figures.close_up(pair.signal_1, pair.signal_2, result.lag, start), key="close_up")
+    close_up = figures.close_up(pair.signal_1, pair.signal_2, result.lag, start)
+    st.plotly_chart(close_up, key="close_up", alt=close_up_in_words(result, start))
 
 
 def search_lag(pair: RecordingPair, search: LagSearch) -> SignalLag | None:

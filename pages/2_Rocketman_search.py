@@ -30,7 +30,7 @@ def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
     """Return what to search for, or None where the settings are refused."""
     template, controls = st.columns([1, 4], gap="large")
     with template:
-        show_png(figures.what_counts(inputs.template, inputs.mask), "Look for this", stretch=False)
+        show_png(figures.what_counts(inputs.template, inputs.mask), "The template", "Look for this", stretch=False)
     with controls:
         method = control(TemplateQuery, "method", key="template.method", names=TEMPLATE_METHODS)
         prose.caption(TEMPLATE_METHODS_EXPLAINED[method])
@@ -50,12 +50,13 @@ def show_scores(result: TemplateSearch, query: TemplateQuery) -> None:
     if result.score_map is None:
         prose.caption(why_no_score_map(query))
         return
-    prose.markdown("##### How well it fits at every place")
+    prose.markdown("### How well it fits at every place")
     scores, legend = st.columns([3, 1], gap="medium")
     with scores:
         marked = result.matches if result.found else doubtful(result)
         show_score_map(figures.score_map_png(result.score_map, marked), result.score_map)
-    legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False})
+    alt = "Colours of the scores: dark at 0, yellow at 1."
+    legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False}, alt=alt)
     legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
 
 
@@ -94,7 +95,7 @@ def find(inputs: PictureAndTemplate) -> None:
     show_scores(result, query)
     show_opencv_beside(inputs, result, query.method)
     show_match_files(inputs, result, query)
-    prose.subheader("See why", anchor="see-why")
+    prose.header("See why", anchor="see-why")
     by_hand, steps, damage = st.tabs(SEE_WHY, key="template.see_why", on_change="rerun")
     with by_hand:
         search_by_hand(inputs, result.matches)

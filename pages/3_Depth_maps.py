@@ -65,7 +65,7 @@ def workspace(pair: StereoPair) -> None:
         show_presets(pair)
         show_controls(pair)
     write_address(pair, matchers.values())
-    prose.subheader("Look closer", anchor="look-closer")
+    prose.header("Look closer", anchor="look-closer")
     part = st.segmented_control(
         "Look closer", [*PARTS], key=PART, persist_state="session", width="stretch", label_visibility="collapsed"
     )

@@ -24,7 +24,7 @@ def workspace(pictures: BoardPictures) -> None:
     figures = st.container()
     by_pair, coverage = st.columns([3, 2], gap="large")
     with by_pair:
-        prose.markdown("#### Pair by pair")
+        prose.markdown("## Pair by pair")
         leave_out = ask_pairs(pictures, views)
     with figures:
         result = calibrated(pictures, views, square_m, leave_out)
@@ -38,7 +38,7 @@ def workspace(pictures: BoardPictures) -> None:
             show_rectified(pictures, shown, result)
     if result is not None:
         with coverage:
-            prose.markdown("#### Where the board has been")
+            prose.markdown("## Where the board has been")
             show_coverage(result)
 
 

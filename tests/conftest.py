@@ -16,6 +16,16 @@ settings.register_profile("stereolag", deadline=None, derandomize=True)
 settings.load_profile("stereolag")
 
 
+LONGEST_FIRST = ("browser", "package", "app", "core")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the folders whose files take longest: a worker gets a file at a time, and short ones fill the end."""
+    places = [PROJECT / "tests" / folder for folder in LONGEST_FIRST]
+    items.sort(key=lambda item: next((at for at, place in enumerate(places) if item.path.is_relative_to(place)), -1))
+
+
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
     """Return the folder of real recordings and pairs with known truth; skip the test where it is absent."""

@@ -1,4 +1,4 @@
-"""The input doctor: problems of a stereo pair, in numbers, found before any matcher sees it."""
+"""One question after the other about a pair, and what the answers come to."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ SMALLEST_POINTS, LARGEST_POINTS = 1.6, 3.2
 POINTS_AT_SMALLEST = 60_000
 
 
-def point_cloud(points: Points, colours: Colours, unit: str) -> go.Figure:
+def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 0.0, raised: float = 0.0) -> go.Figure:
     """Return a cloud to turn, seen at first from where the left camera stands.
 
     Parameters
@@ -35,6 +35,9 @@ def point_cloud(points: Points, colours: Colours, unit: str) -> go.Figure:
         100,000 points takes it seconds.
     unit
         Of the coordinates.
+    turned, raised
+        How far the view is turned about the middle of the scene instead, degrees: to the right of the left camera, and
+        above it.
     """
     palette, index = _palette(colours)
     size = float(np.clip(SMALLEST_POINTS * np.sqrt(POINTS_AT_SMALLEST / len(points)), SMALLEST_POINTS, LARGEST_POINTS))
@@ -67,7 +70,7 @@ def point_cloud(points: Points, colours: Colours, unit: str) -> go.Figure:
             "xaxis": _axis(f"X, {unit}", low[0], high[0]),
             "yaxis": _axis(f"distance, {unit}", low[1], high[1]),
             "zaxis": _axis(f"height, {unit}", low[2], high[2]),
-            "camera": _from_the_left_camera(low, high, distance),
+            "camera": _camera(low, high, distance, np.radians(turned), np.radians(raised)),
             **_equal_aspect(low, high),
         },
     )
@@ -144,18 +147,19 @@ def _equal_aspect(low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]) -
     return {"aspectmode": "manual", "aspectratio": dict(zip("xyz", sides.tolist(), strict=True))}
 
 
-def _from_the_left_camera(
-    low: npt.NDArray[np.float64], high: npt.NDArray[np.float64], distance: float
+def _camera(
+    low: npt.NDArray[np.float64], high: npt.NDArray[np.float64], distance: float, turned: float, raised: float
 ) -> dict[str, Any]:
-    """Return the view from the origin straight ahead, to be turned about a point at some distance.
+    """Return the view of a point straight ahead of the origin at some distance, from there or turned about the point.
 
     Plotly measures a view from the middle of the drawn box, in the units of its sides.
     """
     unit, middle = 2 / (high - low).max(), (low + high) / 2
-    eye, target = -middle * unit, (np.array([0, distance, 0]) - middle) * unit
+    target = np.array([0, distance, 0])
+    away = np.array([np.sin(turned) * np.cos(raised), -np.cos(turned) * np.cos(raised), np.sin(raised)])
     return {
-        "eye": dict(zip("xyz", eye.tolist(), strict=True)),
-        "center": dict(zip("xyz", target.tolist(), strict=True)),
+        "eye": dict(zip("xyz", ((target + distance * away - middle) * unit).tolist(), strict=True)),
+        "center": dict(zip("xyz", ((target - middle) * unit).tolist(), strict=True)),
         "up": {"x": 0, "y": 0, "z": 1},
     }
 

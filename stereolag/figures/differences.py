@@ -27,6 +27,7 @@ SPARSE = 0.5
 
 METHOD_COLOURS = (CORRELATION, SENSOR_2, SENSOR_1, PEAK)
 DASHES = ("solid", "dash", "dot", "dashdot")
+SYMBOLS = ("diamond", "circle", "square", "cross")
 
 
 def _ramp(*stops: tuple[int, int, int]) -> Rgb:
@@ -78,7 +79,7 @@ def error_over_coverage(curves: Mapping[str, CoverageCurve], threshold: float) -
                 name=name,
                 mode="markers" if alone else "lines",
                 line={"color": colour, "width": 2, "dash": DASHES[number % len(DASHES)]},
-                marker={"color": colour, "size": 12, "symbol": "diamond"},
+                marker={"color": colour, "size": 12, "symbol": SYMBOLS[number % len(SYMBOLS)]},
                 hovertemplate="%{y:.1f} % wrong at %{x:.0f} %",
             )
         )
@@ -109,7 +110,8 @@ def _diverging() -> Rgb:
 
 BELOW_TO_ABOVE = _diverging()
 
-ALL_AGREE, SOME_AGREE, ALL_DIFFER = (52, 168, 123), (240, 186, 76), (214, 84, 84)
+ALL_AGREE, SOME_AGREE, ALL_DIFFER = (16, 118, 200), (244, 198, 79), (182, 57, 27)
+"""Blue and red, as on the maps of errors: colour-blind eyes take green and red for one."""
 
 
 def difference_picture(difference: npt.NDArray[np.float32]) -> Rgb:

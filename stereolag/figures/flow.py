@@ -96,7 +96,7 @@ def flow_colours(dy: FloatMap, dx: FloatMap, largest: float) -> Rgba:
     return picture
 
 
-def with_arrows(image: Image, dy: FloatMap, dx: FloatMap, *, spacing: int = 24, scale: float = 1.0) -> Rgb:
+def with_arrows(image: Image, dy: FloatMap, dx: FloatMap, *, spacing: int = 24) -> Rgb:
     """Return the image with an arrow at every `spacing` px that shows where the pixel goes.
 
     Parameters
@@ -107,8 +107,6 @@ def with_arrows(image: Image, dy: FloatMap, dx: FloatMap, *, spacing: int = 24, 
         (H, W) px; NaN = none: there is no arrow.
     spacing
         Px between the arrows.
-    scale
-        How many times longer than the motion an arrow is drawn.
 
     Returns
     -------
@@ -126,8 +124,8 @@ def with_arrows(image: Image, dy: FloatMap, dx: FloatMap, *, spacing: int = 24, 
     hues = flow_colours(down, right, 1 + 1e-6)
     thickness = max(1, spacing // 16)
     for (y, x, dy_here, dx_here), length, hue in zip(starts, lengths, hues[:, 0, :3], strict=True):
-        start, end = (round(x), round(y)), (round(x + scale * dx_here), round(y + scale * dy_here))
-        tip = min(0.4, 6 / max(scale * length, 1e-6))
+        start, end = (round(x), round(y)), (round(x + dx_here), round(y + dy_here))
+        tip = min(0.4, 6 / max(length, 1e-6))
         for colour, width in ((BLACK, thickness + OUTLINE), (tuple(int(part) for part in hue), thickness)):
             if start == end:
                 cv2.circle(picture, start, width, colour, -1, cv2.LINE_AA)

@@ -99,6 +99,8 @@ class Picture:
         Whether a click on it picks a pixel.
     thumbnail
         Whether it is small at first, and grows when it is clicked.
+    alternative
+        Returns what it shows, for whoever cannot see it; read after its title.
     """
 
     title: str
@@ -108,6 +110,7 @@ class Picture:
     photograph: bool = False
     pickable: bool = True
     thumbnail: bool = False
+    alternative: Callable[[], str] = str
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,6 +222,7 @@ def described(
                 "title": one.title,
                 "pickable": one.pickable,
                 "thumbnail": one.thumbnail,
+                "alternative": typeset(one.alternative()),
                 "figures": [figure._replace(value=typeset(figure.value))._asdict() for figure in one.figures()],
                 "depths": [asdict(depth) if (depth := reading.depth()) else None for reading in one.readings],
             }

@@ -16,15 +16,15 @@ from stereolag.stereo.reasons import Reason
 from stereolag.typography import typeset
 
 REASON_COLOURS: dict[Reason, tuple[int, int, int]] = {
-    Reason.FILLED: (178, 160, 226),
-    Reason.OUT_OF_FRAME: (122, 130, 148),
-    Reason.LOW_TEXTURE: (72, 149, 214),
-    Reason.AMBIGUOUS: (240, 178, 60),
-    Reason.LEFT_RIGHT: (220, 76, 100),
-    Reason.SPECKLE: (66, 178, 128),
-    Reason.AT_SEARCH_EDGE: (190, 110, 60),
+    Reason.FILLED: (210, 172, 237),
+    Reason.OUT_OF_FRAME: (89, 108, 136),
+    Reason.LOW_TEXTURE: (41, 138, 202),
+    Reason.AMBIGUOUS: (230, 170, 45),
+    Reason.LEFT_RIGHT: (211, 70, 73),
+    Reason.SPECKLE: (66, 192, 131),
+    Reason.AT_SEARCH_EDGE: (145, 77, 13),
 }
-"""A colour for each reason but MEASURED; all of one brightness or so, and far apart for colour-blind eyes too."""
+"""A colour for each reason but MEASURED; colour-blind eyes tell them apart too, from each other and from the image."""
 
 
 def reasons_picture(reason: ReasonMap, image: Image) -> Rgb:

@@ -61,12 +61,12 @@ class ReducedSearch:
     col: int
     part: bool
 
-    def leaders(self, count: int = 1 + RIVALS) -> list[tuple[int, int, float]]:
+    def leaders(self) -> list[tuple[int, int, float]]:
         """Return (row, col, score) of the best places, best first, each at least a template away from the others."""
         left = np.where(np.isnan(self.score_map), -np.inf, self.score_map)
         height, width = self.opaque.shape
         best: list[tuple[int, int, float]] = []
-        while len(best) < count and np.isfinite(left.max()):
+        while len(best) <= RIVALS and np.isfinite(left.max()):
             row, col = (int(place) for place in np.unravel_index(int(left.argmax()), left.shape))
             best.append((row, col, float(left[row, col])))
             left[max(0, row - height + 1) : row + height, max(0, col - width + 1) : col + width] = -np.inf

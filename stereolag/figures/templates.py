@@ -80,7 +80,9 @@ def score_map_png(score_map: npt.NDArray[np.float32], matches: Sequence[Template
     shown = coloured(best_of_blocks(score_map, factor)[0], 0, 1)
     for match in matches:
         centre = (match.col // factor, match.row // factor)
-        cv2.circle(shown, centre, max(8, shown.shape[1] // 50), FRAME, max(1, shown.shape[1] // 250), cv2.LINE_AA)
+        radius, width = max(8, shown.shape[1] // 50), max(1, shown.shape[1] // 250)
+        for colour, thickness in (((255, 255, 255), width + 2), (FRAME, width)):  # seen on every colour by all eyes
+            cv2.circle(shown, centre, radius, colour, thickness, cv2.LINE_AA)
     return png(shown)
 
 

@@ -195,11 +195,6 @@ class VideoFile:
                 continue  # the frame of this packet does not come; those behind it may
 
 
-def is_video(data: bytes) -> bool:
-    """Return whether these are the bytes of a video that can be read, as far as their beginning tells."""
-    return _container_format(data[:_HEADER_BYTES]) is not None
-
-
 @lru_cache(maxsize=8)
 def _opened_once(path: Path) -> VideoFile:
     """Return the video at a path: a worker of many processes that reads frame after frame opens it once."""

@@ -152,9 +152,9 @@ class ThreadRunner:
     Leaving it ends what is on its way within a few rows of the image.
     """
 
-    def __init__(self, threads: int | None = None) -> None:
+    def __init__(self) -> None:
         # One more than there are cores: the serial parts of a frame leave some of them without work.
-        threads = threads or available_cores() + 1
+        threads = available_cores() + 1
         self.at_once = threads + 2
         self._stop = threading.Event()
         self._pool = ThreadPoolExecutor(threads, thread_name_prefix="frames")

@@ -49,7 +49,6 @@ def panels(
     left: Image,
     maps: Sequence[FloatMap],
     colours: tuple[float, float],
-    palette: Rgb = VIRIDIS,
     *,
     more: Sequence[Rgb] = (),
 ) -> Rgb:
@@ -58,7 +57,7 @@ def panels(
     Each is cut to an even width and height: H.264 has one colour for two by two pixels, and none lies in two pictures.
     """
     rows, cols = (side // 2 * 2 for side in left.shape[:2])
-    table = np.ascontiguousarray(colour_table(palette)[:, None])
+    table = np.ascontiguousarray(colour_table(VIRIDIS)[:, None])
     parts = [as_rgb(left)]
     parts += [np.asarray(cv2.applyColorMap(colour_numbers(one, *colours), table)) for one in maps]
     return np.concatenate([part[:rows, :cols] for part in [*parts, *more]], axis=1)

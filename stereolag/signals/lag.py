@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import operator
 import time
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import get_args
 
 import numpy as np
@@ -20,7 +21,7 @@ from stereolag.signals.estimates import estimate_lag, fitting_recordings, way_of
 from stereolag.signals.finding import normalised, search_blocks, search_votes, search_whole
 from stereolag.signals.long_pairs import LongPair
 from stereolag.signals.long_search import search_bands
-from stereolag.signals.verdict import Judgement, Verdict, judge_pair
+from stereolag.signals.verdict import Judgement, Verdict, judge
 from stereolag.signals.whitening import Pair, WhitePair
 
 _SEARCHING = 0.8
@@ -58,10 +59,7 @@ class SignalLag:
     votes
         Lag to number of votes, the winner first; "sampled" only, otherwise None.
     elapsed_s
-        Seconds that the computation took, without the checks of the input.
-    judgement
-        Whether the lag can be relied on, and why: `verdict`, `rivals` and what follows read it. None where it was not
-        judged.
+        Seconds that the search took, without the checks of the input and the judgement.
 
     Examples
     --------
@@ -86,7 +84,20 @@ class SignalLag:
     correlation: npt.NDArray[np.float64] | None
     votes: dict[int, int] | None
     elapsed_s: float
-    judgement: Judgement | None = None
+    _judge: Callable[[], Judgement] | None = field(default=None, repr=False)
+
+    @cached_property
+    def judgement(self) -> Judgement | None:
+        """Whether the lag can be relied on, and why: `verdict`, `rivals` and what follows read it.
+
+        Made when it is first read, which takes about twice as long as the search, and until then the result holds the
+        recordings; made at once for long recordings, and where :func:`signal_lag` is given a `progress`. None where
+        there is nothing to judge by.
+        """
+        judge = self._judge
+        judgement = judge() if judge else None
+        object.__setattr__(self, "_judge", None)
+        return judgement
 
     @property
     def verdict(self) -> Verdict:
@@ -164,7 +175,7 @@ def signal_lag(
     seed
         Of the random samples, for "sampled"; None draws others each time.
     progress
-        Called with the fraction done, 0..1.
+        Called with the fraction done, 0..1, the judgement included.
 
     Raises
     ------
@@ -218,19 +229,9 @@ def signal_lag(
         raise ValueError(
             f"nothing varies where the recordings overlap within ±{reach} samples; allow a larger max_lag."
         )
-    judgement = judge_pair(
-        pair,
-        found.lag,
-        reach,
-        lags=found.lags,
-        curve=found.correlation,
-        votes=found.votes,
-        opposite_lag=found.opposite_lag,
-    )
-    report(1.0)
     elapsed_s = time.perf_counter() - started
     time_s = found.lag / sampling_rate
-    return SignalLag(
+    result = SignalLag(
         lag=found.lag,
         lag_subsample=found.lag + found.fraction,
         time_s=time_s,
@@ -242,8 +243,21 @@ def signal_lag(
         correlation=found.correlation,
         votes=found.votes,
         elapsed_s=elapsed_s,
-        judgement=judgement,
+        _judge=partial(
+            judge,
+            pair,
+            found.lag,
+            reach,
+            lags=found.lags,
+            curve=found.correlation,
+            votes=found.votes,
+            opposite_lag=found.opposite_lag,
+        ),
     )
+    if way != "whole" or progress:
+        _ = result.judgement
+    report(1.0)
+    return result
 
 
 def _check_positive(value: float, name: str, unit: str) -> None:

@@ -127,11 +127,6 @@ Indices = npt.NDArray[np.int64]
 _EQUAL = 1e-9
 
 
-def slice_correlation(signal_1: Vector, signal_2: Vector, start_1: int, start_2: int, length: int) -> float:
-    """Return Pearson's correlation of the slices of `length` samples that begin at `start_1` and `start_2`."""
-    return float(np.corrcoef(signal_1[start_1 : start_1 + length], signal_2[start_2 : start_2 + length])[0, 1])
-
-
 @compiled
 def best_matches(
     slices_1: npt.NDArray[np.float64],

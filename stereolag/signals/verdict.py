@@ -12,7 +12,7 @@ from stereolag.arrays import Vector
 from stereolag.signals.drift import Drift, measure_drift
 from stereolag.signals.peaks import Lags
 from stereolag.signals.rivals import regular_spacing, rivals_of, tone_rivals
-from stereolag.signals.whitening import Agreement, Pair, WhitePair
+from stereolag.signals.whitening import Agreement, Pair
 
 Verdict: TypeAlias = Literal["sure", "ambiguous", "nothing"]
 Reason: TypeAlias = Literal["clear", "drift", "repeats", "rivals", "chance", "too_little", "few_votes", "opposite_sign"]
@@ -70,8 +70,7 @@ class Judgement:
 
 
 def judge(
-    signal_1: Vector,
-    signal_2: Vector,
+    pair: Pair,
     lag: int,
     reach: int,
     *,
@@ -89,8 +88,8 @@ def judge(
 
     Parameters
     ----------
-    signal_1, signal_2
-        (N1,) and (N2,) float64, each free of its mean.
+    pair
+        The recordings, whitened.
     lag
         The lag found, samples.
     reach
@@ -102,22 +101,6 @@ def judge(
     opposite_lag
         Where the opposite of recording 2 may fit, for curves that cannot tell it.
     """
-    return judge_pair(
-        WhitePair(signal_1, signal_2), lag, reach, lags=lags, curve=curve, votes=votes, opposite_lag=opposite_lag
-    )
-
-
-def judge_pair(
-    pair: Pair,
-    lag: int,
-    reach: int,
-    *,
-    lags: Lags | None = None,
-    curve: Vector | None = None,
-    votes: dict[int, int] | None = None,
-    opposite_lag: int | None = None,
-) -> Judgement:
-    """Return what :func:`judge` does of recordings that are whitened already."""
     first, last = -min(reach, pair.sizes[0] - 1), min(reach, pair.sizes[1] - 1)
     chance = math.sqrt(2 * math.log(last - first + 2))
     needed = chance + MARGIN

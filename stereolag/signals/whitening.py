@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -101,14 +102,22 @@ class WhitePair(Pair):
     def __init__(self, signal_1: Vector, signal_2: Vector) -> None:
         self.sizes = signal_1.size, signal_2.size
         self.raw = signal_1, signal_2
-        taps = whitening_taps(_loudest(signal_1), _loudest(signal_2), min(self.sizes))
-        self.signal_1, self.signal_2 = (_filtered(given, taps) for given in self.raw)
-        self.colour = common_colour(_loudest(self.signal_1), _loudest(self.signal_2))
+
+    @cached_property
+    def white(self) -> tuple[Vector, Vector]:
+        """Both recordings, whitened when they are first asked for."""
+        taps = whitening_taps(_loudest(self.raw[0]), _loudest(self.raw[1]), min(self.sizes))
+        return _filtered(self.raw[0], taps), _filtered(self.raw[1], taps)
+
+    @cached_property
+    def colour(self) -> float:
+        """By how much the agreement by chance varies more than that of white recordings."""
+        return common_colour(_loudest(self.white[0]), _loudest(self.white[1]))
 
     def overlap(self, lag: int) -> tuple[Vector, Vector]:
         """Return the parts of the whitened recordings that lie on each other at `lag`."""
         part_1, part_2 = overlap_slices(*self.sizes, lag)
-        return self.signal_1[part_1], self.signal_2[part_2]
+        return self.white[0][part_1], self.white[1][part_2]
 
     def agreement(self, lag: int) -> Agreement:
         """Return what the whitened recordings have in common at `lag` itself."""
@@ -133,7 +142,7 @@ class WhitePair(Pair):
     def loudest(self, lag: int, longest: int, *, white: bool = True) -> tuple[Vector, Vector]:
         """Return the parts of both that are loudest together."""
         part_1, part_2 = overlap_slices(*self.sizes, lag)
-        one, other = (self.signal_1, self.signal_2) if white else self.raw
+        one, other = self.white if white else self.raw
         one, other = one[part_1], other[part_2]
         part = loudest_stretch(one, other, longest)
         return one[part], other[part]

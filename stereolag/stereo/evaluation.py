@@ -150,13 +150,10 @@ class CoverageCurve:
         (n,) share of the pixels with ground truth that are kept, 0..1, ascending; one point without a score.
     bad
         (n,) % of the kept pixels that are off by more than the threshold.
-    mean_error
-        (n,) mean absolute error of the kept pixels, px.
     """
 
     coverage: npt.NDArray[np.float64]
     bad: npt.NDArray[np.float64]
-    mean_error: npt.NDArray[np.float64]
 
 
 def error_against_coverage(
@@ -210,7 +207,6 @@ def error_against_coverage(
     return CoverageCurve(
         coverage=kept / total,
         bad=100 * np.cumsum(error[order] > threshold)[kept - 1] / kept,
-        mean_error=np.cumsum(error[order])[kept - 1] / kept,
     )
 
 
@@ -224,18 +220,17 @@ def _counts(falling: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     return np.unique(ends[np.searchsorted(ends, wanted)])
 
 
-TOLERANCE_PX = 1.0
+CONSENSUS_PX = 1.0
+"""Answers agree when the largest and the smallest of them are at most so far apart."""
 
 
-def consensus(maps: Sequence[FloatMap], *, tolerance_px: float = TOLERANCE_PX) -> npt.NDArray[np.uint8]:
+def consensus(maps: Sequence[FloatMap]) -> npt.NDArray[np.uint8]:
     """Return how many of the maps agree at each pixel.
 
     Parameters
     ----------
     maps
         (H, W) disparities of one size, px, NaN = no disparity.
-    tolerance_px
-        Answers agree when the largest and the smallest of them are at most so far apart.
 
     Returns
     -------
@@ -254,5 +249,5 @@ def consensus(maps: Sequence[FloatMap], *, tolerance_px: float = TOLERANCE_PX) -
     agreeing: npt.NDArray[np.uint8] = np.isfinite(ordered[0]).astype(np.uint8)
     for size in range(2, len(maps) + 1):
         span = ordered[size - 1 :] - ordered[: len(maps) - size + 1]
-        agreeing[(span <= tolerance_px).any(axis=0)] = size
+        agreeing[(span <= CONSENSUS_PX).any(axis=0)] = size
     return agreeing

@@ -46,7 +46,7 @@ def fill_pearson(scores: npt.NDArray[Any], products: Array64, energy: Array64, n
         scores[row] = line
 
 
-def box_energy(planes: Array64, height: int, width: int) -> Array64:
+def running_box_energy_reference(planes: Array64, height: int, width: int) -> Array64:
     """Return the squared deviations of each window from the mean of each channel, summed over all its channels.
 
     Parameters
@@ -68,10 +68,10 @@ def box_energy(planes: Array64, height: int, width: int) -> Array64:
 
 @compiled
 def running_box_energy(planes: Array64, height: int, width: int) -> Array64:
-    """Return :func:`box_energy` at a cost independent of the window: sums run down the columns, then along the row.
+    """Return what :func:`running_box_energy_reference` does at a cost independent of the window.
 
-    The sums of integers below 2**26 are exact. Bring the mean of other numbers near 0 first: a running sum adds
-    and subtracts every value, with a rounding error relative to the largest.
+    Sums run down the columns, then along the row. Those of integers below 2**26 are exact. Bring the mean of other
+    numbers near 0 first: a running sum adds and subtracts every value, with a rounding error relative to the largest.
     """
     channels, rows, cols = planes.shape
     energy: Array64 = np.zeros((rows - height + 1, cols - width + 1))

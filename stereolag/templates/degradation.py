@@ -87,7 +87,7 @@ class DegradedPart:
 
 
 def degraded_part(
-    image: Image, place: tuple[int, int], shape: tuple[int, int], degradation: Degradation, *, seed: int = 0
+    image: Image, place: tuple[int, int], shape: tuple[int, int], degradation: Degradation
 ) -> DegradedPart:
     """Cut the part of an image around a template's place and degrade it; the template's centre stays where it is.
 
@@ -100,9 +100,7 @@ def degraded_part(
     shape
         (height, width) of the template, px.
     degradation
-        What is done. Nothing changes a pixel while all of it is at its defaults.
-    seed
-        Of the noise.
+        What is done, noise always the same. Nothing changes a pixel while all of it is at its defaults.
 
     Raises
     ------
@@ -123,7 +121,7 @@ def degraded_part(
         part = colours[rows, cols]
     else:
         part = _warped(colours, rows, cols, (row + (height - 1) / 2, col + (width - 1) / 2), degradation)
-    return DegradedPart(_altered(part, inside, shape, degradation, seed), rows.start, cols.start, *inside)
+    return DegradedPart(_altered(part, inside, shape, degradation), rows.start, cols.start, *inside)
 
 
 def part_shape(image_shape: tuple[int, ...], shape: tuple[int, int]) -> tuple[int, ...]:
@@ -160,7 +158,7 @@ def _warped(
 
 
 def _altered(
-    part: npt.NDArray[Any], inside: tuple[int, int], shape: tuple[int, int], degradation: Degradation, seed: int
+    part: npt.NDArray[Any], inside: tuple[int, int], shape: tuple[int, int], degradation: Degradation
 ) -> Image:
     """Return a part with another contrast and brightness, covered, and with noise, in its own dtype."""
     level = grey_level(part, part)
@@ -179,7 +177,7 @@ def _altered(
         )
         values[box] = mean + degradation.brightness * level
     if degradation.noise:
-        values += np.random.default_rng(seed).normal(0, degradation.noise * level, values.shape)
+        values += np.random.default_rng(0).normal(0, degradation.noise * level, values.shape)
     if part.dtype.kind == "u":
         values = np.clip(np.rint(values), 0, np.iinfo(part.dtype).max)
     return values.astype(part.dtype)

@@ -34,23 +34,23 @@ def show_numbers(numbers: Iterable[Number]) -> None:
             st.metric(label, typeset(value), help=typeset(meaning), width="content")
 
 
-def show_png(data: bytes, caption: str | None = None, *, stretch: bool = True) -> None:
-    """Show a PNG as wide as there is room, or in its own size.
+def show_png(data: bytes, alt: str, caption: str | None = None, *, stretch: bool = True) -> None:
+    """Show a PNG as wide as there is room, or in its own size; `alt` says what it shows to who cannot see it.
 
     It travels within the page's message: as a file of its own the browser would have to ask for it, one round trip
     later, and in vain where the next position of a slider has already replaced it.
     """
-    _show(data, "image/png", caption, stretch=stretch)
+    _show(data, "image/png", alt, caption, stretch=stretch)
 
 
-def show_jpeg(data: bytes) -> None:
+def show_jpeg(data: bytes, alt: str) -> None:
     """Show a JPEG as wide as there is room, as :func:`show_png` does."""
-    _show(data, "image/jpeg", None, stretch=True)
+    _show(data, "image/jpeg", alt, None, stretch=True)
 
 
-def _show(data: bytes, media_type: str, caption: str | None, *, stretch: bool) -> None:
+def _show(data: bytes, media_type: str, alt: str, caption: str | None, *, stretch: bool) -> None:
     address = f"data:{media_type};base64," + base64.b64encode(data).decode("ascii")
-    st.image(address, caption and typeset(caption), width="stretch" if stretch else "content")
+    st.image(address, caption and typeset(caption), width="stretch" if stretch else "content", alt=alt and typeset(alt))
 
 
 PATIENCE_S = 0.5

@@ -23,6 +23,7 @@ from stereolag.warming import warm
 ICON = Path(__file__).with_name("icon.svg")
 ICONS = Path(__file__).with_name("icons")
 """Of the pages' tabs, named as their files are; the home page has that of the app."""
+STYLE = Path(__file__).with_name("page.css")
 
 PAGES = {
     "app.py": ("Home", ":material/home:"),
@@ -51,6 +52,7 @@ def page(title: str, introduction: str = "", try_first: str = "") -> Iterator[No
     own = ICONS / f"{title.lower().replace(' ', '_')}.svg"
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=own if own.exists() else ICON, layout="wide")
     this_visit()
+    st.html(STYLE)
     with st.container(horizontal=True, gap="medium", vertical_alignment="center", key="page-links"):
         for path, (label, icon) in PAGES.items():
             st.page_link(path, label=label, icon=icon)

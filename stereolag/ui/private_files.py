@@ -20,10 +20,10 @@ from stereolag.export import wav
 SECRET_KEY = "private_files.secret"
 
 
-def show_player(signal: npt.NDArray[np.float64], sampling_rate: float) -> None:
-    """Show a player for a recording, (samples,), as loud as it can be without clipping."""
+def show_player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> None:
+    """Show a player for a recording of that name, (samples,), as loud as it can be without clipping."""
     sound = wav(signal, sampling_rate)
-    st.audio(sound, format=_private_type("audio/wav", sound))
+    st.audio(sound, format=_private_type("audio/wav", sound), alt=f"Recording of {name}")
 
 
 def download_button(

@@ -27,7 +27,7 @@ def _typesetting(element: Callable[Concatenate[str, P], R]) -> Callable[Concaten
 
 markdown = _typesetting(st.markdown)
 caption = _typesetting(st.caption)
-subheader = _typesetting(st.subheader)
+header = _typesetting(st.header)
 info = _typesetting(st.info)
 success = _typesetting(st.success)
 warning = _typesetting(st.warning)

@@ -144,4 +144,4 @@ def player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> 
         return
     heard = signal[: round(LONGEST_S * sampling_rate)]
     prose.caption(f"Listen to {name}" + ("" if heard.size == signal.size else f" (the first {LONGEST_S} s)"))
-    show_player(heard, sampling_rate)
+    show_player(heard, sampling_rate, name)

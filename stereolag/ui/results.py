@@ -132,7 +132,7 @@ def computed(task: str, compute: Callable[[Progress], T], *, inputs: str, settin
     place = st.empty()
 
     def make() -> T:
-        with place.container(), shown_progress(label) as progress:
+        with place.container(key=f"working-{_key(task, inputs, settings)}"), shown_progress(label) as progress:
             result = compute(progress)
         place.empty()
         return result

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import streamlit as st
 from streamlit.components.v2 import manifest_scanner
+from streamlit.runtime.caching.cache_resource_api import clear_session_cache
 from streamlit.testing.v1 import AppTest
 
 from tests.app import keys
@@ -19,6 +20,9 @@ from tests.app import keys
 PROJECT = Path(__file__).resolve().parents[2]
 
 OpenPage = Callable[[str], AppTest]
+
+SESSION = "test session id"
+"""Of every page that AppTest opens."""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -29,9 +33,21 @@ def components() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module", autouse=True)
+def a_new_server() -> None:
+    """Forget, once a file, what visitors share, examples and what was computed of them: files run in any order."""
+    st.cache_resource.clear()
+
+
 @pytest.fixture(autouse=True)
+def a_new_visitor() -> None:
+    """Forget what the visitor before kept, who is the same one to Streamlit; what visitors share stays."""
+    clear_session_cache(SESSION)
+
+
+@pytest.fixture
 def empty_caches() -> None:
-    st.cache_data.clear()
+    """Forget before a test what visitors share too: where it is told by the computing."""
     st.cache_resource.clear()
 
 
@@ -104,7 +120,7 @@ def shown() -> Callable[[AppTest], str]:
     def digest(app: AppTest) -> str:
         pictures = [picture.url for element in app.get("image") for picture in element.proto.imgs]
         charts = [element.proto.spec for element in app.get("plotly_chart")]
-        headlines = [subheader.value for subheader in app.subheader]
+        headlines = [header.value for header in app.header]
         linked = viewers(app)
         for picture in (picture for viewer in linked for picture in viewer["pictures"]):
             picture["figures"] = [figure for figure in picture["figures"] if figure["label"] != "Took"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from stereolag.stereo.methods import METHODS
 from stereolag.ui.keys import COLOURS, FOLD, PART, SHOWN, TAB, exact_key, more_key, preset_key
 from stereolag.ui.keys import more_key as more
 from stereolag.ui.keys import setting_key as setting
@@ -28,5 +29,5 @@ BLOCK_SPECKLES = setting("bm", "speckle_window_size")
 BLOCK_SPECKLE_RANGE = setting("bm", "speckle_range")
 
 MORE, BLOCK_MORE = more_key("correlation"), more_key("bm")
-FOLDS = (MORE, BLOCK_MORE, more_key("sgbm"), more_key("sgm"), f"{COLOURS}.opened")
+FOLDS = (*(more_key(method.short_name) for method in METHODS), f"{COLOURS}.opened")
 """What is folded away on the depth page at first, and not drawn."""

@@ -111,11 +111,11 @@ def test_a_bad_first_recording_leaves_no_answer_of_the_example(open_page: OpenPa
     put(app, "recordings.file_2", "good.csv", uploads.csv(SOUND))
     put(app, "recordings.file_1", name, bad)
     assert_one_sentence(app, fragment)
-    assert not app.subheader
+    assert not app.header
     assert not app.metric
     put(app, "recordings.file_1", "good.csv", uploads.csv(SOUND))
     assert not app.error
-    assert "at the same time" in app.subheader[0].value
+    assert "at the same time" in app.header[0].value
 
 
 def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPage) -> None:
@@ -134,7 +134,7 @@ def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: Ope
 def test_a_csv_with_a_header_is_read(open_page: OpenPage) -> None:
     good = ("good.csv", b"Samples\r\n" + uploads.csv(SOUND).replace(b"\n", b"\r\n"))
     app = own(open_page, "recordings", "pages/1_Sensor_lag.py", file_1=good, file_2=good)
-    assert "at the same time" in app.subheader[0].value
+    assert "at the same time" in app.header[0].value
 
 
 def test_recordings_of_rates_too_unlike_are_refused(open_page: OpenPage, shown: Shown) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.stereo.methods import METHODS
 from stereolag.typography import typeset
 from stereolag.ui import controls as controls_module
 from tests.app import keys
@@ -114,8 +115,9 @@ FIRST: dict[str, dict[str, Any]] = {
     keys.setting("correlation", "texture"): {"pairs": "road"},  # its sky is flat
     keys.setting("sgm", "texture"): {"pairs": "road"},
 }
+OTHER_TABS = [method.short_name for method in METHODS[1:]]
 for one in MOVES[DEPTH]:
-    for name in ("bm", "sgbm", "sgm"):
+    for name in OTHER_TABS:
         if one.startswith(f"depth.{name}."):  # its controls and its map
             FIRST[one] = {keys.TAB: name, keys.SHOWN: ["correlation", name]} | FIRST.get(one, {})
 SEEN_IN_THE_TIME_ALONE = {keys.setting("correlation", "engine"), "lag.runs"}
@@ -132,10 +134,12 @@ def controls(app: AppTest) -> dict[str, Any]:
 def test_every_control_of_the_page_is_tested_here(open_unfolded: OpenPage, page: str) -> None:
     app = open_unfolded(page)
     found = controls(app).keys()
-    for tab in ["bm", "sgbm", "sgm"] if page == DEPTH else []:
+    for tab in OTHER_TABS if page == DEPTH else []:
         app.button_group(key=keys.TAB).set_value(tab).run()
         found |= controls(app).keys()
-    assert found - SEEN_IN_THE_TIME_ALONE - {keys.TAB} == MOVES[page].keys()
+    found -= SEEN_IN_THE_TIME_ALONE | {keys.TAB}
+    assert not found - MOVES[page].keys(), "MOVES does not say what these are moved to"
+    assert not MOVES[page].keys() - found, "MOVES names what is not on the page"
 
 
 def test_the_box_beside_a_slider_takes_an_exact_value(open_page: OpenPage, shown: Shown) -> None:
@@ -154,7 +158,7 @@ def test_the_box_beside_a_slider_takes_an_exact_value(open_page: OpenPage, shown
 
 
 @pytest.fixture(autouse=True)
-def empty_caches() -> None:
+def a_new_visitor() -> None:
     """Keep what was computed from one control to the next, as a visitor's session does."""
 
 

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import subprocess
-import sys
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -27,8 +24,8 @@ from stereolag.ui.depth.subjects import Subject
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
 from tests.app import keys
+from tests.programs import run_program
 
-PROJECT = Path(__file__).resolve().parents[2]
 BLOCK = StereoBM(num_disparities=16, block_size=9)
 CORRELATION = CorrelationMatcher(window_size=9, overlap=0.9, search=SearchArea.rectified(12))
 
@@ -70,7 +67,7 @@ def opened(pair: StereoPair) -> AppTest:
 
 @pytest.mark.parametrize("matcher", [BLOCK, CORRELATION])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-def test_the_zip_reproduces_the_result_in_a_fresh_process(matcher: StereoMatcher, dtype: type, tmp_path: Path) -> None:
+def test_the_zip_reproduces_the_result(matcher: StereoMatcher, dtype: type, tmp_path: Path) -> None:
     view = view_of(small_pair(dtype), matcher)
     result = view.results[type(matcher).__name__]
     with zipfile.ZipFile(io.BytesIO(archive(Subject.of(view, type(matcher).__name__)))) as whole:
@@ -79,13 +76,8 @@ def test_the_zip_reproduces_the_result_in_a_fresh_process(matcher: StereoMatcher
         np.testing.assert_array_equal(read_disparity(tmp_path / name), result.disparity)
     assert (tmp_path / "opencv.yml").exists() == isinstance(matcher, StereoBM)
     assert read_image(tmp_path / "disparity_coloured.png").shape[1] >= 100
-    done = subprocess.run(
-        [sys.executable, str(tmp_path / "reproduce.py")],
-        env=os.environ | {"PYTHONPATH": str(PROJECT)},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
+    (tmp_path / "disparity.npy").unlink()
+    run_program(tmp_path / "reproduce.py")
     np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), result.disparity)
 
 
@@ -192,13 +184,7 @@ def test_from_a_reduced_preview_all_is_for_the_pair_in_its_own_size(
     points = np.frombuffer((tmp_path / "cloud.ply").read_bytes().partition(b"end_header\n")[2], VERTEX)
     assert np.median(points["position"][:, 2]) == pytest.approx(800 * 0.1 / 20, rel=0.02)
     for program in ("reproduce.py", "reproduce_opencv.py"):
-        done = subprocess.run(
-            [sys.executable, str(tmp_path / program)],
-            env=os.environ | {"PYTHONPATH": str(PROJECT)},
-            capture_output=True,
-            text=True,
-        )
-        assert done.returncode == 0, done.stderr
+        run_program(tmp_path / program)
         np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), expected)
     figures = {line.split(",")[0]: line.split(",") for line in (tmp_path / "metrics.csv").read_text().splitlines()}
     assert figures["StereoBM"][1] == str(480 * 800)  # pixels with ground truth

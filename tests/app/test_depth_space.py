@@ -11,6 +11,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.figures.clouds import birds_eye, point_cloud
 from stereolag.geometry.clouds import seen_from_above
 from stereolag.typography import typeset
+from stereolag.ui.depth.space import VIEWS
 
 RNG = np.random.default_rng(0)
 POINTS = (RNG.random((500, 3)) * [2, 1, 4] + [-1, -0.5, 3]).astype(np.float32)
@@ -62,6 +63,29 @@ def test_fewer_points_bring_the_farthest_closer() -> None:
     app.slider[0].set_value(50).run()
     assert not app.exception
     assert app.caption[0].value != before
+
+
+def test_the_cloud_is_seen_from_elsewhere_without_a_mouse() -> None:
+    app = AppTest.from_function(space, default_timeout=60).run()
+    eyes = set()
+    for name in VIEWS:
+        app.button_group(key="depth.space.seen_from").set_value(name).run()
+        assert not app.exception
+        camera = json.loads(app.get("plotly_chart")[0].proto.spec)["layout"]["scene"]["camera"]
+        eyes.add(tuple(camera["eye"].values()))
+    assert len(eyes) == len(VIEWS)
+
+
+def test_a_turned_view_looks_at_the_same_point_from_as_far() -> None:
+    ahead, above, right = (
+        point_cloud(POINTS, COLOURS, "m", **angles).layout.scene.camera
+        for angles in ({}, {"raised": 90}, {"turned": 90})
+    )
+    centre = np.array([ahead.center[axis] for axis in "xyz"])
+    away = [np.array([camera.eye[axis] for axis in "xyz"]) - centre for camera in (ahead, above, right)]
+    assert {tuple(camera.center[axis] for axis in "xyz") for camera in (above, right)} == {tuple(centre)}
+    far = np.linalg.norm(away[0])
+    np.testing.assert_allclose(np.array(away) / far, [[0, -1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-9)
 
 
 def test_without_calibration_it_says_what_is_assumed() -> None:

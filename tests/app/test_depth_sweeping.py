@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps
+from stereolag.reading import read_matcher
 from stereolag.settings import changed
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
@@ -21,6 +23,7 @@ from stereolag.stereo.windows.search import SearchArea
 from stereolag.tuning.objective import TuningPair
 from stereolag.tuning.parameters import parameters
 from stereolag.tuning.sweep import sweep
+from stereolag.ui.depth.address import ADOPTED
 from stereolag.ui.depth.sweeping import Axis, settings_of_cell
 from tests.app.depth_view import small_view
 
@@ -116,6 +119,20 @@ def test_a_sweep_shows_a_map_and_a_figure_for_every_combination(script: Any, nam
     assert app.session_state["depth.sweep"].job.result().bad.shape == (2, 3)
     assert f"Right: {named}, %, lower is better." in app.caption[0].value
     assert ("estimated" in app.markdown[0].value) == (script is blind_sweeping)
+
+
+def test_a_cell_is_taken_over_from_the_list_too_the_best_first() -> None:
+    app = ended(begun(("48, 64", "11, 15")).button[0].click().run())
+    cells = next(box for box in app.selectbox if box.label == "Take settings over")
+    shares = [float(option.rpartition(": ")[2].removesuffix(" %")) for option in cells.options]
+    assert len(shares) == 4
+    assert shares == sorted(shares)
+    row, col = map(int, re.findall(r" (\d+)[,:]", cells.options[0]))
+    cells.set_value(cells.options[0]).run()
+    assert not app.exception
+    taken = read_matcher(app.session_state[ADOPTED].encode())
+    assert isinstance(taken, CorrelationMatcher)
+    assert (taken.search.num_disparities, taken.window_size) == (row, col)
 
 
 def test_other_values_ask_for_another_sweep() -> None:

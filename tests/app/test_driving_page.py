@@ -19,6 +19,7 @@ from stereolag.reading import read_disparity, read_image
 from stereolag.samples import drives, stereo_pairs
 from stereolag.ui.depth.handed_over import HANDED
 from stereolag.ui.driving.frames import EXAMPLE, ONE
+from stereolag.ui.driving.player import LINES
 from stereolag.ui.driving.result import OPENED, _table
 from stereolag.ui.driving.work import WORK, DriveWork
 from tests.app import uploads
@@ -257,7 +258,7 @@ def test_motion_with_a_calibration_tells_speeds() -> None:
     shown = player(app)
     assert shown["titles"][-1] == "Optical flow" and all(not legend["picture"] for legend in shown["legends"])
     (speeds,) = next(chart["series"] for chart in shown["charts"] if chart["name"] == "Own speed")
-    assert speeds["place"] == 2 and speeds["values"][0] is None
+    assert speeds["colour"] == LINES[2].colour and speeds["values"][0] is None
     assert speeds["values"][1:] == pytest.approx([moving_drives.OWN_KMH] * 3, rel=0.05)
     rows = [row for row in csv.DictReader(io.StringIO(_table(work(app)))) if row["method"] == "motion"]
     assert len(rows) == 3 and all("km/h" in row["moving"] for row in rows)

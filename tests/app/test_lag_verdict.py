@@ -45,7 +45,7 @@ def numbers(app: AppTest) -> dict[str, str]:
 )
 def test_no_metres_and_no_lag_where_it_is_not_sure(open_page: OpenPage, pair: tuple[Sound, Sound], said: str) -> None:
     app = measured(open_page, *pair)
-    assert app.subheader[0].value == said
+    assert app.header[0].value == said
     assert {"Lag, samples", "Time", "Path difference"}.isdisjoint(numbers(app))
     assert "Highest point, samples" in numbers(app)
 
@@ -95,7 +95,7 @@ def test_rivals_are_marked_where_they_are() -> None:
 def test_a_reversed_microphone_is_told(open_page: OpenPage) -> None:
     whole = coloured(6000, 0.8, np.random.default_rng(4))
     app = measured(open_page, whole[1000:5000], -whole[:4000])
-    assert "the opposite sign fits" in app.subheader[0].value
+    assert "the opposite sign fits" in app.header[0].value
 
 
 def test_the_lag_of_blocks_is_drawn_over_time() -> None:

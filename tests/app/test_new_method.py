@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
@@ -29,6 +26,7 @@ from stereolag.stereo.reasons import Reason
 from stereolag.ui.depth.exports import EXPORTS, Export, Subject
 from tests.app import keys
 from tests.app.conftest import PROJECT, figures, viewers
+from tests.programs import run_program
 
 DEPTH = "pages/3_Depth_maps.py"
 
@@ -129,10 +127,7 @@ def test_a_new_method_goes_out_as_settings_and_as_a_program(tmp_path: Path) -> N
     cv2.imwrite(str(tmp_path / "right.png"), np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8))
     program = tmp_path / "reproduce.py"
     program.write_text(script(matcher, "left.png", "right.png"), encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, str(program)], env=os.environ | {"PYTHONPATH": str(PROJECT)}, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
+    run_program(program)
     left = cv2.imread(str(tmp_path / "left.png"), cv2.IMREAD_GRAYSCALE)
     np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), matcher.compute(left, left).disparity)
 

@@ -6,8 +6,9 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.typography import typeset
+from stereolag.ui.navigation import PAGES
 from tests.app import keys
-from tests.app.conftest import figures, viewers
+from tests.app.conftest import PROJECT, figures, viewers
 
 OpenPage = Callable[[str], AppTest]
 
@@ -16,25 +17,19 @@ def numbers(app: AppTest) -> dict[str, str]:
     return {metric.label: metric.value for metric in app.metric}
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "app.py",
-        "pages/1_Sensor_lag.py",
-        "pages/2_Rocketman_search.py",
-        "pages/3_Depth_maps.py",
-        "pages/4_Calibrate.py",
-        "pages/5_Driving.py",
-    ],
-)
+@pytest.mark.parametrize("path", PAGES)
 def test_every_page_runs_and_links_to_every_other(open_page: OpenPage, path: str) -> None:
     app = open_page(path)
     assert not app.exception
     assert not app.error
     assert len(app.title) == 1
-    assert len(app.get("page_link")) >= 6
+    assert len(app.get("page_link")) >= len(PAGES)
     # A picture in a file of its own may be replaced before a browser asks for it.
     assert all(one.url.startswith("data:image/") for element in app.get("image") for one in element.proto.imgs)
+
+
+def test_every_file_of_the_pages_is_linked() -> None:
+    assert sorted(PAGES) == ["app.py", *sorted(f"pages/{path.name}" for path in (PROJECT / "pages").glob("*.py"))]
 
 
 def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> None:
@@ -49,7 +44,7 @@ def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> N
 
 def test_lag_page_says_who_hears_it_later_and_how_far_apart_that_is(open_page: OpenPage) -> None:
     app = open_page("pages/1_Sensor_lag.py")
-    assert app.subheader[0].value == typeset(
+    assert app.header[0].value == typeset(
         "Sensor 2 hears it **1.136 s** after sensor 1: its path is **378.17 m** longer."
     )
     assert numbers(app)["Lag, samples"] == "50,082"
@@ -60,16 +55,16 @@ def test_lag_page_says_who_hears_it_later_and_how_far_apart_that_is(open_page: O
 def test_lag_page_turns_the_sentence_round_for_a_negative_lag(open_page: OpenPage) -> None:
     app = open_page("pages/1_Sensor_lag.py")
     app.button_group(key="recordings").set_value("harbour").run()
-    assert app.subheader[0].value.startswith(typeset("Sensor 1 hears it **0.7083 s** after sensor 2"))
+    assert app.header[0].value.startswith(typeset("Sensor 1 hears it **0.7083 s** after sensor 2"))
     assert numbers(app)["Lag, samples"] == typeset("-31,234")
 
 
 def test_search_page_finds_him_and_says_how_many_places_it_scored(open_page: OpenPage) -> None:
     app = open_page("pages/2_Rocketman_search.py")
-    assert app.subheader[0].value == "Found at row 528, column 982"
+    assert app.header[0].value == "Found at row 528, column 982"
     all_places = int(numbers(app)["Candidates scored"].replace(",", ""))
     app.button_group(key="template.method").set_value("sampled").run()
-    assert app.subheader[0].value == "Found at row 528, column 982"
+    assert app.header[0].value == "Found at row 528, column 982"
     assert int(numbers(app)["Candidates scored"].replace(",", "")) < all_places
 
 
@@ -77,10 +72,10 @@ def test_search_page_says_plainly_that_nothing_was_found_and_what_to_try(open_pa
     app = open_page("pages/2_Rocketman_search.py")
     app.button_group(key="pictures").set_value("maze_dulled").run()
     app.slider(key="template.min_score").set_value(1.0).run()
-    assert app.subheader[0].value == "Not found"
+    assert app.header[0].value == "Not found"
     assert "The best place scores" in app.warning[0].value
     app.button_group(key="template.method").set_value("sampled").run()
-    assert app.subheader[0].value == "Not found"
+    assert app.header[0].value == "Not found"
     assert "FFT" in app.warning[0].value
 
 

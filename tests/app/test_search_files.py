@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import shlex
-import subprocess
-import sys
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,9 +25,9 @@ from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.recordings import RecordingPair
 from stereolag.ui.search import files as match_files
 from tests.app.uploads import noise, texture
+from tests.programs import run_program
 
 OpenPage = Callable[[str], AppTest]
-PROJECT = Path(__file__).resolve().parents[2]
 LAG, FIND = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py"
 
 
@@ -54,18 +51,6 @@ def unpacked(files: list[File], folder: Path) -> dict[str, str]:
     return said
 
 
-def by_script(folder: Path) -> str:
-    done = subprocess.run(
-        [sys.executable, "reproduce.py"],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(PROJECT)},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 def test_the_zip_of_a_lag_measures_it_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -82,7 +67,7 @@ def test_the_zip_of_a_lag_measures_it_again(
     told = json.loads(capsys.readouterr().out)
     del told["recordings"]
     assert {**told, "elapsed_s": 0} == {**kept, "elapsed_s": 0}
-    assert by_script(tmp_path).startswith("lag 123 samples, 0.015375 s")
+    assert run_program(tmp_path / "reproduce.py").startswith("lag 123 samples, 0.015375 s")
 
 
 def test_votes_and_a_rate_that_no_wav_holds(tmp_path: Path) -> None:
@@ -130,7 +115,7 @@ def test_the_zip_of_a_search_finds_it_again(
     told = json.loads(capsys.readouterr().out)
     assert {**told, "elapsed_s": 0} == {**kept, "elapsed_s": 0}
     if masked and dtype is np.float32:
-        assert by_script(tmp_path) == "row 20, column 30, score 1.000\n"
+        assert run_program(tmp_path / "reproduce.py") == "row 20, column 30, score 1.000\n"
     assert (tmp_path / "matches.csv").read_text().splitlines()[1].startswith("20,30,20,30,")
 
 

@@ -91,7 +91,7 @@ def test_the_page_frames_a_look_alike_beside_the_template(open_page: Callable[[s
     app = open_page(PAGE)
     app.button_group(key="pictures").set_value("maze_dulled").run()
     app.slider(key="template.min_score").set_value(0.95).run()
-    assert app.subheader[0].value == "Not found"
+    assert app.header[0].value == "Not found"
     captions = [picture.caption for element in app.get("image") for picture in element.proto.imgs]
     assert "the template" in captions
     assert any(caption.startswith("row 1048, column 1707, score 0.7") for caption in captions)
@@ -101,11 +101,11 @@ def test_the_page_finds_him_among_other_sizes_and_angles(open_page: Callable[[st
     app = open_page(PAGE)
     app.slider(key="template.max_rotation").set_value(10.0).run()
     assert not app.exception
-    assert app.subheader[0].value == "Found at row 528, column 982"
+    assert app.header[0].value == "Found at row 528, column 982"
     assert any("no score map" in caption.value for caption in app.caption)
     app.button_group(key="template.method").set_value("sampled").run()
     assert not app.exception
-    assert app.subheader[0].value == "Found at row 528, column 982"
+    assert app.header[0].value == "Found at row 528, column 982"
     assert app.slider(key="template.max_rotation").disabled
 
 

@@ -41,9 +41,9 @@ def test_a_template_can_be_cut_from_the_example(open_page: OpenPage) -> None:
     box = told(app, "stereolag.box")
     assert (box["rows"], box["cols"]) == (1526, 2446)
     assert box["box"] == {"row": 636, "col": 1070, "height": 254, "width": 305}
-    assert app.subheader[0].value == "Found at row 636, column 1070"
+    assert app.header[0].value == "Found at row 636, column 1070"
     app.button_group(key="pictures.from").set_value("given").run()
-    assert app.subheader[0].value == "Found at row 528, column 982"
+    assert app.header[0].value == "Found at row 528, column 982"
 
 
 def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenPage) -> None:
@@ -54,7 +54,7 @@ def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenP
     app.file_uploader(key="pictures.picture").upload("scene.png", uploads.png(SCENE), "image/png").run()
     assert not app.info
     assert told(app, "stereolag.box")["box"] == {"row": 37, "col": 52, "height": 15, "width": 15}
-    assert app.subheader[0].value == "Found at row 37, column 52"
+    assert app.header[0].value == "Found at row 37, column 52"
 
 
 def test_a_template_that_lacks_a_place_is_offered_no_damage(open_page: OpenPage) -> None:

@@ -13,6 +13,8 @@ from stereolag.estimates import Estimate
 from stereolag.ui import jobs
 from stereolag.ui.jobs import HEAVY_MEMORY, Job, Limiter
 
+pytestmark = pytest.mark.usefixtures("empty_caches")
+
 
 def page() -> None:
     import streamlit as st

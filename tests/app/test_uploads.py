@@ -108,7 +108,7 @@ def test_pictures_of_any_kind_are_searched(with_uploads: Callable[..., AppTest],
     app = with_uploads("pictures", picture=("scene.png", picture), template=("part.png", template))
     assert not app.exception
     assert not app.error
-    assert app.subheader[0].value == "Found at row 20, column 30"
+    assert app.header[0].value == "Found at row 20, column 30"
 
 
 def test_only_what_a_mask_marks_is_looked_for(with_uploads: Callable[..., AppTest]) -> None:
@@ -118,11 +118,11 @@ def test_only_what_a_mask_marks_is_looked_for(with_uploads: Callable[..., AppTes
     mask = np.zeros((20, 30), dtype=np.uint8)
     mask[:, :6] = 255
     app = with_uploads("pictures", picture=("scene.png", uploads.png(SCENE)), template=("t.png", uploads.png(template)))
-    assert app.subheader[0].value == "Not found"
+    assert app.header[0].value == "Not found"
     upload(app, "pictures", mask=("mask.png", uploads.png(mask)))
     assert not app.exception
     assert not app.error
-    assert app.subheader[0].value == "Found at row 20, column 30"
+    assert app.header[0].value == "Found at row 20, column 30"
 
 
 @pytest.mark.parametrize(
@@ -147,9 +147,9 @@ def test_a_cursor_in_a_screenshot_needs_its_mask(with_uploads: Callable[..., App
     files = {name: next(folder.glob(f"{stem}.*")) for name, stem in names.items()}
     app = with_uploads("pictures", **{name: (path.name, path.read_bytes()) for name, path in files.items()})
     assert not app.error
-    assert app.subheader[0].value == "Three places fit equally well"  # the screenshot shows three cursors
+    assert app.header[0].value == "Three places fit equally well"  # the screenshot shows three cursors
     app.slider(key="template.max_matches").set_value(3).run()
-    assert app.subheader[0].value == "Found at three places"
+    assert app.header[0].value == "Found at three places"
 
 
 def test_an_own_pair_is_matched_and_judged_by_its_truth(with_uploads: Callable[..., AppTest]) -> None:
@@ -273,7 +273,7 @@ def test_what_takes_too_much_memory_is_refused_with_what_would_fit(
     assert len(app.error) == 1
     assert typeset("one job may take 268 MB") in app.error[0].value
     assert "would fit" in app.error[0].value
-    assert [one.value for one in app.subheader] == ["See why"]  # no lag
+    assert [one.value for one in app.header] == ["See why"]  # no lag
 
 
 def test_a_lower_limit_of_pixels_is_kept(with_uploads: Callable[..., AppTest], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, expect
@@ -13,21 +12,18 @@ from tests.browser.visits import TIMEOUT_MS, OpenPage, faultless_pages
 
 expect.set_options(timeout=TIMEOUT_MS)
 
-HERE = Path(__file__).parent
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the browser tests on one worker: two browsers at once would wait for each other more than they gain."""
-    for item in items:
-        if item.path.is_relative_to(HERE):
-            item.add_marker(pytest.mark.xdist_group("browser"))
-
 
 @pytest.fixture(scope="session")
 def address() -> Iterator[str]:
     """Start the app on a free port and return its address."""
     with served_app() as url:
+        yield url
+
+
+@pytest.fixture(scope="session")
+def parts_address(browser: Browser) -> Iterator[str]:
+    """Start an app of single parts of the depth page and return its address."""
+    with served_app("tests/browser/depth_parts.py") as url:
         yield url
 
 

@@ -8,14 +8,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from tests.browser.serving import served_app
 from tests.browser.visits import OpenPage, expect_visible, faultless_pages, screenshot
-
-
-@pytest.fixture(scope="module")
-def parts_address(browser: Browser) -> Iterator[str]:
-    with served_app("tests/browser/depth_parts.py") as url:
-        yield url
 
 
 @pytest.fixture

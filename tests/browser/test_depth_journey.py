@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import io
-import os
 import re
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
@@ -22,10 +19,11 @@ from stereolag.doctor import FindingCode
 from stereolag.geometry.distances import SeenPoint, distance_between
 from stereolag.reading import read_calibration, read_disparity, read_image
 from stereolag.stereo.evaluation import evaluate
+from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM
 from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, example_files, number_in, picture_file
-from tests.browser.serving import PROJECT
 from tests.browser.visits import OpenPage, expect_visible
+from tests.programs import run_program_alone
 
 DEPTH_MAPS = "Depth_maps?pair="
 
@@ -282,7 +280,7 @@ def test_the_scoreboard_says_what_the_evaluation_says(visit: DepthPage, pair: Ow
     rows = {first: [float(one) for one in others] for first, *others in visit.frame(8)}
     expected = [100 * judged.density, judged.epe, *judged.bad.values(), judged.d1_all]
     assert rows["StereoBM"] == pytest.approx(expected, rel=1e-5)
-    assert rows.keys() == {"Convolution", "StereoBM", "StereoSGBM", "Semi-global"}
+    assert rows.keys() == {method.title for method in METHODS}
     visit.screenshot(f"scoreboard-{visit.name}-light")
     visit.choose("are left out")
     rows = {first: [float(one) for one in others] for first, *others in visit.frame(7)}
@@ -325,7 +323,6 @@ def test_a_search_shows_its_progress_is_ended_and_taken_over(open_page: OpenPage
     expect(visit.page.get_by_test_id("stProgress")).to_contain_text(
         re.compile(r"[1-9][0-9]* tried. Yours: bad-2 [0-9.]+\s%")
     )
-    visit.page.screenshot(path="screenshots/journey-suggest-running-light.png")
     visit.page.get_by_role("button", name="Cancel").click()
     said = visit.page.get_by_text("Bad-2 on the whole images")
     expect(said).to_contain_text("ended before it had tried everything")
@@ -392,13 +389,7 @@ def test_everything_is_taken_away_read_back_and_reproduced(visit: DepthPage, pai
     visit.screenshot(f"take-{visit.name}-light")
 
     (tmp_path / "disparity.npy").unlink()
-    done = subprocess.run(
-        [sys.executable, str(tmp_path / "reproduce.py")],
-        env=os.environ | {"PYTHONPATH": str(PROJECT)},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
+    run_program_alone(tmp_path / "reproduce.py")
     np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), disparity)
 
     visit.press("Reset")

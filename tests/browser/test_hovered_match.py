@@ -17,7 +17,6 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.hovered_match import browser_settings
 from stereolag.ui.pairs import example_pair
-from tests.browser.serving import served_app
 from tests.browser.visits import OpenPage, expect_visible, faultless_pages, screenshot, settled
 
 SCORING = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "hovered_match" / "scoring.js"
@@ -89,12 +88,6 @@ def both(name: str) -> tuple[np.ndarray, np.ndarray]:
 
 def lag(found: dict[str, int] | None) -> tuple[int, int] | None:
     return (found["dy"], found["dx"]) if found else None
-
-
-@pytest.fixture(scope="module")
-def parts_address(browser: Browser) -> Iterator[str]:
-    with served_app("tests/browser/depth_parts.py") as url:
-        yield url
 
 
 @pytest.fixture

@@ -1,22 +1,17 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
+from stereolag.ui.navigation import PAGES
 from tests.app import uploads
 from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
 
-PAGES = {
-    "home": "",
-    "sensor-lag": "Sensor_lag",
-    "rocketman": "Rocketman_search",
-    "depth-maps": "Depth_maps",
-    "calibrate": "Calibrate",
-    "driving": "Driving",
-}
+ADDRESSES = {label: "" if path == "app.py" else Path(path).stem.partition("_")[2] for path, (label, _) in PAGES.items()}
 
 
 def no_exception(page: Page) -> None:
@@ -24,9 +19,10 @@ def no_exception(page: Page) -> None:
     expect(page.get_by_test_id("stAlertContentError")).to_have_count(0)
 
 
-@pytest.mark.parametrize("name", PAGES)
-def test_every_page_opens_in_both_themes_and_on_a_phone(open_page: OpenPage, name: str) -> None:
-    page = open_page(PAGES[name])
+@pytest.mark.parametrize("label", ADDRESSES)
+def test_every_page_opens_in_both_themes_and_on_a_phone(open_page: OpenPage, label: str) -> None:
+    page = open_page(ADDRESSES[label])
+    name = label.lower().replace(" ", "-")
     no_exception(page)
     screenshot(page, f"{name}-light")
 
@@ -43,7 +39,7 @@ def test_every_page_opens_in_both_themes_and_on_a_phone(open_page: OpenPage, nam
 
 def test_the_links_lead_from_page_to_page(open_page: OpenPage) -> None:
     page = open_page()
-    for label in ("Sensor lag", "Rocketman search", "Calibrate", "Driving", "Depth maps"):
+    for label in [label for label in ADDRESSES if label != "Home"]:
         page.get_by_test_id("stPageLink").get_by_text(label, exact=True).click()
         expect(page.get_by_role("heading", level=1)).to_have_text(label)
         settled(page)

@@ -73,7 +73,7 @@ def drag(page: Page, drawing: str, *points: tuple[float, float]) -> None:
 
 
 def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag")
+    page = open_page("Sensor_lag", moving=True)
     page.get_by_role("tab", name="Arrows that line up").click()
     root = page.locator(".phasors")
     slider, where, said = (root.locator(f".{name}") for name in ("lag", "where", "said"))

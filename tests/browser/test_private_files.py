@@ -42,7 +42,7 @@ def alike_but_for_a_burst(seed: int) -> np.ndarray:
 @contextmanager
 def visitor(browser: Browser, address: str) -> Iterator[Page]:
     """Give a page of somebody who shares nothing with the others, on their own files."""
-    page = browser.new_context().new_page()
+    page = browser.new_context(reduced_motion="reduce").new_page()
     page.set_default_timeout(TIMEOUT_MS)
     page.add_init_script(WATCH_ANSWERS)
     page.goto(address)
@@ -87,7 +87,7 @@ def test_downloads_have_addresses_of_their_own(browser: Browser, address: str) -
     """The same result, made twice by two visitors: the same bytes and yet two addresses."""
     seen: dict[str, str] = {}
     for number in range(2):
-        context = browser.new_context(accept_downloads=True)
+        context = browser.new_context(accept_downloads=True, reduced_motion="reduce")
         page = context.new_page()
         page.set_default_timeout(TIMEOUT_MS)
         page.add_init_script(WATCH_ANSWERS)

@@ -63,7 +63,7 @@ def drag_to(page: Page, sample: float, *, of: int, start: float) -> None:
 
 
 def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag")
+    page = open_page("Sensor_lag", moving=True)
     stage, where = page.locator(".sliding .stage"), page.locator(".sliding .where")
     said = page.locator(".sliding .said")
     expect(where).to_have_text("Lag 0 · sum 10")

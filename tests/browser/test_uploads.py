@@ -75,7 +75,7 @@ def test_a_refused_file_leaves_no_answer_of_an_example(open_page: OpenPage) -> N
 
 def test_after_a_restart_the_page_says_that_the_files_are_gone(browser: Browser) -> None:
     port = free_port()
-    page = browser.new_context().new_page()
+    page = browser.new_context(reduced_motion="reduce").new_page()
     page.set_default_timeout(TIMEOUT_MS)
     page.add_init_script(WATCH_ANSWERS)
     with served_app(port=port) as url:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,28 +17,66 @@ TIMEOUT_MS = 60_000
 """Only a failure waits as long: a busy machine takes ten times what an idle one does."""
 
 WATCH_ANSWERS = """
-const send = WebSocket.prototype.send;
-WebSocket.prototype.send = function (...data) {
-  if (!this.watched) this.addEventListener("message", () => { window.unanswered = false; });
-  this.watched = window.unanswered = true;
-  return send.apply(this, data);
+const field = (bytes, start) => {
+  let [value, shift, at] = [0, 0, start];
+  do { value += (bytes[at] & 127) * 2 ** shift; shift += 7; } while (bytes[at++] & 128);
+  return [value, at];
 };
+const fields = (message) => {
+  const bytes = new Uint8Array(message.buffer ?? message, message.byteOffset ?? 0, message.byteLength);
+  const found = [];
+  for (let at = 0, tag, size; at < bytes.length;) {
+    [tag, at] = field(bytes, at);
+    found.push(tag >> 3);
+    [size, at] = [0, 1, 5].includes(tag & 7) ? { 0: field(bytes, at), 1: [8, at], 5: [4, at] }[tag & 7]
+      : field(bytes, at);
+    at += tag & 7 ? size : 0;
+  }
+  return found;
+};
+const [RERUN_SCRIPT, FILE_URLS_REQUEST, NEW_SESSION, SCRIPT_FINISHED] = [11, 16, 4, 6];
+const awaited = window.awaited = { answer: false, run: false, upload: false, timers: new Set() };
+const send = WebSocket.prototype.send;
+WebSocket.prototype.send = function (data) {
+  if (!this.watched) this.addEventListener("message", ({ data }) => {
+    const [told] = fields(data).filter((one) => [NEW_SESSION, SCRIPT_FINISHED].includes(one));
+    if (told === NEW_SESSION) [awaited.answer, awaited.run] = [false, true];
+    if (told === SCRIPT_FINISHED) awaited.run = false;
+  });
+  this.watched = true;
+  const [asked] = fields(data);
+  if (asked === RERUN_SCRIPT) [awaited.answer, awaited.upload] = [true, false];
+  if (asked === FILE_URLS_REQUEST) awaited.upload = true;
+  return send.call(this, data);
+};
+const [setTimer, clearTimer] = [window.setTimeout, window.clearTimeout];
+window.setTimeout = (call, delay, ...given) => {
+  const timer = setTimer(() => { awaited.timers.delete(timer); call(...given); }, delay);
+  if (delay > 50 && delay <= 500) awaited.timers.add(timer);
+  return timer;
+};
+window.clearTimeout = (timer) => { awaited.timers.delete(timer); clearTimer(timer); };
 """
-"""The page itself looks finished until the server's first word about a new run."""
+"""Keeps, on a page, what it waits for: the first word of the server about a run that was asked for, the end of that
+run, the address for a file, and its own short timers, by which a slider holds back what it sends."""
 
 REST = """
 async (patience) => {
   const none = (selector) => !document.querySelector(selector);
-  const finished = () => !window.unanswered
+  const waitsFor = () => [
+    ...Object.entries(awaited).filter(([, value]) => value === true).map(([name]) => name),
+    ...[...awaited.timers].map((timer) => `timer ${timer}`),
+  ];
+  const finished = () => !waitsFor().length
     && document.querySelector("[data-testid=stApp]")?.dataset.testScriptState === "notRunning"
     && none("[data-testid=stSkeleton], [data-testid=stSpinner]")
     && [...document.querySelectorAll("[data-testid=stPlotlyChart]")].every((chart) => chart.querySelector("svg"))
     && [...document.images].every((image) => image.complete);
   const last = { priority: "background" };
-  const idle = () => new Promise((done) => setTimeout(() => scheduler.postTask(done, last), 50));
+  const idle = () => new Promise((done) => requestAnimationFrame(() => scheduler.postTask(done, last)));
   const end = performance.now() + patience;
   for (let times = 0; times < 3; times = finished() ? times + 1 : 0) {
-    if (performance.now() > end) throw new Error(`still busy after ${patience} ms`);
+    if (performance.now() > end) throw new Error(`still busy after ${patience} ms: ${waitsFor()}`);
     await idle();
   }
 }
@@ -57,10 +96,15 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
         if message.type == "error" and "/_stcore/" not in message.location["url"]:
             errors.append(f"{message.text} ({message.location['url']})")
 
-    def opened(path: str = "", *, scheme: str = "light", width: int = 1280) -> Page:
+    def opened(
+        path: str = "", *, scheme: str = "light", width: int = 1280, scale: float = 1, moving: bool = False
+    ) -> Page:
         page = browser.new_page(
             viewport={"width": width, "height": 900},
+            device_scale_factor=scale,
             color_scheme=scheme,  # type: ignore[arg-type]
+            # Drawing what only moves while a page waits, without a graphics card, takes a third of all time.
+            reduced_motion="no-preference" if moving else "reduce",
         )
         pages.append(page)
         page.set_default_timeout(TIMEOUT_MS)
@@ -91,7 +135,10 @@ def expect_visible(wanted: Locator) -> None:
 
 
 def screenshot(page: Page, name: str) -> None:
-    """Keep a picture of the whole page in screenshots/, which git ignores."""
+    """Keep a picture of the whole page in screenshots/, which git ignores, where $STEREOLAG_SCREENSHOTS asks for it."""
+    settled(page)
+    if not os.environ.get("STEREOLAG_SCREENSHOTS"):
+        return
     SCREENSHOTS.mkdir(exist_ok=True)
     before = page.viewport_size
     assert before is not None

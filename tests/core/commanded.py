@@ -31,3 +31,9 @@ def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> Ran:
     except SystemExit as ended:
         code = int(ended.code or 0)
     return Ran(code, *capsys.readouterr())
+
+
+def assert_refused(told: Ran, command: str, code: int, said: str) -> None:
+    """Check that a command did nothing and said why, in one line under its name."""
+    assert (told.code, told.out, len(told.err.splitlines())) == (code, "", 1)
+    assert said in told.err and told.err.startswith(f"stereolag {command}: ")

@@ -169,17 +169,21 @@ def test_a_charuco_board_is_drawn_whatever_the_size_of_its_markers(share: float)
     assert picture.shape == (8 * 48, 11 * 48)
 
 
-def wrong_moment(pairs: Pictures) -> Pictures:
-    return [(left, pairs[3][1] if number == 2 else right) for number, (left, right) in enumerate(pairs)]
+def wrong_moment(pairs: Pictures) -> tuple[np.ndarray, np.ndarray]:
+    return pairs[2][0], pairs[3][1]
 
 
-def upside_down(pairs: Pictures) -> Pictures:
-    return [(left, right[::-1, ::-1] if number == 2 else right) for number, (left, right) in enumerate(pairs)]
+def upside_down(pairs: Pictures) -> tuple[np.ndarray, np.ndarray]:
+    return pairs[2][0], pairs[2][1][::-1, ::-1]
 
 
 @pytest.mark.parametrize("spoil", [wrong_moment, upside_down])
-def test_a_pair_that_contradicts_the_others_is_left_out(pairs: Pictures, spoil: Callable[..., Pictures]) -> None:
-    result = calibrate_boards(find_boards(spoil(pairs), CHESSBOARD), SQUARE_M)
+def test_a_pair_that_contradicts_the_others_is_left_out(
+    pairs: Pictures, views: BoardViews, spoil: Callable[[Pictures], tuple[np.ndarray, np.ndarray]]
+) -> None:
+    (spoilt,) = find_boards([spoil(pairs)], CHESSBOARD).right
+    right = [spoilt if number == 2 else one for number, one in enumerate(views.right)]
+    result = calibrate_boards(with_right(views, right), SQUARE_M)
     assert [pair.left_out for pair in result.pairs] == [
         LeftOut.CONTRADICTS if number == 2 else None for number in range(len(pairs))
     ]
@@ -213,8 +217,9 @@ def test_corners_counted_from_the_other_end_are_put_in_order(views: BoardViews, 
     assert result.rms == pytest.approx(plain.rms)
 
 
-def test_the_same_pair_twice_counts_once(pairs: Pictures) -> None:
-    result = calibrate_boards(find_boards([*pairs[:5], pairs[1]], CHESSBOARD), SQUARE_M)
+def test_the_same_pair_twice_counts_once(views: BoardViews) -> None:
+    left, right, sizes = ((*all_of_them[:5], all_of_them[1]) for all_of_them in (views.left, views.right, views.sizes))
+    result = calibrate_boards(replace(views, left=left, right=right, sizes=sizes), SQUARE_M)
     assert [pair.left_out for pair in result.pairs] == [None] * 5 + [LeftOut.SAME_VIEW]
 
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 import soundfile
-from commanded import ran
+from commanded import assert_refused, ran
 from scipy.signal import resample_poly
 
 import stereolag as sl
@@ -157,9 +157,7 @@ def test_lag_refuses_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(recordings)
-    told = ran(capsys, "lag", *arguments)
-    assert (told.code, told.out, len(told.err.splitlines())) == (code, "", 1)
-    assert said in told.err
+    assert_refused(ran(capsys, "lag", *arguments), "lag", code, said)
 
 
 @pytest.fixture(scope="module")
@@ -260,9 +258,7 @@ def test_find_refuses_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(picture)
-    told = ran(capsys, "find", *arguments)
-    assert (told.code, told.out, len(told.err.splitlines())) == (code, "", 1)
-    assert said in told.err
+    assert_refused(ran(capsys, "find", *arguments), "find", code, said)
 
 
 def drawn_rig() -> StereoRig:
@@ -354,9 +350,7 @@ def test_calibrate_refuses_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(boards)
-    told = ran(capsys, "calibrate", *arguments)
-    assert (told.code, told.out, len(told.err.splitlines())) == (code, "", 1)
-    assert said in told.err
+    assert_refused(ran(capsys, "calibrate", *arguments), "calibrate", code, said)
 
 
 def by_console(*arguments: object, script: str = "") -> subprocess.CompletedProcess[str]:

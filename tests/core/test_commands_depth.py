@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from commanded import ran
+from commanded import assert_refused, ran
 from ply_reader import read_ply
 from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
@@ -240,12 +240,7 @@ def test_what_cannot_be_is_refused_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(folder)
-    told = ran(capsys, "depth", *arguments)
-    assert told.code == code
-    assert told.out == ""
-    assert said in told.err
-    assert told.err.startswith("stereolag depth: ")
-    assert len(told.err.splitlines()) == 1
+    assert_refused(ran(capsys, "depth", *arguments), "depth", code, said)
 
 
 def test_images_that_do_not_belong_together_are_refused(

@@ -15,7 +15,7 @@ from pathlib import Path
 import moving_drives
 import numpy as np
 import pytest
-from commanded import ran
+from commanded import assert_refused, ran
 from small_drives import archive, write_folders
 from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
@@ -223,8 +223,7 @@ def test_what_is_refused_is_told_in_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     told = ran(capsys, "sequence", *sides, "--out", tmp_path / "out", *flags)
-    assert (told.code, told.out, told.err.count("\n")) == (code, "", 1)
-    assert sentence in told.err and told.err.startswith("stereolag sequence: ")
+    assert_refused(told, "sequence", code, sentence)
 
 
 def test_a_folder_to_write_to_is_needed(sides: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:

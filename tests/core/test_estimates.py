@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import subprocess
 import sys
@@ -32,35 +34,6 @@ GB = 10**9
 SMALL = 64 * 10**6
 """Bytes by which the estimate of a small job may be too large."""
 
-REPOSITORY = Path(__file__).parents[2]
-
-MEASURE = """
-import sys
-import cv2
-import numpy as np
-from benchmarks.timing import peak_extra_memory
-from stereolag.signals import estimate_lag, signal_lag
-from stereolag.stereo.methods import preset
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
-from stereolag.templates import estimate_search, match_template
-
-random = np.random.default_rng(0)
-def image(rows, cols):
-    return cv2.GaussianBlur(random.integers(0, 256, (rows, cols), dtype=np.uint8), (0, 0), 1)
-def pair(rows, cols):
-    left = image(rows, cols)
-    return left, np.roll(left, -8, axis=1)
-def noise(size):
-    return random.standard_normal(size)
-setup, warm, job, estimate = sys.argv[1:]
-exec(setup)
-eval(warm)
-measured = peak_extra_memory(lambda: eval(job))
-print(int(measured * 1e6), eval(estimate).memory)
-"""
-
 pytestmark = pytest.mark.usefixtures("_fresh_limits")
 
 
@@ -80,69 +53,71 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     return limit
 
 
+JOBS = {
+    method: (
+        f"a, b = noise({size}), noise({size})",
+        f"signal_lag(a[:9000], a[100:9000], method={method!r})",
+        f"signal_lag(a, b, method={method!r})",
+        f"estimate_lag({size}, {size}, method={method!r})",
+    )
+    for method, size in (("fft", 2_000_000), ("phat", 1_500_000))
+}
+JOBS |= {
+    "template": (
+        "a = image(1500, 2000); t = a[200:900, 300:1100]",
+        "match_template(a[:200, :200], a[:20, :20])",
+        "match_template(a, t)",
+        "estimate_search(a.shape, t.shape)",
+    ),
+    "resized template": (
+        "a = image(1500, 2000); t = a[200:300, 300:400]",
+        "match_template(a[:200, :200], a[:20, :20], scales=(0.8, 1), rotations=(0, 10))",
+        "match_template(a, t, scales=(0.7, 1.4), rotations=(0, 10))",
+        "estimate_search(a.shape, t.shape, scales=(0.7, 1.4), rotations=(0, 10))",
+    ),
+}
+JOBS |= {
+    name: (
+        f"m = {matcher}; l, r = pair({rows}, {cols})",
+        "m.compute(l[:200, :600], r[:200, :600])",
+        "m.compute(l, r)",
+        "m.estimate(l.shape, l.dtype)",
+    )
+    for name, matcher, rows, cols in (
+        ("fast", "preset('fast')", 2000, 2000),
+        ("window FFT", "CorrelationMatcher(overlap=0.5, search=SearchArea.centred(60), engine='fft')", 1500, 1500),
+        ("phase", "CorrelationMatcher(window_size=32, overlap=0.5, score='phase')", 1500, 1500),
+        ("accurate", "preset('accurate')", 900, 1200),
+        ("StereoBM", "StereoBM()", 2500, 3500),
+        ("HH", "StereoSGBM(mode='hh')", 900, 1200),
+        ("HH4", "StereoSGBM(mode='hh4', block_size=9)", 900, 1200),
+    )
+}
+"""What is set up, what is computed before, the job, and its estimate, as ``measured_memory`` runs them."""
+
+
+@pytest.fixture(scope="module")
+def memory() -> dict[str, tuple[int, int]]:
+    """Return the bytes that each job takes, and those of its estimate."""
+    here = Path(__file__).parent
+    answer = subprocess.run(
+        [sys.executable, str(here / "measured_memory.py")],
+        input=json.dumps(JOBS),
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"PYTHONPATH": str(here.parents[1])},
+    )
+    rows = (json.loads(line) for line in answer.stdout.splitlines())
+    return {name: (measured, estimated) for name, measured, estimated in rows}
+
+
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is measured where Linux tells it")
-@pytest.mark.parametrize(
-    ("setup", "warm", "job", "estimate"),
-    [
-        (
-            f"a, b = noise({size}), noise({size})",
-            f"signal_lag(a[:9000], a[100:9000], method={method!r})",
-            f"signal_lag(a, b, method={method!r})",
-            f"estimate_lag({size}, {size}, method={method!r})",
-        )
-        for method, size in (("fft", 2_000_000), ("phat", 1_500_000))
-    ]
-    + [
-        (
-            "a = image(1500, 2000); t = a[200:900, 300:1100]",
-            "match_template(a[:200, :200], a[:20, :20])",
-            "match_template(a, t)",
-            "estimate_search(a.shape, t.shape)",
-        ),
-        (
-            "a = image(1500, 2000); t = a[200:300, 300:400]",
-            "match_template(a[:200, :200], a[:20, :20], scales=(0.8, 1), rotations=(0, 10))",
-            "match_template(a, t, scales=(0.7, 1.4), rotations=(0, 10))",
-            "estimate_search(a.shape, t.shape, scales=(0.7, 1.4), rotations=(0, 10))",
-        ),
-    ]
-    + [
-        (
-            f"m = {matcher}; l, r = pair({rows}, {cols})",
-            "m.compute(l[:200, :600], r[:200, :600])",
-            "m.compute(l, r)",
-            "m.estimate(l.shape, l.dtype)",
-        )
-        for matcher, rows, cols in (
-            ("preset('fast')", 2000, 2000),
-            ("CorrelationMatcher(overlap=0.5, search=SearchArea.centred(60), engine='fft')", 1500, 1500),
-            ("CorrelationMatcher(window_size=32, overlap=0.5, score='phase')", 1500, 1500),
-            ("preset('accurate')", 900, 1200),
-            ("StereoBM()", 2500, 3500),
-            ("StereoSGBM(mode='hh')", 900, 1200),
-            ("StereoSGBM(mode='hh4', block_size=9)", 900, 1200),
-        )
-    ],
-    ids=[
-        "fft",
-        "phat",
-        "template",
-        "resized template",
-        "fast",
-        "window FFT",
-        "phase",
-        "accurate",
-        "StereoBM",
-        "HH",
-        "HH4",
-    ],
-)
+@pytest.mark.parametrize("job", JOBS)
 def test_an_estimate_is_at_least_what_is_measured_and_at_most_twice_that(
-    setup: str, warm: str, job: str, estimate: str
+    job: str, memory: dict[str, tuple[int, int]]
 ) -> None:
-    arguments = [sys.executable, "-c", MEASURE, setup, warm, job, estimate]
-    done = subprocess.run(arguments, cwd=REPOSITORY, capture_output=True, text=True, check=True)
-    measured, estimated = map(int, done.stdout.split())
+    measured, estimated = memory[job]
     assert measured <= estimated <= 2 * measured + SMALL
 
 

@@ -1,13 +1,11 @@
-"""The exported program, run in a process of its own, makes the same arrays bit for bit."""
+"""The exported program makes the same arrays bit for bit."""
 
 from __future__ import annotations
 
 import ast
 import io
-import os
-import subprocess
-import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
@@ -23,8 +21,8 @@ import stereolag as sl
 from stereolag.export import bundle, image_png, script
 from stereolag.export.programs import constructor, imports
 from stereolag.settings import Settings
+from tests.programs import run_program, run_program_alone
 
-PROJECT = Path(__file__).resolve().parents[2]
 RECTIFIED = sl.CorrelationMatcher(window_size=11, overlap=0.8, search=sl.SearchArea.rectified(24), score="zncc")
 
 
@@ -46,15 +44,10 @@ class Stages(Settings):
     many: list[Smoothing] = Field(default_factory=lambda: [Smoothing(strength=1e-9)] * 3)
 
 
-def run(program: str, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+def saved_by(run: Callable[[Path], str], program: str, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Run a program in a folder, and return what it saved there."""
     (folder / "program.py").write_text(program, encoding="utf-8")
-    elsewhere = folder.parent
-    environment = os.environ | {"PYTHONPATH": str(PROJECT), "PYTHONWARNINGS": "error::FutureWarning"}
-    done = subprocess.run(
-        [sys.executable, str(folder / "program.py")], cwd=elsewhere, env=environment, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    assert "of the pixels have a disparity" in done.stdout
+    assert "of the pixels have a disparity" in run(folder / "program.py")
     return np.load(folder / "disparity.npy"), sl.read_disparity(folder / "disparity.pfm")
 
 
@@ -81,7 +74,7 @@ def test_the_program_measures_the_same_again(matcher, crop, scale, tmp_path):
         )
     expected = matcher.compute(left, right).disparity
     assert np.isfinite(expected).mean() > 0.3
-    saved, from_pfm = run(script(matcher, *names, crop=crop, scale=scale), tmp_path)
+    saved, from_pfm = saved_by(run_program, script(matcher, *names, crop=crop, scale=scale), tmp_path)
     assert saved.dtype == np.float32
     assert saved.tobytes() == expected.tobytes()
     np.testing.assert_array_equal(from_pfm, expected)
@@ -97,7 +90,7 @@ def test_the_program_runs_out_of_the_archive(tmp_path):
     folder = tmp_path / "taken away"
     with zipfile.ZipFile(io.BytesIO(bundle(files))) as archive:
         archive.extractall(folder)
-    saved, _ = run((folder / "reproduce.py").read_text(encoding="utf-8"), folder)
+    saved, _ = saved_by(run_program_alone, (folder / "reproduce.py").read_text(encoding="utf-8"), folder)
     assert saved.tobytes() == RECTIFIED.compute(left, right).disparity.tobytes()
 
 

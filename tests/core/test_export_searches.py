@@ -5,10 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
 import shlex
-import subprocess
-import sys
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -38,8 +35,8 @@ from stereolag.export import (
 from stereolag.export.lags import BLOCK, check_aligned_wav
 from stereolag.searches import LagSearch, TemplateQuery
 from stereolag.signals.alignment import aligned, together
+from tests.programs import run_program
 
-PROJECT = Path(__file__).resolve().parents[2]
 Signal = npt.NDArray[np.float64]
 
 
@@ -260,15 +257,7 @@ def test_whatever_else_a_search_comes_to_tell_is_in_its_figures() -> None:
 
 def by_script(program: str, folder: Path) -> str:
     (folder / "reproduce.py").write_text(program, encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "reproduce.py"],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(PROJECT)},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return run_program(folder / "reproduce.py")
 
 
 def test_the_lag_program_measures_it_again(recordings: Path) -> None:

@@ -17,14 +17,12 @@ from stereolag.stereo.opencv import BlockMatcher
 from stereolag.version import VERSION
 
 MATCHERS = [
-    CorrelationMatcher(),
+    *(method() for method in METHODS),
     CorrelationMatcher(window_size=31, overlap=0.1, search=SearchArea.rectified(100, -7, 2), score="ncc"),
     CorrelationMatcher(search=SearchArea.centred(51, vertical=0), engine="fft"),
     SemiGlobalMatcher(window_size=7, num_disparities=48, min_disparity=-3),
-    StereoBM(),
     StereoBM(num_disparities=128, min_disparity=-16, block_size=9, uniqueness_ratio=3, texture_threshold=500),
     StereoBM(speckle_window_size=50, speckle_range=32, disp12_max_diff=2, pre_filter_cap=5),
-    StereoSGBM(),
     StereoSGBM(min_disparity=4, block_size=3, p1=72, p2=288, pre_filter_cap=63, disp12_max_diff=-1),
 ]
 BLOCK_MATCHERS = [matcher for matcher in MATCHERS if isinstance(matcher, BlockMatcher)]
@@ -35,10 +33,6 @@ def getters(matcher: object) -> dict[str, object]:
     names = [name for name in dir(matcher) if name.startswith("get") and name not in regions]
     assert len(names) > 8
     return {name: getattr(matcher, name)() for name in names}
-
-
-def test_every_method_is_among_them():
-    assert {type(matcher) for matcher in MATCHERS} == set(METHODS)
 
 
 def test_files_name_the_version():

@@ -1,8 +1,10 @@
-"""The house: every room imports from the floors below, no module from itself in the end, and the library no screen."""
+"""The house, as ARCHITECTURE.md draws it: imports run down, no module leads to itself, the library knows no screen."""
 
 from __future__ import annotations
 
 import ast
+import importlib
+import re
 import subprocess
 import sys
 from functools import cache
@@ -12,25 +14,25 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "stereolag"
 
-FLOORS = (
-    {"arrays", "progress", "version", "samples", "typography"},
-    {"settings", "inputs", "loops"},
-    {"limits", "searches", "figures.pictures"},
-    {"estimates", "figures.flow", "figures.outlines"},
-    {"signals", "templates", "geometry", "stereo.estimates", "stereo.reasons"},
-    {"stereo.matcher"},
-    {"stereo.finishing"},
-    {"stereo.windows", "stereo.semi_global", "stereo.opencv", "stereo.evaluation"},
-    {"stereo.methods", "motion"},
-    {"tuning", "doctor", "reading"},
-    {"explaining", "export"},
-    {"sequences"},
-    {"stereolag"},
-    {"figures", "warming"},
-    {"ui", "commands"},
+ARCHITECTURE, CONTRIBUTING = (
+    (PACKAGE.parent / name).read_text(encoding="utf-8") for name in ("ARCHITECTURE.md", "CONTRIBUTING.md")
 )
-"""From the ground up: a room imports from the floors below, and within itself. Of the figures some modules stand lower:
-arrays as coloured pictures, flows and outlines, which videos are made of too."""
+
+FLOORS: dict[str, float] = {
+    room.replace("__init__", "stereolag"): int(floor)
+    for floor, rooms in re.findall(r"^\| (\d+) \| ([^|]+) \|", ARCHITECTURE, re.MULTILINE)
+    for room in re.findall(r"`(?:stereolag/)?(\w+)(?:/|\.py)?`", rooms)
+}
+"""Of every room, from the table: a room imports from the floors below, and within itself."""
+
+STAGES = ({"estimates", "reasons"}, {"matcher"}, {"finishing"})
+FLOORS |= {f"stereo.{room}": FLOORS["stereo"] + number / 10 for number, rooms in enumerate(STAGES) for room in rooms}
+METHODS = {"stereo.windows", "stereo.semi_global", "stereo.opencv", "stereo.evaluation", "stereo"}
+FLOORS |= dict.fromkeys(METHODS, FLOORS["stereo"] + 0.3) | {"stereo.methods": FLOORS["stereo"] + 0.4}
+"""Within stereo the stages follow one another; each method, a new one too, knows those below and no other method."""
+
+FLOORS |= {"figures.pictures": 2, "figures.flow": 3, "figures.outlines": 3}
+"""Of the figures some modules stand lower: coloured pictures, flows and outlines, which videos are made of too."""
 
 ALLOWED_BESIDE = {("export", "stereolag")}
 """A program that was written out calls the public names: what writes it asks which these are."""
@@ -46,10 +48,10 @@ MODULES = {module_of(path): path for path in PACKAGE.rglob("*.py") if "app" not 
 
 
 def room_of(module: str) -> str:
-    parts = module.split(".")
-    names = (".".join(parts[:length]) for length in (2, 1))
-    known = set().union(*FLOORS)
-    return "stereolag" if not module else next(name for name in names if name in known)
+    names = (".".join(module.split(".")[:length]) for length in (2, 1))
+    room = next((name for name in names if name in FLOORS), None) if module else "stereolag"
+    assert room is not None, f"stereolag/{module} stands in no row of ARCHITECTURE.md's table of rooms"
+    return room
 
 
 @cache
@@ -81,11 +83,31 @@ def of_ours(module: str) -> set[str]:
 @pytest.mark.parametrize("module", sorted(set(MODULES) - {"stereo"}))
 def test_a_room_imports_from_the_floors_below(module: str) -> None:
     room = room_of(module)
-    floor = next(number for number, rooms in enumerate(FLOORS) if room in rooms)
-    below = set().union(*FLOORS[:floor], {room})
     for name in of_ours(module) - {"stereo"}:
         other = room_of(name)
-        assert other in below or (room, other) in ALLOWED_BESIDE, f"{module} imports {name}"
+        below = FLOORS[other] < FLOORS[room] or other == room
+        assert below or (room, other) in ALLOWED_BESIDE, f"{module} imports {name}"
+
+
+def test_every_package_is_named() -> None:
+    packages = {path.parent.relative_to(PACKAGE) for path in PACKAGE.rglob("__init__.py")} - {Path()}
+    assert not {path.as_posix() for path in packages if f"{path.name}/`" not in ARCHITECTURE}
+
+
+@pytest.mark.parametrize("document", [ARCHITECTURE, CONTRIBUTING], ids=["architecture", "contributing"])
+def test_every_path_that_is_named_exists(document: str) -> None:
+    paths = set(re.findall(r"`([\w./]+(?:/|\.py|\.pyi|\.md|\.js))`", document))
+    assert paths
+    project = PACKAGE.parent
+    missing = {path for path in paths if not any((root / path).exists() for root in (project, PACKAGE))}
+    assert not {path for path in missing if not any(PACKAGE.glob(f"**/{path.rstrip('/')}"))}
+
+
+def test_every_list_that_is_named_exists() -> None:
+    lists = re.findall(r"`(\w+)` (?:in|of) `(stereolag/[\w/]+)\.py`", CONTRIBUTING)
+    assert lists
+    for name, path in lists:
+        assert hasattr(importlib.import_module(path.replace("/", ".").removesuffix(".__init__")), name), name
 
 
 def test_no_module_leads_back_to_itself() -> None:

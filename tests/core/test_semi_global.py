@@ -122,7 +122,9 @@ def test_a_window_without_a_middle_is_refused(size: int) -> None:
 
 
 def test_weights_that_are_all_nothing_are_refused() -> None:
-    with pytest.raises(SettingsError, match="correlation, census and gradient are all 0"):
+    with pytest.raises(
+        SettingsError, match="correlation, census and gradient add up to 0; allowed are 1 to 250 together"
+    ):
         MatchingCost(correlation=0, census=0, gradient=0)
 
 

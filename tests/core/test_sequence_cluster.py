@@ -21,8 +21,6 @@ from stereolag.reading.sources import Source
 from stereolag.sequences import SequenceState, Steadiness, open_sequence, run_sequence
 
 distributed = pytest.importorskip("distributed")
-pytestmark = pytest.mark.xdist_group("cluster")
-
 DISPARITIES = [4 + number % 6 for number in range(12)]
 ACCURATE = preset("accurate", num_disparities=16)
 

@@ -22,7 +22,7 @@ from stereolag.signals.long_pairs import (
     whiten,
     whiten_reference,
 )
-from stereolag.signals.verdict import judge_pair
+from stereolag.signals.verdict import judge
 
 
 def repeated() -> tuple[np.ndarray, np.ndarray]:
@@ -55,7 +55,7 @@ def test_the_judgement_is_that_of_the_whole(name: str, monkeypatch: pytest.Monke
     one, other = PAIRS[name]()
     found = signal_lag(one, other, max_lag=8000)
     pair = LongPair(CentredRecording(one), CentredRecording(other))
-    judged = judge_pair(pair, found.lag, 8000, lags=found.lags, curve=found.correlation)
+    judged = judge(pair, found.lag, 8000, lags=found.lags, curve=found.correlation)
     assert found.judgement is not None
     for (field, expected), value in zip(
         flat(dataclasses.asdict(found.judgement)), [value for _, value in flat(dataclasses.asdict(judged))], strict=True

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereolag.signals.overlaps import cross_spectrum, overlap_pearson, sliding_pearson, turn_back, turn_forth
+from stereolag.signals.overlaps import cross_spectrum, turn_back, turn_forth
 from stereolag.signals.peaks import REACH, find_peak, main_lobe, peak_ratio, refine_peak
 
 
@@ -52,20 +52,6 @@ def test_a_band_limited_peak_is_found_between_the_samples(band: float, error: fl
 
 def test_a_peak_on_the_border_has_no_fraction() -> None:
     assert refine_peak(np.array([0.7])) == 0.0
-
-
-@pytest.mark.parametrize("sizes", [(60, 60), (20, 75), (75, 20)])
-def test_the_sliding_sum_is_the_plain_formula(sizes: tuple[int, int]) -> None:
-    random = np.random.default_rng(4)
-    first, second = (signal - signal.mean() for signal in (random.normal(size=size) for size in sizes))
-    second[: sizes[1] // 3] = second[0]
-    lags = np.arange(1 - sizes[0], sizes[1])
-    curve = np.empty(lags.size)
-    sliding_pearson(first, second, int(lags[0]), curve)
-    for lag, value in zip(lags, curve, strict=True):
-        overlap = min(sizes[0], sizes[1] - lag) - max(0, -lag)
-        plain = overlap_pearson(first, second, int(lag)) * np.sqrt(overlap / min(sizes))
-        assert value == pytest.approx(np.nan_to_num(plain), abs=1e-9)
 
 
 def test_turning_back_puts_the_imaginary_parts_before_the_real_ones() -> None:

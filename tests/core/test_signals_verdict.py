@@ -193,9 +193,9 @@ def test_a_spacing_is_regular_or_none(rivals: tuple[int, ...], lag: int, expecte
 
 
 def test_any_lag_can_be_judged_without_a_curve() -> None:
-    first, second = (signal - signal.mean() for signal in common(6000, 700, 1))
-    assert judge(first, second, 700, 5999).verdict == "sure"
-    wrong = judge(first, second, 4000, 5999)
+    pair = WhitePair(*(signal - signal.mean() for signal in common(6000, 700, 1)))
+    assert judge(pair, 700, 5999).verdict == "sure"
+    wrong = judge(pair, 4000, 5999)
     assert (wrong.verdict, wrong.reason) == ("nothing", "chance")
     assert np.isnan(wrong.height) and wrong.ribbon is None
 
@@ -242,3 +242,16 @@ def test_the_blocks_of_a_drift_lie_on_its_line() -> None:
     assert drift.blocks == len(drift.places) >= 10
     slope, _ = np.polyfit(drift.places, drift.lags, 1)
     assert 1e6 * slope == pytest.approx(50.0, abs=5)
+
+
+def test_a_result_lets_go_of_the_recordings_once_it_is_judged() -> None:
+    sound = np.random.default_rng(0).standard_normal(4_000)
+    judged_later, judged_at_once = (
+        signal_lag(sound[200:], sound),
+        signal_lag(sound[200:], sound, progress=lambda _: None),
+    )
+    assert judged_later._judge is not None
+    assert judged_at_once._judge is None
+    assert judged_later.judgement == judged_at_once.judgement
+    assert judged_later.judgement is judged_later.judgement
+    assert judged_later._judge is None

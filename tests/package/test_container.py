@@ -29,8 +29,6 @@ DEPLOYMENT = PROJECT / "deployment"
 NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))
 PATIENCE_S = 120
 
-pytestmark = pytest.mark.xdist_group("container")
-
 
 def instructions() -> list[tuple[str, str]]:
     """Return what the Dockerfile says, one instruction and its arguments at a time."""

@@ -27,8 +27,6 @@ from tests.protocol import visit
 PROJECT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 120
 
-pytestmark = pytest.mark.xdist_group("package")
-
 PROGRAM = """
 from stereolag import CorrelationMatcher, DisparityMap, SearchArea, SignalLag, StereoBM
 from stereolag import __version__, read_image, samples, signal_lag

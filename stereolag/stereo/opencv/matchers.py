@@ -1,4 +1,4 @@
-"""OpenCV's block matchers behind the same face as ours."""
+"""StereoBM and StereoSGBM as OpenCV has them: their settings, what they need, and what their answer means here."""
 
 from __future__ import annotations
 

@@ -13,7 +13,8 @@ from stereolag.arrays import Array
 from stereolag.inputs import Image
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
-from stereolag.stereo.semi_global.cost_terms import TERMS, Run
+from stereolag.stereo.semi_global.cost_terms import TERMS
+from stereolag.stereo.semi_global.cost_terms.term import Run
 from stereolag.stereo.semi_global.costs import MatchingCost
 
 Costs = npt.NDArray[np.uint8]

@@ -9,6 +9,9 @@ from pydantic import Field, model_validator
 
 from stereolag.settings import Applies, Settings, marker
 
+MOST = 250
+"""The most that all weights may add up to: a volume holds the costs in 8 bits."""
+
 
 @dataclass(frozen=True)
 class TermWeight:
@@ -48,13 +51,20 @@ class MatchingCost(Settings):
     )
 
     @model_validator(mode="after")
-    def _weighs_something(self) -> MatchingCost:
-        if self.highest == 0:
-            raise ValueError("correlation, census and gradient are all 0; at least one must be above 0.")
+    def _highest_is_allowed(self) -> MatchingCost:
+        if not 0 < self.highest <= MOST:
+            *names, last = self.weights()
+            raise ValueError(
+                f"{', '.join(names)} and {last} add up to {self.highest}; allowed are 1 to {MOST} together."
+            )
         return self
 
     @property
     def highest(self) -> int:
-        """Return the cost of a lag at which nothing fits, at most 250."""
-        weights = (name for name, field in type(self).model_fields.items() if marker(field, TermWeight))
-        return sum(getattr(self, name) for name in weights)
+        """Return the cost of a lag at which nothing fits, at most :data:`MOST`."""
+        return sum(getattr(self, name) for name in self.weights())
+
+    @classmethod
+    def weights(cls) -> list[str]:
+        """Return the names of the weights, one a term."""
+        return [name for name, field in cls.model_fields.items() if marker(field, TermWeight)]

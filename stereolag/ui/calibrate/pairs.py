@@ -72,6 +72,7 @@ def choose_shown(pictures: BoardPictures, result: StereoCalibration | None) -> i
             on_select="rerun",
             selection_mode="points",
             config={"displayModeBar": False},
+            alt=_errors_in_words(pictures, result),
         )
         if event.selection.points:
             # A chart keeps its selection; under a new name it begins without one.
@@ -110,8 +111,8 @@ def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: S
         st.columns(2, gap="small"), ("Left", "Right"), (data[4:cut], data[cut:]), (left, right), strict=True
     ):
         with column:
-            show_jpeg(picture)
             found = "not found" if corners is None else f"{len(corners)} of {views.board.corners} corners"
+            show_jpeg(picture, f"{side} picture of pair {pictures.names[number]}, its corners marked: {found}")
             prose.caption(f"{side}: {found}")
     if report is not None:
         prose.markdown(_in_words(report))
@@ -137,7 +138,7 @@ def show_rectified(pictures: BoardPictures, number: int, result: StereoCalibrati
     except ValueError as error:
         show_refused(error)
         return
-    show_jpeg(data)
+    show_jpeg(data, f"Pair {pictures.names[number]}, rectified, with lines along its rows")
     prose.caption(
         f"Pair {pictures.names[number]}, rectified: a point on a line in the left picture lies on it in the right one."
     )
@@ -153,6 +154,22 @@ def _corners_jpeg(pictures: BoardPictures, views: BoardViews, number: int) -> tu
 
 def _with_length(both: tuple[bytes, bytes]) -> tuple[bytes, bytes, bytes]:
     return len(both[0]).to_bytes(4, "big"), *both
+
+
+def _errors_in_words(pictures: BoardPictures, result: StereoCalibration) -> str:
+    """Return what the bars show, for whoever cannot see them."""
+    errors = {
+        name: max(pair.left_rms, pair.right_rms)
+        for name, pair in zip(pictures.names, result.pairs, strict=True)
+        if pair.left_out is None
+    }
+    if not errors:
+        return "Reprojection error of each pair: none counts."
+    worst = max(errors, key=errors.__getitem__)
+    return (
+        f"Reprojection error of each pair, left and right: {min(errors.values()):.2f} to {errors[worst]:.2f} px, the "
+        f"largest of pair {worst}; {len(result.pairs) - len(errors)} pairs do not count."
+    )
 
 
 def _in_words(report: PairReport) -> str:

@@ -9,6 +9,7 @@ from stereolag.figures.boards import coverage_picture
 from stereolag.figures.pictures import png
 from stereolag.geometry.calibration_report import LeftOut, StereoCalibration
 from stereolag.ui import prose
+from stereolag.ui.announcements import announce
 from stereolag.ui.calibrate.examples import drawn_rig
 from stereolag.ui.calibrate.kept import open_depth_page
 from stereolag.ui.calibrate.pairs import WHY_LEFT_OUT
@@ -26,6 +27,9 @@ GOOD_ROWS_PX = 0.5
 def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
     """Show how good the calibration is, and what the cameras are."""
     calibration = result.calibration
+    announce(
+        f"Calibrated from {len(result.used)} of {len(result.pairs)} pairs: {result.rms:.2f} px reprojection error."
+    )
     show_numbers(
         (
             Number(
@@ -95,8 +99,9 @@ def show_coverage(result: StereoCalibration) -> None:
     )
     for column, (side, corners, share) in zip(st.columns(2, gap="small"), sides, strict=True):
         with column:
-            show_png(png(coverage_picture(corners, size)))
-            prose.caption(f"{side}: boards in {percent(share)} of the picture")
+            said = f"{side}: boards in {percent(share)} of the picture"
+            show_png(png(coverage_picture(corners, size)), said)
+            prose.caption(said)
 
 
 def show_downloads(result: StereoCalibration) -> None:

@@ -163,7 +163,8 @@ def _show(table: Table) -> None:
         columns = {
             name: st.column_config.NumberColumn(name.removesuffix(", %"), format=formats[name]) for name in formats
         }
-        st.dataframe(frame, column_config={"_index": "Pair", **columns}, key=f"{KEY}.table")
+        alt = f"Figures of every method on {len(good)} pairs."
+        st.dataframe(frame, column_config={"_index": "Pair", **columns}, key=f"{KEY}.table", alt=alt)
         prose.caption(
             "Bad-2: the share of the pixels with ground truth that are off by more than 2 px or missing. Estimated: by "
             "what the accurate preset measured, where there is no truth. Every pair with the settings in use, without "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import streamlit as st
 
 from stereolag.arrays import ReasonMap
@@ -11,6 +13,7 @@ from stereolag.figures.linked_pictures import Picture, Reading
 from stereolag.figures.reasons import REASON_COLOURS, reasons_picture, share_of_reasons
 from stereolag.stereo.reasons import Reason
 from stereolag.ui import prose
+from stereolag.ui.depth.alternatives import all_blanks_in_words, blanks_in_words
 from stereolag.ui.depth.maps import settings_key
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.linked_pictures import linked_pictures
@@ -29,7 +32,12 @@ def show_blanks(view: DepthView) -> None:
     words = tuple(REASON_WORDS[cause] for cause in Reason)
     linked_pictures(
         [
-            Picture(name, reasons_picture(reason, view.pair.left), (Reading(reason, words=words),))
+            Picture(
+                name,
+                reasons_picture(reason, view.pair.left),
+                (Reading(reason, words=words),),
+                alternative=partial(blanks_in_words, reason),
+            )
             for name, reason in reasons.items()
         ],
         key=KEY,
@@ -42,7 +50,12 @@ def show_blanks(view: DepthView) -> None:
             )
         ],
     )
-    st.plotly_chart(share_of_reasons(reasons, REASON_WORDS), key=f"{KEY}.shares", config={"displayModeBar": False})
+    st.plotly_chart(
+        share_of_reasons(reasons, REASON_WORDS),
+        key=f"{KEY}.shares",
+        config={"displayModeBar": False},
+        alt=all_blanks_in_words(reasons),
+    )
     prose.markdown(
         "\n".join(f"- **{REASON_WORDS[cause].capitalize()}**: {REASONS_EXPLAINED[cause]}" for cause in present)
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import streamlit as st
 
@@ -19,6 +21,7 @@ from stereolag.figures.legends import Legend, hexadecimal, strip_legend, word_le
 from stereolag.figures.linked_pictures import Picture, Reading
 from stereolag.stereo.evaluation import consensus, evaluate
 from stereolag.ui import prose
+from stereolag.ui.depth.alternatives import difference_in_words
 from stereolag.ui.depth.maps import TRUTH, left_picture, map_legends, map_picture, truth_picture
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.linked_pictures import linked_pictures
@@ -55,7 +58,12 @@ def _difference(maps: dict[str, FloatMap], legends: list[Legend]) -> Picture:
         )
     difference = maps[first] - maps[second]
     legends.append(strip_legend("difference, px", -LARGEST_DIFFERENCE, LARGEST_DIFFERENCE, BELOW_TO_ABOVE))
-    return Picture(f"{first} − {second}", difference_picture(difference), (Reading(difference, unit="px", digits=2),))
+    return Picture(
+        f"{first} − {second}",
+        difference_picture(difference),
+        (Reading(difference, unit="px", digits=2),),
+        alternative=partial(difference_in_words, difference),
+    )
 
 
 def _agreement(view: DepthView, legends: list[Legend]) -> Picture:
@@ -80,4 +88,9 @@ def _agreement(view: DepthView, legends: list[Legend]) -> Picture:
     colours, meanings = zip(*entries, strict=True)
     legends.append(word_legend("agreement", [hexadecimal(colour) for colour in colours], meanings))
     words = ("no disparity", "one method alone, or all differ", *(f"{n} of {count} agree" for n in range(2, count + 1)))
-    return Picture("Agreement", agreement_picture(agreeing, count, view.pair.left), (Reading(agreeing, words=words),))
+    return Picture(
+        "Agreement",
+        agreement_picture(agreeing, count, view.pair.left),
+        (Reading(agreeing, words=words),),
+        alternative=lambda: f"{everyone} agree to 1 px on {percent(float(agreed.mean()))} of the pixels",
+    )

@@ -21,6 +21,7 @@ from stereolag.tuning.objective import (
     widest_range,
 )
 from stereolag.ui import prose
+from stereolag.ui.depth.alternatives import ERROR_COLOURS_IN_WORDS, errors_in_words
 from stereolag.ui.depth.judging import JUDGE_LEFT_OUT, UNJUDGED, estimates_in_words
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import PERCENT, show_png
@@ -51,12 +52,13 @@ def show_estimates(view: DepthView) -> None:
     if not judged:
         return
     _show_table(judged, reference)
-    prose.markdown("##### Where they differ from it")
+    prose.markdown("### Where they differ from it")
     for column, (name, result) in zip(st.columns(len(judged)), judged.items(), strict=True):
         with column:
             prose.markdown(f"**{name}**")
-            show_png(error_png(result.disparity, reference))
-    st.plotly_chart(error_legend(), key=f"{KEY}.legend", config={"displayModeBar": False})
+            alt = errors_in_words(result.disparity, reference, "what the accurate preset measured")
+            show_png(error_png(result.disparity, reference), f"{name}. {alt}")
+    st.plotly_chart(error_legend(), key=f"{KEY}.legend", config={"displayModeBar": False}, alt=ERROR_COLOURS_IN_WORDS)
     prose.caption("Grey: no disparity. Black: not judged.")
 
 
@@ -111,4 +113,5 @@ def _show_table(judged: Mapping[str, DisparityMap], reference: FloatMap) -> None
         },
         width=520,
         key=f"{KEY}.table",
+        alt="Estimated bad-2 and density of each method, the best first.",
     )

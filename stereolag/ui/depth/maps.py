@@ -18,6 +18,8 @@ from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.reasons import Reason
 from stereolag.ui import keys
+from stereolag.ui.announcements import announce
+from stereolag.ui.depth.alternatives import map_in_words, photograph_in_words
 from stereolag.ui.depth.calibrating import calibration_of, depth_scale, disparity_error
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.linked_pictures import linked_pictures, send_picture
@@ -138,6 +140,12 @@ def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
         pack=lambda picture: _packed(view.pair, picture, view.results.get(picture.title)),
         sent=sent,
     )
+    announce(" ".join(_said_of(view, name) for name in view.results))
+
+
+def _said_of(view: DepthView, name: str) -> str:
+    """Return the numbers of a map in a sentence, but for the time it took."""
+    return f"{name}: {', '.join(f'{one.label} {one.value}' for one in _figures(view, name)[1:])}."
 
 
 def _packed(pair: StereoPair, picture: Picture, result: DisparityMap | None) -> PackedPicture:
@@ -186,25 +194,32 @@ def settings_key(result: DisparityMap) -> str:
 
 def left_picture(view: DepthView, *, small: bool = False) -> Picture:
     """Return the left image."""
-    return Picture(LEFT, as_rgb(view.pair.left), photograph=True, thumbnail=small)
+    left = view.pair.left
+    return Picture(LEFT, as_rgb(left), photograph=True, thumbnail=small, alternative=partial(photograph_in_words, left))
 
 
 def right_picture(view: DepthView, *, small: bool = False) -> Picture:
     """Return the right image."""
-    return Picture(RIGHT, as_rgb(view.pair.right), photograph=True, thumbnail=small)
+    right = view.pair.right
+    return Picture(
+        RIGHT, as_rgb(right), photograph=True, thumbnail=small, alternative=partial(photograph_in_words, right)
+    )
 
 
 def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None) -> Picture:
     """Return the map of a method; under it disparity, depth, score, and the reason where there is none."""
     result = view.results[name]
     score = Reading(result.score, label="score", digits=2)
-    return Picture(name, None, (*_readings(result, partial(_depth, view, name), reason=reason), score))
+    readings = *_readings(result, partial(_depth, view, name), reason=reason), score
+    return Picture(name, None, readings, alternative=partial(map_in_words, result.disparity))
 
 
 def _map_with_figures(view: DepthView, name: str) -> Picture:
     """Return the map of a method with its numbers below; without scores and to 0.1 px, a third of what is sent."""
-    readings = _readings(view.results[name], partial(_depth, view, name), digits=1)
-    return Picture(name, None, readings, partial(_figures, view, name))
+    result = view.results[name]
+    readings = _readings(result, partial(_depth, view, name), digits=1)
+    said = partial(map_in_words, result.disparity)
+    return Picture(name, None, readings, partial(_figures, view, name), alternative=said)
 
 
 def _depth(view: DepthView, name: str) -> DepthScale | None:
@@ -230,7 +245,7 @@ def truth_picture(view: DepthView, *, small: bool = False) -> list[Picture]:
     if truth is None:
         return []
     reading = Reading(truth, unit="px", digits=2, depth=lambda: depth_scale(view.pair, 0.0))
-    return [Picture(TRUTH, None, (reading,), thumbnail=small)]
+    return [Picture(TRUTH, None, (reading,), thumbnail=small, alternative=partial(map_in_words, truth))]
 
 
 def map_legends(view: DepthView) -> tuple[Legend, ...]:

@@ -23,6 +23,7 @@ from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui import prose
+from stereolag.ui.depth.alternatives import fit_in_words, scores_in_words
 from stereolag.ui.depth.blanks import reasons_of
 from stereolag.ui.depth.maps import TRUTH
 from stereolag.ui.depth.match_marks import Pixel, legend_of, marks_of, moved, true_lag, truth_at
@@ -77,8 +78,19 @@ def show_inspection(view: DepthView) -> None:
         prose.caption(TOO_MUCH_TO_FOLLOW)
     linked_pictures(
         [
-            Picture("Left image: point at it, or click", as_rgb(view.pair.left), photograph=True),
-            Picture("Right image: where it was looked for", as_rgb(view.pair.right), photograph=True, pickable=False),
+            Picture(
+                "Left image: point at it, or click",
+                as_rgb(view.pair.left),
+                photograph=True,
+                alternative=lambda: f"the window at row {seen.window.row}, column {seen.window.col}, framed",
+            ),
+            Picture(
+                "Right image: where it was looked for",
+                as_rgb(view.pair.right),
+                photograph=True,
+                pickable=False,
+                alternative=lambda: scores_in_words(seen, "framed places"),
+            ),
         ],
         key=KEY,
         columns=2,
@@ -151,7 +163,7 @@ def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExpla
 
 def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the window beside the places found, enlarged."""
-    prose.markdown("##### The windows compared")
+    prose.markdown("### The windows compared")
     places = [("Looked for", view.pair.left, seen.window, math.nan)]
     if seen.found:
         places.append(("Found", view.pair.right, seen.found, seen.peak_score))
@@ -163,7 +175,7 @@ def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None
     with st.container(horizontal=True, gap="small"):
         for name, image, box, its_score in places:
             with st.container(width=150):
-                show_png(patch_png(image, box))
+                show_png(patch_png(image, box), f"{name}: the window at row {box.row}, column {box.col}, enlarged")
                 prose.caption(name if math.isnan(its_score) else f"{name}: **{its_score:.3f}**")
     prose.caption(
         "Enlarged, in grey as they are compared, each stretched from its darkest to its brightest. "
@@ -173,7 +185,7 @@ def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None
 
 def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the scores of all lags, and of some rows above and below that were not searched."""
-    prose.markdown("##### The score of every place")
+    prose.markdown("### The score of every place")
     around = explain_match(with_rows_around(matcher, ROWS_AROUND), view.pair.left, view.pair.right, *pixel)
     shape = st.segmented_control(
         "Shape",
@@ -186,10 +198,11 @@ def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
     if seen.peak is None:
         prose.caption("There is no score to show.")
         return
+    alt = scores_in_words(seen, "The scores of all places")
     if shape == "Surface":
-        st.plotly_chart(score_landscape(around, seen), key=f"{KEY}.hill", config=PLAIN_CHART)
+        st.plotly_chart(score_landscape(around, seen), key=f"{KEY}.hill", config=PLAIN_CHART, alt=alt)
     else:
-        st.plotly_chart(score_map(around, seen), key=f"{KEY}.above", config=PLAIN_CHART)
+        st.plotly_chart(score_map(around, seen), key=f"{KEY}.above", config=PLAIN_CHART, alt=alt)
     if around.dy.size > seen.dy.size:
         prose.caption(
             "A sharp peak is a sure match; along a ridge it slides, several peaks compete, and a plain holds no match. "
@@ -208,18 +221,19 @@ def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     }
     row, fit = st.columns([1.7, 1], gap="medium")
     with row:
-        prose.markdown("##### Along the row")
-        st.plotly_chart(score_row(seen, view.pair.right, drawn), key=f"{KEY}.row", config=PLAIN_CHART)
+        prose.markdown("### Along the row")
+        along = scores_in_words(seen, "The scores along the row")
+        st.plotly_chart(score_row(seen, view.pair.right, drawn), key=f"{KEY}.row", config=PLAIN_CHART, alt=along)
     with fit:
-        prose.markdown("##### Between the pixels")
+        prose.markdown("### Between the pixels")
         if seen.peak is None or np.isnan(seen.fit(0.0)):
             prose.caption(NO_FIT)
         else:
-            st.plotly_chart(sub_pixel_fit(seen), key=f"{KEY}.fit", config=PLAIN_CHART)
+            st.plotly_chart(sub_pixel_fit(seen), key=f"{KEY}.fit", config=PLAIN_CHART, alt=fit_in_words(seen))
             prose.caption(SQUARE_FIT if len(seen.around) > 1 else ROW_FIT)
-    prose.markdown("##### The disparity by each method")
+    prose.markdown("### The disparity by each method")
     lines = [f"| **{name}** | {said} |" for name, (_, said) in disparities.items()]
-    prose.markdown("\n".join(["| | disparity |", "|---|---|", *lines]))
+    prose.markdown("\n".join(["| method | disparity |", "|---|---|", *lines]))
 
 
 def _disparities(view: DepthView, pixel: Pixel) -> dict[str, tuple[float, str]]:

@@ -29,7 +29,7 @@ def marks_of(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> list[Mark
     if seen.runner_up:
         marks.append(_frame(moved(seen, seen.runner_up), RUNNER_UP_COLOUR, 1))
     if true := true_lag(view, pixel):
-        marks.append(_frame(moved(seen, true), TRUTH_COLOUR, 1))
+        marks.append(_frame(moved(seen, true), TRUTH_COLOUR, 1, dashed=True))
     if seen.found:
         marks.append(_frame(seen.found, WINDOW_COLOUR, 1))
     return [*marks, Mark(*pixel, WINDOW_COLOUR, pictures=(0,))]
@@ -46,14 +46,14 @@ def true_lag(view: DepthView, pixel: Pixel) -> tuple[int, int] | None:
     return None if math.isnan(truth) else (0, -round(truth))
 
 
-def _frame(box: Box, colour: str, picture: int, *, area: bool = False) -> Mark:
+def _frame(box: Box, colour: str, picture: int, *, area: bool = False, dashed: bool = False) -> Mark:
     return Mark(
         box.row,
         box.col,
         colour,
         height=box.height,
         width=box.width,
-        dashed=area,
+        dashed=area or dashed,
         filled=area,
         pictures=(picture,),
     )

@@ -18,12 +18,13 @@ def show_overlap(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
     """Show the window that was explained among its neighbours, and say how many values the map has there."""
     height, width = view.pair.left.shape[:2]
     grid = window_grid((height, width), seen.window, matcher.step)
-    prose.markdown("##### How the windows overlap")
+    prose.markdown("### How the windows overlap")
     figure, words = st.columns([1.3, 1], gap="medium", vertical_alignment="center")
+    said = overlap_in_words(grid, matcher.overlap)
     with figure:
-        st.plotly_chart(overlap_figure(view.pair.left, grid), key=KEY, config={"displayModeBar": False})
+        st.plotly_chart(overlap_figure(view.pair.left, grid), key=KEY, config={"displayModeBar": False}, alt=said)
     with words:
-        prose.markdown(overlap_in_words(grid, matcher.overlap))
+        prose.markdown(said)
 
 
 def overlap_in_words(grid: WindowGrid, asked: float) -> str:

@@ -17,6 +17,7 @@ from stereolag.figures.differences import error_legend, error_over_coverage, err
 from stereolag.stereo.evaluation import CoverageCurve, Evaluation, error_against_coverage, evaluate
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui import prose
+from stereolag.ui.depth.alternatives import ERROR_COLOURS_IN_WORDS, coverage_curves_in_words, errors_in_words
 from stereolag.ui.depth.estimates import show_estimates
 from stereolag.ui.depth.judging import known_truth
 from stereolag.ui.depth.maps import settings_key
@@ -57,14 +58,20 @@ def show_scoreboard(view: DepthView) -> None:
         return
     judgements = {name: _judged(view, result, truth) for name, result in view.results.items()}
     _show_tables(judgements)
-    prose.markdown("##### Where they are wrong")
+    prose.markdown("### Where they are wrong")
     for column, (name, result) in zip(st.columns(len(view.results)), view.results.items(), strict=True):
         with column:
             prose.markdown(f"**{name}**")
-            show_png(error_png(result.disparity, truth))
-    st.plotly_chart(error_legend(), key="depth.scoreboard.legend", config={"displayModeBar": False})
+            alt = errors_in_words(result.disparity, truth, "the ground truth")
+            show_png(error_png(result.disparity, truth), f"{name}. {alt}")
+    st.plotly_chart(
+        error_legend(),
+        key="depth.scoreboard.legend",
+        config={"displayModeBar": False},
+        alt=ERROR_COLOURS_IN_WORDS,
+    )
     prose.caption("Grey: no disparity." if np.isfinite(truth).all() else "Grey: no disparity. Black: no ground truth.")
-    prose.markdown("##### Do they know where they are wrong?")
+    prose.markdown("### Do they know where they are wrong?")
     _show_curves({name: judgement.curve for name, judgement in judgements.items()})
 
 
@@ -142,6 +149,7 @@ def _show_tables(judgements: Mapping[str, Judgement]) -> None:
                 _marked(pd.DataFrame.from_dict(rows, orient="index")),
                 column_config=_columns(some),
                 key=f"depth.scoreboard.{pixels}",
+                alt=f"{pixels}: density, mean error and shares of wrong pixels of each method.",
             )
 
 
@@ -178,7 +186,10 @@ def _columns(evaluation: Evaluation) -> dict[str, Any]:
 def _show_curves(curves: Mapping[str, CoverageCurve]) -> None:
     """Show error against coverage."""
     st.plotly_chart(
-        error_over_coverage(curves, THRESHOLD_PX), key="depth.scoreboard.curves", config={"displayModeBar": False}
+        error_over_coverage(curves, THRESHOLD_PX),
+        key="depth.scoreboard.curves",
+        config={"displayModeBar": False},
+        alt=coverage_curves_in_words(curves),
     )
     prose.caption(
         "Keep only the surest matches, then more and more. A line that climbs to the right knows where it is wrong: "

@@ -24,6 +24,9 @@ KEY = "depth.space"
 FAR_BEHIND = 3.0
 """Times the median distance: what lies beyond is not shown at first."""
 
+VIEWS = {"Left camera": (0, 0), "Left": (-50, 15), "Right": (50, 15), "Above": (0, 60)}
+"""How far each is turned and raised about the middle of the scene, degrees."""
+
 LEAST_SHARE, MOST_AT_FIRST = 20, 95
 CELLS = 280
 METRES, BASELINES = "m", "baselines"
@@ -75,20 +78,32 @@ def show_space(view: DepthView) -> None:
             help="The farthest points are the least certain: their distance grows without bound as the disparity "
             "nears zero. Leaving some of them out brings the rest closer.",
         )
+        seen_from = st.segmented_control(
+            "Seen from", list(VIEWS), default=next(iter(VIEWS)), required=True, key=f"{KEY}.seen_from"
+        )
     space = _space(view, view.results[name], calibration, float(np.nanpercentile(depth, nearest)))
     if space.above is None:
         prose.info("Nothing but flying pixels: no surface is larger than a few pixels.")
         return
+    nearest_point = float(space.points[:, 2].min())
+    reach = f"from {_distance(nearest_point)} to {_distance(space.farthest)} {unit} away"
     cloud, above = st.columns([3, 2], gap="medium")
     with cloud:
-        prose.markdown("**Point cloud**, from where the left camera stands: drag to turn, scroll to come closer")
+        prose.markdown("**Point cloud**: drag to turn, scroll to come closer")
+        turned, raised = VIEWS[seen_from]
         st.plotly_chart(
-            point_cloud(space.points, space.colours, unit), key=f"{KEY}.cloud", config={"displaylogo": False}
+            point_cloud(space.points, space.colours, unit, turned=turned, raised=raised),
+            key=f"{KEY}.cloud.{seen_from}",
+            config={"displaylogo": False},
+            alt=f"Cloud of {len(space.points):,} points, {reach}.",
         )
     with above:
         prose.markdown("**Bird’s-eye view**, the camera at the bottom")
         st.plotly_chart(
-            birds_eye(space.above, unit), key=f"{KEY}.above", config={"displayModeBar": False, "scrollZoom": True}
+            birds_eye(space.above, unit),
+            key=f"{KEY}.above",
+            config={"displayModeBar": False, "scrollZoom": True},
+            alt=f"The points from above, {reach}.",
         )
     prose.caption(
         f"{len(space.points):,} of {space.kept:,} points, up to {_distance(space.farthest)} {unit} away. Left out: "

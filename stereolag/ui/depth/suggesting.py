@@ -135,6 +135,7 @@ def _show_suggestion(view: DepthView, found: Suggestion) -> None:
         hide_index=True,
         width=640,
         key=f"{KEY}.changes",
+        alt="Settings that change, before and as suggested.",
     )
     in_use = any(result.settings == found.matcher for result in view.results.values())
     if st.button(

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
 
+import numpy as np
 import streamlit as st
 
 from stereolag.estimates import Estimate
@@ -18,6 +19,7 @@ from stereolag.tuning.parameters import Parameter, parameters
 from stereolag.tuning.sweep import estimate_sweep, range_of_sweep, sweep
 from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt
+from stereolag.ui.depth.alternatives import sheet_in_words
 from stereolag.ui.depth.judging import JUDGED_BY, UNJUDGED, criterion_on, known_truth, sweep_in_words, tuning_pairs
 from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, forget_job, job_on
 from stereolag.ui.depth.pair_sets import JudgedPairs
@@ -32,6 +34,8 @@ FEWER, MORE = 5, 7
 """Values tried at first, down and across."""
 
 MOST_VALUES = 10
+
+SHEETS = {"maps": "Small maps", "bad": "How wrong each is"}
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ def show_sweep(view: DepthView) -> None:
     criterion = criterion_on(view.pair)
     unjudged = criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher)
     prose.markdown(
-        "Two settings in all their combinations. A click on a cell takes its settings over. "
+        "Two settings in all their combinations. A click on a cell, or its line in the list, takes its settings over. "
         + (UNJUDGED[Unjudged.JUDGES_ITSELF] if unjudged else JudgedPairs.of(view.pair).sentence + JUDGED_BY[criterion]),
         width=760,
     )
@@ -213,10 +217,13 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shee
             on_select="rerun",
             selection_mode="points",
             config={"displayModeBar": False},
+            alt=f"{SHEETS[kind]}: {sheet_in_words(sheet, titles)}",
         )
         if event.selection.point_indices:
             clicked = int(event.selection.point_indices[0])
     prose.caption(sweep_in_words(sheet.criterion, judged=sheet.judged, finished=sheet.finished))
+    listed = _ask_cell(sheet, titles, key=f"{KEY}.cell.{clicks}")
+    clicked = listed if clicked is None else clicked
     if clicked is not None:
         st.session_state[f"{KEY}.clicks"] = clicks + 1
         try:
@@ -225,6 +232,21 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shee
             show_refused(error)
         else:
             adopt(chosen)
+
+
+def _ask_cell(sheet: ContactSheet, titles: tuple[str, str], *, key: str) -> int | None:
+    """Return the number of a cell chosen by its name, the best first: charts are not clicked on with a keyboard."""
+    bad = sheet.bad.ravel()
+    cells = [int(cell) for cell in np.argsort(bad, kind="stable") if sheet.shown.ravel()[cell]]
+
+    def in_words(cell: int) -> str:
+        row, col = divmod(cell, len(sheet.cols))
+        figure = f": {bad[cell]:.1f} %" if np.isfinite(bad[cell]) else ""
+        return f"{titles[0]} {sheet.rows[row]:g}, {titles[1]} {sheet.cols[col]:g}{figure}"
+
+    return st.selectbox(
+        "Take settings over", cells, index=None, format_func=in_words, key=key, placeholder="Choose a cell", width=420
+    )
 
 
 def settings_of_cell(matcher: StereoMatcher, axes: tuple[Axis, Axis], row: int, col: int) -> StereoMatcher:

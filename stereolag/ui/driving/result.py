@@ -12,6 +12,7 @@ from stereolag.figures.pictures import VIRIDIS
 from stereolag.sequences.fragments import whole_video
 from stereolag.sequences.records import MOTION, header, lines
 from stereolag.ui import prose
+from stereolag.ui.announcements import announce
 from stereolag.ui.depth.handed_over import hand_over
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.player import Played, show_player
@@ -86,6 +87,7 @@ def _show_progress(work: DriveWork, drive: Drive, asked: Asked) -> None:
             return
         rate = state.done / state.elapsed_s if state.elapsed_s else 0.0
         damaged = f", {state.damaged} of them damaged" if state.damaged else ""
+        announce(f"{state.done} of {total} frames are done.")
         prose.caption(
             f"{state.done} of {total} frames in {duration(state.elapsed_s)}{damaged}: **{rate:.1f} a second**, "
             "decoded, matched, coloured and encoded.",

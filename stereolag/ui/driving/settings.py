@@ -60,6 +60,7 @@ def ask_methods(drive: Drive) -> Asked:
             format_func=titles.__getitem__,
             key=f"{KEY}.methods",
             persist_state="session",
+            wrap=True,
         )
         first = st.number_input(
             "Smallest disparity, px", 0, MOST - 16, max(0, drive.range[0]), key=f"{KEY}.first.{drive.digest}", width=170

@@ -1,15 +1,7 @@
 // Follows the crosshair of the pictures and explains the window under it, with nothing asked of the server.
 
-const panels = new WeakMap();
-
-export default function ({ data, parentElement }) {
-  let panel = panels.get(parentElement);
-  if (!panel) panels.set(parentElement, (panel = new Panel(parentElement)));
-  panel.load(data);
-  return () => {
-    panel.close();
-    panels.delete(parentElement);
-  };
+export default function (component) {
+  return shown(Panel, component);
 }
 
 class Panel {
@@ -94,20 +86,22 @@ class Panel {
     });
     const where = `${words.row} ${row}, ${words.column} ${col}: `;
     this.reading.replaceChildren(where, span("kind", words.kinds[seen.kind]), ...listed);
+    this.parts.window.setAttribute("aria-label", `${words.window}: ${words.row} ${row}, ${words.column} ${col}`);
+    for (const scores of [this.parts.above, this.parts.curve]) scores.setAttribute("aria-label", this.reading.textContent);
   }
 
   frames(seen, found) {
     const { top, start, size, asked } = seen;
     const { colours } = this.settings;
-    const frame = (picture, row, col, height, width, colour, area = false) => ({
-      row, col, height, width, colour, label: "", to: null, dashed: area, filled: area, pictures: [picture],
+    const frame = (picture, row, col, height, width, colour, area = false, dashed = area) => ({
+      row, col, height, width, colour, label: "", to: null, dashed, filled: area, pictures: [picture],
     });
     const height = asked.dy_last - asked.dy_first + size;
     const width = asked.dx_last - asked.dx_first + size;
     return [
       frame(1, top + asked.dy_first, start + asked.dx_first, height, width, colours.search, true),
       frame(0, top, start, size, size, colours.peak),
-      ...found.map(({ dy, dx, colour }) => frame(1, top + dy, start + dx, size, size, colour)),
+      ...found.map(({ dy, dx, colour }) => frame(1, top + dy, start + dx, size, size, colour, false, colour === colours.truth)),
     ];
   }
 

@@ -18,6 +18,7 @@ from stereolag.searches import LagSearch, SignalMethod
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.typography import typeset
 from stereolag.ui import prose
+from stereolag.ui.lag.alternatives import run_times_in_words
 from stereolag.ui.recordings import RecordingPair
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.searches import LAG_METHODS
@@ -79,7 +80,8 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
 
     found = _in_turn("lag methods", measure, total, pair, search.model_dump_json(exclude={"method"}))
     if found is not None:
-        st.dataframe(_table(found, estimates), hide_index=True, key="lag.comparison.table")
+        alt = "Lag, score, verdict and time of each method."
+        st.dataframe(_table(found, estimates), hide_index=True, key="lag.comparison.table", alt=alt)
 
 
 def _table(found: MethodLags, estimates: dict[SignalMethod, Estimate]) -> dict[str, list[str]]:
@@ -117,7 +119,8 @@ def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
 
     found = _in_turn("lag run times", measure, total, pair, f"{runs} {search.model_dump_json()}")
     if found is not None:
-        st.plotly_chart(figures.run_times(found.seconds), key="lag.run_times.figure")
+        drawn = figures.run_times(found.seconds)
+        st.plotly_chart(drawn, key="lag.run_times.figure", alt=run_times_in_words(found.seconds))
         median = float(np.median(found.seconds))
         prose.caption(f"{name}: half of the runs took less than {duration(median)}. The report’s took 1.5 to 3.5 s.")
 

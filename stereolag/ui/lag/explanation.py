@@ -32,7 +32,7 @@ def see_why(pair: RecordingPair, result: SignalLag | None, search: LagSearch | N
     result, search
         Of these; None where there is none yet.
     """
-    prose.subheader("See why", anchor="see-why")
+    prose.header("See why", anchor="see-why")
     slide, disturb, arrows, metres = st.tabs(
         ("Slide it yourself", "Fool it", "Arrows that line up", "From lag to metres")
     )

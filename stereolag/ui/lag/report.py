@@ -8,7 +8,9 @@ from stereolag.figures import recordings as figures
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag
 from stereolag.ui import prose
+from stereolag.ui.announcements import announce
 from stereolag.ui.elements import Number, show_numbers
+from stereolag.ui.lag.alternatives import curve_in_words, drift_in_words
 from stereolag.ui.lag.sentences import RIBBON_EXPLAINED, verdict_explained, verdict_in_words
 from stereolag.ui.recordings import RecordingPair
 from stereolag.ui.searches import CURVES
@@ -19,7 +21,8 @@ FAIR, PLAIN = "Fair to short overlaps", "Plain Pearson"
 
 def show_verdict(result: SignalLag, search: LagSearch) -> None:
     """Say whether there is a lag, and which; in numbers too, metres only where it is sure."""
-    prose.subheader(verdict_in_words(result), anchor=False)
+    prose.header(verdict_in_words(result), anchor=False)
+    announce(verdict_in_words(result))
     for sentence in verdict_explained(result, search.sampling_rate, search.speed):
         prose.markdown(sentence)
     show_numbers((*(_sure(result) if result.verdict == "sure" else _doubtful(result)), *_always(result)))
@@ -60,7 +63,7 @@ def _always(result: SignalLag) -> tuple[Number, ...]:
 
 def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show where the recordings agree, with what chance gives, and how the lag changes over time."""
-    prose.markdown("##### Where the recordings agree")
+    prose.markdown("### Where the recordings agree")
     sizes, title = None, CURVES[search.method]
     if search.method in ("fft", "direct"):
         curve = st.segmented_control(
@@ -68,7 +71,8 @@ def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> Non
         )
         if curve == PLAIN:
             sizes, title = (pair.signal_1.size, pair.signal_2.size), "Pearson’s correlation"
-    st.plotly_chart(figures.correlation_curve(result, title, sizes=sizes), key="correlation")
+    curve_drawn = figures.correlation_curve(result, title, sizes=sizes)
+    st.plotly_chart(curve_drawn, key="correlation", alt=curve_in_words(result))
     if result.lags is not None:
         prose.caption(RIBBON_EXPLAINED["phat" if search.method == "phat" else "plain" if sizes else "fair"])
 
@@ -79,7 +83,8 @@ def show_drift(result: SignalLag, search: LagSearch) -> None:
     if drift is None:
         return
     with st.expander("Lag over time", expanded=drift.shows):
-        st.plotly_chart(figures.lag_over_time(drift, search.sampling_rate), key="lag_over_time")
+        over_time = figures.lag_over_time(drift, search.sampling_rate)
+        st.plotly_chart(over_time, key="lag_over_time", alt=drift_in_words(drift))
         prose.caption(
             f"Each dot is one block of the recordings. The line rises by {drift.ppm:+.1f} ± {drift.error_ppm:.1g} ppm: "
             + ("the clocks of the recorders differ." if drift.shows else "the clocks agree within what can be told.")

@@ -69,6 +69,7 @@ _viewer = st.components.v2.component(
         "drawing.js",
         "outlining.js",
         "pictures.js",
+        "shown.js",
         "gestures.js",
     ),
 )

@@ -35,17 +35,15 @@ function picture(described, { image, readings }, colours) {
 // What is seen of a picture: one of its own for every place it is shown at.
 function surface(one) {
   const made = element(one.image ? "img" : "canvas");
-  if (one.image) Object.assign(made, { alt: one.title, draggable: false });
-  else {
-    made.setAttribute("role", "img");
-    made.setAttribute("aria-label", one.title);
-  }
+  if (one.image) made.draggable = false;
+  else made.setAttribute("role", "img");
   fill(made, one);
   return made;
 }
 
 // Shows on a surface what is seen of a picture now, unless it shows that already.
-function fill(made, { image, readings, colours, seen }) {
+function fill(made, { title, alternative, image, readings, colours, seen }) {
+  made.setAttribute(image ? "alt" : "aria-label", alternative ? `${title}: ${alternative}` : title);
   if (made.seen === seen) return;
   made.seen = seen;
   if (image) made.src = image.src;

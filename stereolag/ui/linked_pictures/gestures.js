@@ -2,17 +2,11 @@
 
 const DRAG_PX = 4;
 const DOUBLE_CLICK_MS = 300;
-const views = new WeakMap();
 
-export default function ({ data, parentElement, setTriggerValue }) {
-  let view = views.get(parentElement);
-  if (!view) views.set(parentElement, (view = new HandledPictures(parentElement)));
-  view.onPick = (pixel) => setTriggerValue("picked", pixel);
-  view.load(data);
-  return () => {
-    view.close();
-    views.delete(parentElement);
-  };
+export default function (component) {
+  return shown(HandledPictures, component, (view) => {
+    view.onPick = (pixel) => component.setTriggerValue("picked", pixel);
+  });
 }
 
 class HandledPictures extends LinkedPictures {
@@ -149,12 +143,20 @@ class HandledPictures extends LinkedPictures {
       const [down, right] = steps[event.key].map((step) => step * (event.shiftKey ? 10 : 1));
       const from = this.at ?? this.marks.find((mark) => !mark.height && !mark.to) ?? { row: rows >> 1, col: cols >> 1 };
       this.at = { row: clamp(from.row + down, 0, rows - 1), col: clamp(from.col + right, 0, cols - 1) };
+      this.keepInView(this.at);
       this.draw();
     } else if (event.key in zooms) this.zoomBy(zooms[event.key], ...this.shareOfCross());
     else if ((event.key === "Enter" || event.key === " ") && this.at && this.pictures.some((one) => one.pickable)) {
       this.onPick({ row: this.at.row, col: this.at.col });
     } else return;
     event.preventDefault();
+  }
+
+  // Moves what is zoomed along with a pixel that would leave the view.
+  keepInView({ row, col }) {
+    const { rows, cols } = this.header;
+    this.x = clamp(this.x, col + 1 - cols / this.zoom, col);
+    this.y = clamp(this.y, row + 1 - rows / this.zoom, row);
   }
 
   shareOfCross() {

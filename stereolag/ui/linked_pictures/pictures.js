@@ -144,7 +144,7 @@ class LinkedPictures {
     const layers = indices.map((index) => element("div", "layer", surface(this.pictures[index])));
     const viewport = element("div", "viewport", ...layers);
     viewport.style.aspectRatio = `${this.header.cols} / ${this.header.rows}`;
-    const svg = drawn("svg", { preserveAspectRatio: "none" }, viewport);
+    const svg = drawn("svg", { preserveAspectRatio: "none", "aria-hidden": true }, viewport);
     const readings = indices.map(() => element("p", "reading"));
     const caption = element("figcaption", "", ...indices.map((index) => element("span", "", this.pictures[index].title)));
     const below = indices.length > 1 || !this.pictures[indices[0]].figures.length ? null : element("dl", "figures");
@@ -160,13 +160,17 @@ class LinkedPictures {
 
   // A small picture that joins the large ones when it is clicked, and leaves them again.
   thumbnail(one) {
-    const button = element("button", "", surface(one), element("span", "", one.title));
+    const title = element("span", "", one.title);
+    title.setAttribute("aria-hidden", true); // the picture says it too
+    const button = element("button", "", surface(one), title);
     const large = this.isLarge(one);
     Object.assign(button, { type: "button", title: large ? "Make it small again" : "Enlarge" });
     button.setAttribute("aria-pressed", large);
     button.addEventListener("click", () => {
       if (!this.enlarged.delete(one.title)) this.enlarged.add(one.title);
+      const place = [...button.parentElement.children].indexOf(button);
       this.build();
+      this.find(".thumbnails").children[place]?.focus({ preventScroll: true }); // this one is drawn anew
     });
     return button;
   }

@@ -8,6 +8,7 @@ from stereolag.figures import templates as figures
 from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.ui import prose
+from stereolag.ui.announcements import announce
 from stereolag.ui.elements import Number, show_numbers, show_png
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.sentences import duration
@@ -23,7 +24,8 @@ COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight",
 
 def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: TemplateQuery) -> None:
     """Say what was found, in words and in numbers, and show the places in the picture and enlarged beside it."""
-    prose.subheader(headline(result), anchor=False)
+    prose.header(headline(result), anchor=False)
+    announce(f"{headline(result)}. Score {_score(result.best)}.")
     if not result.found:
         prose.warning(why_not_found(result, query), icon=":material/search_off:")
     best, rival = result.best, result.rivals[0] if result.rivals else None
@@ -41,15 +43,23 @@ def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
     whole, beside = st.columns([3, 1], gap="medium")
     with whole:
         places = result.matches if result.found else []
-        show_png(figures.framed(inputs.picture, places, doubtful(result), template=inputs.template.shape))
+        drawn = figures.framed(inputs.picture, places, doubtful(result), template=inputs.template.shape)
+        show_png(drawn, framed_in_words(result))
     with beside:
         if not result.found:
-            show_png(figures.what_counts(inputs.template, inputs.mask), "the template")
+            show_png(figures.what_counts(inputs.template, inputs.mask), "The template", "the template")
         for match in (result.matches if result.found else doubtful(result))[:CLOSE_UPS]:
             close_up = figures.match_close_up(
                 inputs.picture, match, doubtful=not result.found, template=inputs.template.shape
             )
-            show_png(close_up, place(match))
+            show_png(close_up, f"The image up close at {place(match)}", place(match))
+
+
+def framed_in_words(result: TemplateSearch) -> str:
+    """Return what is framed in the image, for whoever cannot see it."""
+    framed = [place(match) for match in (result.matches if result.found else doubtful(result))[:SCORES_TOLD]]
+    said = f"The image: {headline(result)}."
+    return f"{said} Framed{'' if result.found else ', dashed'}: {'; '.join(framed)}." if framed else said
 
 
 def doubtful(result: TemplateSearch) -> list[TemplateMatch]:

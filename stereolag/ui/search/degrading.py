@@ -25,11 +25,17 @@ KEY: Final = "degrade"
 
 NAMES: Final = {"fft": "FFT", "sampled": "Sampled", "opencv": "OpenCV"}
 
-OUTCOMES: Final = {
-    "right": ":green[:material/check_circle: found]",
-    "elsewhere": ":orange[:material/wrong_location: found elsewhere]",
-    "missed": ":red[:material/cancel: not found]",
-    "refused": ":gray[:material/block: cannot search here]",
+OUTCOME_WORDS: Final = {
+    "right": "found",
+    "elsewhere": "found elsewhere",
+    "missed": "not found",
+    "refused": "cannot search here",
+}
+OUTCOME_MARKS: Final = {
+    "right": "green[:material/check_circle:",
+    "elsewhere": "orange[:material/wrong_location:",
+    "missed": "red[:material/cancel:",
+    "refused": "gray[:material/block:",
 }
 
 
@@ -81,8 +87,11 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, min_score: flo
         return
     for column, trial in zip(st.columns(len(NAMES), gap="medium"), survival.trials, strict=True):
         with column:
-            prose.markdown(f"**{NAMES[trial.method]}** {OUTCOMES[trial.outcome]}")
-            show_jpeg(getattr(survival, trial.method))
+            prose.markdown(f"**{NAMES[trial.method]}** :{OUTCOME_MARKS[trial.outcome]} {OUTCOME_WORDS[trial.outcome]}]")
+            show_jpeg(
+                getattr(survival, trial.method),
+                f"The damaged image, searched by {NAMES[trial.method]}: {OUTCOME_WORDS[trial.outcome]}.",
+            )
             prose.caption(numbers_of(trial))
     prose.markdown(lesson(survival.trials, degradation, min_score))
 

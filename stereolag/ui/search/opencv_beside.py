@@ -37,7 +37,7 @@ def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, metho
     known = computed_before(TASK, inputs=inputs.digest, settings="", shared=inputs.shared)
     asked = st.session_state.get("template.opencv.asked") == inputs.digest
     masked = is_masked(inputs.template, inputs.mask)
-    prose.markdown("##### Beside OpenCV")
+    prose.markdown("### Beside OpenCV")
     if known is None and not asked:
         st.button(
             "Search with OpenCV too",

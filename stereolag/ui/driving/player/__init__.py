@@ -15,14 +15,13 @@ from stereolag.sequences.records import FrameRecord
 from stereolag.ui.linked_pictures import source
 
 HERE = Path(__file__).parent
-NAME_CHARACTERS = 32
 
 
 _player = st.components.v2.component(
     "stereolag.player",
     html=source("player.html", folder=HERE),
     css=source("legends.css") + source("player.css", folder=HERE),
-    js=source("legends.js", "numbers.js") + source("player.js", folder=HERE),
+    js=source("shown.js", "legends.js", "numbers.js") + source("player.js", folder=HERE),
 )
 # Each piece travels alone: Streamlit finds those that are there already, and does not send them again.
 _piece = st.components.v2.component("stereolag.video_piece", js=source("piece.js", folder=HERE))
@@ -48,6 +47,16 @@ CHARTS = (
     Chart("Flicker", "flicker_px", "px", 2),
     Chart("Own speed", "own_speed_kmh", "km/h", 0),
 )
+
+
+class Line(NamedTuple):
+    """How the figures of one method are drawn: colour-blind eyes have the dashes (px, of an SVG) as well."""
+
+    colour: str
+    dash: str
+
+
+LINES = (Line("#785bd5", ""), Line("#d87607", "8 4"), Line("#0ca674", "2 3"), Line("#bd195c", "8 3 2 3"))
 
 
 class Played(NamedTuple):
@@ -140,7 +149,7 @@ def described(played: Played, records: Sequence[FrameRecord]) -> dict[str, Any]:
         if any(one is not None for column in values.values() for one in column):
             # Each keeps its place, and so its colour, also where others have nothing to tell.
             series = [
-                {"title": title, "values": values[method], "place": place}
+                {"title": title, "values": values[method], **LINES[place % len(LINES)]._asdict()}
                 for place, (method, title) in enumerate(played.methods.items())
                 if any(one is not None for one in values[method])
             ]

@@ -2,22 +2,15 @@
 // appended as it comes. Below it the figures of every frame, with the frame that is seen marked.
 
 const SVG = "http://www.w3.org/2000/svg";
-const COLOURS = ["#7c5cd6", "#d97706", "#0e9f6e", "#d6336c"];
 const WIDTH = 1000;
 const HEIGHT = 48;
-const players = new WeakMap();
 
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
-export default function ({ data, parentElement, setTriggerValue }) {
-  let player = players.get(parentElement);
-  if (!player) players.set(parentElement, (player = new Player(parentElement)));
-  player.onOpen = (frame) => setTriggerValue("opened", frame);
-  player.load(data);
-  return () => {
-    player.close();
-    players.delete(parentElement);
-  };
+export default function (component) {
+  return shown(Player, component, (player) => {
+    player.onOpen = (frame) => component.setTriggerValue("opened", frame);
+  });
 }
 
 class Player {
@@ -115,7 +108,6 @@ class Player {
     this.screens = this.data.titles.map((title) => {
       const canvas = element("canvas");
       canvas.setAttribute("role", "img");
-      canvas.setAttribute("aria-label", title);
       canvas.style.aspectRatio = `${this.data.width} / ${this.data.height}`;
       return canvas;
     });
@@ -183,18 +175,27 @@ class Player {
     this.find(".where").textContent = `${shortened(this.frame / rate, 1, "s")} · frame ${this.frame + 1} of ${frames}`;
     const problem = problems[this.frame];
     this.find(".problem").textContent = problem ? `${names[this.frame]} is left out: ${problem}` : "";
-    for (const { head, now, rows, unit, digits } of this.charts ?? []) {
+    this.screens?.forEach((canvas, at) => canvas.setAttribute("aria-label", this.told(this.data.titles[at])));
+    for (const { head, now, series, unit, digits } of this.charts ?? []) {
       head.setAttribute("d", `M${this.x(this.frame)} 0V${HEIGHT}`);
       now.replaceChildren(
-        ...rows.map(({ values, colour, title }) => {
+        ...series.map(({ values, colour, dash, title }) => {
           const value = values[this.frame];
-          const line = element("span", "", value == null ? "–" : shortened(value, digits, unit));
-          line.style.color = colour;
+          const line = element("span", "", sample(colour, dash), value == null ? "–" : shortened(value, digits, unit));
           line.title = title;
           return line;
         }),
       );
     }
+  }
+
+  // What a screen shows, for whoever cannot see it: the figures of its method at this frame.
+  told(title) {
+    const figures = this.data.charts.flatMap(({ name, unit, digits, series }) => {
+      const value = series.find((one) => one.title === title)?.values[this.frame];
+      return value == null ? [] : [`${name.toLowerCase()} ${value.toFixed(digits)} ${unit}`];
+    });
+    return `${title}, frame ${this.frame + 1}${figures.length ? `: ${figures.join(", ")}` : ""}`;
   }
 
   x(frame) {
@@ -204,23 +205,28 @@ class Player {
   drawTimeline() {
     this.charts = this.data.charts.map((chart) => this.chart(chart));
     this.find(".timeline").replaceChildren(...this.charts.map(({ box }) => box));
+    const drawn = this.charts.flatMap(({ series }) => series);
+    this.screens.forEach((canvas, at) => {
+      const title = this.data.titles[at];
+      const line = drawn.find((one) => one.title === title);
+      canvas.previousSibling.replaceChildren(...(line ? [sample(line.colour, line.dash)] : []), title);
+    });
   }
 
   chart({ name, unit, digits, from_zero, series }) {
-    const made = (tag, attributes) => {
-      const one = document.createElementNS(SVG, tag);
-      for (const [key, value] of Object.entries(attributes)) one.setAttribute(key, value);
-      return one;
-    };
     const known = series.flatMap(({ values }) => values.filter((value) => value != null));
     const low = from_zero ? 0 : Math.min(...known);
     const high = Math.max(...known, low + 1e-9);
-    const svg = made("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": name });
-    const rows = series.map(({ title, values, place }) => ({ title, values, colour: COLOURS[place % COLOURS.length] }));
-    for (const { values, colour } of rows) {
+    const told = series.map(({ title, values }) => {
+      const all = values.filter((value) => value != null);
+      return `${title} ${Math.min(...all).toFixed(digits)} to ${Math.max(...all).toFixed(digits)} ${unit}`;
+    });
+    const label = `${name} over all frames: ${told.join(", ")}`;
+    const svg = made("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": label });
+    for (const { values, colour, dash } of series) {
       const places = values.map((value, frame) => value == null ? null : `${this.x(frame)} ${HEIGHT - 2 - ((value - low) / (high - low)) * (HEIGHT - 6)}`);
       const d = places.map((place, at) => place && `${at && places[at - 1] ? "L" : "M"}${place}`).filter(Boolean).join("");
-      svg.append(made("path", { d, stroke: colour }));
+      svg.append(made("path", { d, stroke: colour, "stroke-dasharray": dash }));
     }
     const head = made("path", { class: "head", d: "" });
     svg.append(head);
@@ -230,8 +236,20 @@ class Player {
     });
     const now = element("span", "now");
     const box = element("div", "chart", element("span", "name", name), svg, now);
-    return { box, head, now, rows, unit, digits };
+    return { box, head, now, series, unit, digits };
   }
+}
+
+function made(tag, attributes, ...children) {
+  const one = document.createElementNS(SVG, tag);
+  for (const [key, value] of Object.entries(attributes)) one.setAttribute(key, value);
+  one.append(...children);
+  return one;
+}
+
+// A piece of a line of the timeline, beside the number it is at.
+function sample(stroke, dash) {
+  return made("svg", { class: "sample", "aria-hidden": true }, made("path", { d: "M1 6H27", stroke, "stroke-dasharray": dash }));
 }
 
 // The codec as RFC 6381 writes it, from the box that configures the decoder.

@@ -37,7 +37,7 @@ _panel = st.components.v2.component(
 
 def show_funnel(inputs: PictureAndTemplate) -> None:
     """Show which pixels of the image are left at each step of the "sampled" search, for any anchor."""
-    prose.markdown("##### From every pixel to a few")
+    prose.markdown("### From every pixel to a few")
     try:
         shown = computed(
             "funnel",

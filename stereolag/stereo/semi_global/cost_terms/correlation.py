@@ -1,12 +1,7 @@
-"""The terms of the matching cost, each one record: a new term is written here, listed once, and named in the settings.
-
-A compiled loop adds a term's cost for a run of neighbouring pixels at every lag. Inner loops over the lags are
-functions of their own: in the body of the loop over the pixels they take four times as long.
-"""
+"""The term of the windows' correlation: it carries flat and noisy regions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import cv2
@@ -15,59 +10,11 @@ import numpy.typing as npt
 
 from stereolag.arrays import Array
 from stereolag.loops.compilation import compiled
-from stereolag.loops.vector_lanes import popcount
-from stereolag.stereo.semi_global.census import BITS, census, census_reference
+from stereolag.stereo.semi_global.cost_terms.term import CostTerm, EightBit, Run, Volume
 from stereolag.stereo.semi_global.costs import MatchingCost
-
-EightBit = npt.NDArray[np.uint8]
-Volume = npt.NDArray[np.float64]
 
 NOISE = 2.0
 """Standard deviation of the grey levels, of 255, taken for noise: a window that varies less correlates with nothing."""
-
-SOBEL_UNIT = 4
-"""The Sobel filter adds up four differences between grey levels two pixels apart."""
-
-
-class Run(NamedTuple):
-    """The pixels of one row that are worked on together: their costs stay in the processor's cache."""
-
-    y: int
-    first: int
-    end: int
-    """Columns `first` to `end`; the runs of a row follow one another."""
-    is_top: bool
-    """Whether this is the first row of its band."""
-    lags: int
-    origin: int
-    """Where column 0 of the right image meets the first lag, in features without a border."""
-
-
-class CostTerm(NamedTuple):
-    """One term of the matching cost.
-
-    Attributes
-    ----------
-    weight
-        The field of :class:`stereolag.stereo.semi_global.costs.MatchingCost` that holds the most it costs.
-    kind
-        The type of its features, which tells compiled code which term they belong to.
-    features
-        Makes what is compared, of one image: a named tuple of arrays (H, W), or (H, W) within a border of the window's
-        radius, and numbers; called with the image, the radius and the settings.
-    add
-        Compiled; called with the features of both images, a run, room for what is kept from one row of a band to the
-        next, int32, and the costs of the run, float32, (pixels × lags), to which it adds its own.
-    reference
-        The plain formula: (H, W, W), the cost of each pixel of the left image with each of the same row of the right
-        one; called with both images, the radius and the settings.
-    """
-
-    weight: str
-    kind: type[Any]
-    features: Callable[[EightBit, int, MatchingCost], Any]
-    add: Callable[..., None]
-    reference: Callable[[EightBit, EightBit, int, MatchingCost], Volume]
 
 
 class CorrelationFeatures(NamedTuple):
@@ -200,87 +147,4 @@ def correlation_reference(left: EightBit, right: EightBit, radius: int, settings
     return np.asarray(settings.correlation * (1 - scores) / 2)
 
 
-class CensusFeatures(NamedTuple):
-    """What the census compares."""
-
-    words: npt.NDArray[np.uint32]
-    bit: np.float32
-    """Cost of one bit that differs."""
-
-
-def census_features(image: EightBit, radius: int, settings: MatchingCost) -> CensusFeatures:
-    """Return the census words of an image."""
-    return CensusFeatures(census(image), np.float32(settings.census / BITS))
-
-
-@compiled
-def add_census(left: CensusFeatures, right: CensusFeatures, run: Run, carried: Array, costs: Array) -> None:
-    """Add the cost of each bit that differs."""
-    words, lags = right.words.reshape(-1), np.uint64(run.lags)
-    start = np.uint64(run.y) * np.uint64(right.words.shape[1]) + np.uint64(run.origin)
-    for x in range(run.first, run.end):
-        target = np.uint64(x - run.first) * lags
-        _add_bits(left.words[run.y, x], words, start - np.uint64(x), left.bit, lags, costs, target)
-
-
-@compiled
-def _add_bits(word: Any, words: Array, source: Any, bit: Any, lags: Any, costs: Array, target: Any) -> None:
-    for lag in range(lags):
-        costs[target + lag] += bit * np.float32(popcount(np.uint32(word ^ words[source + lag])))
-
-
-def census_cost_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
-    """Return the cost of the census by its formula."""
-    words, others = census_reference(left), census_reference(right)
-    return np.asarray(settings.census / BITS * np.bitwise_count(words[:, :, None] ^ others[:, None, :]))
-
-
-class GradientFeatures(NamedTuple):
-    """What the gradient compares."""
-
-    gradient: npt.NDArray[np.float32]
-    """Horizontal gradient, in units of cost."""
-    cap: np.float32
-    """The most that a difference costs."""
-
-
-def gradient_features(image: EightBit, radius: int, settings: MatchingCost) -> GradientFeatures:
-    """Return the horizontal gradient of an image."""
-    scale = settings.gradient / settings.gradient_limit / SOBEL_UNIT
-    gradient = np.asarray(cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=scale), np.float32)
-    return GradientFeatures(gradient, np.float32(settings.gradient))
-
-
-@compiled
-def add_gradient(left: GradientFeatures, right: GradientFeatures, run: Run, carried: Array, costs: Array) -> None:
-    """Add the difference of the gradients, up to the cap."""
-    gradients, lags = right.gradient.reshape(-1), np.uint64(run.lags)
-    start = np.uint64(run.y) * np.uint64(right.gradient.shape[1]) + np.uint64(run.origin)
-    for x in range(run.first, run.end):
-        target = np.uint64(x - run.first) * lags
-        _add_apart(left.gradient[run.y, x], gradients, start - np.uint64(x), left.cap, lags, costs, target)
-
-
-@compiled
-def _add_apart(gradient: Any, gradients: Array, source: Any, cap: Any, lags: Any, costs: Array, target: Any) -> None:
-    for lag in range(lags):
-        costs[target + lag] += min(abs(gradient - gradients[source + lag]), cap)
-
-
-def gradient_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
-    """Return the cost of the gradient by its formula."""
-    slopes = []
-    for image in (left, right):
-        padded = np.pad(image.astype(np.int64), 1, mode="reflect")
-        smooth = padded[:-2] + 2 * padded[1:-1] + padded[2:]
-        slopes.append((smooth[:, 2:] - smooth[:, :-2]) / SOBEL_UNIT)
-    apart = np.abs(slopes[0][:, :, None] - slopes[1][:, None, :])
-    return np.asarray(settings.gradient * np.minimum(apart / settings.gradient_limit, 1))
-
-
-TERMS = (
-    CostTerm("correlation", CorrelationFeatures, correlation_features, add_correlation, correlation_reference),
-    CostTerm("census", CensusFeatures, census_features, add_census, census_cost_reference),
-    CostTerm("gradient", GradientFeatures, gradient_features, add_gradient, gradient_reference),
-)
-"""Every term, in the order in which their costs are added up."""
+CORRELATION = CostTerm("correlation", CorrelationFeatures, correlation_features, add_correlation, correlation_reference)

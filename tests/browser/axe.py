@@ -1,0 +1,105 @@
+"""axe-core on an open page: what it finds, in the light and in the dark, and what has no alternative text."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page, expect
+
+from tests.browser.visits import SCREENSHOTS, settled
+
+REPORT = SCREENSHOTS / "axe.json"
+"""Of the last run: axe's version, and how many elements each rule finds fault with in each state of each page."""
+
+FAULTS = ("moderate", "serious", "critical")
+
+FIND = """
+async ([exclude, options]) => (await axe.run({ include: [["html"]], exclude }, options)).violations
+"""
+COLOURS_ALONE = {"runOnly": {"type": "rule", "values": ["color-contrast"]}}
+
+NAMELESS = """
+() => {
+  const drawings = "img, canvas, svg, [data-testid=stPlotlyChart]";
+  const named = (one) => (one.matches("img") ? one.hasAttribute("alt") : one.getAttribute("aria-label"));
+  // A button has the name of all that is in it, and a table its own for readers; the last is no part of the page.
+  const excused = (one) =>
+    one.closest("[aria-hidden=true], [role=img] *, button, [role=button], [data-testid=stDataFrame], #js-plotly-tester")
+    || one.parentElement?.closest("[data-testid=stPlotlyChart]");
+  const within = (root) => [...root.querySelectorAll("*")].flatMap((one) => [one, ...(one.shadowRoot ? within(one.shadowRoot) : [])]);
+  return within(document)
+    .filter((one) => one.matches(drawings) && one.checkVisibility() && !excused(one) && !named(one))
+    .map((one) => one.outerHTML.slice(0, 120));
+}
+"""  # noqa: E501
+"""Pictures, drawings and charts that are seen, and are neither named nor decoration."""
+
+
+class Finding(NamedTuple):
+    """What a rule finds fault with: the rule, how grave it is, and the selectors of the elements."""
+
+    rule: str
+    impact: str
+    targets: tuple[str, ...]
+
+
+class Audit:
+    """The findings of all pages looked at."""
+
+    def __init__(self) -> None:
+        self._script = Axe().axe_script
+        self._report: dict[str, dict[str, int]] = {}
+        self._version = ""
+
+    def check(self, page: Page, state: str, *, but: Sequence[str] = ()) -> None:
+        """Expect no fault in what a page shows, `but` in some of its parts, in the light and in the dark.
+
+        All rules are held in the theme that it has; then it is turned to the other, for its colours, and stays so.
+        """
+        page.mouse.move(0, 0)  # a tooltip of Streamlit's lies outside of every landmark
+        settled(page)
+        app = page.get_by_test_id("stApp")
+        theme = app.evaluate("(app) => getComputedStyle(app).colorScheme")
+        other = "light" if theme == "dark" else "dark"
+        found, without_text = self.findings(page, but=but), nameless(page)
+        page.emulate_media(color_scheme=other)  # type: ignore[arg-type]
+        expect(app).to_have_css("color-scheme", other)
+        settled(page)
+        colours = self.findings(page, COLOURS_ALONE, but=but)
+        for shown, findings in ((theme, found), (other, colours)):
+            self._report[f"{state}, {shown}"] = Counter({one.rule: len(one.targets) for one in findings})
+        faults = [one for one in (*found, *colours) if one.impact in FAULTS]
+        assert not faults, f"{state}: {faults}"
+        assert not without_text, f"{state}: no alternative text: {without_text}"
+
+    def findings(self, page: Page, options: dict[str, Any] | None = None, *, but: Sequence[str] = ()) -> list[Finding]:
+        """Return what axe-core finds, the minor too."""
+        if not page.evaluate("'axe' in window"):
+            page.evaluate(self._script)
+        self._version = page.evaluate("axe.version")
+        violations = page.evaluate(FIND, [[[one] for one in but], {"resultTypes": ["violations"]} | (options or {})])
+        return [
+            Finding(one["id"], one["impact"], tuple(_selector(node["target"]) for node in one["nodes"]))
+            for one in violations
+        ]
+
+    def keep(self) -> None:
+        """Write the report."""
+        SCREENSHOTS.mkdir(exist_ok=True)
+        report = {"axe-core": self._version, "findings": self._report}
+        REPORT.write_text(json.dumps(report, indent=1), encoding="utf-8")
+
+
+def nameless(page: Page) -> list[str]:
+    """Return the beginning of each picture, drawing and chart that has no alternative text."""
+    found: list[str] = page.evaluate(NAMELESS)
+    return found
+
+
+def _selector(target: list[Any]) -> str:
+    """Return the selector of an element; within a shadow root axe gives one for each root on the way."""
+    return " >> ".join(one if isinstance(one, str) else " >> ".join(one) for one in target)

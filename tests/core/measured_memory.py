@@ -1,0 +1,63 @@
+"""What jobs take: each in a process forked for it, so that the memory is its own and all is imported once."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+
+import cv2
+import numpy as np
+
+from benchmarks.timing import peak_extra_memory
+from stereolag.signals import estimate_lag, signal_lag
+from stereolag.stereo.methods import preset
+from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+from stereolag.templates import estimate_search, match_template
+
+__all__ = [
+    "CorrelationMatcher",
+    "SearchArea",
+    "StereoBM",
+    "StereoSGBM",
+    "estimate_lag",
+    "estimate_search",
+    "match_template",
+    "preset",
+    "signal_lag",
+]
+
+random = np.random.default_rng(0)
+
+
+def image(rows: int, cols: int) -> np.ndarray:
+    return cv2.GaussianBlur(random.integers(0, 256, (rows, cols), dtype=np.uint8), (0, 0), 1)
+
+
+def pair(rows: int, cols: int) -> tuple[np.ndarray, np.ndarray]:
+    left = image(rows, cols)
+    return left, np.roll(left, -8, axis=1)
+
+
+def noise(size: int) -> np.ndarray:
+    return random.standard_normal(size)
+
+
+def measured(setup: str, warm: str, job: str, estimate: str) -> tuple[int, int]:
+    """Return the bytes that a job takes and those of its estimate, all given as Python."""
+    names = dict(globals())
+    exec(setup, names)
+    eval(warm, names)
+    taken = peak_extra_memory(lambda: eval(job, names))
+    return int(taken * 1e6), eval(estimate, names).memory
+
+
+if __name__ == "__main__":
+    for name, job in json.load(sys.stdin).items():
+        child = os.fork()
+        if not child:
+            print(json.dumps([name, *measured(*job)]), flush=True)
+            os._exit(0)
+        os.waitpid(child, 0)

@@ -1,0 +1,84 @@
+"""Tests run again and again beside a busy process, and how often each fails.
+
+``python -m tests.repeated --times 20 tests/browser``; what it does not know itself goes to pytest. A test that waits
+for too little passes on an idle machine. Ends with 1 where anything failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from xml.etree import ElementTree
+
+PROJECT = Path(__file__).resolve().parents[1]
+
+SPIN = "while True: pass"
+
+
+@contextmanager
+def busy_processes(number: int) -> Iterator[None]:
+    """Keep as many cores busy meanwhile."""
+    spinning = [subprocess.Popen([sys.executable, "-c", SPIN]) for _ in range(number)]
+    try:
+        yield
+    finally:
+        for process in spinning:
+            process.kill()
+            process.wait()
+
+
+def failures_in(report: Path) -> list[str]:
+    """Return the names of the tests that failed, of a report in the XML of JUnit."""
+    cases = ElementTree.parse(report).getroot().iter("testcase")
+    return [
+        f"{case.get('classname')}::{case.get('name')}"
+        for case in cases
+        if case.find("failure") is not None or case.find("error") is not None
+    ]
+
+
+def run_once(arguments: list[str], log: Path) -> list[str]:
+    """Run pytest, write down what it prints, and return what failed: the run itself, where it made no report."""
+    with TemporaryDirectory() as folder:
+        report = Path(folder) / "report.xml"
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junitxml={report}", *arguments]
+        with log.open("w", encoding="utf-8") as printed:
+            ran = subprocess.run(command, cwd=PROJECT, stdout=printed, stderr=subprocess.STDOUT, check=False)
+        failed = failures_in(report) if report.is_file() else []
+    return failed or ([f"the run itself: exit code {ran.returncode}"] if ran.returncode else [])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.repeated", description=__doc__)
+    parser.add_argument("--times", type=int, default=20, help="how often the tests run")
+    parser.add_argument("--busy", type=int, default=max(1, (os.cpu_count() or 1) // 2), help="how many cores are taken")
+    parser.add_argument(
+        "--logs", type=Path, default=PROJECT / ".pytest_cache" / "repeated", help="where runs are written down"
+    )
+    arguments, pytest_arguments = parser.parse_known_args()
+    arguments.logs.mkdir(parents=True, exist_ok=True)
+    counts: Counter[str] = Counter()
+    with busy_processes(arguments.busy):
+        for number in range(1, arguments.times + 1):
+            start = time.monotonic()
+            failed = run_once(pytest_arguments, arguments.logs / f"{number:02}.txt")
+            counts.update(failed)
+            print(
+                f"run {number} of {arguments.times}: {len(failed)} failed, {time.monotonic() - start:.0f} s", flush=True
+            )
+    for name, count in counts.most_common():
+        print(f"{count:3} of {arguments.times}  {name}")
+    print(f"{len(counts)} tests failed at least once in {arguments.times} runs beside {arguments.busy} busy processes")
+    return 1 if counts else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
