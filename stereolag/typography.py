@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import re
+from collections.abc import Callable
+from typing import ParamSpec
 
 MINUS = "\N{MINUS SIGN}"
 NO_BREAK = "\N{NO-BREAK SPACE}"
@@ -25,6 +28,19 @@ def typeset(text: str) -> str:
     parts = _CODE.split(text)
     parts[::2] = (_set(part) for part in parts[::2])
     return "".join(parts)
+
+
+P = ParamSpec("P")
+
+
+def typesets(words: Callable[P, str]) -> Callable[P, str]:
+    """Make a function typeset the text that it returns, for texts that go to readers as they are."""
+
+    @functools.wraps(words)
+    def readable(*args: P.args, **kwargs: P.kwargs) -> str:
+        return typeset(words(*args, **kwargs))
+
+    return readable
 
 
 def _set(text: str) -> str:

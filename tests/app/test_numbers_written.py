@@ -25,7 +25,7 @@ GLUED = re.compile(rf"\d(?:\*\*)? ?(?:{UNITS})(?!\w)")
 """A unit that stands at its number, or after a space that may break."""
 CODE = re.compile(r"`[^`]*`")
 
-ELEMENTS = {"markdown", "caption", "subheader", "info", "success", "warning", "error"}
+ELEMENTS = {"markdown", "caption", "header", "info", "success", "warning", "error"}
 
 
 def test_text_goes_through_prose() -> None:
@@ -43,20 +43,22 @@ def test_text_goes_through_prose() -> None:
 
 def texts(app: AppTest) -> Iterator[str]:
     """Yield what is to be read on a page, as far as a browser is not needed for it."""
-    for kind in (app.markdown, app.caption, app.subheader, app.info, app.success, app.warning, app.error):
+    for kind in (app.markdown, app.caption, app.header, app.info, app.success, app.warning, app.error):
         yield from (element.value for element in kind)
     for metric in app.metric:
         yield from (metric.value, metric.help or "")
     for element in app.get("image"):
-        yield from (one.caption for one in element.proto.imgs)
+        yield from (text for one in element.proto.imgs for text in (one.caption, one.alt))
     for viewer in viewers(app):
         for picture in viewer["pictures"]:
+            yield picture["alternative"]
             yield from (figure["value"] for figure in picture["figures"])
         for legend in viewer["legends"]:
             yield from (*legend["words"], *(word for tick in legend["ticks"] for word in tick[1:]))
     for table in app.dataframe:
         yield from (str(cell) for cell in table.value.to_numpy().ravel() if isinstance(cell, str))
     for element in app.get("plotly_chart"):
+        yield element.proto.alt
         yield from _of_figure(json.loads(element.proto.spec))
 
 

@@ -12,6 +12,7 @@ from stereolag.geometry.board_views import BoardViews
 from stereolag.geometry.calibration_report import LeftOut, PairReport, StereoCalibration
 from stereolag.geometry.rectification import rectify
 from stereolag.inputs import as_image
+from stereolag.typography import typesets
 from stereolag.ui import prose
 from stereolag.ui.calibrate.pictures import KEY, BoardPictures
 from stereolag.ui.elements import show_jpeg
@@ -156,6 +157,7 @@ def _with_length(both: tuple[bytes, bytes]) -> tuple[bytes, bytes, bytes]:
     return len(both[0]).to_bytes(4, "big"), *both
 
 
+@typesets
 def _errors_in_words(pictures: BoardPictures, result: StereoCalibration) -> str:
     """Return what the bars show, for whoever cannot see them."""
     errors = {

@@ -13,6 +13,7 @@ from stereolag.figures.pictures import as_rgb
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.clouds import MOST_POINTS, BirdsEyeView, clean_point_cloud, seen_from_above, subsampled
 from stereolag.stereo.matcher import DisparityMap
+from stereolag.typography import typeset
 from stereolag.ui import prose
 from stereolag.ui.depth.calibrating import calibration_of
 from stereolag.ui.depth.maps import settings_key
@@ -86,7 +87,7 @@ def show_space(view: DepthView) -> None:
         prose.info("Nothing but flying pixels: no surface is larger than a few pixels.")
         return
     nearest_point = float(space.points[:, 2].min())
-    reach = f"from {_distance(nearest_point)} to {_distance(space.farthest)} {unit} away"
+    reach = typeset(f"from {_distance(nearest_point)} to {_distance(space.farthest)} {unit} away")
     cloud, above = st.columns([3, 2], gap="medium")
     with cloud:
         prose.markdown("**Point cloud**: drag to turn, scroll to come closer")
