@@ -13,14 +13,14 @@ from stereolag.figures.sweeps import ContactSheet
 from stereolag.inputs import Image
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.reasons import Reason
-from stereolag.typography import typesets
+from stereolag.typography import typeset, typesets
 from stereolag.ui.sentences import REASON_WORDS, percent
 
 EVERY = 4
 """Every so many rows and columns tell the range of a map well enough, in a sixteenth of the time."""
 
 
-ERROR_COLOURS_IN_WORDS = "Colours of the errors: blue at 0 px, red from 4 px on."
+ERROR_COLOURS_IN_WORDS = typeset("Colours of the errors: blue at 0 px, red from 4 px on.")
 
 
 @typesets
