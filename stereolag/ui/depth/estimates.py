@@ -113,5 +113,5 @@ def _show_table(judged: Mapping[str, DisparityMap], reference: FloatMap) -> None
         },
         width=520,
         key=f"{KEY}.table",
-        alt="Estimated bad-2 and density of each method, the best first.",
+        alt="Estimated bad-2 and coverage of each method, the best first.",
     )
