@@ -10,24 +10,22 @@ from playwright.sync_api import Locator, Page, expect
 
 from tests.browser.layout import cut, jumps
 from tests.browser.sounds import wav_file
-from tests.browser.test_pages import PAGES
+from tests.browser.test_pages import ADDRESSES
 from tests.browser.visits import OpenPage, expect_visible, settled
 from tests.browser.walking import walked
-
-LINKS = ["Home", "Sensor lag", "Rocketman search", "Depth maps", "Calibrate", "Driving"]
 
 NARROW, USUAL, WIDE = 420, 1280, 2560
 
 MOST_IN_A_ROW = 10
 
-MOVED = {"sensor-lag": "From sample", "rocketman": "Minimum score", "depth-maps": "Window"}
+MOVED = {"Sensor lag": "From sample", "Rocketman search": "Minimum score", "Depth maps": "Window"}
 """A slider of each page that has one."""
 
 RUNNING = "() => document.getAnimations().map(({ effect }) => effect.getTiming()).filter(({ duration, iterations }) =>\
  duration * iterations > 10).length"
 
 
-@pytest.fixture(scope="module", params=PAGES)
+@pytest.fixture(scope="module", params=ADDRESSES)
 def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
@@ -35,10 +33,10 @@ def name(request: pytest.FixtureRequest) -> str:
 @pytest.fixture(scope="module")
 def page(name: str, keep_page: OpenPage) -> Iterator[Page]:
     """Return a page that computes nothing any more, the same for all tests of it."""
-    page = keep_page(PAGES[name])
+    page = keep_page(ADDRESSES[name])
     page.emulate_media(reduced_motion="reduce")
     cancel = page.get_by_role("button", name="Cancel")
-    if name == "driving" and cancel.count():
+    if name == "Driving" and cancel.count():
         cancel.press("Enter")
     expect(cancel).to_have_count(0)
     settled(page)
@@ -52,7 +50,7 @@ def test_tab_reaches_every_control_in_order_and_shows_where_it_is(page: Page) ->
     assert there.unframed == []
     assert there.stops[0] == "a Skip to main content"
     links = [stop for stop in there.stops if stop.startswith("a ")][1:]
-    assert all(link.endswith(name) for link, name in zip(links, LINKS, strict=False)), links
+    assert all(link.endswith(name) for link, name in zip(links, ADDRESSES, strict=False)), links
     assert walked(page, backwards=True).stops == there.stops[::-1]
 
 
@@ -116,7 +114,7 @@ def work_home(page: Page) -> None:
 
 def work_sensor_lag(page: Page) -> None:
     choose(page, "Harbour in the wind", begin="Coast")
-    expect_visible(page.get_by_text("Sensor 1 hears it 0.7083 s after sensor 2"))
+    expect_visible(page.get_by_role("heading", name="Sensor 1 hears it 0.7083 s after sensor 2"))
     turn_through(page, "Slide it yourself", "Fool it", "Arrows that line up", "From lag to metres")
     expect_visible(page.locator(".plan .stage"))
     page.locator("summary").filter(has_text="Take it away").press("Enter")
@@ -187,11 +185,11 @@ def work_calibrate(page: Page) -> None:
 
 
 WORKED: dict[str, Callable[[Page], None]] = {
-    "home": work_home,
-    "sensor-lag": work_sensor_lag,
-    "rocketman": work_rocketman,
-    "depth-maps": work_depth_maps,
-    "calibrate": work_calibrate,
+    "Home": work_home,
+    "Sensor lag": work_sensor_lag,
+    "Rocketman search": work_rocketman,
+    "Depth maps": work_depth_maps,
+    "Calibrate": work_calibrate,
 }
 
 
