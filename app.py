@@ -11,6 +11,7 @@ from stereolag.figures.templates import match_close_up
 from stereolag.signals import signal_lag
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.templates import match_template
+from stereolag.ui import prose
 from stereolag.ui.depth.alternatives import map_in_words
 from stereolag.ui.depth.maps import map_task
 from stereolag.ui.elements import show_png
@@ -38,7 +39,7 @@ def show_lag() -> None:
     )
     figure = correlation_curve(result, CURVES["fft"]).update_layout(height=265)
     st.plotly_chart(figure, key="lag", config={"staticPlot": True}, alt=curve_in_words(result))
-    st.markdown(
+    prose.markdown(
         f"Two recordings of one beach. They agree at a lag of **{result.lag:,} samples**: the path to "
         f"sensor 2 is **{result.distance_m:,.2f} m** longer."
     )
@@ -58,7 +59,7 @@ def show_search() -> None:
     best = result.matches[0]
     rows, cols = pictures.picture.shape[:2]
     show_png(match_close_up(pictures.picture, best), f"Rocketman in the crowd, framed: {place(best)}")
-    st.markdown(
+    prose.markdown(
         f"An image of {cols:,} × {rows:,} pixels full of people in his colours. Rocketman is at row **{best.row}**, "
         f"column **{best.col}**."
     )
@@ -79,7 +80,7 @@ def show_depth() -> None:
     low, high = disparity_range([result.disparity if pair.truth is None else pair.truth])
     alt = map_in_words(result.disparity, "A photograph of a puzzle cube that turns into its disparity map")
     show_png(image_into_map(pair.left, result.disparity, low, high), alt)
-    st.markdown(
+    prose.markdown(
         f"Two cameras look at a puzzle cube. **{result.valid.sum():,} windows** were each found again: those that "
         "shifted most, the bright ones, are the nearest."
     )
@@ -91,19 +92,35 @@ MEASUREMENTS: dict[str, tuple[Callable[[], None], str, str]] = {
     "How far away is everything?": (show_depth, "pages/3_Depth_maps.py", "Depth maps"),
 }
 
+# What else there is: file, name of the page, and a sentence.
+MORE = (
+    (
+        "pages/5_Driving.py",
+        "Driving",
+        "**A whole drive**, its depth maps side by side while they are computed: how far away is the car in front?",
+    ),
+    (
+        "pages/4_Calibrate.py",
+        "Calibrate",
+        "**Your own stereo camera**, from pictures of a chessboard to depth in metres.",
+    ),
+)
 with page(
     "Slide, multiply, find the peak",
-    "Lay one thing over another, multiply what lies on top of each other, and add it up. Slide by one step and do it "
-    "again. Where the sum is largest the two agree, and how far you slid is the **lag**. This one idea measures three "
-    "things.",
+    "Lay one thing over another, multiply, add up; slide by one step and do it again. Where the sum is largest the two "
+    "agree, and how far you slid is the **lag**. **stereolag** measures three things by it.",
 ):
     for column, (question, (show, path, name)) in zip(st.columns(3, gap="medium"), MEASUREMENTS.items(), strict=True):
         with column.container(border=True, height="stretch"):
-            st.markdown(f"## {question}")
+            prose.markdown(f"## {question}")
             show()
             st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
+    for column, (path, name, said) in zip(st.columns(2, gap="medium"), MORE, strict=True):
+        with column.container(border=True, height="stretch"):
+            prose.markdown(said)
+            st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
     st.space("small")
-    st.markdown(
+    prose.markdown(
         "Everything here was computed by this app. Each page comes with examples, takes files of your own, and lets "
         "you move every setting. Your files stay in this session: nothing is written to disk or shown to anyone else.",
         width=760,

@@ -5,6 +5,7 @@ import streamlit as st
 from stereolag.figures import recordings as figures
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
+from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.lag.alternatives import aligned_in_words, close_up_in_words, waveforms_in_words
 from stereolag.ui.lag.comparison import compare_methods
@@ -16,11 +17,12 @@ from stereolag.ui.recordings import RecordingPair, choose_recordings, player
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.search_addresses import LAG_ADDRESS
 from stereolag.ui.searches import LAG_METHODS, LAG_METHODS_EXPLAINED
+from stereolag.ui.states import show_refused
 
 
 def listen(pair: RecordingPair, search: LagSearch) -> None:
     """Show both recordings and let them be heard."""
-    st.header("The recordings", anchor=False)
+    prose.header("The recordings", anchor=False)
     signals = pair.signal_1, pair.signal_2, search.sampling_rate
     st.plotly_chart(figures.waveforms(*signals), key="waveforms", alt=waveforms_in_words(*signals))
     for column, signal, name in zip(st.columns(2, gap="medium"), (pair.signal_1, pair.signal_2), "12", strict=True):
@@ -31,7 +33,7 @@ def listen(pair: RecordingPair, search: LagSearch) -> None:
 def ask(pair: RecordingPair) -> LagSearch | None:
     """Return the settings of the search, or None where they are refused."""
     method = control(LagSearch, "method", key="lag.method", names=LAG_METHODS)
-    st.caption(LAG_METHODS_EXPLAINED[method])
+    prose.caption(LAG_METHODS_EXPLAINED[method])
     columns = st.columns(3, gap="medium")
     with columns[0]:
         rate = control(LagSearch, "sampling_rate", key=f"lag.rate.{pair.digest}", value=pair.sampling_rate)
@@ -52,10 +54,10 @@ def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     with left:
         show_curve(pair, result, search)
     with right:
-        st.markdown("### Shifted to line up")
+        prose.markdown("### Shifted to line up")
         lined_up = figures.aligned(pair.signal_1, pair.signal_2, result.lag, search.sampling_rate)
         st.plotly_chart(lined_up, key="aligned", alt=aligned_in_words(result))
-    st.markdown("### Up close: 200 samples of both")
+    prose.markdown("### Up close: 200 samples of both")
     first, last = figures.shared_samples(pair.signal_1, pair.signal_2, result.lag)
     start = first
     if last - first > figures.CLOSE_UP_SAMPLES:
@@ -79,7 +81,7 @@ def search_lag(pair: RecordingPair, search: LagSearch) -> SignalLag | None:
             label="Sliding one recording along the other …",
         )
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return None
 
 
@@ -104,13 +106,14 @@ def measure(pair: RecordingPair) -> None:
 with page(
     "Sensor lag",
     "Two sensors record the same sound. Slide one recording along the other, multiply, add up: where the sum peaks, "
-    "the two agree. That lag is the time the wave took from one sensor to the other, and with its speed, the distance.",
+    "the two agree. That lag is how much later one hears it, and with the speed of sound, how much longer its path is.",
+    "take the harbour instead of the coast; then [slide two recordings by hand](#see-why).",
 ):
     recordings = LAG_ADDRESS.recalled(choose_recordings)
-    st.caption(recordings.description)
+    prose.caption(recordings.description)
     measure(recordings)
     with st.expander("The source report"):
-        st.markdown(
+        prose.markdown(
             "Its two recordings hold 176,401 samples each, at 44.1 kHz, and lie 50,082 samples apart. "
             "At 333 m/s that is 50,082 ÷ 44,100 × 333 = **378.17 m**; the report’s 378.19 m is a slip. "
             "Its sliding correlation took 1.5 to 3.5 s, its FFT 1.71 s."

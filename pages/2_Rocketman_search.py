@@ -5,6 +5,7 @@ import streamlit as st
 from stereolag.figures import templates as figures
 from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch, estimate_search, match_template
+from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import show_png
 from stereolag.ui.navigation import fragment, page
@@ -20,6 +21,7 @@ from stereolag.ui.search.opencv_beside import show_opencv_beside
 from stereolag.ui.search.score_map import show_score_map
 from stereolag.ui.search_addresses import TEMPLATE_ADDRESS
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
+from stereolag.ui.states import show_refused
 
 SEE_WHY = ("Search by hand", "Step by step", "Damage it")
 
@@ -31,7 +33,7 @@ def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
         show_png(figures.what_counts(inputs.template, inputs.mask), "The template", "Look for this", stretch=False)
     with controls:
         method = control(TemplateQuery, "method", key="template.method", names=TEMPLATE_METHODS)
-        st.caption(TEMPLATE_METHODS_EXPLAINED[method])
+        prose.caption(TEMPLATE_METHODS_EXPLAINED[method])
         score, count = st.columns(2, gap="medium")
         with score:
             min_score = control(TemplateQuery, "min_score", key="template.min_score")
@@ -46,9 +48,9 @@ def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
 def show_scores(result: TemplateSearch, query: TemplateQuery) -> None:
     """Show the score of every place."""
     if result.score_map is None:
-        st.caption(why_no_score_map(query))
+        prose.caption(why_no_score_map(query))
         return
-    st.markdown("### How well it fits at every place")
+    prose.markdown("### How well it fits at every place")
     scores, legend = st.columns([3, 1], gap="medium")
     with scores:
         marked = result.matches if result.found else doubtful(result)
@@ -85,7 +87,7 @@ def find(inputs: PictureAndTemplate) -> None:
             label="Sliding the template over the image …",
         )
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return
     if result is None:
         return
@@ -93,7 +95,7 @@ def find(inputs: PictureAndTemplate) -> None:
     show_scores(result, query)
     show_opencv_beside(inputs, result, query.method)
     show_match_files(inputs, result, query)
-    st.header("See why", anchor="see-why")
+    prose.header("See why", anchor="see-why")
     by_hand, steps, damage = st.tabs(SEE_WHY, key="template.see_why", on_change="rerun")
     with by_hand:
         search_by_hand(inputs, result.matches)
@@ -109,12 +111,14 @@ with page(
     "Rocketman search",
     "Somewhere in the image is a smaller one. Slide it over every place, multiply, add up: where the score peaks, "
     "there it is. It is the same measurement as the lag of two recordings, in two dimensions.",
+    "look for him on the moon, where dust has dulled him; then [drag him over the image by hand](#see-why).",
 ):
     pictures = TEMPLATE_ADDRESS.recalled(choose_pictures)
-    st.caption(pictures.description)
+    prose.caption(pictures.description)
     find(pictures)
     with st.expander("The source report"):
-        st.markdown(
-            "In its maze of 2446 × 1526 pixels Rocketman’s top-left corner lies at row **528**, column **982**; "
-            "the report’s (651, 982) is his bottom row. It took 0.49 s with its sampled NCC and 2.8 s with its FFT."
+        prose.markdown(
+            "In its maze of 2,446 × 1,526 pixels Rocketman’s top-left corner lies at row **528**, column **982**. The "
+            "report’s (651, 982) is 123 rows further down: just below his last row, 650. It took 0.49 s with its "
+            "sampled NCC and 2.8 s with its FFT."
         )

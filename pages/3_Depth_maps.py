@@ -5,6 +5,7 @@ from dataclasses import replace
 import streamlit as st
 
 from stereolag.stereo.methods import METHODS
+from stereolag.ui import prose
 from stereolag.ui.depth.address import write_address
 from stereolag.ui.depth.all_pairs import show_all_pairs
 from stereolag.ui.depth.bench import bench, show_controls
@@ -24,7 +25,7 @@ from stereolag.ui.depth.suggesting import show_suggest
 from stereolag.ui.depth.sweeping import show_sweep
 from stereolag.ui.keys import PART
 from stereolag.ui.matcher_controls import matcher_as_set
-from stereolag.ui.navigation import fragment, page
+from stereolag.ui.navigation import fragment, page, show_try_first
 from stereolag.ui.pairs import StereoPair
 
 PARTS = {
@@ -64,7 +65,7 @@ def workspace(pair: StereoPair) -> None:
         show_presets(pair)
         show_controls(pair)
     write_address(pair, matchers.values())
-    st.header("Look closer", anchor="look-closer")
+    prose.header("Look closer", anchor="look-closer")
     part = st.segmented_control(
         "Look closer", [*PARTS], key=PART, persist_state="session", width="stretch", label_visibility="collapsed"
     )
@@ -81,9 +82,14 @@ def workspace(pair: StereoPair) -> None:
 
 
 with page("Depth maps"):
-    workspace(choose_pair())
+    chosen = choose_pair()
+    if chosen.shared:
+        show_try_first(
+            "make the windows smaller or larger and watch the maps; then [ask why](#look-closer) a pixel got its match."
+        )
+    workspace(chosen)
     with st.expander("The source report"):
-        st.markdown(
+        prose.markdown(
             "Near things have the **large** lag, and the report’s cameras run at 10 Hz, not 10 kHz. With a window of "
             "20 px and an overlap of 0.95 its depth map took 111 s, and StereoBM 0.28 s: that is 400 times, not 1000. "
             "The report’s preset makes the maps of its figures; ZNCC, the default here, also takes out how bright and "

@@ -2,6 +2,7 @@
 
 import streamlit as st
 
+from stereolag.ui import prose
 from stereolag.ui.calibrate.board import ask_board
 from stereolag.ui.calibrate.pairs import ask_pairs, choose_shown, show_pair, show_rectified
 from stereolag.ui.calibrate.pictures import BoardPictures, choose_board_pictures
@@ -23,7 +24,7 @@ def workspace(pictures: BoardPictures) -> None:
     figures = st.container()
     by_pair, coverage = st.columns([3, 2], gap="large")
     with by_pair:
-        st.markdown("## Pair by pair")
+        prose.markdown("## Pair by pair")
         leave_out = ask_pairs(pictures, views)
     with figures:
         result = calibrated(pictures, views, square_m, leave_out)
@@ -37,21 +38,21 @@ def workspace(pictures: BoardPictures) -> None:
             show_rectified(pictures, shown, result)
     if result is not None:
         with coverage:
-            st.markdown("## Where the board has been")
+            prose.markdown("## Where the board has been")
             show_coverage(result)
 
 
 with page(
     "Calibrate",
     "Hold a chessboard or ChArUco board before both cameras, near and far, tilted and in every corner, and take 8 to "
-    "40 pairs of pictures. Where its corners appear tells the lenses, and where the cameras stand: from raw pictures "
-    "to metres.",
+    "40 pairs of pictures. Where its corners appear tells the lenses, and where the cameras stand.",
+    "leave out a pair by a click, and see what becomes of the errors.",
 ):
     chosen = choose_board_pictures()
-    st.caption(chosen.description)
+    prose.caption(chosen.description)
     workspace(chosen)
     with st.expander("How it works, and what makes it good"):
-        st.markdown(
+        prose.markdown(
             "- Print the board large, glue it to something flat, and measure a square: every distance depends on it.\n"
             "- Corners are found by OpenCV’s detectors and refined to a few hundredths of a pixel; each camera is "
             "calibrated alone, then both together (`cv2.stereoCalibrate`).\n"

@@ -1,7 +1,6 @@
 """Depth maps of whole sequences: played beside each other while they are still being computed."""
 
-import streamlit as st
-
+from stereolag.ui import prose
 from stereolag.ui.driving.frames import Drive, ask_drive
 from stereolag.ui.driving.result import show_downloads, show_work
 from stereolag.ui.driving.settings import ask_methods
@@ -14,7 +13,7 @@ def workspace(drive: Drive) -> None:
     """Ask for the methods, compute and play; moving a control reruns this part alone."""
     asked = ask_methods(drive)
     if not asked.matchers:
-        st.info("Choose a method, and its maps are computed.", icon=":material/touch_app:")
+        prose.info("Choose a method, and its maps are computed.", icon=":material/touch_app:")
         return
     work = work_on(drive, asked)
     show_work(work, drive, asked)
@@ -25,6 +24,7 @@ with page(
     "Driving",
     "Depth maps of a whole drive, one method beside the other. Near is bright, and the colours "
     "mean the same from the first frame to the last.",
+    "play it, and drag along the curves below the pictures.",
 ):
     chosen = ask_drive()
     if chosen is not None:

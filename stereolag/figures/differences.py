@@ -14,6 +14,7 @@ from stereolag.figures.disparity import legend
 from stereolag.figures.pictures import CORRELATION, NO_ANSWER, PEAK, SENSOR_1, SENSOR_2, as_rgb, coloured, png, thinned
 from stereolag.inputs import Image
 from stereolag.stereo.evaluation import CoverageCurve
+from stereolag.typography import typeset
 
 MOST_SHOWN_PX = 4.0
 """Errors beyond share the last colour."""
@@ -92,7 +93,7 @@ def error_over_coverage(curves: Mapping[str, CoverageCurve], threshold: float) -
     figure.update_xaxes(
         title="pixels kept, the surest first, % of the ground truth", range=[0, 101], dtick=20, fixedrange=True
     )
-    figure.update_yaxes(title=f"off by more than {threshold:g} px, %", rangemode="tozero", fixedrange=True)
+    figure.update_yaxes(title=typeset(f"off by more than {threshold:g} px, %"), rangemode="tozero", fixedrange=True)
     return figure
 
 

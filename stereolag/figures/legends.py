@@ -14,6 +14,7 @@ from stereolag.arrays import Rgb
 from stereolag.figures.flow import colour_wheel
 from stereolag.figures.pictures import NO_ANSWER, rgba_png
 from stereolag.geometry.calibration import Calibration
+from stereolag.typography import typeset
 
 WHEEL_PX = 144
 """Its diameter; shown at half of that."""
@@ -60,7 +61,7 @@ def strip_legend(
     `ends` are written at its ends; `below` gives a second word for a value, such as metres for a disparity.
     """
     ticks = tuple(
-        ((value - low) / (high - low), f"{value:g}".replace("-", "−"), below(value) if below else "")
+        ((value - low) / (high - low), typeset(f"{value:g}"), below(value) if below else "")
         for value in round_values(low, high, MOST_STEPS)
     )
     return Legend(title, tuple(hexadecimal(colour) for colour in palette[::17]), ends, True, ticks)
@@ -74,7 +75,9 @@ def word_legend(title: str, colours: Sequence[str], words: Sequence[str]) -> Leg
 def wheel_legend(title: str, largest: float) -> Legend:
     """Return the legend of the colours of a flow: the wheel of all directions, `largest` px at its rim."""
     data = base64.b64encode(rgba_png(colour_wheel(largest, WHEEL_PX))).decode()
-    return Legend(title, (), (f"white: none, rim: {largest:g} px",), False, picture=f"data:image/png;base64,{data}")
+    return Legend(
+        title, (), (typeset(f"white: none, rim: {largest:g} px"),), False, picture=f"data:image/png;base64,{data}"
+    )
 
 
 def hexadecimal(colour: Sequence[int] | npt.NDArray[np.uint8]) -> str:
@@ -95,7 +98,7 @@ def disparity_legends(low: float, high: float, palette: Rgb, calibration: Calibr
 
     def metres(disparity: float) -> str:
         depth = float("nan") if calibration is None else float(calibration.depth(disparity))
-        return f"{depth:.3g} m" if depth == depth else "∞" if calibration else ""
+        return typeset(f"{depth:.3g} m") if depth == depth else "∞" if calibration else ""
 
     return (
         strip_legend(

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from stereolag.arrays import Rgb
 from stereolag.figures.legends import Legend, hexadecimal
 from stereolag.figures.pictures import NO_ANSWER, jpeg, png
+from stereolag.typography import typeset
 
 WIDEST = 1600
 """Px; of wider pictures every second, third … pixel is sent: no screen shows more of them side by side."""
@@ -221,8 +222,8 @@ def described(
                 "title": one.title,
                 "pickable": one.pickable,
                 "thumbnail": one.thumbnail,
-                "alternative": one.alternative(),
-                "figures": [figure._asdict() for figure in one.figures()],
+                "alternative": typeset(one.alternative()),
+                "figures": [figure._replace(value=typeset(figure.value))._asdict() for figure in one.figures()],
                 "depths": [asdict(depth) if (depth := reading.depth()) else None for reading in one.readings],
             }
             for one, pack in zip(pictures, packs, strict=True)

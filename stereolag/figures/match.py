@@ -14,6 +14,7 @@ from stereolag.explaining.match import Box, MatchExplanation
 from stereolag.figures.legends import hexadecimal
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, fitted, png
 from stereolag.inputs import Image, as_grey
+from stereolag.typography import typeset
 
 WINDOW_COLOUR = PEAK
 SEARCH_COLOUR = SENSOR_1
@@ -35,6 +36,9 @@ DISPARITY_AXIS = "← nearer    disparity, px    farther →"
 """As in the right image: nearer points lie farther to the left."""
 
 OTHERS = ("#3f9d6d", "#8a8a94", "#b5863b", "#4b86c9")
+SCORE_FORMAT, PLACE_FORMAT = ".3f", ".2~f"
+"""Given to the axes: Plotly writes a true minus sign there, but not where a text asks for a format itself."""
+
 DASHES = ("solid", "dash", "dot", "dashdot")
 SCORE_COLOURS = [[at / 15, hexadecimal(VIRIDIS[at * 17])] for at in range(16)]
 MARGIN = {"l": 8, "r": 8, "t": 8, "b": 8}
@@ -59,7 +63,7 @@ def score_landscape(seen: MatchExplanation, searched: MatchExplanation) -> go.Fi
             colorscale=SCORE_COLOURS,
             showscale=False,
             contours={"z": {"show": True, "color": "rgba(255,255,255,0.35)", "width": 1}},
-            hovertemplate="disparity %{x} px, %{y} rows down: %{z:.3f}<extra></extra>",
+            hovertemplate="disparity %{x} px, %{y} rows down: %{z}<extra></extra>",
         )
     )
     low, high = _score_range(seen)
@@ -73,10 +77,10 @@ def score_landscape(seen: MatchExplanation, searched: MatchExplanation) -> go.Fi
                 mode="lines+markers+text",
                 line={"color": colour, "width": 5},
                 marker={"color": colour, "size": [3, 6]},
-                text=["", f"{name} {score:.3f}"],
+                text=["", typeset(f"{name} {score:.3f}")],
                 textfont={"color": colour, "size": 13},
                 textposition=f"top {side}",
-                hovertemplate=f"{name}: {score:.3f}<extra></extra>",
+                hovertemplate=typeset(f"{name}: {score:.3f}<extra></extra>"),
             )
         )
     axis = {"showbackground": False, "gridcolor": "rgba(128,128,128,0.3)", "zerolinecolor": "rgba(128,128,128,0.3)"}
@@ -87,7 +91,7 @@ def score_landscape(seen: MatchExplanation, searched: MatchExplanation) -> go.Fi
         scene={
             "xaxis": {"title": {"text": "disparity, px"}, "autorange": "reversed", **axis},
             "yaxis": {"title": {"text": "rows down"}, "autorange": "reversed", **axis},
-            "zaxis": {"title": {"text": "score"}, "range": [low, high], **axis},
+            "zaxis": {"title": {"text": "score"}, "range": [low, high], "hoverformat": SCORE_FORMAT, **axis},
             "aspectmode": "manual",
             "aspectratio": {"x": 1.7, "y": 1.0, "z": 0.75},
             "camera": {"eye": {"x": 0.5, "y": -1.7, "z": 0.95}, "center": {"x": 0, "y": 0, "z": -0.12}},
@@ -107,7 +111,8 @@ def score_map(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:
             zmin=_score_range(seen)[0],
             zmax=_score_range(seen)[1],
             colorbar={"title": {"text": "score"}, "thickness": 12},
-            hovertemplate="disparity %{x} px, %{y} rows down: %{z:.3f}<extra></extra>",
+            zhoverformat=SCORE_FORMAT,
+            hovertemplate="disparity %{x} px, %{y} rows down: %{z}<extra></extra>",
         )
     )
     if searched.dy.size < seen.dy.size:
@@ -166,23 +171,23 @@ def score_row(seen: MatchExplanation, right: Image, others: Mapping[str, float])
         line = {"color": OTHERS[number % len(OTHERS)], "width": 2, "dash": DASHES[number % len(DASHES)]}
         ends = {"x": [disparity] * 2, "y": [low, high]}
         figure.add_trace(
-            go.Scatter(**ends, mode="lines", line=line, name=f"{name} {disparity:.2f} px", hoverinfo="skip"),
+            go.Scatter(**ends, mode="lines", line=line, name=typeset(f"{name} {disparity:.2f} px"), hoverinfo="skip"),
             row=2,
             col=1,
         )
     for at, score, colour, name, side in _peaks(seen):
         if seen.peak and at[0] == seen.peak[0]:
-            figure.add_trace(_dot(-at[1], score, colour, f"{name} {score:.3f}", side), row=2, col=1)
+            figure.add_trace(_dot(-at[1], score, colour, typeset(f"{name} {score:.3f}"), side), row=2, col=1)
             edges = {"x0": -at[1] - size / 2, "x1": -at[1] + size / 2, "y0": -0.5, "y1": size - 0.5}
             figure.add_shape(type="rect", **edges, line={"color": colour, "width": 3}, row=1, col=1)
     figure.update_layout(
         height=height, margin=MARGIN, legend={"orientation": "h", "x": 0, "y": -0.2, "yanchor": "top"}, hovermode="x"
     )
     whole = -float(seen.dx[0]) + size / 2 + 0.5, -float(seen.dx[-1]) - size / 2 - 0.5
-    figure.update_xaxes(range=whole, showgrid=False)
+    figure.update_xaxes(range=whole, showgrid=False, hoverformat=PLACE_FORMAT)
     figure.update_xaxes(title=DISPARITY_AXIS, row=2, col=1)
     figure.update_yaxes(visible=False, autorange="reversed", row=1, col=1)
-    figure.update_yaxes(title="score", range=[low, high], row=2, col=1)
+    figure.update_yaxes(title="score", range=[low, high], hoverformat=SCORE_FORMAT, row=2, col=1)
     return figure
 
 
@@ -201,17 +206,18 @@ def sub_pixel_fit(seen: MatchExplanation) -> go.Figure:
             y=seen.row[near].astype(np.float32),
             mode="markers",
             marker={"color": CORRELATION, "size": 10},
-            hovertemplate="%{x} px: %{y:.4f}<extra></extra>",
+            hovertemplate="%{x} px: %{y}<extra></extra>",
         )
     )
     figure.add_vline(
         x=seen.disparity,
         line={"color": PEAK, "width": 2},
-        annotation={"text": f"{seen.disparity:.2f} px", "font": {"color": PEAK, "size": 14}},
+        annotation={"text": typeset(f"{seen.disparity:.2f} px"), "font": {"color": PEAK, "size": 14}},
         annotation_position="bottom right",
     )
     figure.update_layout(height=330, margin=MARGIN, showlegend=False)
-    figure.update_xaxes(title=DISPARITY_AXIS, dtick=1, autorange="reversed")
+    figure.update_xaxes(title=DISPARITY_AXIS, dtick=1, autorange="reversed", hoverformat=PLACE_FORMAT)
+    figure.update_yaxes(hoverformat=SCORE_FORMAT)
     return figure
 
 
@@ -254,7 +260,7 @@ def _line(
         marker={"size": 4},
         name=name,
         showlegend=False,
-        hovertemplate="%{x:.2f} px: %{y:.3f}<extra></extra>",
+        hovertemplate="%{x} px: %{y}<extra></extra>",
     )
 
 

@@ -13,6 +13,7 @@ from stereolag.figures.legends import hexadecimal
 from stereolag.figures.pictures import as_rgb
 from stereolag.inputs import Image
 from stereolag.stereo.reasons import Reason
+from stereolag.typography import typeset
 
 REASON_COLOURS: dict[Reason, tuple[int, int, int]] = {
     Reason.FILLED: (210, 172, 237),
@@ -56,7 +57,7 @@ def share_of_reasons(reasons: Mapping[str, ReasonMap], words: Mapping[Reason, st
                 orientation="h",
                 name=words[cause],
                 marker={"color": hexadecimal(colour)},
-                text=[f"{share:.1f} %" if share >= 1 else "" for share in percent],
+                text=[typeset(f"{share:.1f} %") if share >= 1 else "" for share in percent],
                 textposition="inside",
                 insidetextanchor="middle",
                 textangle=0,

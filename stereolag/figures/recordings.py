@@ -15,6 +15,7 @@ from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
 from stereolag.signals.drift import Drift
 from stereolag.signals.overlaps import overlap_length
+from stereolag.typography import typeset
 
 POINTS = 2_000
 """Drawn for a line, however long: about two for every pixel of its width."""
@@ -129,7 +130,7 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
     figure.add_trace(_peak(result.lag, height, colour))
     figure.update_layout(height=300, **LAYOUT | {"hovermode": "closest", "showlegend": False})
     figure.update_xaxes(title="lag, samples (right: sensor 2 hears it later)", tickformat=",d")
-    figure.update_yaxes(title=title)
+    figure.update_yaxes(title=title, hoverformat=",.3~f")
     return figure
 
 
@@ -177,7 +178,7 @@ def lag_over_time(drift: Drift, sampling_rate: float) -> go.Figure:
     # At least a sample high: what varies by hundredths must not look like a drift.
     middle, half = float(np.median(lags)), max(0.5, 0.6 * float(np.ptp(lags)))
     figure.update_layout(height=220, **LAYOUT | {"hovermode": "closest", "showlegend": False})
-    figure.update_xaxes(title="seconds of recording 1")
+    figure.update_xaxes(title="seconds on the clock of sensor 1")
     figure.update_yaxes(title="lag, samples", tickformat=",.1f", range=[middle - half, middle + half])
     return figure
 
@@ -213,7 +214,7 @@ def _rivals(lags: npt.NDArray[np.int64], heights: Vector) -> go.Scatter:
         mode="markers",
         marker={"color": DOUBTFUL, "size": 9, "symbol": "circle-open", "line": {"width": 2}},
         name="fits as well",
-        hovertemplate="lag %{x:,}: %{y:.3f}<extra>fits as well</extra>",
+        hovertemplate="lag %{x}: %{y}<extra>fits as well</extra>",
     )
 
 
@@ -223,12 +224,12 @@ def _peak(lag: int, height: float, colour: str) -> go.Scatter:
         y=[height],
         mode="markers+text",
         marker={"color": colour, "size": 11, "symbol": "circle-open", "line": {"width": 2.5}},
-        text=[f"  {lag:,}"],
+        text=[typeset(f"  {lag:,}")],
         textposition="middle right",
         textfont={"color": colour, "size": 14},
         cliponaxis=False,
         name="peak",
-        hovertemplate="lag %{x:,}: %{y:.3f}<extra>peak</extra>",
+        hovertemplate="lag %{x}: %{y}<extra>peak</extra>",
     )
 
 

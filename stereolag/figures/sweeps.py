@@ -17,6 +17,7 @@ from stereolag.figures.linked_pictures import Colours
 from stereolag.figures.pictures import PEAK, VIRIDIS, coloured
 from stereolag.tuning.objective import Criterion
 from stereolag.tuning.sweep import Sweep
+from stereolag.typography import typeset
 
 THUMBNAIL_WIDTH = 180
 GAP = 3
@@ -157,7 +158,7 @@ def _as_grid(
             mode="markers",
             marker={"size": MARKER, "color": "rgba(0,0,0,0)", "symbol": "square"},
             text=[
-                f"{names[0]} {row}, {names[1]} {col}<br>" + _of_cell(sheet, down, across)
+                typeset(f"{names[0]} {row}, {names[1]} {col}<br>" + _of_cell(sheet, down, across))
                 for down, row in enumerate(sheet.rows)
                 for across, col in enumerate(sheet.cols)
             ],
@@ -179,11 +180,11 @@ def _as_grid(
         hoverdistance=-1,
     )
     figure.update_xaxes(
-        title=names[1], tickvals=list(range(n_cols)), ticktext=[f"{value:g}" for value in sheet.cols],
+        title=names[1], tickvals=list(range(n_cols)), ticktext=[typeset(f"{value:g}") for value in sheet.cols],
         range=[-0.5, n_cols - 0.5], showgrid=False, zeroline=False, fixedrange=True, constrain="domain",
     )  # fmt: skip
     figure.update_yaxes(
-        title=names[0], tickvals=list(range(n_rows)), ticktext=[f"{value:g}" for value in sheet.rows],
+        title=names[0], tickvals=list(range(n_rows)), ticktext=[typeset(f"{value:g}") for value in sheet.rows],
         range=[n_rows - 0.5, -0.5], showgrid=False, zeroline=False, fixedrange=True,
     )  # fmt: skip
     return figure

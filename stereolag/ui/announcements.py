@@ -6,6 +6,8 @@ from pathlib import Path
 
 import streamlit as st
 
+from stereolag.typography import typeset
+
 KEY = "announced"
 
 _region = st.components.v2.component(
@@ -18,4 +20,4 @@ def announce(headline: str) -> None:
 
     Once a page: it is the one live region for results. What is refused or failed is announced by Streamlit itself.
     """
-    _region(key=KEY, data=headline.replace("**", ""))
+    _region(key=KEY, data=typeset(headline.replace("**", "")))

@@ -7,7 +7,9 @@ from typing import Protocol, TypeVar
 
 import streamlit as st
 
-from stereolag.ui.uploads import expect_uploads, refused
+from stereolag.limits import limits
+from stereolag.ui import prose
+from stereolag.ui.uploads import expect_uploads, refused, still_missing
 
 T = TypeVar("T")
 
@@ -88,9 +90,24 @@ def own_or_example(
         # What an example gives must not stand below a file that was refused.
         st.stop()
     if st.session_state[f"{key}.gone"]:
-        st.warning(GONE, icon=":material/cloud_off:")
+        prose.warning(GONE, icon=":material/cloud_off:")
     name: str = st.session_state.get(f"{key}.example", next(iter(examples)))
-    st.info(
-        f"Until {awaited} here, the page shows the example “{examples[name].title}”.", icon=":material/upload_file:"
-    )
+    show_awaited(awaited, examples[name].title)
     return load(name)
+
+
+def show_awaited(awaited: str, example: str) -> None:
+    """Show which files are missing, and that an example stands in for them; `awaited` as own_or_example takes it."""
+    missing = still_missing()
+    said = f"Still missing: {', '.join(missing)}. Until then" if missing else f"Until {awaited} here,"
+    prose.info(f"{said} the page shows the example “{example}”.", icon=":material/upload_file:")
+
+
+def show_limits(largest: str) -> None:
+    """Show how large files may be, and that they stay with their visitor."""
+    prose.caption(f"{largest} Your files stay in this session: nothing is written to disk or shown to anyone else.")
+
+
+def image_limits() -> str:
+    """Return how large the file of an image may be."""
+    return f"Images may have {st.get_option('server.maxUploadSize')} MB and {limits().max_megapixels} megapixels."

@@ -12,7 +12,9 @@ from pydantic.fields import FieldInfo
 
 from stereolag.settings import Settings
 from stereolag.settings.fields import Bounds, Number, choices
+from stereolag.typography import typeset
 from stereolag.ui.keys import exact_key
+from stereolag.ui.states import show_refused
 
 T = TypeVar("T")
 
@@ -69,7 +71,7 @@ def control(
     title = field.title or name
     widget: dict[str, Any] = {
         "label": f"{title} `{beside}`" if beside else title,
-        "help": field.description,
+        "help": typeset(field.description or ""),
         "key": key,
         "persist_state": "session",
         "disabled": disabled,
@@ -172,7 +174,7 @@ def last_valid(make: Callable[[], T], key: str) -> T | None:
     try:
         settings = make()
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return st.session_state.get(key)
     st.session_state[key] = settings
     return settings

@@ -11,6 +11,7 @@ import streamlit as st
 from stereolag.estimates import spoken
 from stereolag.export import bundle
 from stereolag.limits import limits
+from stereolag.ui import prose
 from stereolag.ui.jobs import HEAVY_MEMORY, Turn, limiter
 from stereolag.ui.private_files import download_button
 
@@ -99,9 +100,9 @@ def show_reproduction(command: str, does: str, *, own: bool) -> None:
     own
         Whether the files are the visitor's own.
     """
-    st.caption(f"To {does}, in the folder of the unpacked ZIP:")
+    prose.caption(f"To {does}, in the folder of the unpacked ZIP:")
     st.code(command, language=None, wrap_lines=True)
-    st.caption(
+    prose.caption(
         "The address of this page holds its settings, but not your own files."
         if own
         else "The address of this page holds its settings and the example: send it, or keep it as a bookmark."

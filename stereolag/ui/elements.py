@@ -11,6 +11,12 @@ from typing import NamedTuple
 import streamlit as st
 
 from stereolag.progress import Progress
+from stereolag.typography import NO_BREAK, typeset
+
+PERCENT, PIXELS, SECONDS = (
+    f"{number}{NO_BREAK}{unit}" for number, unit in (("%.1f", "%%"), ("%.2f", "px"), ("%.3f", "s"))
+)
+"""Formats of the columns of tables."""
 
 
 class Number(NamedTuple):
@@ -25,7 +31,7 @@ def show_numbers(numbers: Iterable[Number]) -> None:
     """Show numbers side by side, on as many lines as the window needs."""
     with st.container(horizontal=True, gap="small"):
         for label, value, meaning in numbers:
-            st.metric(label, value, help=meaning, width="content")
+            st.metric(label, typeset(value), help=typeset(meaning), width="content")
 
 
 def show_png(data: bytes, alt: str, caption: str | None = None, *, stretch: bool = True) -> None:
@@ -44,7 +50,7 @@ def show_jpeg(data: bytes, alt: str) -> None:
 
 def _show(data: bytes, media_type: str, alt: str, caption: str | None, *, stretch: bool) -> None:
     address = f"data:{media_type};base64," + base64.b64encode(data).decode("ascii")
-    st.image(address, caption, width="stretch" if stretch else "content", alt=alt)
+    st.image(address, caption and typeset(caption), width="stretch" if stretch else "content", alt=alt and typeset(alt))
 
 
 PATIENCE_S = 0.5

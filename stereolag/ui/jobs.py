@@ -88,7 +88,7 @@ class Job(Generic[T]):
 
 def waiting_in_words(job: Job[Any]) -> str:
     """Return the place of a job that waits for its turn."""
-    return f"You are number {job.ahead + 1}: large computations take turns here."
+    return f"You are number {job.ahead + 1}: large computations take turns here. Yours begins by itself."
 
 
 HEAVY_MEMORY = 256 * 10**6

@@ -7,7 +7,7 @@ import math
 from stereolag.explaining.example_pixels import DEEP_VALLEY, ExampleKind
 from stereolag.explaining.match import MatchExplanation, MatchKind
 from stereolag.stereo.reasons import Reason
-from stereolag.ui.sentences import REASON_WORDS
+from stereolag.ui.sentences import REASON_WORDS, percent
 
 RIGHT_PX = 1.0
 """A match is called right up to this error, px."""
@@ -81,11 +81,11 @@ def match_in_words(seen: MatchExplanation) -> str:
             )
         case MatchKind.BARE:
             return (
-                f"A bare wall: the window has {seen.contrast:.0%} of the image’s contrast, and its best score is "
-                f"{seen.peak_score:.2f}. It compares mostly noise."
+                f"A bare wall: the window has {percent(seen.contrast)} of the image’s contrast, and its best score is "
+                f"{seen.peak_score:.3f}. It compares mostly noise."
             )
         case MatchKind.UNLIKE:
-            return f"Nothing looks like this: the best score is {seen.peak_score:.2f}."
+            return f"Nothing looks like this: the best score is {seen.peak_score:.3f}."
         case MatchKind.REPEATS:
             alike = "the pattern repeats, like a fence" if seen.valley_depth > DEEP_VALLEY else "they look alike"
             return (

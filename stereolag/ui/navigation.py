@@ -15,10 +15,14 @@ import streamlit as st
 from starlette.formparsers import MultiPartParser
 
 from stereolag.limits import set_defaults
+from stereolag.ui import prose
+from stereolag.ui.states import show_failed, show_out_of_memory
 from stereolag.ui.visits import run_again_when_reconnected, this_visit
 from stereolag.warming import warm
 
 ICON = Path(__file__).with_name("icon.svg")
+ICONS = Path(__file__).with_name("icons")
+"""Of the pages' tabs, named as their files are; the home page has that of the app."""
 STYLE = Path(__file__).with_name("page.css")
 
 PAGES = {
@@ -39,14 +43,14 @@ MAX_VIDEO_S = 600
 
 
 @contextmanager
-def page(title: str, introduction: str = "") -> Iterator[None]:
-    """Begin a page: browser title, links, heading and a paragraph that says what the page is for.
+def page(title: str, introduction: str = "", try_first: str = "") -> Iterator[None]:
+    """Begin a page: browser title, links, heading, a paragraph that says what it is for, and what to try first.
 
     Its content goes inside; where that fails, the visitor is told so. A page without an introduction draws its heading
     itself.
     """
-    st.set_page_config(page_title=f"{title} · stereolag", page_icon=ICON, layout="wide")
-    _prepare_process()
+    own = ICONS / f"{title.lower().replace(' ', '_')}.svg"
+    st.set_page_config(page_title=f"{title} · stereolag", page_icon=own if own.exists() else ICON, layout="wide")
     this_visit()
     st.html(STYLE)
     with st.container(horizontal=True, gap="medium", vertical_alignment="center", key="page-links"):
@@ -54,10 +58,20 @@ def page(title: str, introduction: str = "") -> Iterator[None]:
             st.page_link(path, label=label, icon=icon)
     if introduction:
         st.title(title, anchor=False)
-        st.markdown(introduction, width=760)
+        prose.markdown(introduction, width=760)
+    if try_first:
+        show_try_first(try_first)
+    if not _prepare_process.cache_info().currsize:
+        with st.spinner("Starting …"):
+            _prepare_process()
     run_again_when_reconnected()
     with failures_answered():
         yield
+
+
+def show_try_first(sentence: str) -> None:
+    """Show the one thing that a first visitor should try."""
+    prose.markdown(f":primary[:material/touch_app: **Try first:**] {sentence}", width=760)
 
 
 @functools.cache
@@ -89,18 +103,9 @@ def failures_answered() -> Iterator[None]:
     try:
         yield
     except MemoryError:
-        number = _logged("The server ran out of memory")
-        st.error(
-            f"There is not enough memory left for this now (number **{number}** in the log). Try again later, or with "
-            "smaller files."
-        )
+        show_out_of_memory(_logged("The server ran out of memory"))
     except Exception:  # whatever it is: a visitor is not shown the insides of the server
-        number = _logged("A page failed")
-        st.error(
-            f"Something failed here that should not have; your files and settings are kept. If it happens again, give "
-            f"the number **{number}** to whoever runs this app: their log holds the details under it.",
-            icon=":material/bug_report:",
-        )
+        show_failed(_logged("A page failed"))
 
 
 def fragment(function: Callable[P, R]) -> Callable[P, R | None]:

@@ -10,6 +10,7 @@ import streamlit as st
 
 from stereolag.reading.sources import quoted
 from stereolag.settings import Settings
+from stereolag.ui import prose
 from stereolag.ui.addresses import parameters_of, recalled_settings
 from stereolag.ui.choices import OWN
 from stereolag.ui.controls import adopt_value
@@ -69,7 +70,7 @@ def write_parameters(written: str, parameters: dict[str, str]) -> None:
 
 def warn_ignored(name: str, value: str, allowed: Sequence[str]) -> None:
     """Say that a parameter is not what it may be."""
-    st.warning(f"{name} = {quoted(value)} in the address is ignored: allowed are {', '.join(allowed)}.")
+    prose.warning(f"{name} = {quoted(value)} in the address is ignored: allowed are {', '.join(allowed)}.")
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ class SettingsAddress(Generic[InputsT, SettingsT]):
             for name in type(first).model_fields:
                 adopt_value(self.key(name, inputs), getattr(recalled.settings, name))
             for sentence in recalled.ignored:
-                st.warning(f"In the address, {sentence}")
+                prose.warning(f"In the address, {sentence}")
         return inputs
 
     def write(self, settings: SettingsT, inputs: InputsT) -> None:

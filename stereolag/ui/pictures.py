@@ -9,7 +9,7 @@ import streamlit as st
 from stereolag import samples
 from stereolag.inputs import Image, as_image
 from stereolag.reading import read_image
-from stereolag.ui.choices import OWN, choose, own_or_example
+from stereolag.ui.choices import OWN, choose, image_limits, own_or_example, show_limits
 from stereolag.ui.search.cutting import box_in
 from stereolag.ui.search.painting import painted_mask
 from stereolag.ui.uploads import PICTURE_TYPES, Upload, forget_together, put_together, upload
@@ -93,6 +93,7 @@ def _own_pictures() -> PictureAndTemplate | None:
             note="An image of the template’s size, black where the template does not count, as around a cursor or a "
             "logo. It replaces the template’s own transparency.",
         )
+    show_limits(image_limits())
     if picture is None or template is None:
         forget_together(f"{KEY}.own")
         return None
@@ -102,6 +103,7 @@ def _own_pictures() -> PictureAndTemplate | None:
 def _own_cut() -> PictureAndTemplate | None:
     """Ask for one file, and for a box in it."""
     picture = upload("Image", read_image, key=f"{KEY}.picture", types=PICTURE_TYPES)
+    show_limits(image_limits())
     if picture is None:
         return None
     return _cut(as_image(picture.content, "image"), "Your own image.", picture.digest, shared=False)

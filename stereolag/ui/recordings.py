@@ -13,7 +13,8 @@ from stereolag.arrays import Vector
 from stereolag.inputs import as_signal
 from stereolag.reading import Recording, read_signal
 from stereolag.reading.recordings import at_one_rate
-from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui import prose
+from stereolag.ui.choices import choose, own_or_example, show_limits
 from stereolag.ui.lag.facts import own_facts, upload_limits
 from stereolag.ui.private_files import show_player
 from stereolag.ui.uploads import RECORDING_TYPES, Upload, forget_together, put_together, upload
@@ -73,7 +74,7 @@ def _own_recordings() -> RecordingPair | None:
         both_in_one = second is None and first is not None and len(_signals(first.content)) > 1
         holder = first if both_in_one else second
         channel_2 = _channel(holder, 1 if both_in_one else 0, key=f"{KEY}.channel_2")
-    st.caption(upload_limits())
+    show_limits(upload_limits())
     if first is None or holder is None:
         forget_together(f"{KEY}.own")
         return None
@@ -139,8 +140,8 @@ def player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> 
     """Show a player for a recording, for no more than its first two minutes."""
     lowest, highest = AUDIBLE_RATES
     if not lowest <= sampling_rate <= highest:
-        st.caption(f"{name} cannot be played: browsers play {lowest:,} to {highest:,} samples a second.")
+        prose.caption(f"{name} cannot be played: browsers play {lowest:,} to {highest:,} samples a second.")
         return
     heard = signal[: round(LONGEST_S * sampling_rate)]
-    st.caption(f"Listen to {name}" + ("" if heard.size == signal.size else f" (the first {LONGEST_S} s)"))
+    prose.caption(f"Listen to {name}" + ("" if heard.size == signal.size else f" (the first {LONGEST_S} s)"))
     show_player(heard, sampling_rate, name)

@@ -18,7 +18,8 @@ from stereolag.estimates import Estimate
 from stereolag.limits import limits
 from stereolag.progress import Progress, silent
 from stereolag.ui.elements import PATIENCE_S, shown_progress
-from stereolag.ui.jobs import Job, is_heavy, waiting_in_words
+from stereolag.ui.jobs import Job, is_heavy
+from stereolag.ui.states import show_busy, show_cancelled
 from stereolag.ui.visits import this_visit
 
 T = TypeVar("T")
@@ -229,9 +230,8 @@ def computed_in_turn(
             st.fragment(_show_job, run_every=BETWEEN_LOOKS_S)(job, task, label)
         return None
     if job.cancelled:
-        with place.container(horizontal=True, vertical_alignment="center"):
-            st.caption("Cancelled.", width="content")
-            st.button("Compute", key=f"results.again.{task}", on_click=_forget_job, args=(task,))
+        with place.container():
+            show_cancelled("Cancelled.", "Compute", _forget_job, task, key=f"results.again.{task}")
         return None
     del jobs[task]
     result = job.result()
@@ -256,12 +256,7 @@ def _show_job(job: Job[Any], task: str, label: str) -> None:
     """Show how far a job is, and let it be called off."""
     if job.cancelled or not job.running:
         st.rerun(scope="app")
-    with st.container(horizontal=True, vertical_alignment="center"):
-        if job.ahead:
-            st.info(waiting_in_words(job), icon=":material/groups:")
-        else:
-            st.progress(min(max(job.progress, 0.0), 1.0), label)
-        st.button("Cancel", key=f"results.cancel.{task}", on_click=job.cancel, icon=":material/stop_circle:")
+    show_busy(job, label, key=f"results.cancel.{task}")
 
 
 def _key(task: str, inputs: str, settings: str) -> str:

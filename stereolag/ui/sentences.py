@@ -7,16 +7,23 @@ from collections.abc import Mapping
 
 from stereolag.doctor.row_evidence import RowEvidence
 from stereolag.stereo.reasons import Reason
+from stereolag.typography import typeset
 
 
 def duration(seconds: float) -> str:
     """Return a duration with the unit that suits it."""
-    return f"{seconds * 1e3:.0f} ms" if seconds < 1 else f"{seconds:,.2f} s"
+    return typeset(f"{seconds * 1e3:.0f} ms" if seconds < 1 else f"{seconds:,.2f} s")
 
 
 def percent(share: float) -> str:
     """Return a share, 0..1, as a percentage."""
-    return f"{share * 100:.0f} %"
+    return typeset(f"{share * 100:.0f} %")
+
+
+def length(metres: float) -> str:
+    """Return a length with the unit that suits it, to two digits."""
+    value, unit = (1000 * metres, "mm") if metres < 0.01 else (100 * metres, "cm") if metres < 1 else (metres, "m")
+    return typeset(f"{float(f'{value:.2g}'):,.10g} {unit}")
 
 
 # Maps

@@ -12,6 +12,10 @@ from typing import Generic, TypeVar
 import streamlit as st
 from streamlit.runtime.uploaded_file_manager import UploadedFile
 
+from stereolag.reading.sources import quoted
+from stereolag.ui import prose
+from stereolag.ui.states import show_refused
+
 T = TypeVar("T")
 
 PICTURE_TYPES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif")
@@ -26,6 +30,11 @@ SET_ASIDE_S = 120.0
 """How long a file that seemed removed can still come back, in place of a slow one that proves unreadable."""
 
 REFUSED_KEY = "uploads.refused"
+
+HERE_KEY = "uploads.here"
+"""In the session's state: which files this run asked for, and whether each is there."""
+
+OPTIONAL = "(optional)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +95,17 @@ def upload(
     """
     file = st.file_uploader(label, type=types, key=key, help=note or None, on_change=_note_emptied, args=(key,))
     files = [] if file is None else [file]
-    return _read_once(files, lambda contents: read(contents[0]), key, variant, lasting)
+
+    def read_one(contents: list[bytes]) -> T:
+        try:
+            return read(contents[0])
+        except ValueError as error:
+            raise ValueError(f"{quoted(file.name)}: {error}" if file else str(error)) from error
+
+    given = _read_once(files, read_one, key, variant, lasting)
+    if OPTIONAL not in label:
+        st.session_state.setdefault(HERE_KEY, {})[label] = given is not None
+    return given
 
 
 def upload_together(
@@ -131,7 +150,7 @@ def put_together(make: Callable[[], T], key: str) -> T | None:
     try:
         made = make()
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         kept: T | None = st.session_state.get(key)
         st.session_state[REFUSED_KEY] = kept is None
         return kept
@@ -147,11 +166,18 @@ def forget_together(key: str) -> None:
 def expect_uploads() -> None:
     """Begin a run: nothing is refused in it yet."""
     st.session_state[REFUSED_KEY] = False
+    st.session_state[HERE_KEY] = {}
+
+
+def still_missing() -> list[str]:
+    """Return which files are not there yet, where others of them are."""
+    here: dict[str, bool] = st.session_state.get(HERE_KEY, {})
+    return [label for label, is_here in here.items() if not is_here] if any(here.values()) else []
 
 
 def refuse(sentence: str) -> None:
     """Say why what was given cannot be used, in whose place nothing else is."""
-    st.error(sentence)
+    show_refused(sentence)
     st.session_state[REFUSED_KEY] = True
 
 
@@ -198,7 +224,7 @@ def _read_once(
             st.session_state[_kept_key(key)] = _Kept(read_now, names, variant, again)
             return read_now
     st.session_state[_refusal_key(key)] = refusal
-    st.error(f"{refusal.sentence} The file before it stays in use." if kept else refusal.sentence)
+    show_refused(f"{refusal.sentence} The file before it stays in use." if kept else refusal.sentence)
     if kept is None:
         st.session_state[REFUSED_KEY] = True
         return None
@@ -224,7 +250,7 @@ def _taken_back(key: str) -> _Kept[T] | None:
 
 def _say_still_in_use(key: str) -> None:
     with st.container(horizontal=True, vertical_alignment="center"):
-        st.caption("The file you uploaded here before is still in use.", width="content")
+        prose.caption("The file you uploaded here before is still in use.", width="content")
         st.button("Remove", key=f"{key}.remove", type="tertiary", on_click=_forget, args=(key,))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.typography import typeset
 from tests.app import keys, uploads
 from tests.app.conftest import viewers
 
@@ -56,7 +57,7 @@ def assert_one_sentence(app: AppTest, fragment: str) -> None:
     assert not app.exception
     assert len(app.error) == 1
     said = app.error[0].value
-    assert fragment in said
+    assert typeset(fragment) in said
     assert said.endswith(".")
     assert "Traceback" not in said
     assert "\n" not in said

@@ -77,7 +77,7 @@ def numbers(app: AppTest) -> dict[str, str]:
 
 
 def said(app: AppTest) -> str:
-    return " ".join(element.value for kind in (app.caption, app.warning, app.markdown) for element in kind)
+    return " ".join(element.value for kind in (app.caption, app.info, app.warning, app.markdown) for element in kind)
 
 
 def test_the_example_is_calibrated_and_held_to_the_camera_that_drew_it(open_page: OpenPage) -> None:

@@ -9,6 +9,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.stereo.methods import METHODS
+from stereolag.typography import typeset
 from stereolag.ui import controls as controls_module
 from tests.app import keys
 from tests.app.conftest import figures
@@ -218,7 +219,7 @@ def test_a_window_larger_than_its_search_area_is_refused_and_the_last_map_stays(
     controls(app)[keys.WINDOW].set_value(91).run()
     assert not app.exception
     assert [error.value for error in app.error] == [
-        "search_size is 60 px and window_size 91 px; the search area must be at least as large as the window."
+        typeset("search_size is 60 px and window_size 91 px; the search area must be at least as large as the window.")
     ]
     assert shown(app) == before
     assert app.slider(key=keys.WINDOW).value == 91

@@ -4,6 +4,7 @@ from typing import Any
 
 from streamlit.testing.v1 import AppTest
 
+from stereolag.typography import typeset
 from tests.app.conftest import viewers
 
 
@@ -47,8 +48,8 @@ def test_every_method_stands_beside_the_truth_in_one_range() -> None:
         "difference, px",
         "agreement",
     ]
-    assert "All 3 methods agree to 1 px" in app.markdown[-1].value
-    assert "are wrong by more than 1 px" in app.markdown[-1].value
+    assert typeset("All 3 methods agree to 1 px") in app.markdown[-1].value
+    assert typeset("are wrong by more than 1 px") in app.markdown[-1].value
 
 
 def test_any_two_maps_can_be_subtracted() -> None:

@@ -11,6 +11,7 @@ import straight_and_raw
 from PIL import Image
 from streamlit.testing.v1 import AppTest
 
+from stereolag.typography import typeset
 from stereolag.ui.pairs import StereoPair
 from tests.app import keys, uploads
 
@@ -85,7 +86,7 @@ def test_a_side_by_side_picture_is_split_and_an_odd_width_said(width: int) -> No
     np.testing.assert_array_equal(shown(app).left, LEFT)
     np.testing.assert_array_equal(shown(app).right, RIGHT)
     assert "split down the middle" in said(app)
-    assert ("its width of 401 px is odd" in said(app).lower()) == (width == 401)
+    assert (typeset("its width of 401 px is odd") in said(app).lower()) == (width == 401)
 
 
 def test_a_few_pixels_of_difference_are_cropped_with_the_truth_and_said() -> None:
@@ -306,4 +307,4 @@ def test_what_does_not_belong_together_is_answered_with_one_sentence(
 ) -> None:
     app = own(**files)
     assert len(app.error) == 1
-    assert sentence in app.error[0].value
+    assert typeset(sentence) in app.error[0].value

@@ -10,6 +10,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.explaining.match import Box
 from stereolag.figures.overlap import window_grid
+from stereolag.typography import typeset
 from stereolag.ui.depth.overlap import overlap_in_words
 
 
@@ -37,9 +38,9 @@ def opened(size: int, overlap: float) -> tuple[str, dict[str, Any]]:
 
 def test_the_figure_and_its_sentence_follow_the_settings() -> None:
     fine, close = opened(20, 0.9)
-    assert fine.startswith("20 px windows, 90 % overlap: one every 2 px, so 289 values in this cut. ")
+    assert fine.startswith(typeset("20 px windows, 90 % overlap: one every 2 px, so 289 values in this cut. "))
     coarse, apart = opened(20, 0.0)
-    assert coarse.startswith("20 px windows, 0 % overlap: one every 20 px, so 9 values in this cut. ")
+    assert coarse.startswith(typeset("20 px windows, 0 % overlap: one every 20 px, so 9 values in this cut. "))
 
     def begins(chart: dict[str, Any]) -> list[float]:
         return sorted({shape["x0"] for shape in chart["layout"]["shapes"]})
@@ -60,4 +61,4 @@ def test_the_figure_and_its_sentence_follow_the_settings() -> None:
     ],
 )
 def test_the_sentence_says_what_is_drawn(size: int, step: int, asked: float, says: str) -> None:
-    assert says in overlap_in_words(window_grid((300, 300), Box(0, 0, size, size), step), asked)
+    assert typeset(says) in typeset(overlap_in_words(window_grid((300, 300), Box(0, 0, size, size), step), asked))

@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.typography import typeset
 from tests.app.conftest import viewers
 from tests.app.depth_view import small_view
 
@@ -44,13 +45,13 @@ def test_two_points_have_disparities_depths_and_a_distance() -> None:
     points_key(app, [A, B])
     app.run()
     assert not app.exception
-    assert "15.3 px·m" in app.markdown[0].value
+    assert typeset("15.3 px·m") in app.markdown[0].value
     said = table(app)
     assert list(said) == ["Convolution", "StereoBM", "StereoSGBM", "Ground truth"]
     view = small_view()
     assert view.pair.truth is not None
     disparity = float(view.pair.truth[A])
-    assert said["Ground truth"][:2] == [f"{disparity:.2f} px", f"{15.3 / disparity:.4g} m"]
+    assert said["Ground truth"][:2] == [typeset(f"{disparity:.2f} px"), typeset(f"{15.3 / disparity:.4g} m")]
     assert "score" in said["Convolution"][0]
     assert all("±" in said["StereoSGBM"][cell] for cell in (1, 3, 4))
     assert "median error" in app.caption[0].value
@@ -73,7 +74,7 @@ def test_one_known_distance_makes_it_metric_and_can_be_forgotten() -> None:
     app.number_input(key="depth.readout.metres").set_value(0.325).run()
     app.button(key="depth.readout.use").click().run()
     assert not app.exception
-    assert "**0.325 m** that you entered" in app.markdown[0].value
+    assert "**0.325\N{NO-BREAK SPACE}m** that you entered" in app.markdown[0].value
     assert table(app)["Convolution"][1].startswith("0.325")
     assert all(depths_sent(app))
     app.button(key="depth.readout.forget").click().run()

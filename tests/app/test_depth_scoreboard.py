@@ -13,6 +13,7 @@ from stereolag.figures.pictures import NO_ANSWER
 from stereolag.reading import read_image
 from stereolag.stereo.evaluation import evaluate
 from stereolag.tuning.objective import measured_reference
+from stereolag.typography import typeset
 from tests.app.depth_view import small_view
 
 
@@ -115,9 +116,8 @@ def test_without_truth_the_figures_are_estimates_and_say_by_what() -> None:
     view = small_view(truth=False)
     reference = measured_reference(view.pair.left, view.pair.right, search_range=(0, 64))
     assert "**estimates**" in app.markdown[0].value
-    assert (
-        f"{100 * np.isfinite(reference).mean():.0f} % of the pixels that the accurate preset" in app.markdown[0].value
-    )
+    measured = f"{100 * np.isfinite(reference).mean():.0f} % of the pixels that the accurate preset"
+    assert typeset(measured) in app.markdown[0].value
     table = app.dataframe[0].value
     for name, result in view.results.items():
         judged = evaluate(result.disparity, reference, thresholds=(2.0,))

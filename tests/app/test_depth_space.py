@@ -10,6 +10,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.clouds import birds_eye, point_cloud
 from stereolag.geometry.clouds import seen_from_above
+from stereolag.typography import typeset
 from stereolag.ui.depth.space import VIEWS
 
 RNG = np.random.default_rng(0)
@@ -91,7 +92,7 @@ def test_without_calibration_it_says_what_is_assumed() -> None:
     app = AppTest.from_function(uncalibrated_space, default_timeout=60).run()
     assert not app.exception
     assert "relative" in app.info[0].value
-    assert "280 px" in app.info[0].value
+    assert typeset("280 px") in app.info[0].value
     assert "baselines away" in app.caption[0].value
 
 

@@ -16,6 +16,7 @@ from stereolag.stereo.finishing.filters import MedianFilter
 from stereolag.stereo.opencv import StereoBM
 from stereolag.tuning.objective import Criterion, Unjudged
 from stereolag.tuning.search import Outcome, Suggestion, Trial
+from stereolag.typography import typeset
 from stereolag.ui.depth.judging import search_so_far, suggestion_in_words, value_in_words
 from stereolag.ui.jobs import Job
 
@@ -63,7 +64,7 @@ def test_a_search_ends_with_reasons_and_settings_to_use() -> None:
     found = app.session_state["depth.suggest"].job.result()
     assert found.changes
     said = app.success[0].value
-    assert f"Bad-2 on the whole images: **{found.bad_before:.1f} % → {found.bad:.1f} %**" in said
+    assert typeset(f"Bad-2 on the whole images: **{found.bad_before:.1f} % → {found.bad:.1f} %**") in said
     assert list(app.dataframe[0].value.columns) == ["Setting", "Before", "Suggested"]
     assert len(app.dataframe[0].value) == len(found.changes)
     app.button[1].click().run()

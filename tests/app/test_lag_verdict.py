@@ -15,6 +15,7 @@ from streamlit.testing.v1 import AppTest
 from benchmarks.verdict import coloured, drifting, tones, unrelated
 from stereolag.figures.recordings import correlation_curve, lag_over_time
 from stereolag.signals import signal_lag
+from stereolag.typography import typeset
 
 OpenPage = Callable[[str], AppTest]
 Sound = npt.NDArray[np.float64]
@@ -51,8 +52,8 @@ def test_no_metres_and_no_lag_where_it_is_not_sure(open_page: OpenPage, pair: tu
 
 def test_a_sure_lag_has_its_path_difference_and_how_far_it_can_be_off(open_page: OpenPage) -> None:
     app = open_page("pages/1_Sensor_lag.py")
-    assert numbers(app)["Path difference"] == "378.17 m"
-    assert any("varies by less than ± 0.01 samples, ± 7.6e-05 m" in one.value for one in app.markdown)
+    assert numbers(app)["Path difference"] == typeset("378.17 m")
+    assert any(typeset("varies by less than ± 0.01 samples, ± 0.076 mm of") in one.value for one in app.markdown)
 
 
 def test_plain_pearson_is_another_curve_of_the_same_peak(open_page: OpenPage) -> None:

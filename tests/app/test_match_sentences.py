@@ -28,7 +28,7 @@ SAID = {
     MatchKind.CLEAR: "One clear peak: 0.900; the next one scores 0.500.",
     MatchKind.REPEATS: "Two places fit almost equally well (0.900 and 0.890), with worse ones between them",
     MatchKind.SMOOTH: "Neighbouring places fit almost equally well (0.900, and 0.890 farther than 1 px from it)",
-    MatchKind.BARE: "A bare wall: the window has 5% of the image’s contrast, and its best score is 0.30",
+    MatchKind.BARE: "A bare wall: the window has 5\N{NO-BREAK SPACE}% of the image’s contrast, and its best score is",
     MatchKind.UNLIKE: "Nothing looks like this: the best score is 0.30",
     MatchKind.AT_EDGE: "The best score lies on the edge",
     MatchKind.NOTHING: "Nothing to correlate",

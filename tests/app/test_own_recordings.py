@@ -10,6 +10,7 @@ from scipy import signal
 from streamlit.testing.v1 import AppTest
 
 from stereolag.reading import Recording
+from stereolag.typography import typeset
 from stereolag.ui.lag.facts import own_facts
 from tests.app import uploads
 
@@ -43,9 +44,9 @@ def test_another_rate_is_brought_to_the_lower_and_said(with_recordings: Callable
     app = with_recordings(("a.wav", uploads.wav(SOUND[1_000:], 16_000)), ("b.wav", uploads.wav(slow, 8_000)))
     assert not app.error
     assert numbers(app)["Lag, samples"] == "500"
-    assert numbers(app)["Time"] == "0.0625 s"
-    assert "Sensor 1: 0.5375 s, 4,300 samples, 8,000 Hz, resampled from 16,000 Hz." in said(app)
-    assert "Sensor 2: 0.6 s, 4,800 samples, 8,000 Hz." in said(app)
+    assert numbers(app)["Time"] == typeset("0.0625 s")
+    assert typeset("Sensor 1: 0.5375 s, 4,300 samples, 8,000 Hz, resampled from 16,000 Hz.") in said(app)
+    assert typeset("Sensor 2: 0.6 s, 4,800 samples, 8,000 Hz.") in said(app)
 
 
 def test_an_assumed_rate_is_said_aloud_and_mended_lines_are_counted(with_recordings: Callable[..., AppTest]) -> None:
@@ -53,7 +54,7 @@ def test_an_assumed_rate_is_said_aloud_and_mended_lines_are_counted(with_recordi
     lines[7] += b"\0"
     app = with_recordings(("a.csv", b"\n".join(lines)), ("b.csv", uploads.csv(SOUND)))
     assert not app.error
-    assert "no rate in the file: 44,100 Hz assumed unless set below, 1 damaged line mended." in said(app)
+    assert typeset("no rate in the file: 44,100 Hz assumed unless set below, 1 damaged line mended.") in said(app)
 
 
 def test_the_channel_and_the_limits_are_named(with_recordings: Callable[..., AppTest]) -> None:
@@ -61,7 +62,7 @@ def test_the_channel_and_the_limits_are_named(with_recordings: Callable[..., App
     app = with_recordings(("both.wav", uploads.wav(both)))
     assert "channel 1 of 2." in said(app)
     assert "channel 2 of 2." in said(app)
-    assert "A file may have 64 MB and 30 million samples in all channels: 11 minutes of one channel" in said(app)
+    assert typeset("A file may have 64 MB and 30 million samples in all channels: 11 minutes of one") in said(app)
 
 
 def test_the_rate_of_the_other_file_is_assumed() -> None:

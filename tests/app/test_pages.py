@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.typography import typeset
 from stereolag.ui.navigation import PAGES
 from tests.app import keys
 from tests.app.conftest import PROJECT, figures, viewers
@@ -35,7 +36,7 @@ def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> N
     app = open_page("app.py")
     prose = " ".join(block.value for block in app.markdown)
     assert "50,082 samples" in prose
-    assert "378.17 m" in prose
+    assert typeset("378.17 m") in prose
     assert "row **528**, column **982**" in prose
     assert len(app.get("image")) == 2
     assert len(app.get("plotly_chart")) == 1
@@ -43,7 +44,9 @@ def test_home_shows_the_three_measurements_as_computed(open_page: OpenPage) -> N
 
 def test_lag_page_says_who_hears_it_later_and_how_far_apart_that_is(open_page: OpenPage) -> None:
     app = open_page("pages/1_Sensor_lag.py")
-    assert app.header[0].value == "Sensor 2 hears it **1.136 s** after sensor 1: its path is **378.17 m** longer."
+    assert app.header[0].value == typeset(
+        "Sensor 2 hears it **1.136 s** after sensor 1: its path is **378.17 m** longer."
+    )
     assert numbers(app)["Lag, samples"] == "50,082"
     assert len(app.get("plotly_chart")) == 5
     assert len(app.get("audio")) == 2
@@ -52,8 +55,8 @@ def test_lag_page_says_who_hears_it_later_and_how_far_apart_that_is(open_page: O
 def test_lag_page_turns_the_sentence_round_for_a_negative_lag(open_page: OpenPage) -> None:
     app = open_page("pages/1_Sensor_lag.py")
     app.button_group(key="recordings").set_value("harbour").run()
-    assert app.header[0].value.startswith("Sensor 1 hears it **0.7083 s** after sensor 2")
-    assert numbers(app)["Lag, samples"] == "-31,234"
+    assert app.header[0].value.startswith(typeset("Sensor 1 hears it **0.7083 s** after sensor 2"))
+    assert numbers(app)["Lag, samples"] == typeset("-31,234")
 
 
 def test_search_page_finds_him_and_says_how_many_places_it_scored(open_page: OpenPage) -> None:

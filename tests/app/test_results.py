@@ -7,6 +7,7 @@ import pytest
 
 from stereolag.estimates import Estimate
 from stereolag.signals import SignalLag
+from stereolag.typography import typeset
 from stereolag.ui.lag.sentences import lag_in_words
 from stereolag.ui.results import RecentResults, SharedRoom, computed, computed_at_once
 from stereolag.ui.sentences import duration
@@ -119,4 +120,6 @@ def test_the_sentence_names_the_later_sensor(lag: int, said: str) -> None:
 
 
 def test_durations_have_the_unit_that_suits_them() -> None:
-    assert [duration(seconds) for seconds in (0.0171, 0.9, 1.28, 111)] == ["17 ms", "900 ms", "1.28 s", "111.00 s"]
+    assert [duration(seconds) for seconds in (0.0171, 0.9, 1.28, 111)] == [
+        *map(typeset, ("17 ms", "900 ms", "1.28 s", "111.00 s"))
+    ]

@@ -7,6 +7,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag import samples
 from stereolag.settings import Settings
+from stereolag.typography import typeset
 from stereolag.ui.addresses import parameters_of, recalled_settings
 from stereolag.ui.search_addresses import LAG_ADDRESS, TEMPLATE_ADDRESS
 from tests.app.conftest import PROJECT
@@ -68,7 +69,7 @@ def test_a_link_opens_the_page_as_it_was() -> None:
     assert not app.warning
     assert address(app) == link
     lag = next(metric for metric in app.metric if metric.label == "Lag, samples")
-    assert lag.value == "-31,234"
+    assert lag.value == typeset("-31,234")
 
     link = {"picture": "maze_dulled", "method": "sampled", "min_score": "0.513", "max_matches": "2"}
     app = linked(FIND, **link)

@@ -29,9 +29,9 @@ def answer(*scores: float, reason: Reason, clear: int = 0) -> TemplateSearch:
     [
         (answer(0.9, 0.3, reason="clear", clear=1), "Found at row 0, column 0"),
         (answer(0.9, 0.9, 0.3, reason="clear", clear=2), "Found at two places"),
-        (answer(0.62, 0.6, 0.6, 0.58, 0.1, reason="look_alikes"), "Four look-alikes: 0.62 0.60 0.60 0.58"),
+        (answer(0.62, 0.6, 0.6, 0.58, 0.1, reason="look_alikes"), "Four look-alikes: 0.620 0.600 0.600 0.580"),
         (answer(1.0, 1.0, 1.0, 0.5, reason="look_alikes"), "Three places fit equally well"),
-        (answer(*[0.5] * 12, 0.45, reason="look_alikes"), "13 look-alikes: 0.50 0.50 0.50 0.50 0.50 …"),
+        (answer(*[0.5] * 12, 0.45, reason="look_alikes"), "13 look-alikes: 0.500 0.500 0.500 0.500 0.500 …"),
         (answer(0.8, 0.3, reason="other_colours"), "Not found in these colours"),
         (answer(0.3, reason="low_score"), "Not found"),
         (answer(reason="low_score"), "Not found"),
@@ -50,12 +50,12 @@ def test_a_headline_tells_another_size_and_angle() -> None:
 def test_why_it_is_not_found_tells_what_is_missing_and_what_to_try() -> None:
     query, sampled = TemplateQuery(), TemplateQuery(method="sampled")
     low = answer(0.3, reason="low_score")
-    assert why_not_found(low, query).startswith("The best place scores 0.30; the minimum is 0.50.")
+    assert why_not_found(low, query).startswith("The best place scores 0.300; the minimum is 0.50.")
     assert "try other sizes and angles" in why_not_found(low, query)
     assert "try other" not in why_not_found(low, TemplateQuery(max_rotation=30))
     assert "“FFT” also finds" in why_not_found(low, sampled)
     close = answer(0.62, 0.6, reason="look_alikes")
-    assert why_not_found(close, query).startswith("The best place scores 0.62, the next 0.60: no clear lead.")
+    assert why_not_found(close, query).startswith("The best place scores 0.620, the next 0.600: no clear lead.")
     assert "With 3 matches wanted" in why_not_found(answer(1.0, 1.0, 1.0, reason="look_alikes"), query)
     assert "in other colours" in why_not_found(answer(0.8, 0.3, reason="other_colours"), query)
     nothing = answer(reason="low_score")

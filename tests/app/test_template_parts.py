@@ -160,7 +160,7 @@ def test_the_lesson_follows_what_happened() -> None:
     lost = replace(sampled, outcome="missed", row=None, col=None, score=float("nan"))
     assert "exact pixel values" in lesson((fft, lost, opencv), Degradation(noise=5), 0.5)
     turned = lesson((missed, lost, opencv), Degradation(turn=20), 0.5)
-    assert "0.30, is below the minimum score of 0.50" in turned and "turned or resized" in turned
+    assert "0.300, is below the minimum score of 0.50" in turned and "turned or resized" in turned
     assert "turned" not in lesson((missed, lost, opencv), Degradation(noise=90), 0.5)
     nothing = Trial("fft", "missed", None, None, float("nan"), 0.1)
     assert "Nothing is left" in lesson((nothing, lost, opencv), Degradation(cover=1), 0.5)

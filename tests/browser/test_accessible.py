@@ -102,8 +102,8 @@ def test_rocketman_search(open_page: OpenPage, audit: Audit) -> None:
 def test_depth_maps(open_page: OpenPage, audit: Audit) -> None:
     page = open_page("Depth_maps?pair=square")
     region = announced(page)
+    expect(region).to_contain_text("Coverage")
     before = region.inner_text()
-    assert "Coverage" in before
     page.get_by_role("slider", name="Window").press("ArrowRight")
     expect(region).not_to_have_text(before)
     expect(region).to_contain_text("Bad-2")

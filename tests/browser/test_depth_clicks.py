@@ -42,8 +42,8 @@ def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(ope
     left = page.locator(".viewport").first
     hover(left, 0.503, 0.503)
     expect(page.locator(".where")).to_have_text("row 80, column 140")
-    expect(reading(page, "Ground truth")).to_have_text(re.compile(r"^\d+\.\d\d px · 0\.\d+ m$"))
-    expect(reading(page, "StereoSGBM")).to_have_text(re.compile(r"^\d+\.\d\d px · 0\.\d+ ± 0\.\d+ m$"))
+    expect(reading(page, "Ground truth")).to_have_text(re.compile(r"^\d+\.\d\d\spx · 0\.\d+\sm$"))
+    expect(reading(page, "StereoSGBM")).to_have_text(re.compile(r"^\d+\.\d\d\spx · 0\.\d+ ±\s0\.\d+\sm$"))
     assert page.locator("svg .cross").count() == page.locator(".viewport").count()
     hover(left, 0.01, 0.5)
     expect(reading(page, "StereoBM")).to_have_text("no disparity: out of frame")
@@ -93,7 +93,7 @@ def test_before_and_after_needs_no_rerun(open_part: OpenPage) -> None:
     split.fill("25")
     expect(page.locator(".layer").nth(1)).to_have_css("clip-path", "inset(0px 0px 0px 25%)")
     hover(page.locator(".viewport"), 0.5, 0.5)
-    expect(page.locator(".reading").last).to_have_text(re.compile(r"px · 0\.\d+ m$"))
+    expect(page.locator(".reading").last).to_have_text(re.compile(r"px · 0\.\d+\sm$"))
     assert page.evaluate("document.body.dataset.reran") is None
     screenshot(page, "depth-before-after-dark")
 

@@ -200,7 +200,7 @@ def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(visit: 
     assert disparity == pytest.approx(truth[a], abs=0.01)
     assert metres == pytest.approx(known.depth(truth[a]), rel=0.01)
     expect(visit.figure("Convolution").locator(".reading")).to_have_text(
-        re.compile(r"^\d+\.\d\d px · \d+\.\d+ ± \d+\.\d+ m · score \d\.\d\d$")
+        re.compile(r"^\d+\.\d\d\spx · \d+\.\d+ ±\s\d+\.\d+\sm · score \d\.\d\d$")
     )
 
     visit.click("Left image", *a)
@@ -321,7 +321,7 @@ def test_a_search_shows_its_progress_is_ended_and_taken_over(open_page: OpenPage
     visit.choose("60 s")
     visit.page.get_by_role("button", name="Suggest settings").click()
     expect(visit.page.get_by_test_id("stProgress")).to_contain_text(
-        re.compile("[1-9][0-9]* tried. Yours: bad-2 [0-9.]+ %")
+        re.compile(r"[1-9][0-9]* tried. Yours: bad-2 [0-9.]+\s%")
     )
     visit.page.get_by_role("button", name="Cancel").click()
     said = visit.page.get_by_text("Bad-2 on the whole images")

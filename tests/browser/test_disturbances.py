@@ -188,7 +188,7 @@ def test_the_verdict_turns_under_the_mouse_and_the_keyboard(open_page: OpenPage)
     expect(numbers).not_to_have_text(found)
     for _ in range(12):
         slider(page, "noise").press("PageDown")
-    expect(slider(page, "noise")).to_have_attribute("aria-valuetext", "−30 dB")
+    expect(slider(page, "noise")).to_have_attribute("aria-valuetext", "−30\N{NO-BREAK SPACE}dB")
     expect(verdict).to_have_text("Sure: recording 2 lags by 640 samples.")
 
     expect(slider(page, "period")).to_be_disabled()
@@ -207,7 +207,7 @@ def test_the_verdict_turns_under_the_mouse_and_the_keyboard(open_page: OpenPage)
     expect(verdict).to_have_text("Fooled: sure of 940 samples, but the true lag is 640.")
     for _ in range(10):
         slider(page, "echo").press("ArrowLeft")
-    expect(slider(page, "echo")).to_have_attribute("aria-valuetext", "100 %")
+    expect(slider(page, "echo")).to_have_attribute("aria-valuetext", "100\N{NO-BREAK SPACE}%")
     expect(verdict).to_have_text("Cannot tell: 940 samples fits as well.")
     start(page, "Drift")
     expect(verdict).to_have_text(re.compile(r"^Sure, with drift: the lag goes from 63\d\.\d to 64\d\.\d samples\.$"))

@@ -33,7 +33,7 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(o
         steps.nth(step).press("Enter")
         expect(steps.nth(step)).to_have_attribute("aria-pressed", "true")
         assert dots(page) == count
-    expect(said).to_contain_text("Best: row 528, column 982, score 1.00.")
+    expect(said).to_contain_text("Best: row 528, column 982, score 1.000.")
     expect(page.locator(".funnel .picture .place")).to_have_count(1)
 
     bars.press("ArrowRight")

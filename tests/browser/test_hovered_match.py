@@ -119,7 +119,7 @@ def test_the_search_follows_the_pointer_the_keys_and_leaves_again(open_fence: Op
     picture.hover(position={"x": box["width"] * 303.5 / 640, "y": box["height"] * 332.5 / 480})
     expect(reading).to_have_text(re.compile(r"^Row 33\d, column 30\d: two peaks as good as each other"))
     expect(reading).to_contain_text("true place 26.50 px")
-    places = [int(found) for found in re.findall(r"(?:best|runner-up) (\d+) px", reading.text_content() or "")]
+    places = [int(found) for found in re.findall(r"(?:best|runner-up) (\d+)\spx", reading.text_content() or "")]
     assert abs(abs(places[0] - places[1]) / 14.5 % 1 - 0.5) > 0.4  # whole pickets apart
     expect(page.locator(".strip .frame")).to_have_count(3)
     assert [frame.get_attribute("d") for frame in frames.all()] != framed

@@ -75,7 +75,7 @@ def test_an_own_pair_is_uploaded_and_matched(open_page: OpenPage) -> None:
         inputs.nth(place).set_input_files({"name": name, "mimeType": "image/png", "buffer": uploads.png(picture)})
         settled(page)  # a file that is given to a box about to be drawn anew is lost
     expect_visible(page.get_by_text("Your own pair").first)
-    expect_visible(page.locator(".figures dd").filter(has_text=re.compile(r"^0\.0\d px$")).first)
+    expect_visible(page.locator(".figures dd").filter(has_text=re.compile(r"^0\.0\d\spx$")).first)
     no_exception(page)
     screenshot(page, "depth-maps-own-files")
 

@@ -51,7 +51,7 @@ def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(open_pa
     page.keyboard.press("Home")
     expect(plan.locator("output")).to_have_text("378.2 m")
     plan.get_by_role("button", name="In line").click()
-    expect(said).to_contain_text(re.compile(r"378\.2 m longer.*This is your lag\."))
+    expect(said).to_contain_text(re.compile(r"378\.2\sm longer.*This is your lag\."))
 
 
 def test_the_plan_fits_a_phone_in_the_dark(open_page: OpenPage) -> None:

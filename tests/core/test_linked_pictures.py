@@ -87,7 +87,9 @@ def test_a_set_is_described_with_its_colours_its_legends_and_its_figures() -> No
     assert (header["name"], header["rows"], header["cols"], header["columns"]) == ("grid", 6, 9, 2)
     assert [one["digest"] for one in header["pictures"]] == [pack.digest for pack in packs]
     assert header["pictures"][0]["depths"] == [{"focal_times_baseline": 10, "doffs_px": 0, "disparity_error": 0.1}]
-    assert header["pictures"][0]["figures"] == [{"label": "EPE", "value": "0.5 px", "meaning": "Mean error."}]
+    assert header["pictures"][0]["figures"] == [
+        {"label": "EPE", "value": "0.5\N{NO-BREAK SPACE}px", "meaning": "Mean error."}
+    ]
     assert [one["thumbnail"] for one in header["pictures"]] == [False, True]
     assert bytes.fromhex(header["colours"]["palette"]) == palette.tobytes()
     strip, words = header["legends"]

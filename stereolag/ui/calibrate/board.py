@@ -8,9 +8,11 @@ import streamlit as st
 
 from stereolag.geometry.board_views import GUESSED_FROM, guess_board
 from stereolag.geometry.boards import FEWEST_CORNERS, MOST_CORNERS, Board
+from stereolag.ui import prose
 from stereolag.ui.calibrate.examples import EXAMPLES
 from stereolag.ui.calibrate.pictures import KEY, BoardPictures
 from stereolag.ui.results import computed_in_turn
+from stereolag.ui.states import show_refused
 
 SQUARE_MM = (0.1, 10_000.0)
 
@@ -28,7 +30,7 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
     if guessed is None:
         return None
     if isinstance(guessed, Unseen):
-        st.warning(guessed.sentence, icon=":material/grid_off:")
+        prose.warning(guessed.sentence, icon=":material/grid_off:")
     at_first = guessed if isinstance(guessed, Board) else None
     with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
         columns, rows = (
@@ -62,10 +64,10 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
     size = int(columns), int(rows)
     asked = at_first if at_first and size == (at_first.columns, at_first.rows) else _guess(pictures, size)
     if isinstance(asked, Unseen):
-        st.error(asked.sentence)
+        show_refused(asked.sentence)
     if not isinstance(asked, Board):
         return None
-    st.caption(f"{_in_words(asked)} {'Guessed from the pictures.' if asked == at_first else 'As you say.'}")
+    prose.caption(f"{_in_words(asked)} {'Guessed from the pictures.' if asked == at_first else 'As you say.'}")
     return asked, float(side or SQUARE_MM[0]) / 1000
 
 

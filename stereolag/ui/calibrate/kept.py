@@ -8,7 +8,7 @@ import streamlit as st
 
 from stereolag.export import calibration_json
 from stereolag.geometry.calibration import Calibration
-from stereolag.ui import keys
+from stereolag.ui import keys, prose
 from stereolag.ui.choices import OWN, no_files_yet
 from stereolag.ui.uploads import Upload
 
@@ -41,7 +41,7 @@ def use_kept_calibration() -> Upload[Calibration] | None:
     if kept is not None:
         error = "" if kept.content.rms is None else f", {kept.content.rms:.2f} px"
         with st.container(horizontal=True, vertical_alignment="center"):
-            st.caption(f"In use: the calibration you made on the page Calibrate{error}.", width="content")
+            prose.caption(f"In use: the calibration you made on the page Calibrate{error}.", width="content")
             st.button("Remove", key=f"{KEPT}.remove", type="tertiary", on_click=forget_calibration)
     return kept
 

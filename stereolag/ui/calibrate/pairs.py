@@ -12,9 +12,12 @@ from stereolag.geometry.board_views import BoardViews
 from stereolag.geometry.calibration_report import LeftOut, PairReport, StereoCalibration
 from stereolag.geometry.rectification import rectify
 from stereolag.inputs import as_image
+from stereolag.typography import typesets
+from stereolag.ui import prose
 from stereolag.ui.calibrate.pictures import KEY, BoardPictures
 from stereolag.ui.elements import show_jpeg
 from stereolag.ui.results import computed
+from stereolag.ui.states import show_refused
 
 WHY_LEFT_OUT = {
     LeftOut.NOT_FOUND: "the board was not found in either picture",
@@ -111,9 +114,9 @@ def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: S
         with column:
             found = "not found" if corners is None else f"{len(corners)} of {views.board.corners} corners"
             show_jpeg(picture, f"{side} picture of pair {pictures.names[number]}, its corners marked: {found}")
-            st.caption(f"{side}: {found}")
+            prose.caption(f"{side}: {found}")
     if report is not None:
-        st.markdown(_in_words(report))
+        prose.markdown(_in_words(report))
 
 
 def show_rectified(pictures: BoardPictures, number: int, result: StereoCalibration) -> None:
@@ -134,10 +137,10 @@ def show_rectified(pictures: BoardPictures, number: int, result: StereoCalibrati
             label="Rectifying the pair …",
         )
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return
     show_jpeg(data, f"Pair {pictures.names[number]}, rectified, with lines along its rows")
-    st.caption(
+    prose.caption(
         f"Pair {pictures.names[number]}, rectified: a point on a line in the left picture lies on it in the right one."
     )
 
@@ -154,6 +157,7 @@ def _with_length(both: tuple[bytes, bytes]) -> tuple[bytes, bytes, bytes]:
     return len(both[0]).to_bytes(4, "big"), *both
 
 
+@typesets
 def _errors_in_words(pictures: BoardPictures, result: StereoCalibration) -> str:
     """Return what the bars show, for whoever cannot see them."""
     errors = {

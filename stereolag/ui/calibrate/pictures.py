@@ -9,12 +9,13 @@ from functools import partial
 
 from stereolag.estimates import Estimate
 from stereolag.geometry.board_views import MOST_PAIRS, Pairs
+from stereolag.limits import limits
 from stereolag.reading.archives import is_archive, read_archive
 from stereolag.reading.pairing import matched_pairs
 from stereolag.reading.picture_pairs import PicturesOfFiles
 from stereolag.reading.sources import MAX_BYTES, harmless
 from stereolag.ui.calibrate.examples import EXAMPLES, WRONG_PAIR, example_pairs
-from stereolag.ui.choices import choose, own_or_example
+from stereolag.ui.choices import choose, own_or_example, show_limits
 from stereolag.ui.uploads import PICTURE_TYPES, upload_named
 
 KEY = "calibrate"
@@ -86,6 +87,9 @@ def _own() -> BoardPictures | None:
         types=(*PICTURE_TYPES, "zip"),
         note="8 to 40 pairs, each taken at one moment. Their names tell what belongs together: left01 and right01, "
         "L_3 and R_3, or equal names in folders left and right of a ZIP.",
+    )
+    show_limits(
+        f"At most {MOST_PAIRS} pairs, {MAX_BYTES // 2**20} MB together, and {limits().max_megapixels} megapixels each."
     )
     if given is None:
         return None

@@ -8,6 +8,7 @@ from stereolag.export import calibration_json, opencv_calibration, ros_calibrati
 from stereolag.figures.boards import coverage_picture
 from stereolag.figures.pictures import png
 from stereolag.geometry.calibration_report import LeftOut, StereoCalibration
+from stereolag.ui import prose
 from stereolag.ui.announcements import announce
 from stereolag.ui.calibrate.examples import drawn_rig
 from stereolag.ui.calibrate.kept import open_depth_page
@@ -38,7 +39,7 @@ def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
             Number(
                 "Pairs that count", f"{len(result.used)} of {len(result.pairs)}", "Why others do not is said below."
             ),
-            Number("Focal length", f"{calibration.focal_px:.1f} px", "Of the rectified pair."),
+            Number("Focal length", f"{calibration.focal_px:,.1f} px", "Of the rectified pair."),
             Number("Baseline", f"{1000 * calibration.baseline_m:.2f} mm", "The distance between the cameras."),
         )
     )
@@ -46,14 +47,16 @@ def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
         true = drawn_rig()
         found = calibration.rig
         assert found is not None
-        st.caption(
-            f"The camera that drew them: left focal length {true.left_matrix[0, 0]:.1f} px (found "
-            f"{found.left_matrix[0, 0]:.1f}), right camera {-1000 * true.translation[0]:.1f} mm beside it (found "
+        prose.caption(
+            f"The camera that drew them: left focal length {true.left_matrix[0, 0]:,.1f} px (found "
+            f"{found.left_matrix[0, 0]:,.1f}), right camera {-1000 * true.translation[0]:.1f} mm beside it (found "
             f"{-1000 * found.translation[0]:.1f})."
         )
     sentences = weaknesses(pictures, result)
     if sentences:
-        st.warning("  \n".join(sentences), icon=":material/info:")
+        # Of the example nobody has to do anything about it.
+        show = prose.info if pictures.example else prose.warning
+        show("  \n".join(sentences), icon=":material/info:")
 
 
 def weaknesses(pictures: BoardPictures, result: StereoCalibration) -> list[str]:
@@ -98,7 +101,7 @@ def show_coverage(result: StereoCalibration) -> None:
         with column:
             said = f"{side}: boards in {percent(share)} of the picture"
             show_png(png(coverage_picture(corners, size)), said)
-            st.caption(said)
+            prose.caption(said)
 
 
 def show_downloads(result: StereoCalibration) -> None:
@@ -115,4 +118,4 @@ def show_downloads(result: StereoCalibration) -> None:
             ("calibration.json", "JSON", calibration_json(calibration)),
         ):
             download_button(label, content, name, key=f"{KEY}.download.{name}", icon=":material/download:")
-    st.caption("Lengths are in metres. The calibration is kept in this session only: take it away to keep it.")
+    prose.caption("Lengths are in metres. The calibration is kept in this session only: take it away to keep it.")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import streamlit as st
-
 from stereolag.estimates import Estimate
 from stereolag.geometry.board_views import BoardViews, find_boards
 from stereolag.geometry.boards import Board
@@ -13,6 +11,7 @@ from stereolag.geometry.calibrating import calibrate_boards
 from stereolag.geometry.calibration_report import StereoCalibration
 from stereolag.ui.calibrate.pictures import BoardPictures
 from stereolag.ui.results import computed_in_turn
+from stereolag.ui.states import show_refused
 
 MEMORY, PAIR_S = 64 * 2**20, 0.08
 """Of a calibration: bytes, and seconds for each pair."""
@@ -38,7 +37,7 @@ def found_boards(pictures: BoardPictures, board: Board) -> BoardViews | None:
             label="Looking for corners …",
         )
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return None
 
 
@@ -63,6 +62,6 @@ def calibrated(
         label="Calibrating …",
     )
     if isinstance(result, Refused):
-        st.error(result.sentence, icon=":material/rule:")
+        show_refused(result.sentence)
         return None
     return result

@@ -11,7 +11,7 @@ from stereolag.export import settings_json
 from stereolag.reading import read_matcher
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
-from stereolag.ui import keys
+from stereolag.ui import keys, prose
 from stereolag.ui.addresses import parameters_of, recalled_settings
 from stereolag.ui.depth.maps import SHOWN_AT_FIRST, show_method, shown_methods
 from stereolag.ui.first_settings import first_settings
@@ -66,7 +66,7 @@ def recall_settings(parameters: Mapping[str, str], pair: StereoPair) -> None:
         recalled = recalled_settings(named, first_settings(kind, pair), prefix=prefix)
         set_controls(recalled.settings, pair)
         for sentence in recalled.ignored:
-            st.warning(f"In the address, {sentence}")
+            prose.warning(f"In the address, {sentence}")
 
 
 def write_address(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) -> None:

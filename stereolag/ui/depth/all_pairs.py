@@ -15,10 +15,12 @@ from stereolag.reading.sources import harmless
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.tuning.judgement import Judgement
 from stereolag.tuning.objective import Criterion, TuningPair, estimate_reference, widest_range
+from stereolag.ui import prose
 from stereolag.ui.depth.judging import known_truth
 from stereolag.ui.depth.pair_sets import Preparation, set_of
 from stereolag.ui.depth.several import PairSet
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.elements import PERCENT, SECONDS
 from stereolag.ui.navigation import fragment
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.results import computed_in_turn
@@ -70,7 +72,7 @@ def show_all_pairs(view: DepthView) -> None:
     """Offer to compute every pair of the set with the settings in use, and show the table."""
     pairs = set_of(view.pair)
     if pairs is None:
-        st.info(NONE_YET, icon=":material/stacks:")
+        prose.info(NONE_YET, icon=":material/stacks:")
         return
     matchers = [result.settings for result in view.results.values()]
     preparation = Preparation.chosen()
@@ -157,20 +159,20 @@ def _show(table: Table) -> None:
         frame.loc["Mean"] = frame.mean()
     if good:
         frame = frame.dropna(axis="columns", how="all")
-        formats = {name: "%.1f %%" if name.endswith("%") else "%.3f s" for name in frame.columns}
+        formats = {name: PERCENT if name.endswith("%") else SECONDS for name in frame.columns}
         columns = {
             name: st.column_config.NumberColumn(name.removesuffix(", %"), format=formats[name]) for name in formats
         }
         alt = f"Figures of every method on {len(good)} pairs."
         st.dataframe(frame, column_config={"_index": "Pair", **columns}, key=f"{KEY}.table", alt=alt)
-        st.caption(
+        prose.caption(
             "Bad-2: the share of the pixels with ground truth that are off by more than 2 px or missing. Estimated: by "
             "what the accurate preset measured, where there is no truth. Every pair with the settings in use, without "
             "the input doctor’s remedies."
         )
     for row in table.rows:
         if row.problem:
-            st.warning(row.problem)
+            prose.warning(row.problem)
 
 
 def _cells(row: PairRow) -> dict[str, float]:

@@ -13,15 +13,17 @@ from stereolag.figures.sweeps import ContactSheet
 from stereolag.inputs import Image
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.reasons import Reason
+from stereolag.typography import typeset, typesets
 from stereolag.ui.sentences import REASON_WORDS, percent
 
 EVERY = 4
 """Every so many rows and columns tell the range of a map well enough, in a sixteenth of the time."""
 
 
-ERROR_COLOURS_IN_WORDS = "Colours of the errors: blue at 0 px, red from 4 px on."
+ERROR_COLOURS_IN_WORDS = typeset("Colours of the errors: blue at 0 px, red from 4 px on.")
 
 
+@typesets
 def map_in_words(disparity: FloatMap, what: str = "disparity map") -> str:
     """Return how much of a map has a disparity, and between which values all but the outermost 2 % lie."""
     known = disparity[::EVERY, ::EVERY]
@@ -33,6 +35,7 @@ def map_in_words(disparity: FloatMap, what: str = "disparity map") -> str:
     return f"{what}, {percent(share)} measured, {low:.0f} to {high:.0f} px"
 
 
+@typesets
 def difference_in_words(difference: FloatMap) -> str:
     """Return where two maps differ."""
     known = difference[np.isfinite(difference)]
@@ -44,12 +47,14 @@ def difference_in_words(difference: FloatMap) -> str:
     )
 
 
+@typesets
 def photograph_in_words(image: Image) -> str:
     """Return what a photograph is."""
     rows, cols = image.shape[:2]
     return f"photograph, {cols:,} by {rows:,} pixels"
 
 
+@typesets
 def blanks_in_words(reason: ReasonMap) -> str:
     """Return how much of a map has no measurement, and why, the most frequent reason first."""
     shares = {cause: float(np.mean(reason == cause)) for cause in Reason if cause is not Reason.MEASURED}
@@ -60,11 +65,13 @@ def blanks_in_words(reason: ReasonMap) -> str:
     return f"{100 * sum(shares.values()):.1f} % without a measurement: {said}"
 
 
+@typesets
 def all_blanks_in_words(reasons: Mapping[str, ReasonMap]) -> str:
     """Return the bars of the reasons of every method."""
     return "; ".join(f"{name}: {blanks_in_words(reason)}" for name, reason in reasons.items()) + "."
 
 
+@typesets
 def errors_in_words(disparity: FloatMap, truth: FloatMap, against: str) -> str:
     """Return how far a map is off."""
     error = np.abs(disparity - truth)[np.isfinite(truth)]
@@ -73,6 +80,7 @@ def errors_in_words(disparity: FloatMap, truth: FloatMap, against: str) -> str:
     return f"Error map against {against}: {wrong:.1f} % off by more than 2 px, {missing:.1f} % without a disparity."
 
 
+@typesets
 def coverage_curves_in_words(curves: Mapping[str, CoverageCurve]) -> str:
     """Return the ends of the curves of error against coverage."""
 
@@ -87,6 +95,7 @@ def coverage_curves_in_words(curves: Mapping[str, CoverageCurve]) -> str:
     return "Error against coverage. " + "; ".join(told(name, curve) for name, curve in curves.items()) + "."
 
 
+@typesets
 def scores_in_words(seen: MatchExplanation, shape: str) -> str:
     """Return the peaks of the scores of one window."""
     if seen.peak is None:
@@ -97,12 +106,14 @@ def scores_in_words(seen: MatchExplanation, shape: str) -> str:
     return f"{said}; the runner-up, {seen.runner_up_score:.3f}, is at {-seen.runner_up[1]} px."
 
 
+@typesets
 def fit_in_words(seen: MatchExplanation) -> str:
     """Return where the curve through the scores next to the peak has its top."""
     found = "no disparity is taken" if math.isnan(seen.disparity) else f"its top is at {seen.disparity:.2f} px"
     return f"Curve through the scores next to the peak: {found}."
 
 
+@typesets
 def sheet_in_words(sheet: ContactSheet, titles: tuple[str, str]) -> str:
     """Return what was tried in a sweep, and which of its cells is best where that is known."""
     tried = f"{len(sheet.rows)} values of {titles[0]} down, {len(sheet.cols)} of {titles[1]} across"

@@ -10,6 +10,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereolag.stereo.methods import METHODS
+from stereolag.ui import prose
 from stereolag.ui.depth.maps import show_method
 from stereolag.ui.keys import FOLD, FOLD_NEXT, TAB
 from stereolag.ui.matcher_controls import ask_matcher
@@ -34,7 +35,7 @@ def head(title: str, pair: str, *, awaited: bool) -> Iterator[None]:
     st.html(STYLE)
     if awaited or st.session_state.pop(FOLD_NEXT, False):
         st.session_state[FOLD] = awaited
-    with st.container(horizontal=True, vertical_alignment="center", gap="medium", key="depth-head"):
+    with st.container(horizontal=True, vertical_alignment="top", gap="medium", key="depth-head"):
         st.title(title, anchor=False, width="content")
         with st.expander(
             f"**{pair}** · choose a pair or bring your own",
@@ -42,7 +43,7 @@ def head(title: str, pair: str, *, awaited: bool) -> Iterator[None]:
             icon=":material/photo_library:",
             on_change="rerun",
         ):
-            st.markdown(INTRODUCTION, width=760)
+            prose.markdown(INTRODUCTION, width=760)
             yield
 
 

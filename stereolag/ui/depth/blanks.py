@@ -12,6 +12,7 @@ from stereolag.figures.legends import hexadecimal, word_legend
 from stereolag.figures.linked_pictures import Picture, Reading
 from stereolag.figures.reasons import REASON_COLOURS, reasons_picture, share_of_reasons
 from stereolag.stereo.reasons import Reason
+from stereolag.ui import prose
 from stereolag.ui.depth.alternatives import all_blanks_in_words, blanks_in_words
 from stereolag.ui.depth.maps import settings_key
 from stereolag.ui.depth.view import DepthView
@@ -55,9 +56,11 @@ def show_blanks(view: DepthView) -> None:
         config={"displayModeBar": False},
         alt=all_blanks_in_words(reasons),
     )
-    st.markdown("\n".join(f"- **{REASON_WORDS[cause].capitalize()}**: {REASONS_EXPLAINED[cause]}" for cause in present))
+    prose.markdown(
+        "\n".join(f"- **{REASON_WORDS[cause].capitalize()}**: {REASONS_EXPLAINED[cause]}" for cause in present)
+    )
     if not all(result.settings.gives_reasons for result in view.results.values()):
-        st.caption(OPENCV_REASONS)
+        prose.caption(OPENCV_REASONS)
 
 
 def reasons_of(view: DepthView, name: str) -> ReasonMap:

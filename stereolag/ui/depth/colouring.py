@@ -16,6 +16,7 @@ from stereolag.figures.disparity import PALETTES
 from stereolag.figures.edges import edge_path
 from stereolag.figures.pictures import thinned
 from stereolag.stereo.matcher import DisparityMap
+from stereolag.ui import prose
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.keys import COLOURS
 from stereolag.ui.pairs import StereoPair
@@ -78,7 +79,7 @@ def offer_fit(view: DepthView) -> None:
     if not beyond:
         return
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        st.markdown(f":orange[:material/palette:] {beyond_the_colours(beyond)}", width="content")
+        prose.markdown(f":orange[:material/palette:] {beyond_the_colours(beyond)}", width="content")
         fit = (range_key(view.pair), view.pair, view.results)
         st.button("Fit the colours", key=f"{COLOURS}.fit_beyond", on_click=_fit, args=fit)
 

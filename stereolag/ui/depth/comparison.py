@@ -20,6 +20,7 @@ from stereolag.figures.differences import (
 from stereolag.figures.legends import Legend, hexadecimal, strip_legend, word_legend
 from stereolag.figures.linked_pictures import Picture, Reading
 from stereolag.stereo.evaluation import consensus, evaluate
+from stereolag.ui import prose
 from stereolag.ui.depth.alternatives import difference_in_words
 from stereolag.ui.depth.maps import TRUTH, left_picture, map_legends, map_picture, truth_picture
 from stereolag.ui.depth.view import DepthView
@@ -49,9 +50,9 @@ def _difference(maps: dict[str, FloatMap], legends: list[Legend]) -> Picture:
     """Ask for two of the maps and return the one minus the other."""
     names = list(maps)
     with st.container(horizontal=True, vertical_alignment="center"):
-        st.markdown("Difference of", width="content")
+        prose.markdown("Difference of", width="content")
         first = st.selectbox("Of", names, key=f"{KEY}.first", label_visibility="collapsed", width=170)
-        st.markdown("minus", width="content")
+        prose.markdown("minus", width="content")
         second = st.selectbox(
             "Minus", names, index=len(names) - 1, key=f"{KEY}.second", label_visibility="collapsed", width=170
         )
@@ -81,7 +82,7 @@ def _agreement(view: DepthView, legends: list[Legend]) -> Picture:
             f" There, **{wrong:.1f} %** are wrong by more than 1 px, and of what each measures alone "
             f"{min(alone):.1f} to {max(alone):.1f} %: methods that work differently seldom err alike."
         )
-    st.markdown(said)
+    prose.markdown(said)
     some = [] if count == 2 else [(SOME_AGREE, "some agree")]
     entries = [(ALL_AGREE, "all agree to 1 px"), *some, (ALL_DIFFER, "none agree")]
     colours, meanings = zip(*entries, strict=True)

@@ -20,6 +20,7 @@ from stereolag.doctor import (
 )
 from stereolag.estimates import Estimate
 from stereolag.stereo.matcher import StereoMatcher
+from stereolag.ui import prose
 from stereolag.ui.depth.findings import (
     DOCTOR_HEALTHY,
     REMEDIES_DONE,
@@ -34,6 +35,7 @@ from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.navigation import PAGES
 from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.results import computed, computed_before, computed_in_turn
+from stereolag.ui.states import show_refused
 
 CALIBRATE = "pages/4_Calibrate.py"
 """The page that measures the lenses and how the cameras stand."""
@@ -54,7 +56,7 @@ def with_remedies(pair: StereoPair, remedies: Iterable[Remedy]) -> StereoPair:
         try:
             pair = _remedied(pair, remedy)
         except ValueError as error:
-            st.error(str(error))
+            show_refused(error)
     return pair
 
 
@@ -71,7 +73,7 @@ def show_doctor(view: DepthView) -> None:
         return
     with st.container(border=True):
         if ill:
-            st.warning(problems_in_words(len(ill)), icon=":material/stethoscope:")
+            prose.warning(problems_in_words(len(ill)), icon=":material/stethoscope:")
         for one in ill:
             _show(one)
         for number, change in enumerate(pair.remedies):
@@ -189,12 +191,12 @@ def _with_remedy(pair: StereoPair, remedy: Remedy) -> StereoPair:
 def _show_all(advice: list[Advice], heading: str) -> None:
     """Show every finding, folded away under a heading."""
     with st.expander(heading):
-        st.markdown("\n\n".join(f"{_mark(one.finding)} {finding_in_words(one.finding)}" for one in advice))
+        prose.markdown("\n\n".join(f"{_mark(one.finding)} {finding_in_words(one.finding)}" for one in advice))
 
 
 def _show(advice: Advice) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        st.markdown(f"{_mark(advice.finding)} {finding_in_words(advice.finding)}", width="stretch")
+        prose.markdown(f"{_mark(advice.finding)} {finding_in_words(advice.finding)}", width="stretch")
         if advice.finding.remedy:
             _button(remedy_in_words(advice.finding), f"depth.doctor.{advice.finding.remedy}", advice.apply)
     if advice.finding.code == FindingCode.BENT_ROWS and CALIBRATE in PAGES:
@@ -204,7 +206,7 @@ def _show(advice: Advice) -> None:
 
 def _show_remedy(pair: StereoPair, number: int, change: Change) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        st.markdown(f":blue[:material/healing:] {change.sentence}", width="stretch")
+        prose.markdown(f":blue[:material/healing:] {change.sentence}", width="stretch")
         earlier = pair.remedies[:number].count(change)
         key = f"depth.doctor.undo.{change.name}" + (f".{earlier}" if earlier else "")
         _button("Undo", key, partial(_undo, pair, number))

@@ -11,6 +11,7 @@ from stereolag.limits import limits
 from stereolag.reading import read_matcher
 from stereolag.settings import scaled_settings
 from stereolag.stereo.matcher import DisparityMap
+from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.exports import archive, files, size_in_words
 from stereolag.ui.depth.maps import settings_key
@@ -21,6 +22,7 @@ from stereolag.ui.downloads import made_in_turn, show_file_buttons, show_zip_but
 from stereolag.ui.private_files import download_button
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.sentences import duration
+from stereolag.ui.states import show_refused
 from stereolag.ui.uploads import upload
 
 KEY = "depth.take"
@@ -60,7 +62,7 @@ def show_downloads(view: DepthView) -> None:
                 icon=":material/bookmark:",
             )
             show_file_buttons(files(subject), memory, key=KEY)
-        st.caption(" ".join([size_in_words(subject), *(change.sentence for change in subject.pair.changes)]))
+        prose.caption(" ".join([size_in_words(subject), *(change.sentence for change in subject.pair.changes)]))
         _load_settings(subject)
 
 
@@ -68,14 +70,14 @@ def _compute_in_own_size(subject: Subject) -> None:
     """Offer to compute the map in the pair's own size, where that takes long; note it in the subject once it is."""
     matcher, pair = subject.settings, subject.pair
     if matcher is None:
-        st.warning(subject.settings_refusal)
+        prose.warning(subject.settings_refusal)
         return
     if subject.light:
         return
     wanted = f"{pair.digest} {settings_key(subject.shown)}"
     size = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
     if subject.estimate.memory > limits().job_memory:
-        st.caption(
+        prose.caption(
             f"Computed at {size}, this map would need about {spoken(subject.estimate.memory)} of memory, and one job "
             f"may take {spoken(limits().job_memory)}: the map in the files is the one shown, enlarged."
         )
@@ -123,5 +125,5 @@ def _load_settings(subject: Subject) -> None:
         try:
             adopt(scaled_settings(loaded.content, 1 / subject.factor) if subject.reduced else loaded.content)
         except ValueError as error:
-            st.error(f"The settings could not be scaled with the images. {error}")
+            show_refused(f"The settings could not be scaled with the images. {error}")
     st.session_state[f"{KEY}.loaded"] = digest

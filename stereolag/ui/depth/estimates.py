@@ -20,11 +20,13 @@ from stereolag.tuning.objective import (
     measured_reference,
     widest_range,
 )
+from stereolag.ui import prose
 from stereolag.ui.depth.alternatives import ERROR_COLOURS_IN_WORDS, errors_in_words
 from stereolag.ui.depth.judging import JUDGE_LEFT_OUT, UNJUDGED, estimates_in_words
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.elements import show_png
+from stereolag.ui.elements import PERCENT, show_png
 from stereolag.ui.results import computed_before, computed_in_turn
+from stereolag.ui.states import show_refused
 
 KEY = "depth.estimates"
 TASK = "reference"
@@ -35,29 +37,29 @@ def show_estimates(view: DepthView) -> None:
     try:
         reference = _reference(view)
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return
     if reference is None:
         return
     measured = float(np.isfinite(reference).mean())
     if measured < LEAST_MEASURED:
-        st.info(UNJUDGED[Unjudged.TOO_LITTLE_MEASURED], icon=":material/balance:")
+        prose.info(UNJUDGED[Unjudged.TOO_LITTLE_MEASURED], icon=":material/balance:")
         return
-    st.markdown(estimates_in_words(measured), width=760)
+    prose.markdown(estimates_in_words(measured), width=760)
     judged = {name: result for name, result in view.results.items() if not judges_itself(result.settings)}
     if len(judged) < len(view.results):
-        st.caption(JUDGE_LEFT_OUT)
+        prose.caption(JUDGE_LEFT_OUT)
     if not judged:
         return
     _show_table(judged, reference)
-    st.markdown("### Where they differ from it")
+    prose.markdown("### Where they differ from it")
     for column, (name, result) in zip(st.columns(len(judged)), judged.items(), strict=True):
         with column:
-            st.markdown(f"**{name}**")
+            prose.markdown(f"**{name}**")
             alt = errors_in_words(result.disparity, reference, "what the accurate preset measured")
             show_png(error_png(result.disparity, reference), f"{name}. {alt}")
     st.plotly_chart(error_legend(), key=f"{KEY}.legend", config={"displayModeBar": False}, alt=ERROR_COLOURS_IN_WORDS)
-    st.caption("Grey: no disparity. Black: not judged.")
+    prose.caption("Grey: no disparity. Black: not judged.")
 
 
 def estimates_so_far(view: DepthView) -> dict[str, float]:
@@ -92,7 +94,7 @@ def _reference(view: DepthView) -> FloatMap | None:
 def _show_table(judged: Mapping[str, DisparityMap], reference: FloatMap) -> None:
     """Show the figures, the best first."""
     rows = {
-        name: {"Estimated bad-2": Judgement.of(result.disparity, reference).bad, "Density": 100 * result.coverage}
+        name: {"Estimated bad-2": Judgement.of(result.disparity, reference).bad, "Coverage": 100 * result.coverage}
         for name, result in judged.items()
     }
     table = pd.DataFrame.from_dict(rows, orient="index").sort_values("Estimated bad-2")
@@ -101,15 +103,15 @@ def _show_table(judged: Mapping[str, DisparityMap], reference: FloatMap) -> None
         column_config={
             "_index": st.column_config.TextColumn("Method"),
             "Estimated bad-2": st.column_config.NumberColumn(
-                format="%.1f %%",
+                format=PERCENT,
                 help="Share of the pixels that the accurate preset measured at which the method is off by more than "
                 "2 px from it, or has no disparity.",
             ),
-            "Density": st.column_config.NumberColumn(
-                format="%.1f %%", help="Share of all pixels that have a disparity, measured or filled in."
+            "Coverage": st.column_config.NumberColumn(
+                format=PERCENT, help="Share of all pixels that have a disparity, measured or filled in."
             ),
         },
         width=520,
         key=f"{KEY}.table",
-        alt="Estimated bad-2 and density of each method, the best first.",
+        alt="Estimated bad-2 and coverage of each method, the best first.",
     )

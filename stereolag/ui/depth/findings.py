@@ -54,16 +54,16 @@ def remedy_in_words(finding: Finding) -> str:
 def _matches(finding: Finding) -> str:
     count = finding.numbers["count"]
     if finding.healthy:
-        return f"{count:.0f} features match between the images."
-    only = f"Only {count:.0f} features match" if count else "No features match"
+        return f"{count:,.0f} features match between the images."
+    only = f"Only {count:,.0f} features match" if count else "No features match"
     return f"{only} between the images, too few to judge the geometry: do they show the same scene?"
 
 
 def _identity(finding: Finding) -> str:
     if not finding.healthy:
-        return "Both pictures show one and the same view: nothing moves between them, so nothing tells depth."
+        return "Both images show one and the same view: nothing moves between them, so nothing tells depth."
     moved = finding.numbers.get("moved_px")
-    return "The pictures differ." if moved is None else f"The pictures differ: features move by up to {moved:.0f} px."
+    return "The images differ." if moved is None else f"The images differ: features move by up to {moved:.0f} px."
 
 
 def _sides(finding: Finding) -> str:

@@ -7,7 +7,7 @@ import streamlit as st
 from stereolag.geometry.calibration import Calibration
 from stereolag.inputs import as_stereo_pair
 from stereolag.sequences import StereoFrame
-from stereolag.ui import keys
+from stereolag.ui import keys, prose
 from stereolag.ui.choices import OWN
 from stereolag.ui.pairs import StereoPair
 
@@ -38,7 +38,7 @@ def handed_over() -> StereoPair | None:
     pair: StereoPair | None = st.session_state.get(HANDED)
     if pair is not None:
         with st.container(horizontal=True, vertical_alignment="center"):
-            st.caption(f"In use: {pair.description}", width="content")
+            prose.caption(f"In use: {pair.description}", width="content")
             st.button("Use other files", key=f"{HANDED}.forget", type="tertiary", on_click=_forget)
     return pair
 

@@ -13,6 +13,7 @@ from stereolag import samples
 from stereolag.doctor import Remedy
 from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
+from stereolag.ui import prose
 from stereolag.ui.choices import OWN, choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
 from stereolag.ui.depth.bench import head
@@ -26,6 +27,7 @@ from stereolag.ui.keys import FOLD_NEXT
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
 from stereolag.ui.results import computed
+from stereolag.ui.states import show_refused
 
 KEY = "pairs"
 TITLE = "Depth maps"
@@ -56,13 +58,13 @@ def choose_pair() -> StereoPair:
         pair, decision = ask_rectified(pair)
         pair = started(treated(pair))
         _keep_settings(pair)
-        st.caption(pair.description)
+        prose.caption(pair.description)
     if st.session_state.get(FOLD_NEXT):
         st.rerun()
     shown = "" if decision is None else decision.sentence
     told = [change.sentence for change in pair.changes if change.sentence != shown and not change.remedy]
     if any(told):
-        st.caption(" ".join(filter(None, told)))
+        prose.caption(" ".join(filter(None, told)))
     if decision is not None:
         show_decision(decision)
     show_start(pair)
@@ -107,7 +109,7 @@ def _resized(pair: StereoPair, divisor: int) -> StereoPair:
             label="Resizing …",
         )
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return pair
     # What is known of the pair may be newer than its images that were kept.
     first = pair.min_disparity // divisor
@@ -164,4 +166,4 @@ def _keep_settings(pair: StereoPair) -> None:
         try:
             set_controls(scaled_settings(matcher, before[1] / now[1]), pair)
         except ValueError as error:
-            st.error(f"The settings could not be scaled with the images. {error}")
+            show_refused(f"The settings could not be scaled with the images. {error}")

@@ -26,6 +26,7 @@ from stereolag.ui.linked_pictures import linked_pictures, send_picture
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.results import computed_at_once, computed_in_turn, remembered
 from stereolag.ui.sentences import REASON_WORDS, duration, percent
+from stereolag.ui.states import show_refused
 
 LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
 KEY = "depth.bench"
@@ -83,7 +84,7 @@ def measured(pair: StereoPair, matcher: StereoMatcher | None) -> dict[str, Dispa
     try:
         result = computed_in_turn(**_computation(pair, matcher), label=f"{matcher.title} …")
     except ValueError as error:
-        st.error(f"{matcher.title}: {error}")
+        show_refused(f"{matcher.title}: {error}")
         return {}
     return {} if result is None else {matcher.title: result}
 

@@ -22,6 +22,7 @@ from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
+from stereolag.ui import prose
 from stereolag.ui.depth.alternatives import fit_in_words, scores_in_words
 from stereolag.ui.depth.blanks import reasons_of
 from stereolag.ui.depth.maps import TRUTH
@@ -44,7 +45,7 @@ from stereolag.ui.match_sentences import (
     verdict,
 )
 from stereolag.ui.navigation import fragment
-from stereolag.ui.sentences import REASON_WORDS
+from stereolag.ui.sentences import REASON_WORDS, percent
 
 KEY = "depth.inspection"
 ROWS_AROUND = 8
@@ -65,7 +66,7 @@ def show_inspection(view: DepthView) -> None:
     """Show for one pixel the window, where it was looked for, every score, and the disparity of each method."""
     matcher = _correlation(view)
     if matcher is None:
-        st.info(NO_CORRELATION)
+        prose.info(NO_CORRELATION)
         return
     _offer_examples(view, matcher)
     row, col = _pixel(view)
@@ -74,7 +75,7 @@ def show_inspection(view: DepthView) -> None:
     if can_follow(view.pair, matcher):
         hovered_match(view.pair, matcher, (row, col), pictures=KEY)
     else:
-        st.caption(TOO_MUCH_TO_FOLLOW)
+        prose.caption(TOO_MUCH_TO_FOLLOW)
     linked_pictures(
         [
             Picture(
@@ -133,7 +134,7 @@ def _pixel(view: DepthView) -> Pixel:
 def _offer_examples(view: DepthView, matcher: CorrelationMatcher) -> None:
     """Offer to find an example of each kind of match on this pair."""
     with st.container(horizontal=True, vertical_alignment="center"):
-        st.markdown("Show me", width="content")
+        prose.markdown("Show me", width="content")
         pressed = [
             kind
             for kind, icon in EXAMPLE_ICONS.items()
@@ -145,7 +146,7 @@ def _offer_examples(view: DepthView, matcher: CorrelationMatcher) -> None:
         if pixel:
             st.session_state[_pixel_key(view)] = pixel
         else:
-            st.info(NO_EXAMPLE[kind])
+            prose.info(NO_EXAMPLE[kind])
 
 
 def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
@@ -155,14 +156,14 @@ def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExpla
     fate = (Reason(own.reason[pixel]), float(own.disparity[pixel])) if own else (None, math.nan)
     said = verdict(seen, truth, visible=visible, reason=fate[0], disparity=fate[1])
     wrong = abs(seen.disparity - truth) > RIGHT_PX
-    (st.success if seen.kind is MatchKind.CLEAR and not wrong else st.warning)(said)
+    (prose.success if seen.kind is MatchKind.CLEAR and not wrong else prose.warning)(said)
     if own is None:
-        st.caption(BEFORE_OPTIMISATION)
+        prose.caption(BEFORE_OPTIMISATION)
 
 
 def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the window beside the places found, enlarged."""
-    st.markdown("### The windows compared")
+    prose.markdown("### The windows compared")
     places = [("Looked for", view.pair.left, seen.window, math.nan)]
     if seen.found:
         places.append(("Found", view.pair.right, seen.found, seen.peak_score))
@@ -175,16 +176,16 @@ def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None
         for name, image, box, its_score in places:
             with st.container(width=150):
                 show_png(patch_png(image, box), f"{name}: the window at row {box.row}, column {box.col}, enlarged")
-                st.caption(name if math.isnan(its_score) else f"{name}: **{its_score:.3f}**")
-    st.caption(
+                prose.caption(name if math.isnan(its_score) else f"{name}: **{its_score:.3f}**")
+    prose.caption(
         "Enlarged, in grey as they are compared, each stretched from its darkest to its brightest. "
-        f"The window actually has {seen.contrast:.0%} of the image’s contrast."
+        f"The window actually has {percent(seen.contrast)} of the image’s contrast."
     )
 
 
 def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation, pixel: Pixel) -> None:
     """Show the scores of all lags, and of some rows above and below that were not searched."""
-    st.markdown("### The score of every place")
+    prose.markdown("### The score of every place")
     around = explain_match(with_rows_around(matcher, ROWS_AROUND), view.pair.left, view.pair.right, *pixel)
     shape = st.segmented_control(
         "Shape",
@@ -195,7 +196,7 @@ def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
         label_visibility="collapsed",
     )
     if seen.peak is None:
-        st.caption("There is no score to show.")
+        prose.caption("There is no score to show.")
         return
     alt = scores_in_words(seen, "The scores of all places")
     if shape == "Surface":
@@ -203,7 +204,7 @@ def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
     else:
         st.plotly_chart(score_map(around, seen), key=f"{KEY}.above", config=PLAIN_CHART, alt=alt)
     if around.dy.size > seen.dy.size:
-        st.caption(
+        prose.caption(
             "A sharp peak is a sure match; along a ridge it slides, several peaks compete, and a plain holds no match. "
             "Only the middle row is searched; the rows above and below are shown for the shape."
         )
@@ -220,19 +221,19 @@ def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     }
     row, fit = st.columns([1.7, 1], gap="medium")
     with row:
-        st.markdown("### Along the row")
+        prose.markdown("### Along the row")
         along = scores_in_words(seen, "The scores along the row")
         st.plotly_chart(score_row(seen, view.pair.right, drawn), key=f"{KEY}.row", config=PLAIN_CHART, alt=along)
     with fit:
-        st.markdown("### Between the pixels")
+        prose.markdown("### Between the pixels")
         if seen.peak is None or np.isnan(seen.fit(0.0)):
-            st.caption(NO_FIT)
+            prose.caption(NO_FIT)
         else:
             st.plotly_chart(sub_pixel_fit(seen), key=f"{KEY}.fit", config=PLAIN_CHART, alt=fit_in_words(seen))
-            st.caption(SQUARE_FIT if len(seen.around) > 1 else ROW_FIT)
-    st.markdown("### The disparity by each method")
+            prose.caption(SQUARE_FIT if len(seen.around) > 1 else ROW_FIT)
+    prose.markdown("### The disparity by each method")
     lines = [f"| **{name}** | {said} |" for name, (_, said) in disparities.items()]
-    st.markdown("\n".join(["| method | disparity |", "|---|---|", *lines]))
+    prose.markdown("\n".join(["| method | disparity |", "|---|---|", *lines]))
 
 
 def _disparities(view: DepthView, pixel: Pixel) -> dict[str, tuple[float, str]]:

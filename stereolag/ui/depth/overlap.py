@@ -7,6 +7,8 @@ import streamlit as st
 from stereolag.explaining.match import MatchExplanation
 from stereolag.figures.overlap import WindowGrid, overlap_figure, window_grid
 from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.typography import typeset
+from stereolag.ui import prose
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.sentences import percent
 
@@ -17,13 +19,13 @@ def show_overlap(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
     """Show the window that was explained among its neighbours, and say how many values the map has there."""
     height, width = view.pair.left.shape[:2]
     grid = window_grid((height, width), seen.window, matcher.step)
-    st.markdown("### How the windows overlap")
+    prose.markdown("### How the windows overlap")
     figure, words = st.columns([1.3, 1], gap="medium", vertical_alignment="center")
-    said = overlap_in_words(grid, matcher.overlap)
+    said = typeset(overlap_in_words(grid, matcher.overlap))
     with figure:
         st.plotly_chart(overlap_figure(view.pair.left, grid), key=KEY, config={"displayModeBar": False}, alt=said)
     with words:
-        st.markdown(said)
+        prose.markdown(said)
 
 
 def overlap_in_words(grid: WindowGrid, asked: float) -> str:

@@ -12,12 +12,14 @@ from stereolag.inputs import Image
 from stereolag.reading import read_image
 from stereolag.reading.archives import is_archive
 from stereolag.reading.disparities import StoredDisparity, read_stored_disparity
+from stereolag.ui.choices import image_limits, show_limits
 from stereolag.ui.depth.assembling import SAME_PICTURE, Pictures, Truth, split_picture, together
 from stereolag.ui.depth.calibrating import ask_calibration
 from stereolag.ui.depth.handed_over import handed_over
 from stereolag.ui.depth.several import Bundle, ask_bundle, forget_bundle, pair_of_bundle, read_bundle
 from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.results import computed
+from stereolag.ui.states import show_refused
 from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_together, put_together, upload
 
 ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side image", "several": "ZIP or several pairs"}
@@ -42,7 +44,9 @@ def ask_own_pair(key: str) -> StereoPair | None:
         label_visibility="collapsed",
     )
     if arrangement == "several":
-        return pair_of_bundle(ask_bundle(key))
+        bundle = ask_bundle(key)
+        show_limits(image_limits())
+        return pair_of_bundle(bundle)
     columns = st.columns([2, 1], gap="medium")
     with columns[0]:
         found = _ask_one_picture(key) if arrangement == "beside" else _ask_two_pictures(key)
@@ -52,6 +56,7 @@ def ask_own_pair(key: str) -> StereoPair | None:
     pictures = found
     with columns[1]:
         truth = _ask_truth(key, pictures)
+    show_limits(image_limits())
     calibration = ask_calibration(key)
     if pictures is None:
         forget_together(f"{key}.own.{arrangement}")
@@ -125,7 +130,7 @@ def _ask_truth(key: str, pictures: Pictures | None) -> Truth | None:
     try:
         return Truth(given.content.divided(divisor), f"{given.digest} {divisor:g}")
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return None
 
 

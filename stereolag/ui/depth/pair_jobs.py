@@ -9,7 +9,7 @@ from typing import Any
 import streamlit as st
 
 from stereolag.estimates import Estimate
-from stereolag.ui.jobs import Job, waiting_in_words
+from stereolag.ui.jobs import Job
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.visits import this_visit
 
@@ -44,19 +44,3 @@ def begin_job(pair: StereoPair, key: str, asked: object, work: Callable[[Job[Any
     job = Job(work, estimate)
     this_visit().jobs[key] = pair.judged, job
     st.session_state[key] = PairJob(pair.judged, asked, job)
-
-
-def show_running(key: str, job: Job[Any], text: str, *, ending: str) -> None:
-    """Show how far a job is, and let it be ended; `ending` says what stays then."""
-    if job.ahead:
-        st.info(waiting_in_words(job), icon=":material/groups:")
-    else:
-        st.progress(min(max(job.progress, 0.0), 1.0), text)
-    st.button(
-        "Cancel" if not job.cancelled else "Ending …",
-        key=f"{key}.cancel",
-        on_click=job.cancel,
-        disabled=job.cancelled,
-        icon=":material/stop_circle:",
-        help=ending,
-    )

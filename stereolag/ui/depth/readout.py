@@ -10,6 +10,7 @@ from stereolag.arrays import FloatMap
 from stereolag.figures.pictures import PEAK
 from stereolag.geometry.distances import FIELD_OF_VIEW, SeenPoint, calibrated_by, distance_between
 from stereolag.stereo.reasons import Reason
+from stereolag.ui import prose
 from stereolag.ui.depth.blanks import reasons_of
 from stereolag.ui.depth.calibrating import (
     KnownDistance,
@@ -39,7 +40,7 @@ def show_readout(view: DepthView) -> None:
     def pick(row: int, col: int) -> None:
         st.session_state[points_key] = [*points, (row, col)] if len(points) == 1 else [(row, col)]
 
-    st.markdown(_calibration_in_words(view))
+    prose.markdown(_calibration_in_words(view))
     pictures = [left_picture(view)]
     pictures += [map_picture(view, name, reasons_of(view, name)) for name in view.results]
     linked_pictures(
@@ -52,8 +53,8 @@ def show_readout(view: DepthView) -> None:
         on_pick=pick,
     )
     if points:
-        st.markdown(_table(view, points))
-        st.caption(_uncertainty_in_words(view))
+        prose.markdown(_table(view, points))
+        prose.caption(_uncertainty_in_words(view))
     _ask_known_distance(view, points)
 
 
@@ -161,9 +162,9 @@ def _uncertainty_in_words(view: DepthView) -> str:
 def _ask_known_distance(view: DepthView, points: list[Pixel]) -> None:
     """Ask for the distance of the point clicked last, and calibrate by it."""
     with st.container(border=True):
-        st.markdown("**Click something whose distance you know**")
+        prose.markdown("**Click something whose distance you know**")
         if not points:
-            st.caption("First click the point in one of the images above.")
+            prose.caption("First click the point in one of the images above.")
         else:
             _ask_distance_of(view, points[-1], "AB"[len(points) - 1])
         if known_distance(view.pair):
@@ -175,7 +176,7 @@ def _ask_distance_of(view: DepthView, point: Pixel, letter: str) -> None:
     disparities = {name: float(one.disparity[point]) for name, one in view.results.items()}
     near = [name for name, disparity in disparities.items() if disparity + doffs > 0]
     if not near:
-        st.caption(f"No method measures {letter} in front of infinity; choose a point where one does.")
+        prose.caption(f"No method measures {letter} in front of infinity; choose a point where one does.")
         return
     with st.container(horizontal=True, vertical_alignment="bottom"):
         metres = st.number_input(
@@ -191,7 +192,7 @@ def _ask_distance_of(view: DepthView, point: Pixel, letter: str) -> None:
             args=(view.pair, point, disparities[name], metres),
         )
     if view.pair.calibration is None:
-        st.caption(
+        prose.caption(
             "Depths follow from this one distance. Distances across the image also need the focal length: "
             f"{FIELD_OF_VIEW:g}° from side to side are assumed."
         )

@@ -13,9 +13,11 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectify
 from stereolag.geometry.rig import StereoRig
 from stereolag.inputs import Image
+from stereolag.ui import prose
 from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.results import computed
 from stereolag.ui.sentences import rectification_in_words
+from stereolag.ui.states import show_refused
 
 CHOICE_KEY = "pairs.pictures_are"
 ALPHA_KEY = "pairs.alpha"
@@ -83,7 +85,7 @@ def show_decision(decision: Decision) -> None:
     undo = ("Undo", RECTIFIED) if decision.rectify else ("Rectify it all the same", RAW)
     label, choice = (CHOICES[DECIDE], DECIDE) if decision.asked else undo
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        st.caption(f":material/straighten: {decision.sentence}", width="content")
+        prose.caption(f":material/straighten: {decision.sentence}", width="content")
         st.button(label, key="depth.rectifying.undo", type="tertiary", on_click=partial(_choose, choice))
 
 
@@ -101,7 +103,7 @@ def rectified(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
         again = _rectified(pair, alpha)
         evidence = _evidence(pair, again)
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return replace(pair, calibration=None), None
     rectify_it = choice == RAW or (choice == DECIDE and not evidence.already_rectified)
     drops_truth = rectify_it and pair.truth is not None

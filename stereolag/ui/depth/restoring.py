@@ -16,6 +16,7 @@ from stereolag.ui.depth.colouring import FIRST_PALETTE, INVERTED, OUTLINED, PALE
 from stereolag.ui.depth.maps import shown_methods
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, StereoPair
+from stereolag.ui.states import show_refused
 
 RESTORED = "depth.restore"
 """In the session's state: a session whose settings and colours are still to be set, for its pair in its own size."""
@@ -69,6 +70,6 @@ def restore_settings(pair: StereoPair) -> None:
         try:
             set_controls(scaled_settings(matcher, factor) if factor != 1 else matcher, pair)
         except ValueError as error:
-            st.error(f"The settings of {matcher.title} could not be scaled with the images. {error}")
+            show_refused(f"The settings of {matcher.title} could not be scaled with the images. {error}")
     if colours.low is not None and colours.high is not None:
         st.session_state[range_key(pair)] = colours.low * factor, colours.high * factor

@@ -16,12 +16,13 @@ from stereolag.export import metrics_csv
 from stereolag.figures.differences import error_legend, error_over_coverage, error_png
 from stereolag.stereo.evaluation import CoverageCurve, Evaluation, error_against_coverage, evaluate
 from stereolag.stereo.matcher import DisparityMap
+from stereolag.ui import prose
 from stereolag.ui.depth.alternatives import ERROR_COLOURS_IN_WORDS, coverage_curves_in_words, errors_in_words
 from stereolag.ui.depth.estimates import show_estimates
 from stereolag.ui.depth.judging import known_truth
 from stereolag.ui.depth.maps import settings_key
 from stereolag.ui.depth.view import DepthView
-from stereolag.ui.elements import show_png
+from stereolag.ui.elements import PERCENT, PIXELS, show_png
 from stereolag.ui.navigation import fragment
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.private_files import download_button
@@ -57,10 +58,10 @@ def show_scoreboard(view: DepthView) -> None:
         return
     judgements = {name: _judged(view, result, truth) for name, result in view.results.items()}
     _show_tables(judgements)
-    st.markdown("### Where they are wrong")
+    prose.markdown("### Where they are wrong")
     for column, (name, result) in zip(st.columns(len(view.results)), view.results.items(), strict=True):
         with column:
-            st.markdown(f"**{name}**")
+            prose.markdown(f"**{name}**")
             alt = errors_in_words(result.disparity, truth, "the ground truth")
             show_png(error_png(result.disparity, truth), f"{name}. {alt}")
     st.plotly_chart(
@@ -69,8 +70,8 @@ def show_scoreboard(view: DepthView) -> None:
         config={"displayModeBar": False},
         alt=ERROR_COLOURS_IN_WORDS,
     )
-    st.caption("Grey: no disparity." if np.isfinite(truth).all() else "Grey: no disparity. Black: no ground truth.")
-    st.markdown("### Do they know where they are wrong?")
+    prose.caption("Grey: no disparity." if np.isfinite(truth).all() else "Grey: no disparity. Black: no ground truth.")
+    prose.markdown("### Do they know where they are wrong?")
     _show_curves({name: judgement.curve for name, judgement in judgements.items()})
 
 
@@ -143,7 +144,7 @@ def _show_tables(judgements: Mapping[str, Judgement]) -> None:
         }
         if rows:
             some = next(iter(judgements.values())).evaluations[pixels]
-            st.markdown(f"**{pixels}** · {some.truth_pixels:,} with ground truth")
+            prose.markdown(f"**{pixels}** · {some.truth_pixels:,} with ground truth")
             st.dataframe(
                 _marked(pd.DataFrame.from_dict(rows, orient="index")),
                 column_config=_columns(some),
@@ -173,12 +174,12 @@ def _columns(evaluation: Evaluation) -> dict[str, Any]:
     """Return how the columns are written, and what their headings explain."""
     columns: dict[str, Any] = {
         "_index": st.column_config.TextColumn("Method"),
-        "EPE": st.column_config.NumberColumn(format="%.2f px", help=MEANINGS["EPE"]),
+        "EPE": st.column_config.NumberColumn(format=PIXELS, help=MEANINGS["EPE"]),
     }
     meanings = {name: MEANINGS[name] for name in ("Density", "D1-all")}
     meanings |= {f"Bad-{threshold:g}": f"Pixels off by more than {threshold:g} px." for threshold in evaluation.bad}
     return columns | {
-        name: st.column_config.NumberColumn(format="%.1f %%", help=meaning) for name, meaning in meanings.items()
+        name: st.column_config.NumberColumn(format=PERCENT, help=meaning) for name, meaning in meanings.items()
     }
 
 
@@ -190,7 +191,7 @@ def _show_curves(curves: Mapping[str, CoverageCurve]) -> None:
         config={"displayModeBar": False},
         alt=coverage_curves_in_words(curves),
     )
-    st.caption(
+    prose.caption(
         "Keep only the surest matches, then more and more. A line that climbs to the right knows where it is wrong: "
         "asking for a higher score would keep the good matches. A method that gives no score is a single point."
     )

@@ -13,6 +13,7 @@ from stereolag.reading.archives import is_archive, read_archive
 from stereolag.reading.pairing import PairFiles, matched_pairs
 from stereolag.reading.sessions import Session, holds_session, read_session
 from stereolag.reading.sources import MAX_BYTES, harmless
+from stereolag.ui import prose
 from stereolag.ui.depth.assembling import named_pair, session_pair
 from stereolag.ui.depth.restoring import restore
 from stereolag.ui.keys import PAIR
@@ -164,7 +165,7 @@ def _ask_step(pairs: PairSet) -> None:
             width=320,
         )
         _step_button("Next", 1, disabled=number == count - 1)
-        st.caption("The settings stay from pair to pair; “All pairs” below judges them on all.", width="content")
+        prose.caption("The settings stay from pair to pair; “All pairs” below judges them on all.", width="content")
 
 
 def _step_button(label: str, by: int, *, disabled: bool) -> None:

@@ -13,6 +13,8 @@ from stereolag.figures.pictures import as_rgb
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.clouds import MOST_POINTS, BirdsEyeView, clean_point_cloud, seen_from_above, subsampled
 from stereolag.stereo.matcher import DisparityMap
+from stereolag.typography import typeset
+from stereolag.ui import prose
 from stereolag.ui.depth.calibrating import calibration_of
 from stereolag.ui.depth.maps import settings_key
 from stereolag.ui.depth.view import DepthView
@@ -64,7 +66,7 @@ def show_space(view: DepthView) -> None:
         name = st.segmented_control("Method", names, default=names[0], required=True, key=f"{KEY}.method")
         depth = calibration.depth(view.results[name].disparity)
         if not np.isfinite(depth).any():
-            st.info("This map puts no point in front of the cameras: every disparity is missing or not above zero.")
+            prose.info("This map puts no point in front of the cameras: every disparity is missing or not above zero.")
             return
         nearest = st.slider(
             "Nearest points shown",
@@ -82,13 +84,13 @@ def show_space(view: DepthView) -> None:
         )
     space = _space(view, view.results[name], calibration, float(np.nanpercentile(depth, nearest)))
     if space.above is None:
-        st.info("Nothing but flying pixels: no surface is larger than a few pixels.")
+        prose.info("Nothing but flying pixels: no surface is larger than a few pixels.")
         return
     nearest_point = float(space.points[:, 2].min())
-    reach = f"from {_distance(nearest_point)} to {_distance(space.farthest)} {unit} away"
+    reach = typeset(f"from {_distance(nearest_point)} to {_distance(space.farthest)} {unit} away")
     cloud, above = st.columns([3, 2], gap="medium")
     with cloud:
-        st.markdown("**Point cloud**: drag to turn, scroll to come closer")
+        prose.markdown("**Point cloud**: drag to turn, scroll to come closer")
         turned, raised = VIEWS[seen_from]
         st.plotly_chart(
             point_cloud(space.points, space.colours, unit, turned=turned, raised=raised),
@@ -97,14 +99,14 @@ def show_space(view: DepthView) -> None:
             alt=f"Cloud of {len(space.points):,} points, {reach}.",
         )
     with above:
-        st.markdown("**Bird’s-eye view**, the camera at the bottom")
+        prose.markdown("**Bird’s-eye view**, the camera at the bottom")
         st.plotly_chart(
             birds_eye(space.above, unit),
             key=f"{KEY}.above",
             config={"displayModeBar": False, "scrollZoom": True},
             alt=f"The points from above, {reach}.",
         )
-    st.caption(
+    prose.caption(
         f"{len(space.points):,} of {space.kept:,} points, up to {_distance(space.farthest)} {unit} away. Left out: "
         f"{space.flying:,} flying pixels, which hang between the near and the far side of an edge."
     )
@@ -116,7 +118,7 @@ def _cameras(view: DepthView) -> tuple[Calibration, str]:
     if known is not None:
         return known, METRES
     width = int(view.pair.left.shape[1])
-    st.info(
+    prose.info(
         f"Without a calibration all distances are **relative**. Assumed: a focal length of {width:,} px, as long as "
         "the image is wide, and a baseline of 1, so distances count in multiples of the way from one camera to the "
         "other. Shapes may look stretched or squeezed in depth.",

@@ -10,6 +10,7 @@ import streamlit as st
 
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
+from stereolag.ui import prose
 from stereolag.ui.depth.doctor import diagnosis_at_once
 from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
 from stereolag.ui.keys import FOLD_NEXT, PAIR
@@ -70,7 +71,7 @@ def show_start(pair: StereoPair) -> None:
     if pair.shared or start is None or not start.found or not set(matchers_in_use()) <= set(start.settings):
         return
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        st.caption(
+        prose.caption(
             f":material/auto_fix_high: {started_in_words(start.min_disparity, start.num_disparities)}", width="content"
         )
         st.button("Undo these settings", key="depth.start.undo", type="tertiary", on_click=partial(_undo, pair))

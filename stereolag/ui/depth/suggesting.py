@@ -12,6 +12,7 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.tuning.objective import Criterion, Unjudged, judges_itself
 from stereolag.tuning.search import Outcome, Suggestion
 from stereolag.tuning.suggestion import estimate_suggestion, suggest_for_all
+from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.judging import (
     JUDGED_BY,
@@ -23,13 +24,14 @@ from stereolag.ui.depth.judging import (
     tuning_pairs,
     value_in_words,
 )
-from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, job_on, show_running
+from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, job_on
 from stereolag.ui.depth.pair_sets import JudgedPairs
 from stereolag.ui.depth.sweeping import ask_method
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.jobs import Job
 from stereolag.ui.navigation import fragment
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.states import show_busy, show_refused
 
 KEY = "depth.suggest"
 BUDGETS_S = (10, 20, 60)
@@ -39,7 +41,7 @@ BUDGETS_S = (10, 20, 60)
 def show_suggest(view: DepthView) -> None:
     """Ask for a method and a time, search its settings, and offer what was found."""
     criterion = criterion_on(view.pair)
-    st.markdown(
+    prose.markdown(
         "Settings that go well together are tried in combination, and the best of them on the whole images beside "
         "yours. The range searched stays, and so does what the checks tolerate. "
         + JudgedPairs.of(view.pair).sentence
@@ -56,7 +58,7 @@ def show_suggest(view: DepthView) -> None:
         key=f"{KEY}.budget",
     )
     if criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher):
-        st.info(UNJUDGED[Unjudged.JUDGES_ITSELF], icon=":material/balance:")
+        prose.info(UNJUDGED[Unjudged.JUDGES_ITSELF], icon=":material/balance:")
         return
     begun = job_on(view.pair, KEY)
     running = begun is not None and begun.job.running
@@ -98,7 +100,8 @@ def _show_search(view: DepthView, begun: PairJob, was_running: bool) -> None:
     if begun.job.running:
         so_far: Suggestion | None = begun.job.so_far
         text = search_so_far(so_far) if so_far else "Looking at the settings in use …"
-        show_running(KEY, begun.job, text, ending="Ends the search; the best settings found so far stay.")
+        ending = "Ends the search; the best settings found so far stay."
+        show_busy(begun.job, text, key=f"{KEY}.cancel", ending=ending)
         return
     if was_running:
         st.rerun(scope="app")
@@ -107,7 +110,7 @@ def _show_search(view: DepthView, begun: PairJob, was_running: bool) -> None:
     except CancelledError:  # before its turn came
         return
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return
     _show_suggestion(view, found)
 
@@ -115,10 +118,10 @@ def _show_search(view: DepthView, begun: PairJob, was_running: bool) -> None:
 def _show_suggestion(view: DepthView, found: Suggestion) -> None:
     """Say what was found, and offer to use it."""
     if isinstance(found.outcome, Unjudged):
-        st.info(suggestion_in_words(found), icon=":material/balance:")
+        prose.info(suggestion_in_words(found), icon=":material/balance:")
         return
     better = found.outcome is Outcome.BETTER
-    st.success(suggestion_in_words(found), icon=":material/auto_fix_high:" if better else ":material/check_circle:")
+    prose.success(suggestion_in_words(found), icon=":material/auto_fix_high:" if better else ":material/check_circle:")
     if not better:
         return
     st.dataframe(

@@ -17,15 +17,17 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.tuning.objective import Criterion, TuningPair, Unjudged, estimate_reference, judges_itself
 from stereolag.tuning.parameters import Parameter, parameters
 from stereolag.tuning.sweep import estimate_sweep, range_of_sweep, sweep
+from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.alternatives import sheet_in_words
 from stereolag.ui.depth.judging import JUDGED_BY, UNJUDGED, criterion_on, known_truth, sweep_in_words, tuning_pairs
-from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, forget_job, job_on, show_running
+from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, forget_job, job_on
 from stereolag.ui.depth.pair_sets import JudgedPairs
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.jobs import Job
 from stereolag.ui.navigation import fragment
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.states import show_busy, show_refused
 
 KEY = "depth.sweep"
 FEWER, MORE = 5, 7
@@ -50,7 +52,7 @@ def show_sweep(view: DepthView) -> None:
     matcher = ask_method(view, key=f"{KEY}.method")
     criterion = criterion_on(view.pair)
     unjudged = criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher)
-    st.markdown(
+    prose.markdown(
         "Two settings in all their combinations. A click on a cell, or its line in the list, takes its settings over. "
         + (UNJUDGED[Unjudged.JUDGES_ITSELF] if unjudged else JudgedPairs.of(view.pair).sentence + JUDGED_BY[criterion]),
         width=760,
@@ -95,10 +97,10 @@ def _ask_axes(matcher: StereoMatcher) -> tuple[Axis, Axis] | None:
             for number, label in enumerate(("Down", "Across"))
         )
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return None
     if down.parameter == across.parameter:
-        st.error("Choose two different settings: one goes down, the other across.")
+        show_refused("Choose two different settings: one goes down, the other across.")
         return None
     return down, across
 
@@ -183,7 +185,8 @@ def _show_job(
 ) -> None:
     """Show how far the sweep is, or what it found."""
     if begun.job.running:
-        show_running(KEY, begun.job, "Trying all combinations …", ending="Ends the sweep; the maps made so far stay.")
+        ending = "Ends the sweep; the maps made so far stay."
+        show_busy(begun.job, "Trying all combinations …", key=f"{KEY}.cancel", ending=ending)
         return
     if was_running:
         st.rerun(scope="app")
@@ -192,7 +195,7 @@ def _show_job(
     except CancelledError:  # before its turn came
         return
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return
     _show(view, matcher, axes, sheet)
 
@@ -218,7 +221,7 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shee
         )
         if event.selection.point_indices:
             clicked = int(event.selection.point_indices[0])
-    st.caption(sweep_in_words(sheet.criterion, judged=sheet.judged, finished=sheet.finished))
+    prose.caption(sweep_in_words(sheet.criterion, judged=sheet.judged, finished=sheet.finished))
     listed = _ask_cell(sheet, titles, key=f"{KEY}.cell.{clicks}")
     clicked = listed if clicked is None else clicked
     if clicked is not None:
@@ -226,7 +229,7 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shee
         try:
             chosen = settings_of_cell(matcher, axes, *divmod(clicked, len(axes[1].values)))
         except ValueError as error:
-            st.error(str(error))
+            show_refused(error)
         else:
             adopt(chosen)
 

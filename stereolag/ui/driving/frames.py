@@ -9,12 +9,16 @@ import streamlit as st
 from stereolag.doctor import diagnose
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scaling import calibration_for
+from stereolag.limits import limits
 from stereolag.reading import read_calibration
 from stereolag.reading.videos import VIDEO_ENDINGS
 from stereolag.samples import drives
 from stereolag.sequences import StereoFrame, StereoSequence, example_sequence, open_sequence
+from stereolag.ui import prose
+from stereolag.ui.choices import show_awaited, show_limits
 from stereolag.ui.depth.calibrating import ask_calibration
-from stereolag.ui.uploads import forget_together, put_together, upload
+from stereolag.ui.states import show_refused
+from stereolag.ui.uploads import expect_uploads, forget_together, put_together, refused, upload
 
 KEY = "driving"
 EXAMPLE, ONE, TWO = "example", "one", "two"
@@ -64,20 +68,28 @@ def ask_drive() -> Drive | None:
         persist_state="session",
         label_visibility="collapsed",
     )
+    example = next(iter(drives().values()))
     if origin == EXAMPLE:
-        example = next(iter(drives().values()))
-        st.caption(example.description)
+        prose.caption(example.description)
         return _example(example.name)
+    expect_uploads()
     found = _ask_one() if origin == ONE else _ask_two()
+    show_limits(_limits())
     calibration = ask_calibration(KEY)
-    if found is None:
+    if found is None and refused():
+        # What the example gives must not stand below a file that was refused.
         return None
+    if found is None:
+        show_awaited("your frames are" if origin == ONE else "both videos are", example.title)
+        return _example(example.name)
     sequence, digest = found
     kept: Drive | None = st.session_state.get(f"{KEY}.drive")
     if kept is None or kept.digest != digest:
         first = sequence.first_readable(LOOKED_AT)
         if first is None:
-            st.error("None of the first frames can be read. Check that left and right pictures belong together.")
+            show_refused(
+                f"None of the first {LOOKED_AT} frames can be read. Check that left and right images belong together."
+            )
             return None
         suggested = diagnose(first.left, first.right).suggested_range
         kept = Drive(sequence, first, digest, None, suggested or (0, USUAL_DISPARITIES))
@@ -94,6 +106,14 @@ def _example(name: str) -> Drive:
     calibration = read_calibration(example.calibration)
     searched = (0, example.num_disparities)
     return Drive(sequence, sequence.frame(0), f"example {name}", calibration, searched, example=True)
+
+
+def _limits() -> str:
+    most = limits()
+    return (
+        f"A file may have {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames, a video "
+        f"{most.max_video_s // 60} minutes."
+    )
 
 
 def _ask_one() -> tuple[StereoSequence, str] | None:

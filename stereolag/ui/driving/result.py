@@ -11,15 +11,16 @@ from stereolag.figures.legends import Legend, disparity_legends, wheel_legend
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.sequences.fragments import whole_video
 from stereolag.sequences.records import MOTION, header, lines
+from stereolag.ui import prose
 from stereolag.ui.announcements import announce
 from stereolag.ui.depth.handed_over import hand_over
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.player import Played, show_player
 from stereolag.ui.driving.settings import MOTION_TITLE, Asked, title_of
 from stereolag.ui.driving.work import DriveWork, go_on
-from stereolag.ui.jobs import waiting_in_words
 from stereolag.ui.private_files import download_button
 from stereolag.ui.sentences import duration
+from stereolag.ui.states import show_busy, show_refused
 
 BETWEEN_LOOKS_S = 0.5
 DEPTH_PAGE = "pages/3_Depth_maps.py"
@@ -75,22 +76,19 @@ def _show_progress(work: DriveWork, drive: Drive, asked: Asked) -> None:
     state, total = work.state, len(drive.sequence)
     with st.container(horizontal=True, vertical_alignment="center", key=f"{KEY}.progress"):
         if work.job.running:
-            if work.job.ahead:
-                st.info(waiting_in_words(work.job), icon=":material/groups:")
-            else:
-                done = state.done if state else 0
-                rest = (
-                    f", {duration(state.remaining_s)} to go" if state and state.remaining_s == state.remaining_s else ""
-                )
-                st.progress(done / total, f"{done} of {total} frames{rest}")
-            st.button("Cancel", key=f"{KEY}.cancel", on_click=work.job.cancel, icon=":material/stop_circle:")
+            done = state.done if state else 0
+            known = state is not None and state.remaining_s == state.remaining_s
+            rest = f", about {state.remaining_s:,.0f} s to go" if state and known else ""
+            text = f"{done} of {total} frames{rest}"
+            ending = "Ends here; the frames that are done stay, and you can go on later."
+            show_busy(work.job, text, key=f"{KEY}.cancel", done=done / total, ending=ending)
             return
         if state is None:
             return
         rate = state.done / state.elapsed_s if state.elapsed_s else 0.0
         damaged = f", {state.damaged} of them damaged" if state.damaged else ""
         announce(f"{state.done} of {total} frames are done.")
-        st.caption(
+        prose.caption(
             f"{state.done} of {total} frames in {duration(state.elapsed_s)}{damaged}: **{rate:.1f} a second**, "
             "decoded, matched, coloured and encoded.",
             width="content",
@@ -103,7 +101,7 @@ def _open_on_depth_page(drive: Drive, number: int) -> None:
     try:
         frame = drive.sequence.frame(number)
     except (ValueError, OSError) as error:
-        st.error(f"Frame {number + 1} cannot be opened: {error}")
+        show_refused(f"Frame {number + 1} cannot be opened: {error}")
         return
     hand_over(frame, f"{drive.digest} {number}", f"Frame {number + 1} of the drive.", drive.calibration, drive.range)
     st.switch_page(DEPTH_PAGE)

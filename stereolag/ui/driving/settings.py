@@ -11,8 +11,10 @@ from stereolag.settings import SettingsError
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.ui import prose
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.matcher_controls import matchers_in_use
+from stereolag.ui.states import show_refused
 
 OFFERED = {
     "fast": "Convolution, fast",
@@ -81,7 +83,7 @@ def ask_methods(drive: Drive) -> Asked:
         **own,
     }
     if drive.range[0] < 0:
-        st.warning(
+        prose.warning(
             f"In these frames disparities reach down to about {drive.range[0]} px; the maps of a drive begin at 0 px. "
             "Rectify the frames so that infinity has no disparity, or take single frames to the depth page."
         )
@@ -90,7 +92,7 @@ def ask_methods(drive: Drive) -> Asked:
         try:
             found[name] = made[name].with_search_range(first, min(count, MOST - first))
         except SettingsError as error:
-            st.error(f"{titles[name]}: {error}")
+            show_refused(f"{titles[name]}: {error}")
     with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
         motion = _ask_motion(drive)
         truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, key=f"{KEY}.truth", persist_state="session")
@@ -115,7 +117,9 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
         return None
     rate = drive.sequence.frame_rate
     if drive.calibration is None:
-        st.caption("Speeds, and what moves against the world, need metres: give a calibration above.", width="content")
+        prose.caption(
+            "Speeds, and what moves against the world, need metres: give a calibration above.", width="content"
+        )
     else:
         rate = st.number_input(
             "Frames a second",

@@ -36,7 +36,7 @@ _panel = st.components.v2.component(
     "stereolag.hovered_match",
     html=source("panel.html", folder=HERE),
     css=source("panel.css", folder=HERE),
-    js=source("shown.js") + source("scoring.js", "drawing.js", "hovering.js", folder=HERE),
+    js=source("shown.js", "numbers.js") + source("scoring.js", "drawing.js", "hovering.js", folder=HERE),
 )
 
 

@@ -69,7 +69,7 @@ function drawCurve(parts, seen, found, settings, across) {
   }
   const every = niceStep((cols / (east - west || 1)) * TICK_PX);
   for (let disparity = Math.ceil(-asked.dx_last / every) * every; disparity <= -asked.dx_first; disparity += every) {
-    drawn(svg, "text", { class: "faint", x: across(-disparity), y: CURVE_PX - 4, "text-anchor": "middle" }, String(disparity).replace("-", "−"));
+    drawn(svg, "text", { class: "faint", x: across(-disparity), y: CURVE_PX - 4, "text-anchor": "middle" }, shortened(disparity));
   }
   let path = "";
   for (let at = 0; at < cols; at++) {

@@ -80,9 +80,9 @@ class Panel {
     const listed = [...found].reverse().flatMap(({ name, colour, dy, dx, score }) => {
       const swatch = span("swatch", "");
       swatch.style.background = colour;
-      const place = `${(-dx).toFixed(Number.isInteger(dx) ? 0 : 2)} px${dy ? `, ${Math.abs(dy)} px ${dy > 0 ? words.down : words.up}` : ""}`;
-      const scored = Number.isNaN(score) ? "" : `: ${this.settings.score === "cross" ? score.toFixed(0) : score.toFixed(3)}`;
-      return [" ", swatch, `${name} ${place.replace("-", "−")}${scored.replace("-", "−")}`];
+      const place = shortened(-dx, Number.isInteger(dx) ? 0 : 2, "px") + (dy ? `, ${shortened(Math.abs(dy), 0, "px")} ${dy > 0 ? words.down : words.up}` : "");
+      const scored = Number.isNaN(score) ? "" : `: ${shortened(score, this.settings.score === "cross" ? 0 : 3)}`;
+      return [" ", swatch, `${name} ${place}${scored}`];
     });
     const where = `${words.row} ${row}, ${words.column} ${col}: `;
     this.reading.replaceChildren(where, span("kind", words.kinds[seen.kind]), ...listed);

@@ -8,9 +8,11 @@ import numpy.typing as npt
 from stereolag.arrays import Vector
 from stereolag.signals import SignalLag
 from stereolag.signals.drift import Drift
+from stereolag.typography import typesets
 from stereolag.ui.sentences import duration
 
 
+@typesets
 def curve_in_words(result: SignalLag) -> str:
     """Return what the curve of a lag shows: where it is highest, and whether that peak stands alone."""
     if result.lags is None:
@@ -24,6 +26,7 @@ def curve_in_words(result: SignalLag) -> str:
     return f"{searched}: nothing rises above what chance gives; the highest point is at {result.lag:,}."
 
 
+@typesets
 def waveforms_in_words(signal_1: Vector, signal_2: Vector, sampling_rate: float) -> str:
     """Return what the two recordings look like as they were made."""
     lengths = [
@@ -32,6 +35,7 @@ def waveforms_in_words(signal_1: Vector, signal_2: Vector, sampling_rate: float)
     return f"Loudness over time: {lengths[0]} above {lengths[1]}."
 
 
+@typesets
 def aligned_in_words(result: SignalLag) -> str:
     """Return how well the recordings lie on each other once the lag is undone."""
     return (
@@ -40,17 +44,20 @@ def aligned_in_words(result: SignalLag) -> str:
     )
 
 
+@typesets
 def close_up_in_words(result: SignalLag, start: int) -> str:
     """Return what the samples up close show."""
     return f"200 samples of both recordings from sample {start:,} on, the second moved back by {result.lag:,} samples."
 
 
+@typesets
 def drift_in_words(drift: Drift) -> str:
     """Return how the lag changes over time."""
     trend = f"rises by {drift.ppm:+.1f} ppm" if drift.shows else "does not change more than can be told"
     return f"Lag of {drift.blocks} blocks over time: it {trend}, {drift.start:,.1f} samples at first."
 
 
+@typesets
 def run_times_in_words(seconds: npt.NDArray[np.float64]) -> str:
     """Return how long the runs took."""
     shortest, median, longest = (duration(float(one)) for one in np.percentile(seconds, (0, 50, 100)))

@@ -16,11 +16,14 @@ from stereolag.limits import limits
 from stereolag.progress import Progress, part
 from stereolag.searches import LagSearch, SignalMethod
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
+from stereolag.typography import typeset
+from stereolag.ui import prose
 from stereolag.ui.lag.alternatives import run_times_in_words
 from stereolag.ui.recordings import RecordingPair
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.searches import LAG_METHODS
 from stereolag.ui.sentences import duration
+from stereolag.ui.states import show_refused
 
 T = TypeVar("T")
 
@@ -62,7 +65,7 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
         max((estimates[method].memory for method in fitting), default=0),
         sum(estimates[method].seconds for method in fitting),
     )
-    st.markdown(f"Every method on these recordings, about {duration(total.seconds)}.")
+    prose.markdown(f"Every method on these recordings, about {duration(total.seconds)}.")
     asked = f"lag.comparison.{pair.digest}"
     if st.button("Compare the methods", key=f"{asked}.button", disabled=not fitting):
         st.session_state[asked] = True
@@ -87,10 +90,11 @@ def _table(found: MethodLags, estimates: dict[SignalMethod, Estimate]) -> dict[s
     for method, estimate in estimates.items():
         result = found.lags.get(method)
         if result is None:
-            rows.append((LAG_METHODS[method], "–", "–", "left out", f"about {duration(estimate.seconds)}"))
+            rows.append((LAG_METHODS[method], "–", "–", "left out", typeset(f"about {duration(estimate.seconds)}")))
             continue
-        lag = f"{result.lag:,}" if result.verdict == "sure" else f"({result.lag:,})"
-        rows.append((LAG_METHODS[method], lag, f"{result.score:.3f}", result.verdict, duration(result.elapsed_s)))
+        lag = typeset(f"{result.lag:,}" if result.verdict == "sure" else f"({result.lag:,})")
+        took = typeset(duration(result.elapsed_s))
+        rows.append((LAG_METHODS[method], lag, typeset(f"{result.score:.3f}"), result.verdict, took))
     titles = ("Method", "Lag, samples", "Score", "Verdict", "Took")
     return {title: [row[number] for row in rows] for number, title in enumerate(titles)}
 
@@ -118,7 +122,7 @@ def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
         drawn = figures.run_times(found.seconds)
         st.plotly_chart(drawn, key="lag.run_times.figure", alt=run_times_in_words(found.seconds))
         median = float(np.median(found.seconds))
-        st.caption(f"{name}: half of the runs took less than {duration(median)}. The report’s took 1.5 to 3.5 s.")
+        prose.caption(f"{name}: half of the runs took less than {duration(median)}. The report’s took 1.5 to 3.5 s.")
 
 
 def _measured(pair: RecordingPair, search: LagSearch, method: SignalMethod, progress: Progress) -> SignalLag:
@@ -148,5 +152,5 @@ def _in_turn(
             label="Measuring …",
         )
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return None

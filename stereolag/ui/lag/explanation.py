@@ -6,6 +6,7 @@ import streamlit as st
 
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag
+from stereolag.ui import prose
 from stereolag.ui.lag.disturbances import fool_it
 from stereolag.ui.lag.phasors import show_phasors
 from stereolag.ui.lag.plan import show_plan
@@ -31,7 +32,7 @@ def see_why(pair: RecordingPair, result: SignalLag | None, search: LagSearch | N
     result, search
         Of these; None where there is none yet.
     """
-    st.header("See why", anchor="see-why")
+    prose.header("See why", anchor="see-why")
     slide, disturb, arrows, metres = st.tabs(
         ("Slide it yourself", "Fool it", "Arrows that line up", "From lag to metres")
     )
@@ -43,4 +44,4 @@ def see_why(pair: RecordingPair, result: SignalLag | None, search: LagSearch | N
         show_phasors(pair, result, key="lag.phasors")
     with metres:
         show_plan(result, (search or LagSearch()).speed, key="lag.plan")
-    st.markdown(IN_A_SENTENCE)
+    prose.markdown(IN_A_SENTENCE)

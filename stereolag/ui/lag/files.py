@@ -19,6 +19,7 @@ from stereolag.export import (
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag
 from stereolag.signals.alignment import aligned_length, together
+from stereolag.ui import prose
 from stereolag.ui.downloads import File, archive, show_reproduction, show_taken, too_large
 from stereolag.ui.recordings import LONGEST_S, RecordingPair, player
 from stereolag.ui.results import remembered
@@ -128,4 +129,4 @@ def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float) -> 
     said = heard_in_words(result)
     if aligned_length(pair.signal_1.size, pair.signal_2.size, result.lag) > most:
         said += f" Of the recordings, {LONGEST_S} s are played, from where both have begun."
-    st.caption(said)
+    prose.caption(said)

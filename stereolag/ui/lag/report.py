@@ -7,6 +7,7 @@ import streamlit as st
 from stereolag.figures import recordings as figures
 from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag
+from stereolag.ui import prose
 from stereolag.ui.announcements import announce
 from stereolag.ui.elements import Number, show_numbers
 from stereolag.ui.lag.alternatives import curve_in_words, drift_in_words
@@ -20,17 +21,17 @@ FAIR, PLAIN = "Fair to short overlaps", "Plain Pearson"
 
 def show_verdict(result: SignalLag, search: LagSearch) -> None:
     """Say whether there is a lag, and which; in numbers too, metres only where it is sure."""
-    st.header(verdict_in_words(result), anchor=False)
+    prose.header(verdict_in_words(result), anchor=False)
     announce(verdict_in_words(result))
     for sentence in verdict_explained(result, search.sampling_rate, search.speed):
-        st.markdown(sentence)
+        prose.markdown(sentence)
     show_numbers((*(_sure(result) if result.verdict == "sure" else _doubtful(result)), *_always(result)))
 
 
 def _sure(result: SignalLag) -> tuple[Number, ...]:
     return (
         Number("Lag, samples", f"{result.lag:,}", f"With its fraction: {result.lag_subsample:,.2f}."),
-        Number("Time", f"{result.time_s:.5g} s", "Lag ÷ sampling rate; positive where sensor 2 hears it later."),
+        Number("Time", f"{result.time_s:.4g} s", "Lag ÷ sampling rate; positive where sensor 2 hears it later."),
         Number(
             "Path difference",
             f"{result.distance_m:,.2f} m",
@@ -62,7 +63,7 @@ def _always(result: SignalLag) -> tuple[Number, ...]:
 
 def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
     """Show where the recordings agree, with what chance gives, and how the lag changes over time."""
-    st.markdown("### Where the recordings agree")
+    prose.markdown("### Where the recordings agree")
     sizes, title = None, CURVES[search.method]
     if search.method in ("fft", "direct"):
         curve = st.segmented_control(
@@ -73,7 +74,7 @@ def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> Non
     curve_drawn = figures.correlation_curve(result, title, sizes=sizes)
     st.plotly_chart(curve_drawn, key="correlation", alt=curve_in_words(result))
     if result.lags is not None:
-        st.caption(RIBBON_EXPLAINED["phat" if search.method == "phat" else "plain" if sizes else "fair"])
+        prose.caption(RIBBON_EXPLAINED["phat" if search.method == "phat" else "plain" if sizes else "fair"])
 
 
 def show_drift(result: SignalLag, search: LagSearch) -> None:
@@ -84,7 +85,7 @@ def show_drift(result: SignalLag, search: LagSearch) -> None:
     with st.expander("Lag over time", expanded=drift.shows):
         over_time = figures.lag_over_time(drift, search.sampling_rate)
         st.plotly_chart(over_time, key="lag_over_time", alt=drift_in_words(drift))
-        st.caption(
+        prose.caption(
             f"Each dot is one block of the recordings. The line rises by {drift.ppm:+.1f} ± {drift.error_ppm:.1g} ppm: "
             + ("the clocks of the recorders differ." if drift.shows else "the clocks agree within what can be told.")
         )

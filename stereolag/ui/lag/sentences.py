@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from stereolag.signals import SignalLag
+from stereolag.ui.sentences import length
 
 LEAST_SPREAD = 0.01
 """Samples: nobody needs to know how much less a lag varies."""
@@ -54,7 +55,7 @@ def verdict_explained(result: SignalLag, sampling_rate: float, speed: float) -> 
         samples = max(drift.spread, LEAST_SPREAD)
         said.append(
             f"Over {drift.blocks} blocks the lag varies by {'±' if samples == drift.spread else 'less than ±'} "
-            f"{samples:.2g} samples, ± {samples / sampling_rate * speed:.2g} m of path."
+            f"{samples:.2g} samples, ± {length(samples / sampling_rate * speed)} of path."
         )
     if judgement.opposite_lag is not None:
         said.append(
@@ -88,9 +89,8 @@ def _samples(spacing: float) -> str:
 
 
 RIBBON_EXPLAINED = {
-    "fair": "Grey: the heights that chance gives. Few samples agree by chance more easily, so the curve is Pearson’s "
-    "correlation times √(overlap ÷ longest overlap): 0.5 of many samples counts more than 0.9 of ten. The score above "
-    "is the plain one at the peak.",
+    "fair": "Grey: the heights that chance gives. The curve is Pearson’s correlation times √(overlap ÷ longest "
+    "overlap): 0.5 of many samples counts more than 0.9 of ten. The score above is the plain one at the peak.",
     "plain": "Grey: the heights that chance gives, wider toward the ends, where few samples overlap. The curve is "
     "plain Pearson there, too: it swings to ±1 between two or three samples, which says nothing.",
     "phat": "Grey: the heights that chance gives. Every frequency counts the same, whatever its loudness: the peak is "

@@ -65,6 +65,7 @@ _viewer = st.components.v2.component(
         "fflate.js",
         "unpacking.js",
         "legends.js",
+        "numbers.js",
         "drawing.js",
         "outlining.js",
         "pictures.js",

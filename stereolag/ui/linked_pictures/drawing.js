@@ -13,18 +13,18 @@ function drawn(tag, attributes, parent) {
 }
 
 function numbers(value, { label, unit, digits, depth }) {
-  const texts = [[label, value.toFixed(digits).replace("-", "−"), unit].filter(Boolean).join(" ")];
+  const texts = [[label, shortened(value, digits, unit)].filter(Boolean).join(" ")];
   if (depth && value + depth.doffs_px > 0) {
     const metres = depth.focal_times_baseline / (value + depth.doffs_px);
     const error = (metres ** 2 * depth.disparity_error) / depth.focal_times_baseline;
-    texts.push(error ? `${metric(metres, error)} ± ${metric(error, error)} m` : `${metric(metres, metres / 100)} m`);
+    texts.push(error ? `${metric(metres, error)} ±\u00a0${metric(error, error, "m")}` : metric(metres, metres / 100, "m"));
   }
   return texts;
 }
 
 // As many decimals as the error leaves sure, and one more.
-function metric(metres, error) {
-  return metres.toFixed(clamp(1 - Math.floor(Math.log10(error)), 0, 4));
+function metric(metres, error, unit) {
+  return shortened(metres, clamp(1 - Math.floor(Math.log10(error)), 0, 4), unit);
 }
 
 function picture(described, { image, readings }, colours) {

@@ -7,6 +7,7 @@ import streamlit as st
 from stereolag.figures import templates as figures
 from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateMatch, TemplateSearch
+from stereolag.ui import prose
 from stereolag.ui.announcements import announce
 from stereolag.ui.elements import Number, show_numbers, show_png
 from stereolag.ui.pictures import PictureAndTemplate
@@ -23,10 +24,10 @@ COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight",
 
 def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: TemplateQuery) -> None:
     """Say what was found, in words and in numbers, and show the places in the picture and enlarged beside it."""
-    st.header(headline(result), anchor=False)
+    prose.header(headline(result), anchor=False)
     announce(f"{headline(result)}. Score {_score(result.best)}.")
     if not result.found:
-        st.warning(why_not_found(result, query), icon=":material/search_off:")
+        prose.warning(why_not_found(result, query), icon=":material/search_off:")
     best, rival = result.best, result.rivals[0] if result.rivals else None
     show_numbers(
         (
@@ -76,7 +77,7 @@ def headline(result: TemplateSearch) -> str:
         scores = [one.score for one in result.look_alikes]
         if scores[0] - scores[-1] < EQUAL:
             return f"{_counted(len(scores))} places fit equally well"
-        told = " ".join(f"{score:.2f}" for score in scores[:SCORES_TOLD])
+        told = " ".join(f"{score:.3f}" for score in scores[:SCORES_TOLD])
         return f"{_counted(len(scores))} look-alikes: {told}{' …' if len(scores) > SCORES_TOLD else ''}"
     if result.reason == "other_colours":
         return "Not found in these colours"
@@ -97,11 +98,11 @@ def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
             "No place in the image has exactly these pixels. “FFT” also finds a template that was dimmed, recoloured "
             "or recompressed."
         )
-    score, count = f"The best place scores {result.best.score:.2f}", len(result.look_alikes)
+    score, count = f"The best place scores {result.best.score:.3f}", len(result.look_alikes)
     if count and result.best.score - result.look_alikes[-1].score < EQUAL:
         return f"{score}, and so do the others. With {count} matches wanted, all of them are found."
     if count:
-        return f"{score}, the next {result.rivals[0].score:.2f}: no clear lead. {_absent(query)}"
+        return f"{score}, the next {result.rivals[0].score:.3f}: no clear lead. {_absent(query)}"
     if result.reason == "other_colours":
         return f"{score}, and clearly more with red, green and blue exchanged: the same shape in other colours."
     tip = "“FFT” also finds a template that was dimmed or recompressed." if sampled else _absent(query)

@@ -8,13 +8,18 @@ from stereolag.searches import TemplateMethod, TemplateQuery
 from stereolag.ui.controls import control
 
 POSES = ("min_scale", "max_scale", "max_rotation")
+OPENED = "template.poses"
+AT_FIRST = {name: TemplateQuery.model_fields[name].default for name in POSES}
 
 
 def ask_poses(method: TemplateMethod) -> dict[str, float]:
     """Return which sizes and angles to search: those of the template alone where the method knows no others."""
     possible = method == "fft"
     values: dict[str, float] = {}
-    for name, column in zip(POSES, st.columns(len(POSES), gap="medium"), strict=True):
-        with column:
-            values[name] = control(TemplateQuery, name, key=f"template.{name}", disabled=not possible)
+    if any(st.session_state.get(f"template.{name}", at_first) != at_first for name, at_first in AT_FIRST.items()):
+        st.session_state.setdefault(OPENED, True)  # as where the address names them
+    with st.expander("Other sizes and angles", icon=":material/rotate_right:", key=OPENED, on_change="rerun"):
+        for name, column in zip(POSES, st.columns(len(POSES), gap="medium"), strict=True):
+            with column:
+                values[name] = control(TemplateQuery, name, key=f"template.{name}", disabled=not possible)
     return values if possible else {}

@@ -13,6 +13,7 @@ from stereolag.templates import TemplateSearch, estimate_search
 from stereolag.templates.degradation import Degradation, degraded_part, part_shape
 from stereolag.templates.opencv import estimate_opencv, is_masked
 from stereolag.templates.trials import Trial, try_methods
+from stereolag.ui import prose
 from stereolag.ui.controls import control
 from stereolag.ui.elements import show_jpeg
 from stereolag.ui.navigation import fragment
@@ -63,11 +64,11 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, min_score: flo
     """
     place = _place(inputs, result)
     if place is None:
-        st.caption("Nothing was found, so there is no place to damage.")
+        prose.caption("Nothing was found, so there is no place to damage.")
         return
     height, width = inputs.template.shape[:2]
     rows, cols = part_shape(inputs.picture.shape, (height, width))[:2]
-    st.caption(
+    prose.caption(
         f"The sliders change the {cols} × {rows} pixels around the template; only these are searched again, so there "
         "are fewer look-alikes than in a larger image. Thin white: where it is. Bold: where a method found it, with "
         "the minimum score or more."
@@ -86,13 +87,13 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, min_score: flo
         return
     for column, trial in zip(st.columns(len(NAMES), gap="medium"), survival.trials, strict=True):
         with column:
-            st.markdown(f"**{NAMES[trial.method]}** :{OUTCOME_MARKS[trial.outcome]} {OUTCOME_WORDS[trial.outcome]}]")
+            prose.markdown(f"**{NAMES[trial.method]}** :{OUTCOME_MARKS[trial.outcome]} {OUTCOME_WORDS[trial.outcome]}]")
             show_jpeg(
                 getattr(survival, trial.method),
                 f"The damaged image, searched by {NAMES[trial.method]}: {OUTCOME_WORDS[trial.outcome]}.",
             )
-            st.caption(numbers_of(trial))
-    st.markdown(lesson(survival.trials, degradation, min_score))
+            prose.caption(numbers_of(trial))
+    prose.markdown(lesson(survival.trials, degradation, min_score))
 
 
 def _place(inputs: PictureAndTemplate, result: TemplateSearch) -> tuple[int, int] | None:
@@ -171,7 +172,7 @@ def lesson(trials: tuple[Trial, ...], degradation: Degradation, min_score: float
     said = (
         "Another place fits better than what is left of it."
         if fft.outcome == "elsewhere"
-        else f"The best score, {fft.score:.2f}, is below the minimum score of {min_score:.2f}."
+        else f"The best score, {fft.score:.3f}, is below the minimum score of {min_score:.2f}."
         if fft.row is not None
         else "Nothing is left to correlate."
     )

@@ -9,11 +9,13 @@ import streamlit as st
 
 from stereolag.templates import TemplateSearch
 from stereolag.templates.opencv import OpenCVSearch, estimate_opencv, is_masked, opencv_search
+from stereolag.ui import prose
 from stereolag.ui.navigation import fragment
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.results import computed_before, computed_in_turn
 from stereolag.ui.searches import TEMPLATE_METHODS
 from stereolag.ui.sentences import duration
+from stereolag.ui.states import show_refused
 
 TASK: Final = "template search by OpenCV"
 
@@ -35,7 +37,7 @@ def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, metho
     known = computed_before(TASK, inputs=inputs.digest, settings="", shared=inputs.shared)
     asked = st.session_state.get("template.opencv.asked") == inputs.digest
     masked = is_masked(inputs.template, inputs.mask)
-    st.markdown("### Beside OpenCV")
+    prose.markdown("### Beside OpenCV")
     if known is None and not asked:
         st.button(
             "Search with OpenCV too",
@@ -57,13 +59,13 @@ def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, metho
             label="Searching with OpenCV …",
         )
     except ValueError as error:
-        st.error(str(error))
+        show_refused(error)
         return
     if theirs is None:
         return
-    st.markdown(table(result, theirs, method, masked))
+    prose.markdown(table(result, theirs, method, masked))
     for sentence in differences(result, theirs, method):
-        st.caption(sentence)
+        prose.caption(sentence)
 
 
 def _ask(digest: str) -> None:
@@ -119,7 +121,7 @@ def _about_places(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> st
     here = float(ours.score_map[theirs.row, theirs.col])
     if np.isnan(here):
         return (
-            f"At OpenCV’s place the image is flat: there is nothing to correlate, and its score of {theirs.score:.2f} "
+            f"At OpenCV’s place the image is flat: there is nothing to correlate, and its score of {theirs.score:.3f} "
             "is a rounding error divided by another. Ours gives such places no score."
         )
     if abs(here - best.score) <= SAME_SCORE:

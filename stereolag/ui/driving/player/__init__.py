@@ -21,7 +21,7 @@ _player = st.components.v2.component(
     "stereolag.player",
     html=source("player.html", folder=HERE),
     css=source("legends.css") + source("player.css", folder=HERE),
-    js=source("shown.js", "legends.js") + source("player.js", folder=HERE),
+    js=source("shown.js", "legends.js", "numbers.js") + source("player.js", folder=HERE),
 )
 # Each piece travels alone: Streamlit finds those that are there already, and does not send them again.
 _piece = st.components.v2.component("stereolag.video_piece", js=source("piece.js", folder=HERE))

@@ -172,7 +172,7 @@ class Player {
   showFrame() {
     const { rate, frames, names, problems } = this.data;
     this.find(".scrub").value = this.frame;
-    this.find(".where").textContent = `${(this.frame / rate).toFixed(1)} s · frame ${this.frame + 1} of ${frames}`;
+    this.find(".where").textContent = `${shortened(this.frame / rate, 1, "s")} · frame ${this.frame + 1} of ${frames}`;
     const problem = problems[this.frame];
     this.find(".problem").textContent = problem ? `${names[this.frame]} is left out: ${problem}` : "";
     this.screens?.forEach((canvas, at) => canvas.setAttribute("aria-label", this.told(this.data.titles[at])));
@@ -181,7 +181,7 @@ class Player {
       now.replaceChildren(
         ...series.map(({ values, colour, dash, title }) => {
           const value = values[this.frame];
-          const line = element("span", "", sample(colour, dash), value == null ? "–" : `${value.toFixed(digits)} ${unit}`);
+          const line = element("span", "", sample(colour, dash), value == null ? "–" : shortened(value, digits, unit));
           line.title = title;
           return line;
         }),
@@ -193,7 +193,7 @@ class Player {
   told(title) {
     const figures = this.data.charts.flatMap(({ name, unit, digits, series }) => {
       const value = series.find((one) => one.title === title)?.values[this.frame];
-      return value == null ? [] : [`${name.toLowerCase()} ${value.toFixed(digits)} ${unit}`];
+      return value == null ? [] : [`${name.toLowerCase()} ${shortened(value, digits, unit)}`];
     });
     return `${title}, frame ${this.frame + 1}${figures.length ? `: ${figures.join(", ")}` : ""}`;
   }
@@ -219,7 +219,7 @@ class Player {
     const high = Math.max(...known, low + 1e-9);
     const told = series.map(({ title, values }) => {
       const all = values.filter((value) => value != null);
-      return `${title} ${Math.min(...all).toFixed(digits)} to ${Math.max(...all).toFixed(digits)} ${unit}`;
+      return `${title} ${shortened(Math.min(...all), digits)} to ${shortened(Math.max(...all), digits, unit)}`;
     });
     const label = `${name} over all frames: ${told.join(", ")}`;
     const svg = made("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": label });

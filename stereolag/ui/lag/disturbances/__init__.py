@@ -30,7 +30,7 @@ _panel = st.components.v2.component(
     "stereolag.disturbances",
     html=source("disturbances.html", folder=HERE),
     css=source("sliding.css", folder=sliding.HERE) + source("disturbances.css", folder=HERE),
-    js=source("shown.js")
+    js=source("shown.js", "numbers.js")
     + source("drawing.js", folder=sliding.HERE)
     + source(*ARITHMETIC, "plots.js", "disturbances.js", folder=HERE),
 )

@@ -69,7 +69,7 @@ class Panel {
     for (const { name, signed, unit } of this.data.sliders) {
       const input = this.find(`input[name=${name}]`);
       const value = this.settings[name];
-      const said = `${signed && value > 0 ? "+" : ""}${shortened(value, 0)} ${unit}`;
+      const said = `${signed && value > 0 ? "+" : ""}${shortened(value, 0, unit)}`;
       input.value = value;
       input.setAttribute("aria-valuetext", said);
       input.previousElementSibling.textContent = said;

@@ -17,6 +17,7 @@ from stereolag.arrays import Vector
 from stereolag.figures.phasors import LONGEST_LAG, SIZE, Phasors, common_stretch, knock, noise, tone
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
+from stereolag.ui import prose
 from stereolag.ui.lag import sliding
 from stereolag.ui.lag.phasors.words import EXAMPLES, INTRODUCTION, WORDS, excerpt_in_words, own_in_words
 from stereolag.ui.linked_pictures import source
@@ -28,7 +29,7 @@ _panel = st.components.v2.component(
     "stereolag.phasors",
     html=source("phasors.html", folder=HERE),
     css=source("sliding.css", folder=sliding.HERE) + source("phasors.css", folder=HERE),
-    js=source("shown.js")
+    js=source("shown.js", "numbers.js")
     + source("drawing.js", "panel.js", folder=sliding.HERE)
     + source("chain.js", "charts.js", "phasors.js", folder=HERE),
 )
@@ -46,7 +47,7 @@ def show_phasors(pair: RecordingPair, result: SignalLag | None, *, key: str) -> 
     key
         Of the component.
     """
-    st.markdown(INTRODUCTION)
+    prose.markdown(INTRODUCTION)
     _panel(
         key=key,
         data={

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from stereolag.figures.phasors import LAG, LENGTH, Phasors, correlation
+from stereolag.typography import typeset
 
 INTRODUCTION: Final = (
     "Two recordings have one arrow for each frequency: their cross-spectrum. A shift in time turns each arrow in "
@@ -116,4 +117,4 @@ def _peak_in_words(found: Phasors, *, whiten: bool) -> str:
     lags, heights = correlation(found, whiten=whiten)
     peak = min(lags[heights > heights.max() - _EQUAL], key=abs)
     said = _FOUND if abs(peak - LAG) <= 0.5 else _MISSED
-    return said.format(f"{peak:g}".replace("-", "−"))
+    return said.format(typeset(f"{peak:g}"))

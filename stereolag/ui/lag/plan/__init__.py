@@ -11,6 +11,7 @@ import streamlit as st
 
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
+from stereolag.ui import prose
 from stereolag.ui.lag import sliding
 from stereolag.ui.linked_pictures import source
 
@@ -23,7 +24,9 @@ _panel = st.components.v2.component(
     "stereolag.plan",
     html=source("plan.html", folder=HERE),
     css=source("plan.css", folder=HERE),
-    js=source("shown.js") + source("drawing.js", folder=sliding.HERE) + source("geometry.js", "plan.js", folder=HERE),
+    js=source("shown.js", "numbers.js")
+    + source("drawing.js", folder=sliding.HERE)
+    + source("geometry.js", "plan.js", folder=HERE),
 )
 
 
@@ -39,7 +42,7 @@ def show_plan(result: SignalLag | None, speed: float, *, key: str) -> None:
     key
         Of the component.
     """
-    st.markdown(
+    prose.markdown(
         "A lag tells how much longer one path is than the other. Every source on one **hyperbola** has the same path "
         "difference, so the sensors stand that far apart only if the source lies in line with them; anywhere else they "
         "are farther apart. Dashed: every place from which your recordings’ lag can come."

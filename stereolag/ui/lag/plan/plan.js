@@ -124,7 +124,7 @@ class Plan {
     const [x, y] = at(source);
     add("circle", { class: "source", cx: x, cy: y, r: 9 });
     add("text", { x: clamp(x, 22, width - 22), y: y < 24 ? y + 24 : y - 14 }, "source");
-    this.find("output").textContent = `${metres(apart)} m`;
+    this.find("output").textContent = `${metres(apart)}\u00a0m`;
     this.say(difference);
   }
 
@@ -135,10 +135,10 @@ class Plan {
     const same = this.data.difference !== null && Math.abs(difference - this.data.difference) < 0.02 * this.apart;
     const words = size < 0.005 * this.apart
       ? "Both paths are equally long: the lag is 0, however far apart the sensors are."
-      : `The path to sensor ${later} is ${metres(size)} m longer: it hears the source ${seconds} s after sensor ${earlier}. `
+      : `The path to sensor ${later} is ${metres(size)}\u00a0m longer: it hears the source ${seconds}\u00a0s after sensor ${earlier}. `
         + (size > 0.995 * this.apart
           ? "In line with the sensors, the path difference is their distance."
-          : `The sensors are ${metres(this.apart)} m apart: farther than the lag tells.`);
+          : `The sensors are ${metres(this.apart)}\u00a0m apart: farther than the lag tells.`);
     const text = words + (same ? " This is your lag." : "");
     if (text !== this.find(".said").textContent) this.find(".said").textContent = text;
   }

@@ -28,7 +28,8 @@ _panel = st.components.v2.component(
     "stereolag.sliding",
     html=source("sliding.html", folder=HERE),
     css=source("sliding.css", folder=HERE),
-    js=source("shown.js") + source("drawing.js", "panel.js", "products.js", "strips.js", "sliding.js", folder=HERE),
+    js=source("shown.js", "numbers.js")
+    + source("drawing.js", "panel.js", "products.js", "strips.js", "sliding.js", folder=HERE),
 )
 
 

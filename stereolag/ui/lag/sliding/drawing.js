@@ -1,11 +1,8 @@
-// What the drawings of recordings and their curves share: numbers as text, nodes, an axis of lags.
+// What the drawings of recordings and their curves share: nodes, an axis of lags.
 
 const SVG = "http://www.w3.org/2000/svg";
 
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
-
-const shortened = (number, digits) =>
-  number.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }).replace(/^-(?=[0.,]*$)/, "").replace("-", "−");
 
 // Empties a drawing, gives it its size in px, and returns what adds a node to it.
 function emptied(svg, width, height) {

@@ -13,6 +13,7 @@ import streamlit as st
 
 from stereolag.figures.template_by_hand import packed_search, reduced_search
 from stereolag.templates import TemplateMatch
+from stereolag.ui import prose
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.results import remembered
@@ -27,7 +28,7 @@ _panel = st.components.v2.component(
     "stereolag.template_by_hand",
     html=source("by_hand.html", folder=HERE),
     css=source("by_hand.css", folder=HERE),
-    js=source("shown.js") + source("unpacking.js", "scoring.js", "drawing.js", "by_hand.js", folder=HERE),
+    js=source("shown.js", "numbers.js") + source("unpacking.js", "scoring.js", "drawing.js", "by_hand.js", folder=HERE),
 )
 
 
@@ -50,6 +51,6 @@ def search_by_hand(inputs: PictureAndTemplate, matches: Sequence[TemplateMatch])
     try:
         data = remembered("search by hand", pack, inputs=inputs.digest, settings=str(near), shared=inputs.shared)
     except ValueError:
-        st.caption("Too little is left of this template when it is reduced for the browser.")
+        prose.caption("Too little is left of this template when it is reduced for the browser.")
         return
     _panel(key="template.by_hand", data=data)

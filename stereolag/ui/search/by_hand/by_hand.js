@@ -178,10 +178,10 @@ class Panel {
     put(this.find(".products canvas"), inProductColours(template, products), template.rows, template.cols);
     put(this.find(".map canvas"), this.painted, map.rows, map.cols);
     this.find(".empty").hidden = this.moved || this.revealed;
-    this.find(".score").textContent = shortened(score);
+    this.find(".score").textContent = shortened(score, 3);
     const row = this.search.row + this.row * factor;
     const col = this.search.col + this.col * factor;
-    this.find(".where").textContent = filled(words.where, { row, col, score: shortened(score) });
+    this.find(".where").textContent = filled(words.where, { row, col, score: shortened(score, 3) });
     this.drawMarks();
     const said = this.revealed ? this.lesson() : "";
     if (said !== this.find(".said").textContent) this.find(".said").textContent = said; // read aloud once
@@ -191,8 +191,8 @@ class Panel {
     const { leaders, words, factor, row, col } = this.search;
     const [peak, rival] = leaders;
     if (!peak) return words.nothing;
-    const values = { row: row + peak.row * factor, col: col + peak.col * factor, score: shortened(peak.score) };
-    return filled(words.peak, values) + (rival ? filled(words.lead, { rival: shortened(rival.score) }) : "");
+    const values = { row: row + peak.row * factor, col: col + peak.col * factor, score: shortened(peak.score, 3) };
+    return filled(words.peak, values) + (rival ? filled(words.lead, { rival: shortened(rival.score, 3) }) : "");
   }
 
   drawMarks() {
@@ -213,7 +213,7 @@ class Panel {
     const buttons = leaders.map((place, at) => {
       const button = Object.assign(document.createElement("button"), { type: "button", title: words.go });
       const name = document.createElement("span");
-      name.textContent = `${at ? words.rival : words.top} ${shortened(place.score)}`;
+      name.textContent = `${at ? words.rival : words.top} ${shortened(place.score, 3)}`;
       button.append(document.createElement("canvas"), name);
       button.addEventListener("click", () => this.move(place.row, place.col, { jump: true }));
       return button;

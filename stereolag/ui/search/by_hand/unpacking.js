@@ -27,7 +27,6 @@ function scoresOf({ rows, cols, data }, steps) {
   return { rows, cols, scores };
 }
 
-const shortened = (score) => (Number.isNaN(score) ? "–" : score.toFixed(2).replace(/^-(?=[0.]*$)/, "").replace("-", "−"));
 const filled = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 

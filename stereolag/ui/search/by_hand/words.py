@@ -13,9 +13,9 @@ def words_of(search: ReducedSearch) -> dict[str, Any]:
     return {
         "frame": f"rgb{FRAME}",
         "palette": VIRIDIS[::3].tolist(),
-        "stage": "The picture with the template over it. Arrow keys move the template, with Shift by ten.",
+        "stage": "The image with the template over it. Arrow keys move the template, with Shift by ten.",
         "texts": {
-            ".try": "Drag the template over the picture. Warm pixels agree with the window under it, cool ones "
+            ".try": "Drag the template over the image. Warm pixels agree with the window under it, cool ones "
             "disagree; the score is their mean. Where does it peak?",
             ".template figcaption": "Template",
             ".window figcaption": "Window",
@@ -32,7 +32,7 @@ def words_of(search: ReducedSearch) -> dict[str, Any]:
         "lead": " The best rival reaches {rival}."
         if search.factor == 1
         else " At this scale the best rival reaches {rival}.",
-        "nothing": "The picture is flat: there is nothing to correlate.",
+        "nothing": "The image is flat: there is nothing to correlate.",
         "top": "Peak",
         "rival": "Rival",
         "go": "Compare this place",

@@ -13,6 +13,7 @@ from stereolag.inputs import Image
 from stereolag.reading.hand_marks import LEAST_SIDE, Box, read_box
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.results import remembered
+from stereolag.ui.states import show_refused
 
 HERE = Path(__file__).parent
 
@@ -52,7 +53,7 @@ def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
     before, kept = st.session_state.get(f"{key}.box", ("", None))
     box: Box = kept if before == digest else box_in_the_middle(image.shape)
     if refusal := st.session_state.pop(f"{key}.refusal", None):
-        st.error(refusal)
+        show_refused(refusal)
 
     def moved() -> None:
         value = st.session_state[key].box

@@ -16,6 +16,7 @@ import streamlit as st
 from stereolag.figures.funnel import anchors
 from stereolag.figures.pictures import FRAME, fitted, jpeg
 from stereolag.figures.templates import what_counts
+from stereolag.ui import prose
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.results import computed
@@ -30,13 +31,13 @@ _panel = st.components.v2.component(
     "stereolag.funnel",
     html=source("funnel.html", folder=HERE),
     css=source("funnel.css", folder=HERE),
-    js=source("shown.js") + source("funnel.js", folder=HERE),
+    js=source("shown.js", "numbers.js") + source("funnel.js", folder=HERE),
 )
 
 
 def show_funnel(inputs: PictureAndTemplate) -> None:
     """Show which pixels of the image are left at each step of the "sampled" search, for any anchor."""
-    st.markdown("### From every pixel to a few")
+    prose.markdown("### From every pixel to a few")
     try:
         shown = computed(
             "funnel",
@@ -47,7 +48,7 @@ def show_funnel(inputs: PictureAndTemplate) -> None:
             label="Looking for rare pixels …",
         )
     except ValueError as error:
-        st.caption(f"“Sampled” cannot search here: {error}")
+        prose.caption(f"“Sampled” cannot search here: {error}")
         return
     _panel(key="template.funnel", data=json.loads(shown))
 

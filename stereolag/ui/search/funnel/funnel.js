@@ -3,7 +3,6 @@
 const SVG = "http://www.w3.org/2000/svg";
 
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
-const grouped = (number) => number.toLocaleString("en");
 const filled = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
 
 export default function (component) {
@@ -95,14 +94,14 @@ class Panel {
     const most = Math.log(1 + anchor.counts[0]);
     [...this.find(".steps").children].forEach((button, at) => {
       button.setAttribute("aria-pressed", at === stage);
-      button.children[1].textContent = grouped(anchor.counts[at]);
+      button.children[1].textContent = shortened(anchor.counts[at]);
       button.children[2].style.width = `${(100 * Math.log(1 + anchor.counts[at])) / most}%`;
     });
     this.drawDots();
     this.drawAnchor();
     const at = this.sorted.indexOf(anchor);
     [...this.bars.children].forEach((one, index) => one.classList.toggle("picked", index === at));
-    const named = filled(words.colour, { row: anchor.row, col: anchor.col, count: grouped(anchor.counts[1]) });
+    const named = filled(words.colour, { row: anchor.row, col: anchor.col, count: shortened(anchor.counts[1]) });
     this.find(".colour").textContent = named;
     this.bars.setAttribute("aria-valuenow", at + 1);
     this.bars.setAttribute("aria-valuetext", named);
@@ -114,11 +113,11 @@ class Panel {
     if (!stage) return "";
     if (!anchor.counts[stage]) return words.none;
     const shown = anchor.dots[stage - 1].length;
-    const some = shown < anchor.counts[stage] ? filled(words.some, { shown: grouped(shown) }) : "";
+    const some = shown < anchor.counts[stage] ? filled(words.some, { shown: shortened(shown) }) : "";
     if (stage < 3) return some;
     if (!anchor.best) return words.many;
     const [row, col, score] = anchor.best;
-    return filled(words.best, { row, col, score: score.toFixed(2).replace("-", "−") });
+    return filled(words.best, { row, col, score: shortened(score, 3) });
   }
 
   drawDots() {

@@ -13,9 +13,11 @@ from stereolag.figures.pictures import as_rgb, png
 from stereolag.inputs import Image
 from stereolag.reading.hand_marks import packed_mask, read_packed_mask
 from stereolag.templates.patterns import opaque_pixels
+from stereolag.ui import prose
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.search.cutting import HERE as CUTTING
 from stereolag.ui.search.cutting import send_drawn_on
+from stereolag.ui.states import show_refused
 
 HERE = Path(__file__).parent
 
@@ -26,7 +28,10 @@ _brush = st.components.v2.component(
     "stereolag.brush",
     html=source("brush.html", folder=HERE),
     css=source("brush.css", folder=HERE),
-    js=source("shown.js") + source("drawn.js", folder=CUTTING) + "\n" + source("mask.js", "brush.js", folder=HERE),
+    js=source("shown.js", "numbers.js")
+    + source("drawn.js", folder=CUTTING)
+    + "\n"
+    + source("mask.js", "brush.js", folder=HERE),
 )
 
 
@@ -56,10 +61,10 @@ def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) 
     painted: PaintedMask | None = kept if before == digest else None
     with st.expander("Paint a mask"):
         if shape[0] * shape[1] > LARGEST_PIXELS:
-            st.caption("This template is too large to paint on. Among your own files you can add a mask.")
+            prose.caption("This template is too large to paint on. Among your own files you can add a mask.")
             return painted
         if refusal := st.session_state.pop(f"{key}.refusal", None):
-            st.error(refusal)
+            show_refused(refusal)
         try:
             own = opaque_pixels(template, mask)
         except ValueError:  # the search says what is wrong with it
@@ -84,7 +89,7 @@ def _draw(template: Image, own: Image, used: Image, digest: str, key: str) -> No
             painted = PaintedMask(pixels, hashlib.sha256(pixels.tobytes()).hexdigest())
             st.session_state[f"{key}.mask"] = digest, painted
 
-    st.caption("Paint over what shall not count: a background, a shadow, whatever changes from place to place.")
+    prose.caption("Paint over what shall not count: a background, a shadow, whatever changes from place to place.")
     with st.container(gap=None):
         send_drawn_on(f"{digest} template", png(as_rgb(template)), key=f"{key}.picture")
         _brush(

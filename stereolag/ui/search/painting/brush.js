@@ -77,7 +77,7 @@ class BrushPanel {
     const painted = this.painted();
     const left = painted.length - painted.reduce((sum, one) => sum + one, 0);
     const mask = packed(painted, painted.length);
-    this.find(".counts").textContent = `${left.toLocaleString("en")} of ${painted.length.toLocaleString("en")} pixels count`;
+    this.find(".counts").textContent = `${shortened(left)} of ${shortened(painted.length)} pixels count`;
     this.find(".use").disabled = left < 2 || mask === this.data.used;
     this.mask = mask;
   }

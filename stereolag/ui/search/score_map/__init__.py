@@ -24,7 +24,7 @@ _panel = st.components.v2.component(
     "stereolag.score_map",
     html=source("score_map.html", folder=HERE),
     css=source("score_map.css", folder=HERE),
-    js=source("shown.js") + source("unpacking.js", folder=BY_HAND) + source("score_map.js", folder=HERE),
+    js=source("shown.js", "numbers.js") + source("unpacking.js", folder=BY_HAND) + source("score_map.js", folder=HERE),
 )
 
 

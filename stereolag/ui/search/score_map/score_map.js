@@ -66,7 +66,7 @@ class Panel {
     cross.style.top = `${(100 * (block.row + 0.5)) / rows}%`;
     const score = scores[block.row * cols + block.col];
     const text = Number.isNaN(score) ? words.flat : words.reading;
-    this.find(".reading").textContent = filled(text, { ...this.place(block), score: shortened(score) });
+    this.find(".reading").textContent = filled(text, { ...this.place(block), score: shortened(score, 3) });
   }
 
   // The best place of a block, px of the image.

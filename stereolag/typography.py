@@ -1,0 +1,49 @@
+"""Numbers as they are set for readers: a true minus sign, and a unit that no line break parts from its number."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable
+from typing import ParamSpec
+
+MINUS = "\N{MINUS SIGN}"
+NO_BREAK = "\N{NO-BREAK SPACE}"
+
+UNITS = "px·m|px|km/h|m/s|ms|mm|cm|m|s|kB|MB|GB|kHz|Hz|dB|ppm|%|σ"
+"""Symbols that a space parts from their number; words such as "samples" may begin a line, and ° has no space."""
+
+_CODE = re.compile(r"(`[^`]*`)")
+_HYPHEN = re.compile(r"(?<![\w.,)\]`=“'-])-(?=\.?\d)")
+_NEGATIVE_ZERO = re.compile(r"(?<![\w.,)\]`=“'-])-(?=0(?:\.0+)?(?![\d.]))")
+_GAP = re.compile(rf"(?<=\d)(\*\*)? (?=(?:{UNITS})(?!\w))")
+_PLUS_MINUS = re.compile(r"± (?=\d)")
+
+
+def typeset(text: str) -> str:
+    """Return a text as it is shown: "-3 px" with a minus sign and a no-break space. Code and what is quoted stay.
+
+    For whatever a person reads; files, flags and what is typed in keep the hyphen.
+    """
+    parts = _CODE.split(text)
+    parts[::2] = (_set(part) for part in parts[::2])
+    return "".join(parts)
+
+
+P = ParamSpec("P")
+
+
+def typesets(words: Callable[P, str]) -> Callable[P, str]:
+    """Make a function typeset the text that it returns, for texts that go to readers as they are."""
+
+    @functools.wraps(words)
+    def readable(*args: P.args, **kwargs: P.kwargs) -> str:
+        return typeset(words(*args, **kwargs))
+
+    return readable
+
+
+def _set(text: str) -> str:
+    text = _HYPHEN.sub(MINUS, _NEGATIVE_ZERO.sub("", text))
+    text = _GAP.sub(lambda found: (found[1] or "") + NO_BREAK, text)
+    return _PLUS_MINUS.sub("±" + NO_BREAK, text)

@@ -1,0 +1,134 @@
+"""Every number that a page shows is written one way: a true minus sign, and its unit after a no-break space."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from streamlit.testing.v1 import AppTest
+
+from stereolag.typography import UNITS
+from tests.app import keys
+from tests.app.conftest import viewers
+
+OpenPage = Callable[[str], AppTest]
+
+PROJECT = Path(__file__).resolve().parents[2]
+
+HYPHEN = re.compile(r"(?<![\w.,)\]`=“'-])-(?=\.?\d)")
+GLUED = re.compile(rf"\d(?:\*\*)? ?(?:{UNITS})(?!\w)")
+"""A unit that stands at its number, or after a space that may break."""
+CODE = re.compile(r"`[^`]*`")
+
+ELEMENTS = {"markdown", "caption", "header", "info", "success", "warning", "error"}
+
+
+def test_text_goes_through_prose() -> None:
+    files = [PROJECT / "app.py", *(PROJECT / "pages").glob("*.py"), *(PROJECT / "stereolag/ui").rglob("*.py")]
+    straight = [
+        f"{path.relative_to(PROJECT)}:{node.lineno}"
+        for path in files
+        if path.name != "prose.py"
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr in ELEMENTS
+        if isinstance(node.value, ast.Name) and node.value.id == "st"
+    ]
+    assert not straight, "write prose.caption and so on, which set the numbers"
+
+
+def texts(app: AppTest) -> Iterator[str]:
+    """Yield what is to be read on a page, as far as a browser is not needed for it."""
+    for kind in (app.markdown, app.caption, app.header, app.info, app.success, app.warning, app.error):
+        yield from (element.value for element in kind)
+    for metric in app.metric:
+        yield from (metric.value, metric.help or "")
+    for element in app.get("image"):
+        yield from (text for one in element.proto.imgs for text in (one.caption, one.alt))
+    for viewer in viewers(app):
+        for picture in viewer["pictures"]:
+            yield picture["alternative"]
+            yield from (figure["value"] for figure in picture["figures"])
+        for legend in viewer["legends"]:
+            yield from (*legend["words"], *(word for tick in legend["ticks"] for word in tick[1:]))
+    for table in app.dataframe:
+        yield from (str(cell) for cell in table.value.to_numpy().ravel() if isinstance(cell, str))
+    for element in app.get("plotly_chart"):
+        yield element.proto.alt
+        yield from _of_figure(json.loads(element.proto.spec))
+
+
+def _of_figure(part: Any) -> Iterator[str]:
+    """Yield the texts of a figure: names, titles, labels and what is said of a point."""
+    if isinstance(part, dict):
+        for name, value in part.items():
+            if name in ("text", "name", "ticktext", "hovertemplate", "title"):
+                yield from _strings(value)
+            yield from _of_figure(value)
+    elif isinstance(part, list):
+        for one in part:
+            yield from _of_figure(one)
+
+
+def _strings(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, list):
+        for one in value:
+            yield from _strings(one)
+
+
+def finished(app: AppTest) -> AppTest:
+    """Run the page until no job is left."""
+    end = time.monotonic() + 120
+    while app.get("progress") or any("cancel" in (button.key or "") for button in app.button):
+        assert time.monotonic() < end
+        time.sleep(0.2)
+        app.run()
+    return app
+
+
+def assert_written(app: AppTest) -> None:
+    assert not app.exception
+    said = [CODE.sub("", text) for text in texts(app)]
+    assert len(said) > 5
+    for text in said:
+        assert not HYPHEN.search(text), text
+        assert not GLUED.search(text), text
+
+
+def test_home(open_page: OpenPage) -> None:
+    assert_written(open_page("app.py"))
+
+
+def test_a_negative_lag(open_page: OpenPage) -> None:
+    app = open_page("pages/1_Sensor_lag.py")
+    app.button_group(key="recordings").set_value("harbour").run()
+    assert "\N{MINUS SIGN}31,234" in {metric.value for metric in app.metric}
+    assert_written(app)
+
+
+def test_a_template_that_is_found_and_one_that_is_not(open_page: OpenPage) -> None:
+    app = open_page("pages/2_Rocketman_search.py")
+    assert_written(app)
+    app.button_group(key="pictures").set_value("maze_dulled").run()
+    app.slider(key="template.min_score").set_value(1.0).run()
+    assert_written(app)
+
+
+def test_maps_of_negative_disparities(open_page: OpenPage) -> None:
+    app = open_page("pages/3_Depth_maps.py")
+    assert_written(app)
+    app.slider(key=keys.SMALLEST).set_value(-20).run()
+    app.button_group(key=keys.PART).set_value("Why this match?").run()
+    assert_written(app)
+    app.button_group(key=keys.PART).set_value("Scoreboard").run()
+    assert_written(app)
+
+
+def test_a_calibration(open_page: OpenPage) -> None:
+    assert_written(finished(open_page("pages/4_Calibrate.py")))
