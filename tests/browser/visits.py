@@ -22,31 +22,34 @@ const field = (bytes, start) => {
   do { value += (bytes[at] & 127) * 2 ** shift; shift += 7; } while (bytes[at++] & 128);
   return [value, at];
 };
-const fields = (message) => {
-  const bytes = new Uint8Array(message.buffer ?? message, message.byteOffset ?? 0, message.byteLength);
-  const found = [];
+const fields = (bytes) => {
+  const found = new Map();
   for (let at = 0, tag, size; at < bytes.length;) {
     [tag, at] = field(bytes, at);
-    found.push(tag >> 3);
     [size, at] = [0, 1, 5].includes(tag & 7) ? { 0: field(bytes, at), 1: [8, at], 5: [4, at] }[tag & 7]
       : field(bytes, at);
+    found.set(tag >> 3, bytes.subarray(at, at + (tag & 7 ? size : 0)));
     at += tag & 7 ? size : 0;
   }
   return found;
 };
+const message = (data) => fields(new Uint8Array(data.buffer ?? data, data.byteOffset ?? 0, data.byteLength));
 const [RERUN_SCRIPT, FILE_URLS_REQUEST, NEW_SESSION, SCRIPT_FINISHED] = [11, 16, 4, 6];
+const AUTOMATIC = 6;
 const awaited = window.awaited = { answer: false, run: false, upload: false, timers: new Set() };
 const send = WebSocket.prototype.send;
 WebSocket.prototype.send = function (data) {
   if (!this.watched) this.addEventListener("message", ({ data }) => {
-    const [told] = fields(data).filter((one) => [NEW_SESSION, SCRIPT_FINISHED].includes(one));
-    if (told === NEW_SESSION) [awaited.answer, awaited.run] = [false, true];
-    if (told === SCRIPT_FINISHED) awaited.run = false;
+    const told = message(data);
+    if (told.has(NEW_SESSION)) [awaited.answer, awaited.run] = [false, true];
+    if (told.has(SCRIPT_FINISHED)) awaited.run = false;
   });
   this.watched = true;
-  const [asked] = fields(data);
-  if (asked === RERUN_SCRIPT) [awaited.answer, awaited.upload] = [true, false];
-  if (asked === FILE_URLS_REQUEST) awaited.upload = true;
+  const asked = message(data);
+  const rerun = asked.get(RERUN_SCRIPT);
+  // A part of the page that asks again by itself is not answered when a run has removed it.
+  if (rerun && !fields(rerun).has(AUTOMATIC)) [awaited.answer, awaited.upload] = [true, false];
+  if (asked.has(FILE_URLS_REQUEST)) awaited.upload = true;
   return send.call(this, data);
 };
 const [setTimer, clearTimer] = [window.setTimeout, window.clearTimeout];
