@@ -27,7 +27,7 @@ SEAM = 610
 FINER = 3
 """Lines and letters are drawn this much larger, and then reduced: PIL's lines have no soft edges."""
 
-BACKGROUND, TEXT, LINK = "#fcfbf9", "#25232d", "#4a3c8c"
+BACKGROUND, TEXT, LINK = "#fcfbf9", "#17151d", "#4a3c8c"
 QUESTIONS = ("How far apart are two sensors?", "Where is this template?", "How far away is everything?")
 
 Point = tuple[float, float]

@@ -17,9 +17,12 @@ class Drive:
     def __init__(self, page: Page, count: int) -> None:
         self.page = page
         page.get_by_role("radio", name="Your ZIP, or side-by-side video").click()
+        example = page.get_by_text("Until your frames are here")
+        expect_visible(example)
         page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(
             {"name": "drive.zip", "mimeType": "application/zip", "buffer": drive(count=count)}
         )
+        expect(example).to_have_count(0)
         expect_visible(page.locator(".player"))
 
     def wait_until_done(self) -> None:
@@ -111,7 +114,7 @@ def test_it_is_watched_while_it_is_computed_and_called_off(open_page: OpenPage) 
         ".find((one) => one)?.buffered.length"
     )
     visit.page.get_by_role("button", name="Cancel").click()
-    expect(visit.page.get_by_role("button", name="Go on")).to_be_visible(timeout=5_000)
+    expect(visit.page.get_by_role("button", name="Go on")).to_be_visible()
     settled(visit.page)
     ended = visit.video("buffered.end(0)")
     assert 0 < ended < 15

@@ -181,7 +181,7 @@ def test_the_command_serves_every_page_from_any_folder(scripts: Path, tmp_path: 
     with served(scripts, tmp_path) as (address, printed):
         for page, said in {
             "": "50,082 samples",
-            "Sensor_lag": "378.17 m",
+            "Sensor_lag": "378.17\N{NO-BREAK SPACE}m",
             "Rocketman_search": "row",
             "Depth_maps": "px",
         }.items():
