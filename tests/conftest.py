@@ -10,6 +10,9 @@ from hypothesis import settings
 
 PROJECT = Path(__file__).resolve().parents[1]
 
+# Else every process that a test starts compiles all sources anew, a second each.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # The first example of a compiled loop waits for its machine code, on a busy machine for long; and the same examples in
 # every run, so that a failure is the change's.
 settings.register_profile("stereolag", deadline=None, derandomize=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ def palette_png(picture: npt.NDArray[np.uint8]) -> bytes:
     return file.getvalue()
 
 
+@cache
 def huge_png(side: int = 30_000) -> bytes:
     """A whole PNG of side × side black pixels of one bit: small as a file, far too large as a picture."""
     rows = zlib.compress(bytes((side + 7) // 8 + 1) * side, 9)
