@@ -72,7 +72,7 @@ async (patience) => {
   ];
   const finished = () => !waitsFor().length
     && document.querySelector("[data-testid=stApp]")?.dataset.testScriptState === "notRunning"
-    && none("[data-testid=stSkeleton], [data-testid=stSpinner]")
+    && none("[data-testid=stSkeleton], [data-testid=stSpinner], [class*=st-key-results-cancel]")
     && [...document.querySelectorAll("[data-testid=stPlotlyChart]")].every((chart) => chart.querySelector("svg"))
     && [...document.images].every((image) => image.complete);
   const last = { priority: "background" };
@@ -125,7 +125,7 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
 
 
 def settled(page: Page) -> None:
-    """Wait until the server has answered, the script has run and every chart is drawn."""
+    """Wait until the server has answered, the script has run, heavy work is done and every chart is drawn."""
     page.wait_for_selector("h1")
     page.evaluate(REST, TIMEOUT_MS)
 
