@@ -54,8 +54,9 @@ def workspace(pair: StereoPair) -> None:
         with st.container(horizontal=True, vertical_alignment="center"):
             choose_maps()
             colours = st.container(width="content")
+            waiting = st.container(width="stretch")
         for method in shown:
-            results |= measured(pair, matchers[method])
+            results |= measured(pair, matchers[method], waiting)
         with colours:
             view = coloured_alike(pair, results)
         if results:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext
 from functools import partial
 from typing import Any
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereolag.arrays import FloatMap, ReasonMap
 from stereolag.figures.legends import Legend, disparity_legends
@@ -23,8 +25,9 @@ from stereolag.ui.depth.alternatives import map_in_words, photograph_in_words
 from stereolag.ui.depth.calibrating import calibration_of, depth_scale, disparity_error
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.linked_pictures import linked_pictures, send_picture
+from stereolag.ui.matcher_controls import matcher_as_set
 from stereolag.ui.pairs import StereoPair
-from stereolag.ui.results import computed_at_once, computed_in_turn, remembered
+from stereolag.ui.results import computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import REASON_WORDS, duration, percent
 from stereolag.ui.states import show_refused
 
@@ -77,15 +80,28 @@ def show_method(method: type[StereoMatcher], *, instead: bool = False) -> None:
         st.session_state[keys.SHOWN] = [*shown[instead:], method.short_name]
 
 
-def measured(pair: StereoPair, matcher: StereoMatcher | None) -> dict[str, DisparityMap]:
-    """Return the map of one method under its title; nothing, and say why, where it cannot be had, or not yet."""
+def measured(
+    pair: StereoPair, matcher: StereoMatcher | None, waiting: DeltaGenerator | None = None
+) -> dict[str, DisparityMap]:
+    """Return the map of one method under its title; nothing, and say why, where it cannot be had.
+
+    Until heavy work is done, that is the map of the settings before; `waiting` is where to show how far it is.
+    """
     if matcher is None:
         return {}
     try:
-        result = computed_in_turn(**_computation(pair, matcher), label=f"{matcher.title} …")
+        with waiting or nullcontext():
+            result = computed_in_turn(**_computation(pair, matcher), label=f"{matcher.title} …")
     except ValueError as error:
         show_refused(f"{matcher.title}: {error}")
         return {}
+    last = f"{KEY}.last.{matcher.short_name}"
+    if result is not None:
+        st.session_state[last] = pair.digest, matcher.model_dump_json()
+        return {matcher.title: result}
+    digest, settings = st.session_state.get(last, ("", ""))
+    if digest == pair.digest:
+        result = computed_before(map_task(matcher), inputs=digest, settings=settings, shared=pair.shared)
     return {} if result is None else {matcher.title: result}
 
 
@@ -162,10 +178,12 @@ def _packed(pair: StereoPair, picture: Picture, result: DisparityMap | None) -> 
 def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
     """Return the numbers of a map."""
     result = view.results[name]
-    figures = (
+    figures: tuple[Figure, ...] = (
         Figure("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
         Figure("Coverage", percent(result.coverage), "Share of the pixels that have a disparity."),
     )
+    if result.settings != matcher_as_set(type(result.settings), view.pair):
+        figures = *figures, Figure("Of", "the settings before", "The map of these settings is not computed yet.")
     if view.pair.truth is None:
         return figures
     judgement = judged(view.pair, result, view.pair.truth)
