@@ -11,8 +11,8 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+import scipy  # its signal.* is not loaded before it is used: that takes a second
 import soundfile
-from scipy.signal import resample_poly
 
 from stereolag.estimates import Estimate, check_memory
 from stereolag.limits import limits
@@ -96,7 +96,7 @@ class Recording:
             )
         _check_size(len(self.channels), -(-self.channels.shape[1] * up // down))
         # Beyond its ends a recording goes on as its last samples do: no step to zero where it has an offset.
-        channels = resample_poly(self.channels, up, down, axis=1, padtype="line")
+        channels = scipy.signal.resample_poly(self.channels, up, down, axis=1, padtype="line")
         return Recording(channels, sampling_rate, self.mended_lines, self.resampled_from or self.sampling_rate)
 
     def channel(self, number: int) -> Recording:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft, stats
+import scipy  # its stats.* is not loaded before it is used: that takes a second
+from scipy import fft
 
 from stereolag.arrays import Vector
 from stereolag.signals.overlaps import overlap_slices
@@ -111,11 +112,11 @@ def _refined(curve: Vector, top: int) -> float:
 
 
 def _line(start: int, places: Vector, lags: Vector, size: int, count: int) -> Drift | None:
-    rough = stats.theilslopes(lags, places)
+    rough = scipy.stats.theilslopes(lags, places)
     near = np.abs(lags - rough.intercept - rough.slope * places) <= _STRAY
     if near.sum() < max(_FEWEST, _MOST * count):
         return None
-    fitted = stats.linregress(places[near], lags[near])
+    fitted = scipy.stats.linregress(places[near], lags[near])
     spread = float(np.std(lags[near] - fitted.intercept - fitted.slope * places[near], ddof=2))
     slope = float(fitted.slope)
     return Drift(

@@ -13,7 +13,8 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft, linalg, signal
+import scipy  # its signal.* is not loaded before it is used: that takes a second
+from scipy import fft, linalg
 
 from stereolag.arrays import Vector
 from stereolag.signals.overlaps import overlap_pearson, overlap_slices
@@ -223,7 +224,7 @@ def _loudest(given: Vector) -> Vector:
 
 
 def _filtered(given: Vector, taps: npt.NDArray[np.float64]) -> Vector:
-    filtered = np.asarray(signal.lfilter(taps, [1.0], given))
+    filtered = np.asarray(scipy.signal.lfilter(taps, [1.0], given))
     # The first samples have none before them to be predicted from: a jump that is no sound.
     filtered[: taps.size - 1] = 0.0
     return np.asarray(filtered - filtered.mean())
