@@ -96,6 +96,7 @@ def test_rocketman_search(open_page: OpenPage, audit: Audit) -> None:
     page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(broken)
     expect(page.get_by_test_id("stAlertContentError")).to_contain_text("accepted are")
     settled(page)
+    expect(page.get_by_role("heading", name="Found at row 528, column 982")).to_have_count(0)
     audit.check(page, "Rocketman search: a refused file")
 
 
@@ -103,9 +104,11 @@ def test_depth_maps(open_page: OpenPage, audit: Audit) -> None:
     page = open_page("Depth_maps?pair=square")
     region = announced(page)
     expect(region).to_contain_text("Coverage")
-    before = region.inner_text()
+    figures = page.locator(".figures").first
+    before, shown = region.inner_text(), figures.inner_text()
     page.get_by_role("slider", name="Window").press("ArrowRight")
     expect(region).not_to_have_text(before)
+    expect(figures).not_to_have_text(shown)
     expect(region).to_contain_text("Bad-2")
     audit.check(page, "Depth maps")
     for part in PARTS:

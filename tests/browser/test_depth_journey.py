@@ -454,18 +454,3 @@ def test_settings_that_do_not_fit_together_are_answered_with_a_sentence(open_pag
     expect(visit.page.get_by_test_id("stAlertContentError")).to_contain_text("101")
     assert visit.number("Bad-2") == before
     visit.screenshot("bounds-light")
-
-
-# All of it in the dark
-
-
-def test_every_part_is_whole_in_the_dark(open_page: OpenPage) -> None:
-    visit = DepthPage(open_page(DEPTH_MAPS + "giraffes&size=1/2", scheme="dark"))
-    for part in ("Compare", "Values", "Why this match?", "Why blank?", "Scoreboard", "Sweep", "In 3-D"):
-        visit.choose(part)
-        if part == "Sweep":
-            visit.press("Sweep ")
-        visit.screenshot(f"{part.strip('?').replace(' ', '-').lower()}-dark")
-    visit.choose("Suggest")
-    visit.unfold("Take it away")
-    visit.screenshot("take-dark")

@@ -125,8 +125,8 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
 
 
 def turned_dark(page: Page, *, width: int) -> None:
-    """Turn an open page to the dark and to a width, as of a phone, and expect it to fit: opening another costs ten times
-    as much."""
+    """Turn an open page to the dark and to a width, as of a phone, and expect it to fit: opening another costs ten
+    times as much."""
     page.emulate_media(color_scheme="dark")
     expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "dark")
     page.set_viewport_size({"width": width, "height": 900})
