@@ -100,8 +100,13 @@ def test_rocketman_search(open_page: OpenPage, audit: Audit) -> None:
     audit.check(page, "Rocketman search: a refused file")
 
 
-def test_depth_maps(open_page: OpenPage, audit: Audit) -> None:
-    page = open_page("Depth_maps?pair=square")
+@pytest.fixture(scope="module")
+def depth_page(keep_page: OpenPage) -> Page:
+    return keep_page("Depth_maps?pair=giraffes&size=1/2")
+
+
+def test_depth_maps(depth_page: Page, audit: Audit) -> None:
+    page = depth_page
     region = announced(page)
     expect(region).to_contain_text("Coverage")
     figures = page.locator(".figures").first
@@ -134,8 +139,8 @@ def test_driving(open_page: OpenPage, audit: Audit) -> None:
     audit.check(page, "Driving")
 
 
-def test_it_looks_into_components(open_page: OpenPage, audit: Audit) -> None:
-    page = open_page("Depth_maps?pair=square")
+def test_it_looks_into_components(depth_page: Page, audit: Audit) -> None:
+    page = depth_page
     zoom = page.locator(".linked button[data-zoom=in]").first
     zoom.evaluate("(one) => { one.textContent = ''; one.title = ''; one.removeAttribute('aria-label'); }")
     page.locator(".linked .layer canvas").first.evaluate("(one) => one.removeAttribute('aria-label')")

@@ -45,20 +45,6 @@ def page(name: str, keep_page: OpenPage) -> Iterator[Page]:
     page.close()
 
 
-def test_it_opens_in_both_themes_and_on_a_phone(name: str, page: Page) -> None:
-    file = name.lower().replace(" ", "-")
-    no_exception(page)
-    screenshot(page, f"{file}-light")
-    turned_dark(page, width=390)
-    no_exception(page)
-    screenshot(page, f"{file}-phone")
-    page.set_viewport_size({"width": USUAL, "height": 900})
-    screenshot(page, f"{file}-dark")
-    page.emulate_media(color_scheme="light")
-    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "light")
-    settled(page)
-
-
 def test_tab_reaches_every_control_in_order_and_shows_where_it_is(page: Page) -> None:
     there = walked(page)
     assert there.missed == []
@@ -84,6 +70,20 @@ def test_results_keep_their_place_and_the_slider_the_focus_while_an_answer_is_co
 
     assert jumps(page, move) == []
     expect(slider).to_be_focused()
+
+
+def test_it_opens_in_both_themes_and_on_a_phone(name: str, page: Page) -> None:
+    file = name.lower().replace(" ", "-")
+    no_exception(page)
+    screenshot(page, f"{file}-light")
+    turned_dark(page, width=390)
+    no_exception(page)
+    screenshot(page, f"{file}-phone")
+    page.set_viewport_size({"width": USUAL, "height": 900})
+    screenshot(page, f"{file}-dark")
+    page.emulate_media(color_scheme="light")
+    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "light")
+    settled(page)
 
 
 def test_nothing_is_cut_from_a_phone_to_a_wide_screen(page: Page) -> None:
