@@ -40,6 +40,19 @@ def reading(page: Page, title: str) -> Locator:
     return page.locator("figure", has=page.get_by_text(title, exact=True)).locator(".reading")
 
 
+@pytest.mark.parametrize("part", ["comparison", "readout", "inspection", "blanks"])
+def test_every_part_is_whole_in_the_dark_and_on_a_phone(open_part: Callable[[str], Page], part: str) -> None:
+    page = open_part(part)
+    turned_dark(page, width=390)
+    expect(page.get_by_test_id("stException")).to_have_count(0)
+    screenshot(page, f"depth-{part}-phone")
+    page.set_viewport_size({"width": 1280, "height": 900})
+    screenshot(page, f"depth-{part}-dark")
+    page.emulate_media(color_scheme="light")
+    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "light")
+    settled(page)
+
+
 def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(open_part: Callable[[str], Page]) -> None:
     page = open_part("readout")
     left = page.locator(".viewport").first
@@ -115,13 +128,3 @@ def test_the_keyboard_moves_the_crosshair_and_picks(open_part: Callable[[str], P
     page.keyboard.press("Enter")
     expect(page.locator(".viewport").first.locator("svg path").nth(-3)).not_to_have_attribute("d", str(frame))
     screenshot(page, "depth-inspection-light")
-
-
-@pytest.mark.parametrize("part", ["comparison", "readout", "inspection", "blanks"])
-def test_every_part_is_whole_in_the_dark_and_on_a_phone(open_part: Callable[[str], Page], part: str) -> None:
-    page = open_part(part)
-    turned_dark(page, width=390)
-    expect(page.get_by_test_id("stException")).to_have_count(0)
-    screenshot(page, f"depth-{part}-phone")
-    page.set_viewport_size({"width": 1280, "height": 900})
-    screenshot(page, f"depth-{part}-dark")

@@ -136,7 +136,8 @@ def turned_dark(page: Page, *, width: int) -> None:
 
 def expect_fitting(page: Page, width: int) -> None:
     """Expect nothing of a page to be wider than its window."""
-    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= width
+    fits = "(width) => document.querySelector('[data-testid=stMain]').scrollWidth <= width"
+    page.wait_for_function(fits, arg=width)  # charts follow a moment later
 
 
 def settled(page: Page) -> None:
