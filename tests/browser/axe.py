@@ -69,6 +69,7 @@ class Audit:
         page.emulate_media(color_scheme=other)  # type: ignore[arg-type]
         expect(app).to_have_css("color-scheme", other)
         settled(page)
+        expect(page.get_by_test_id("stException")).to_have_count(0)
         colours = self.findings(page, COLOURS_ALONE, but=but)
         for shown, findings in ((theme, found), (other, colours)):
             self._report[f"{state}, {shown}"] = Counter({one.rule: len(one.targets) for one in findings})

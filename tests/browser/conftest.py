@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, expect
 
+from tests.browser.depth_page import Given, OwnPair
 from tests.browser.serving import CHROMIUM, chromium, chromium_path, served_app
 from tests.browser.visits import TIMEOUT_MS, OpenPage, faultless_pages
 
@@ -48,3 +50,10 @@ def keep_page(browser: Browser, address: str) -> Iterator[OpenPage]:
     """Return what opens a page that all tests of a module share."""
     with faultless_pages(browser, address) as opened:
         yield opened
+
+
+@pytest.fixture(scope="module")
+def motorcycle(data_dir: Path) -> OwnPair:
+    """Return a pair of real photographs with truth and calibration."""
+    folder = data_dir / "stereo" / "motorcycle_q"
+    return OwnPair(*(Given.of(folder / name) for name in ("left.png", "right.png", "gt.pfm", "calib.json")))

@@ -13,6 +13,8 @@ from playwright.sync_api import Locator, Page, TimeoutError, expect
 from stereolag.samples import stereo_pairs
 from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
 
+DEPTH_MAPS = "Depth_maps?pair="
+
 DOUBLE_CLICK_MS = 350
 
 
@@ -60,12 +62,12 @@ class DepthPage:
 
     @classmethod
     def with_example(cls, open_page: OpenPage, name: str, *, scheme: str = "light") -> DepthPage:
-        return cls(open_page(f"Depth_maps?pair={name}", scheme=scheme), name)
+        return cls(open_page(DEPTH_MAPS + name, scheme=scheme), name)
 
     @classmethod
     def with_files(cls, open_page: OpenPage, pair: OwnPair, *, scheme: str = "light") -> DepthPage:
         """Open the page and give it a pair, the truth and a calibration."""
-        visit = cls(open_page("Depth_maps?pair=square", scheme=scheme))
+        visit = cls(open_page(DEPTH_MAPS + "square", scheme=scheme))
         visit.open_head()
         visit.choose("Your own files")
         visit.unfold("Calibration (optional)")

@@ -96,22 +96,37 @@ def test_rocketman_search(open_page: OpenPage, audit: Audit) -> None:
     page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(broken)
     expect(page.get_by_test_id("stAlertContentError")).to_contain_text("accepted are")
     settled(page)
+    expect(page.get_by_role("heading", name="Found at row 528, column 982")).to_have_count(0)
     audit.check(page, "Rocketman search: a refused file")
 
 
-def test_depth_maps(open_page: OpenPage, audit: Audit) -> None:
-    page = open_page("Depth_maps?pair=square")
+@pytest.fixture(scope="module")
+def depth_page(keep_page: OpenPage) -> Page:
+    return keep_page("Depth_maps?pair=giraffes&size=1/2")
+
+
+def test_depth_maps(depth_page: Page, audit: Audit) -> None:
+    page = depth_page
     region = announced(page)
     expect(region).to_contain_text("Coverage")
-    before = region.inner_text()
+    figures = page.locator(".figures").first
+    before, shown = region.inner_text(), figures.inner_text()
     page.get_by_role("slider", name="Window").press("ArrowRight")
     expect(region).not_to_have_text(before)
+    expect(figures).not_to_have_text(shown)
     expect(region).to_contain_text("Bad-2")
     audit.check(page, "Depth maps")
-    for part in PARTS:
-        press(page, "radio", part)
-        audit.check(page, f"Depth maps: {part}", but=BENCH)
-    press(page, "radio", PARTS[-1])  # folded again
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_part_of_depth_maps(depth_page: Page, audit: Audit, part: str) -> None:
+    press(depth_page, "radio", part)
+    audit.check(depth_page, f"Depth maps: {part}", but=BENCH)
+    press(depth_page, "radio", part)  # folded again
+
+
+def test_depth_maps_unfolded(depth_page: Page, audit: Audit) -> None:
+    page = depth_page
     unfold(page, "choose a pair or bring your own")
     press(page, "radio", "Your own files")
     unfold(page, "More settings", "Input doctor", "Take it away")
@@ -131,8 +146,8 @@ def test_driving(open_page: OpenPage, audit: Audit) -> None:
     audit.check(page, "Driving")
 
 
-def test_it_looks_into_components(open_page: OpenPage, audit: Audit) -> None:
-    page = open_page("Depth_maps?pair=square")
+def test_it_looks_into_components(depth_page: Page, audit: Audit) -> None:
+    page = depth_page
     zoom = page.locator(".linked button[data-zoom=in]").first
     zoom.evaluate("(one) => { one.textContent = ''; one.title = ''; one.removeAttribute('aria-label'); }")
     page.locator(".linked .layer canvas").first.evaluate("(one) => one.removeAttribute('aria-label')")

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from tests.browser.visits import OpenPage, expect_visible, faultless_pages, screenshot
+from tests.browser.visits import expect_visible, faultless_pages, screenshot, settled, turned_dark
 
 
-@pytest.fixture
-def open_part(browser: Browser, parts_address: str) -> Iterator[OpenPage]:
+@pytest.fixture(scope="module")
+def open_part(browser: Browser, parts_address: str) -> Iterator[Callable[[str], Page]]:
+    """Return what gives the page of a part, opened when it is first asked for."""
     with faultless_pages(browser, parts_address) as open_page:
 
-        def opened(part: str, *, scheme: str = "light", width: int = 1280) -> Page:
-            page = open_page(f"?part={part}", scheme=scheme, width=width)
+        @cache
+        def opened(part: str) -> Page:
+            page = open_page(f"?part={part}")
             page.locator("figure").first.wait_for()
             return page
 
@@ -37,7 +40,20 @@ def reading(page: Page, title: str) -> Locator:
     return page.locator("figure", has=page.get_by_text(title, exact=True)).locator(".reading")
 
 
-def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(open_part: OpenPage) -> None:
+@pytest.mark.parametrize("part", ["comparison", "readout", "inspection", "blanks"])
+def test_every_part_is_whole_in_the_dark_and_on_a_phone(open_part: Callable[[str], Page], part: str) -> None:
+    page = open_part(part)
+    turned_dark(page, width=390)
+    expect(page.get_by_test_id("stException")).to_have_count(0)
+    screenshot(page, f"depth-{part}-phone")
+    page.set_viewport_size({"width": 1280, "height": 900})
+    screenshot(page, f"depth-{part}-dark")
+    page.emulate_media(color_scheme="light")
+    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "light")
+    settled(page)
+
+
+def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(open_part: Callable[[str], Page]) -> None:
     page = open_part("readout")
     left = page.locator(".viewport").first
     hover(left, 0.503, 0.503)
@@ -57,7 +73,7 @@ def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(ope
     screenshot(page, "depth-readout-light")
 
 
-def test_all_pictures_zoom_and_move_together(open_part: OpenPage) -> None:
+def test_all_pictures_zoom_and_move_together(open_part: Callable[[str], Page]) -> None:
     page = open_part("comparison")
     views = page.locator(".viewport svg")
     whole = "0 0 280 160"
@@ -79,8 +95,11 @@ def test_all_pictures_zoom_and_move_together(open_part: OpenPage) -> None:
     screenshot(page, "depth-comparison-light")
 
 
-def test_before_and_after_needs_no_rerun(open_part: OpenPage) -> None:
-    page = open_part("comparison", scheme="dark")
+def test_before_and_after_needs_no_rerun(open_part: Callable[[str], Page]) -> None:
+    page = open_part("comparison")
+    page.emulate_media(color_scheme="dark")
+    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "dark")
+    settled(page)
     page.evaluate(
         "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
         "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
@@ -96,9 +115,10 @@ def test_before_and_after_needs_no_rerun(open_part: OpenPage) -> None:
     expect(page.locator(".reading").last).to_have_text(re.compile(r"px · 0\.\d+\sm$"))
     assert page.evaluate("document.body.dataset.reran") is None
     screenshot(page, "depth-before-after-dark")
+    page.get_by_role("button", name="Side by side").click()
 
 
-def test_the_keyboard_moves_the_crosshair_and_picks(open_part: OpenPage) -> None:
+def test_the_keyboard_moves_the_crosshair_and_picks(open_part: Callable[[str], Page]) -> None:
     page = open_part("inspection")
     page.get_by_role("application").focus()
     for key in ("Shift+ArrowRight", "ArrowRight", "ArrowUp"):
@@ -108,13 +128,3 @@ def test_the_keyboard_moves_the_crosshair_and_picks(open_part: OpenPage) -> None
     page.keyboard.press("Enter")
     expect(page.locator(".viewport").first.locator("svg path").nth(-3)).not_to_have_attribute("d", str(frame))
     screenshot(page, "depth-inspection-light")
-
-
-@pytest.mark.parametrize("part", ["comparison", "readout", "inspection", "blanks"])
-def test_every_part_is_whole_in_the_dark_and_on_a_phone(open_part: OpenPage, part: str) -> None:
-    page = open_part(part, scheme="dark")
-    expect(page.get_by_test_id("stException")).to_have_count(0)
-    screenshot(page, f"depth-{part}-dark")
-    page.set_viewport_size({"width": 390, "height": 900})
-    screenshot(page, f"depth-{part}-phone")
-    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 390

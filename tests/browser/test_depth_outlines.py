@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import pytest
 from playwright.sync_api import Locator, expect
 
 from tests.browser.depth_page import DepthPage
-from tests.browser.visits import OpenPage, expect_visible, screenshot
+from tests.browser.visits import OpenPage, expect_visible, screenshot, turned_dark
 
 
 def switch_outlines(visit: DepthPage) -> None:
@@ -25,9 +27,19 @@ def over(visit: DepthPage, title: str) -> Locator:
     )
 
 
+@pytest.fixture(scope="module")
+def cube_page(keep_page: OpenPage) -> DepthPage:
+    return DepthPage(keep_page("Depth_maps?pair=cube&overlap=0.9"))
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_outlines_lie_over_the_maps_follow_the_zoom_and_go(open_page: OpenPage, scheme: str) -> None:
-    visit = DepthPage.with_example(open_page, "cube", scheme=scheme)
+def test_outlines_lie_over_the_maps_follow_the_zoom_and_go(
+    cube_page: DepthPage, scheme: Literal["light", "dark"]
+) -> None:
+    visit = cube_page
+    visit.page.emulate_media(color_scheme=scheme)
+    expect(visit.page.get_by_test_id("stApp")).to_have_css("color-scheme", scheme)
+    visit.settle()
     expect(visit.page.locator(".outlines")).to_have_count(0)
     switch_outlines(visit)
     expect(over(visit, "Convolution")).to_have_count(1)
@@ -52,10 +64,17 @@ def test_outlines_lie_over_the_maps_follow_the_zoom_and_go(open_page: OpenPage, 
     switch_outlines(visit)
     expect(visit.page.locator(".outlines")).to_have_count(0)
 
+    # As it was, for the next.
+    visit.page.get_by_role("button", name="Left image").first.click()
+    expect(visit.page.locator(".linked").first.locator("figure")).to_have_count(2)
+    visit.page.get_by_role("button", name="Whole image").first.click()
+    expect(marks).to_have_attribute("viewBox", "0 0 640 480")
+    visit.move("Window", "ArrowLeft", "ArrowLeft")
 
-def test_the_windows_and_their_overlap_are_drawn_on_a_phone_too(open_page: OpenPage) -> None:
-    page = open_page("Depth_maps?pair=cube&overlap=0.9", width=420)
-    visit = DepthPage(page)
+
+def test_the_windows_and_their_overlap_are_drawn_on_a_phone_too(cube_page: DepthPage) -> None:
+    visit, page = cube_page, cube_page.page
+    turned_dark(page, width=420)
     visit.choose("Why this match?")
     expect_visible(visit.said("20 px windows, 90 % overlap: one every 2 px, so 289 values in this cut."))
     chart = page.get_by_test_id("stPlotlyChart").last

@@ -14,7 +14,7 @@ from stereolag import signal_lag
 from stereolag.figures import disturbances
 from stereolag.ui.lag.disturbances import ARITHMETIC, HERE, described_parts
 from stereolag.ui.lag.disturbances.words import START
-from tests.browser.visits import OpenPage, screenshot
+from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
 
 GRID = {
     "clean": ({"noise": -30}, "clear"),
@@ -149,8 +149,9 @@ def test_transforms_of_any_length_are_those_of_numpy(arithmetic: Page, size: int
     np.testing.assert_allclose(np.array(real) + 1j * np.array(imaginary), np.fft.fft(re + 1j * im), atol=1e-9 * size)
 
 
-def open_fooling(open_page: OpenPage, **how: Any) -> Page:
-    page = open_page("Sensor_lag", **how)
+@pytest.fixture(scope="module")
+def fooling_page(keep_page: OpenPage) -> Page:
+    page = keep_page("Sensor_lag")
     page.get_by_role("tab", name="Fool it").click()
     return page
 
@@ -163,8 +164,8 @@ def start(page: Page, name: str) -> None:
     page.locator(".disturbances .examples").get_by_role("button", name=name, exact=True).click()
 
 
-def test_the_verdict_turns_under_the_mouse_and_the_keyboard(open_page: OpenPage) -> None:
-    page = open_fooling(open_page)
+def test_the_verdict_turns_under_the_mouse_and_the_keyboard(fooling_page: Page) -> None:
+    page = fooling_page
     verdict, said = page.locator(".disturbances .verdict"), page.locator(".disturbances .said")
     numbers = page.locator(".disturbances .numbers")
     expect(verdict).to_have_text("Sure: recording 2 lags by 640 samples.")
@@ -214,9 +215,10 @@ def test_the_verdict_turns_under_the_mouse_and_the_keyboard(open_page: OpenPage)
     assert page.evaluate("document.body.dataset.reran") is None
 
 
-def test_it_reads_in_dark_and_on_a_phone(open_page: OpenPage) -> None:
-    page = open_fooling(open_page, scheme="dark", width=420)
+def test_it_reads_in_dark_and_on_a_phone(fooling_page: Page) -> None:
+    page = fooling_page
+    turned_dark(page, width=420)
     start(page, "Repetition")
     expect(page.locator(".disturbances .verdict")).to_have_text("Cannot tell: it repeats every 400 samples.")
-    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 420
+    expect_fitting(page, 420)
     screenshot(page, "sensor-lag-disturbances-phone")

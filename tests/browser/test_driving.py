@@ -47,11 +47,20 @@ class Drive:
         return found
 
 
-@pytest.fixture
-def visit(open_page: OpenPage) -> Drive:
-    visit = Drive(open_page("Driving"), COUNT)
+@pytest.fixture(scope="module")
+def drive_page(keep_page: OpenPage) -> Drive:
+    visit = Drive(keep_page("Driving"), COUNT)
     visit.wait_until_done()
     return visit
+
+
+@pytest.fixture
+def visit(drive_page: Drive) -> Drive:
+    """Return the drive that all tests share, at its first frame."""
+    drive_page.page.locator(".player").focus()
+    drive_page.page.keyboard.press("Home")
+    expect(drive_page.where).to_contain_text(f"frame 1 of {COUNT}")
+    return drive_page
 
 
 def test_it_plays_steps_and_scrubs(visit: Drive) -> None:

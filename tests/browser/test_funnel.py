@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 
+import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.visits import OpenPage, screenshot
+from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
 
 WATCH_RUNS = (
     "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
@@ -20,9 +21,15 @@ def dots(page: Page) -> int:
     return len(re.findall("M", marked.get_attribute("d") or "")) if marked.count() else 0
 
 
-def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(open_page: OpenPage) -> None:
-    page = open_page("Rocketman_search")
+@pytest.fixture(scope="module")
+def steps_page(keep_page: OpenPage) -> Page:
+    page = keep_page("Rocketman_search")
     page.get_by_role("tab", name="Step by step").click()
+    return page
+
+
+def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(steps_page: Page) -> None:
+    page = steps_page
     steps, said = page.locator(".funnel .steps button"), page.locator(".funnel .said")
     bars, colour = page.locator(".funnel .bars"), page.locator(".funnel .colour")
     expect(steps).to_have_text(["All pixels3,732,596", "This colour24", "Both ends agree1", "Scored9"])
@@ -60,13 +67,13 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(o
     assert page.evaluate("document.body.dataset.reran") is None
 
 
-def test_it_reads_in_dark_and_on_a_phone(open_page: OpenPage) -> None:
-    page = open_page("Rocketman_search", scheme="dark", width=420)
-    page.get_by_role("tab", name="Step by step").click()
+def test_it_reads_in_dark_and_on_a_phone(steps_page: Page) -> None:
+    page = steps_page
+    turned_dark(page, width=420)
     page.get_by_text("Rocketman in the dust of the moon").click()
     steps = page.locator(".funnel .steps button")
     expect(steps.nth(2)).not_to_have_text("Both ends agree1")
     steps.nth(3).click()
     expect(page.locator(".funnel .said")).not_to_contain_text("score 1.00")
-    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 420
+    expect_fitting(page, 420)
     screenshot(page, "rocketman-funnel-phone")

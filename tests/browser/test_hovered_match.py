@@ -17,7 +17,7 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.hovered_match import browser_settings
 from stereolag.ui.pairs import example_pair
-from tests.browser.visits import OpenPage, expect_visible, faultless_pages, screenshot, settled
+from tests.browser.visits import expect_fitting, expect_visible, faultless_pages, screenshot, settled, turned_dark
 
 SCORING = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "hovered_match" / "scoring.js"
 
@@ -90,20 +90,16 @@ def lag(found: dict[str, int] | None) -> tuple[int, int] | None:
     return (found["dy"], found["dx"]) if found else None
 
 
-@pytest.fixture
-def open_fence(browser: Browser, parts_address: str) -> Iterator[OpenPage]:
+@pytest.fixture(scope="module")
+def fence_page(browser: Browser, parts_address: str) -> Iterator[Page]:
     with faultless_pages(browser, parts_address) as open_page:
-
-        def opened(**options: Any) -> Page:
-            page = open_page("?part=fence", **options)
-            page.locator(".curve .scores").wait_for()
-            return page
-
-        yield opened
+        page = open_page("?part=fence")
+        page.locator(".curve .scores").wait_for()
+        yield page
 
 
-def test_the_search_follows_the_pointer_the_keys_and_leaves_again(open_fence: OpenPage) -> None:
-    page = open_fence()
+def test_the_search_follows_the_pointer_the_keys_and_leaves_again(fence_page: Page) -> None:
+    page = fence_page
     reading, frames = page.locator(".hovered .reading"), page.locator(".viewport").nth(1).locator("svg path[stroke]")
     expect(frames).not_to_have_count(0)
     settled(page)
@@ -135,12 +131,13 @@ def test_the_search_follows_the_pointer_the_keys_and_leaves_again(open_fence: Op
     assert page.evaluate("document.body.dataset.reran") is None
 
 
-def test_a_click_still_asks_for_the_whole_explanation(open_fence: OpenPage) -> None:
-    page = open_fence(scheme="dark", width=420)
+def test_a_click_still_asks_for_the_whole_explanation(fence_page: Page) -> None:
+    page = fence_page
+    turned_dark(page, width=420)
     picture = page.locator(".viewport").first
     box = picture.bounding_box()
     assert box is not None
     picture.click(position={"x": box["width"] * 303.5 / 640, "y": box["height"] * 332.5 / 480})
     expect_visible(page.get_by_text("Two places fit almost equally well"))
     screenshot(page, "depth-hovered-fence-phone")
-    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 420
+    expect_fitting(page, 420)

@@ -1,4 +1,5 @@
-"""Every page worked by the keyboard alone, with the focus in sight; nothing of it cut, nothing that jumps or moves."""
+"""Every page in both themes and on a phone, and worked by the keyboard alone, with the focus in sight; nothing of it
+cut, nothing that jumps or moves."""
 
 from __future__ import annotations
 
@@ -10,8 +11,8 @@ from playwright.sync_api import Locator, Page, expect
 
 from tests.browser.layout import cut, jumps
 from tests.browser.sounds import wav_file
-from tests.browser.test_pages import ADDRESSES
-from tests.browser.visits import OpenPage, expect_visible, settled
+from tests.browser.test_pages import ADDRESSES, no_exception
+from tests.browser.visits import OpenPage, expect_visible, screenshot, settled, turned_dark
 from tests.browser.walking import walked
 
 NARROW, USUAL, WIDE = 420, 1280, 2560
@@ -69,6 +70,20 @@ def test_results_keep_their_place_and_the_slider_the_focus_while_an_answer_is_co
 
     assert jumps(page, move) == []
     expect(slider).to_be_focused()
+
+
+def test_it_opens_in_both_themes_and_on_a_phone(name: str, page: Page) -> None:
+    file = name.lower().replace(" ", "-")
+    no_exception(page)
+    screenshot(page, f"{file}-light")
+    turned_dark(page, width=390)
+    no_exception(page)
+    screenshot(page, f"{file}-phone")
+    page.set_viewport_size({"width": USUAL, "height": 900})
+    screenshot(page, f"{file}-dark")
+    page.emulate_media(color_scheme="light")
+    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "light")
+    settled(page)
 
 
 def test_nothing_is_cut_from_a_phone_to_a_wide_screen(page: Page) -> None:

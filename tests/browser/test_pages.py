@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pytest
 from playwright.sync_api import Page, expect
 
 from stereolag.ui.navigation import PAGES
@@ -19,24 +18,6 @@ def no_exception(page: Page) -> None:
     expect(page.get_by_test_id("stAlertContentError")).to_have_count(0)
 
 
-@pytest.mark.parametrize("label", ADDRESSES)
-def test_every_page_opens_in_both_themes_and_on_a_phone(open_page: OpenPage, label: str) -> None:
-    page = open_page(ADDRESSES[label])
-    name = label.lower().replace(" ", "-")
-    no_exception(page)
-    screenshot(page, f"{name}-light")
-
-    page.emulate_media(color_scheme="dark")
-    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "dark")
-    screenshot(page, f"{name}-dark")
-
-    page.set_viewport_size({"width": 390, "height": 900})
-    settled(page)
-    no_exception(page)
-    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 390
-    screenshot(page, f"{name}-phone")
-
-
 def test_the_links_lead_from_page_to_page(open_page: OpenPage) -> None:
     page = open_page()
     for label in [label for label in ADDRESSES if label != "Home"]:
@@ -44,17 +25,6 @@ def test_the_links_lead_from_page_to_page(open_page: OpenPage) -> None:
         expect(page.get_by_role("heading", level=1)).to_have_text(label)
         settled(page)
         no_exception(page)
-
-
-def test_a_slider_moves_the_depth_map(open_page: OpenPage) -> None:
-    page = open_page("Depth_maps")
-    coverage = page.locator(".figures").first
-    before = coverage.inner_text()
-    slider = page.get_by_role("slider", name="Window")
-    slider.focus()
-    slider.press("ArrowRight")
-    expect(coverage).not_to_have_text(before)
-    no_exception(page)
 
 
 def test_an_own_pair_is_uploaded_and_matched(open_page: OpenPage) -> None:
@@ -78,15 +48,3 @@ def test_an_own_pair_is_uploaded_and_matched(open_page: OpenPage) -> None:
     expect_visible(page.locator(".figures dd").filter(has_text=re.compile(r"^0\.0\d\spx$")).first)
     no_exception(page)
     screenshot(page, "depth-maps-own-files")
-
-
-def test_a_broken_picture_is_answered_with_a_sentence(open_page: OpenPage) -> None:
-    page = open_page("Rocketman_search")
-    page.get_by_text("Your own files").click()
-    settled(page)
-    broken = {"name": "broken.png", "mimeType": "image/png", "buffer": b"this is no picture"}
-    page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(broken)
-    expect(page.get_by_test_id("stAlertContentError")).to_contain_text("accepted are")
-    settled(page)
-    expect(page.get_by_role("heading", name="Found at row 528, column 982")).to_have_count(0)
-    screenshot(page, "rocketman-broken-file")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from stereolag import samples
 from stereolag.figures import phasors
 from stereolag.reading import read_signal
 from stereolag.ui.lag.phasors import described
-from tests.browser.visits import OpenPage, screenshot
+from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
 
 CHAIN = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "phasors" / "chain.js"
 
@@ -29,19 +31,27 @@ def coast() -> phasors.Phasors:
 EXAMPLES = {"knock": phasors.knock, "coast": coast, "tone": phasors.tone, "noise": phasors.noise}
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
-@pytest.mark.parametrize("whiten", [False, True])
-def test_the_chain_of_the_browser_ends_where_numpy_correlates(browser: Browser, name: str, whiten: bool) -> None:
-    found = EXAMPLES[name]()
+@pytest.fixture(scope="module")
+def blank_page(browser: Browser) -> Iterator[Page]:
     page = browser.new_page()
     page.add_script_tag(path=CHAIN)
+    yield page
+    page.close()
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("whiten", [False, True])
+def test_the_chain_of_the_browser_ends_where_numpy_correlates(blank_page: Page, name: str, whiten: bool) -> None:
+    found, page = EXAMPLES[name](), blank_page
     example = described(found, **{"try": ""})
-    told = page.evaluate("([example, whiten]) => measuredChains(example, whiten)", [example, whiten])
+    # As JSON, for Playwright looks at every number for itself.
+    all_of_it = "([example, whiten]) => JSON.stringify(measuredChains(example, whiten))"
+    told = json.loads(page.evaluate(all_of_it, [example, whiten]))
     places = page.evaluate(
         "(example) => Array.from({length: placesOf(example)}, (_, at) => lagAt(at, example))", example
     )
-    best = page.evaluate("([all, example]) => lagAt(highestReaches(all, example)[0], example)", [told, example])
-    page.close()
+    highest = "([reaches, example]) => lagAt(highestReaches({ reaches }, example)[0], example)"
+    best = page.evaluate(highest, [told["reaches"], example])
     lags, heights = phasors.correlation(found, whiten=whiten)
     np.testing.assert_array_equal(places, lags)
     np.testing.assert_allclose(told["reaches"], heights, atol=2e-5)
@@ -72,9 +82,15 @@ def drag(page: Page, drawing: str, *points: tuple[float, float]) -> None:
     page.mouse.up()
 
 
-def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag", moving=True)
+@pytest.fixture(scope="module")
+def arrows_page(keep_page: OpenPage) -> Page:
+    page = keep_page("Sensor_lag", moving=True)
     page.get_by_role("tab", name="Arrows that line up").click()
+    return page
+
+
+def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page: Page) -> None:
+    page = arrows_page
     root = page.locator(".phasors")
     slider, where, said = (root.locator(f".{name}") for name in ("lag", "where", "said"))
     slider.scroll_into_view_if_needed()
@@ -121,14 +137,14 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(open_page: O
     assert page.evaluate("document.body.dataset.reran") is None
 
 
-def test_it_reads_in_dark_and_on_a_phone_without_motion(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag", scheme="dark", width=420)
+def test_it_reads_in_dark_and_on_a_phone_without_motion(arrows_page: Page) -> None:
+    page = arrows_page
     page.emulate_media(reduced_motion="reduce")
-    page.get_by_role("tab", name="Arrows that line up").click()
+    turned_dark(page, width=420)
     root = page.locator(".phasors")
     root.get_by_role("button", name="One tone").click()
     root.locator(".play").click()
     expect(root.locator(".where")).to_have_text("Lag −1 · correlation 1.00", timeout=2500)  # played, it takes 3 s
     expect(root.locator(".peak")).to_have_count(5)
-    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 420
+    expect_fitting(page, 420)
     screenshot(page, "sensor-lag-phasors-phone")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.visits import OpenPage, screenshot
+from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
 
 GEOMETRY = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "plan" / "geometry.js"
 
@@ -25,13 +25,20 @@ def test_every_place_on_the_curve_has_the_same_path_difference(browser: Browser,
     assert np.hypot(*places.T).max() > 800
 
 
-def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag")
+@pytest.fixture(scope="module")
+def plan_page(keep_page: OpenPage) -> Page:
+    page = keep_page("Sensor_lag")
     page.get_by_role("tab", name="From lag to metres").click()
+    return page
+
+
+def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(plan_page: Page) -> None:
+    page = plan_page
     plan = page.locator(".plan")
     said, stage = plan.locator(".said"), plan.locator(".stage")
     stage.scroll_into_view_if_needed()
     expect(said).to_contain_text("sensor 2 is")
+    expect(said).to_contain_text("apart")
     expect(plan.locator("output")).to_have_text("567.3 m")
     plan.get_by_role("button", name="In line").click()
     expect(said).to_contain_text("567.3 m longer")
@@ -54,10 +61,11 @@ def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(open_pa
     expect(said).to_contain_text(re.compile(r"378\.2\sm longer.*This is your lag\."))
 
 
-def test_the_plan_fits_a_phone_in_the_dark(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag", scheme="dark", width=390)
-    page.get_by_role("tab", name="From lag to metres").click()
+def test_the_plan_fits_a_phone_in_the_dark(plan_page: Page) -> None:
+    page = plan_page
+    turned_dark(page, width=390)
     page.locator(".plan .stage").scroll_into_view_if_needed()
-    expect(page.locator(".plan .said")).to_contain_text("apart")
-    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 390
+    page.locator(".plan").get_by_role("button", name="As far from both").click()
+    expect(page.locator(".plan .said")).to_contain_text("the lag is 0")
+    expect_fitting(page, 390)
     screenshot(page, "sensor-lag-plan-phone")

@@ -32,8 +32,13 @@ def lines(content: bytes) -> list[dict[str, str]]:
     return [*csv.DictReader(io.StringIO(content.decode()))]
 
 
-def test_every_file_of_a_lag_is_downloaded_and_read_back(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag?max_lag=60000")
+@pytest.fixture(scope="module")
+def lag_page(keep_page: OpenPage) -> Page:
+    return keep_page("Sensor_lag?max_lag=60000")
+
+
+def test_every_file_of_a_lag_is_downloaded_and_read_back(lag_page: Page) -> None:
+    page = lag_page
     open_fold(page, "Take it away")
     result = json.loads(downloaded(page, "Result JSON"))
     assert (result["lag_samples"], result["settings"]["max_lag"]) == (50_082, 60_000)
@@ -52,8 +57,8 @@ def test_every_file_of_a_lag_is_downloaded_and_read_back(open_page: OpenPage) ->
     screenshot(page, "sensor-lag-files-light")
 
 
-def test_both_recordings_are_heard_together(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag")
+def test_both_recordings_are_heard_together(lag_page: Page) -> None:
+    page = lag_page
     before = page.locator("audio").count()
     open_fold(page, "Hear both together")
     players = page.locator("audio")

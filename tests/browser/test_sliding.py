@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from playwright.sync_api import Browser, Page, expect
 
 from stereolag.figures import sliding
-from tests.browser.visits import OpenPage, screenshot
+from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
 
 PRODUCTS = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "sliding" / "products.js"
 
@@ -62,8 +62,13 @@ def drag_to(page: Page, sample: float, *, of: int, start: float) -> None:
         getattr(page.mouse, way)()
 
 
-def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag", moving=True)
+@pytest.fixture(scope="module")
+def lag_page(keep_page: OpenPage) -> Page:
+    return keep_page("Sensor_lag", moving=True)
+
+
+def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(lag_page: Page) -> None:
+    page = lag_page
     stage, where = page.locator(".sliding .stage"), page.locator(".sliding .where")
     said = page.locator(".sliding .said")
     expect(where).to_have_text("Lag 0 · sum 10")
@@ -104,10 +109,12 @@ def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(open_page: 
     assert page.evaluate("document.body.dataset.reran") is None
 
 
-def test_it_reads_in_dark_and_on_a_phone(open_page: OpenPage) -> None:
-    page = open_page("Sensor_lag", scheme="dark", width=390)
+def test_it_reads_in_dark_and_on_a_phone(lag_page: Page) -> None:
+    page = lag_page
+    page.emulate_media(reduced_motion="reduce")
+    turned_dark(page, width=390)
     page.get_by_role("button", name="Pure tone").click()
     page.locator(".sliding .play").click()
     expect(page.locator(".sliding .peak")).to_have_count(10)
-    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 390
+    expect_fitting(page, 390)
     screenshot(page, "sensor-lag-sliding-phone")

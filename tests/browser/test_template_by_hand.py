@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from stereolag.figures.template_by_hand import ReducedSearch, reduced_search
 from stereolag.ui.pictures import example_pictures
-from tests.browser.visits import OpenPage, screenshot, settled
+from tests.browser.visits import OpenPage, expect_fitting, screenshot, settled, turned_dark
 
 SCORING = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "search" / "by_hand" / "scoring.js"
 
@@ -118,8 +118,13 @@ def touch_to(page: Page, row: float, col: float) -> None:
     finger.detach()
 
 
-def test_he_is_found_by_hand_with_the_mouse_and_the_keys(open_page: OpenPage) -> None:
-    page = open_page("Rocketman_search")
+@pytest.fixture(scope="module")
+def search_page(keep_page: OpenPage) -> Page:
+    return keep_page("Rocketman_search")
+
+
+def test_he_is_found_by_hand_with_the_mouse_and_the_keys(search_page: Page) -> None:
+    page = search_page
     stage, where = page.locator(".by-hand .stage"), page.locator(".by-hand .where")
     expect(where).to_contain_text("Row")
     stage.scroll_into_view_if_needed()
@@ -169,24 +174,8 @@ def test_he_is_found_by_hand_with_the_mouse_and_the_keys(open_page: OpenPage) ->
     assert page.evaluate("document.body.dataset.reran") is None
 
 
-def test_it_can_be_done_in_dark_and_on_a_phone_by_touch(open_page: OpenPage) -> None:
-    page = open_page("Rocketman_search", scheme="dark", width=420)
-    page.get_by_text("Rocketman in the dust of the moon").click()
-    settled(page)
-    expect(page.locator(".by-hand .where")).to_contain_text("Row")
-    page.locator(".by-hand .stage").scroll_into_view_if_needed()
-    touch_to(page, 1048, 1707)
-    expect(page.locator(".by-hand .where")).to_contain_text(re.compile(r"Row 10[3456]\d, column 1[67]\d\d"))
-    assert painted(page) > 0.01  # it slid, and the page did not scroll
-    assert page.locator(".by-hand .stage").evaluate("stage => getComputedStyle(stage).touchAction") == "pan-y"
-    page.locator(".by-hand .reveal").click()
-    expect(page.locator(".by-hand .said")).to_contain_text(re.compile(r"row 1048, column 1707: 0\.8[01]\d"))
-    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 420
-    screenshot(page, "rocketman-by-hand-phone")
-
-
-def test_the_score_map_is_read_under_the_pointer_and_compared_on_a_click(open_page: OpenPage) -> None:
-    page = open_page("Rocketman_search")
+def test_the_score_map_is_read_under_the_pointer_and_compared_on_a_click(search_page: Page) -> None:
+    page = search_page
     stage, reading = page.locator(".score-map .stage"), page.locator(".score-map .reading")
     where = page.locator(".by-hand .where")
     expect(where).to_contain_text("Row")
@@ -210,3 +199,20 @@ def test_the_score_map_is_read_under_the_pointer_and_compared_on_a_click(open_pa
     page.mouse.move(2, 2)
     expect(reading).to_have_text(re.compile(r"^Row 53\d"))
     assert page.evaluate("document.body.dataset.reran") is None
+
+
+def test_it_can_be_done_in_dark_and_on_a_phone_by_touch(search_page: Page) -> None:
+    page = search_page
+    turned_dark(page, width=420)
+    page.get_by_text("Rocketman in the dust of the moon").click()
+    settled(page)
+    expect(page.locator(".by-hand .where")).to_contain_text("Row")
+    page.locator(".by-hand .stage").scroll_into_view_if_needed()
+    touch_to(page, 1048, 1707)
+    expect(page.locator(".by-hand .where")).to_contain_text(re.compile(r"Row 10[3456]\d, column 1[67]\d\d"))
+    assert painted(page) > 0.01  # it slid, and the page did not scroll
+    assert page.locator(".by-hand .stage").evaluate("stage => getComputedStyle(stage).touchAction") == "pan-y"
+    page.locator(".by-hand .reveal").click()
+    expect(page.locator(".by-hand .said")).to_contain_text(re.compile(r"row 1048, column 1707: 0\.8[01]\d"))
+    expect_fitting(page, 420)
+    screenshot(page, "rocketman-by-hand-phone")

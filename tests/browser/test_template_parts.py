@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from stereolag.reading.hand_marks import packed_mask, read_packed_mask
 from stereolag.ui.search.painting import HERE
-from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
+from tests.browser.visits import OpenPage, expect_fitting, expect_visible, screenshot, settled, turned_dark
 
 COLS = 2446
 
 
-def opened_to_cut(open_page: OpenPage, **options: object) -> Page:
-    page = open_page("Rocketman_search", **options)
-    page.get_by_text("Cut from the image").click()
-    settled(page)
+@pytest.fixture(scope="module")
+def search_page(keep_page: OpenPage) -> Page:
+    """Return the page that all tests share; those that cut come first, for the box stays where it was left."""
+    return keep_page("Rocketman_search")
+
+
+def cut_from_the_image(page: Page) -> None:
+    cut = page.get_by_role("radio", name="Cut from the image")
+    if not cut.is_checked():
+        cut.click()
+        settled(page)
     page.locator(".cutting .stage").scroll_into_view_if_needed()
-    return page
 
 
 def box(page: Page) -> list[int]:
@@ -44,9 +51,39 @@ def found_at(page: Page, row: int, col: int) -> None:
     expect_visible(page.get_by_role("heading", name=f"Found at row {row}, column {col}", exact=True))
 
 
-def test_a_box_is_dragged_typed_and_moved_with_keys(open_page: OpenPage) -> None:
-    page = opened_to_cut(open_page)
+def test_a_finger_moves_the_box(search_page: Page) -> None:
+    page = search_page
+    cut_from_the_image(page)
+    turned_dark(page, width=420)
+    page.locator(".cutting .stage").scroll_into_view_if_needed()
     assert box(page) == [636, 1070, 305, 254]
+    left, top, scale = origin(page)
+    touch = page.context.new_cdp_session(page)
+    touch.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
+
+    def finger(kind: str, row: float, col: float) -> None:
+        points = [] if kind == "touchEnd" else [{"x": left + col * scale, "y": top + row * scale}]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    finger("touchStart", 760, 1220)
+    for part in (0.3, 0.6, 1):
+        finger("touchMove", 760 + 300 * part, 1220 + 500 * part)
+    finger("touchEnd", 1060, 1720)
+    row, col, width, height = box(page)
+    assert (width, height) == (305, 254)
+    assert np.allclose([row, col], [936, 1570], atol=25)  # a pixel of this screen is six of the image
+    found_at(page, row, col)
+    expect_fitting(page, 420)
+    touch.send("Emulation.setTouchEmulationEnabled", {"enabled": False})
+    touch.detach()
+    page.emulate_media(color_scheme="light")
+    page.set_viewport_size({"width": 1280, "height": 900})
+    settled(page)
+
+
+def test_a_box_is_dragged_typed_and_moved_with_keys(search_page: Page) -> None:
+    page = search_page
+    cut_from_the_image(page)
     drag(page, (400, 700), (560, 940))  # a new one
     row, col, width, height = box(page)
     assert np.allclose([row, col, width, height], [400, 700, 240, 160], atol=4)
@@ -82,27 +119,8 @@ def test_a_box_is_dragged_typed_and_moved_with_keys(open_page: OpenPage) -> None
     page.get_by_text("Cut from the image").click()
     settled(page)
     assert box(page) == [0, 982, 111, 4]  # kept
-
-
-def test_a_finger_moves_the_box(open_page: OpenPage) -> None:
-    page = opened_to_cut(open_page, scheme="dark", width=420)
-    left, top, scale = origin(page)
-    touch = page.context.new_cdp_session(page)
-    touch.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
-
-    def finger(kind: str, row: float, col: float) -> None:
-        points = [] if kind == "touchEnd" else [{"x": left + col * scale, "y": top + row * scale}]
-        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
-
-    finger("touchStart", 760, 1220)
-    for part in (0.3, 0.6, 1):
-        finger("touchMove", 760 - 300 * part, 1220 - 500 * part)
-    finger("touchEnd", 460, 720)
-    row, col, width, height = box(page)
-    assert (width, height) == (305, 254)
-    assert np.allclose([row, col], [336, 570], atol=25)  # a pixel of this screen is six of the image
-    found_at(page, row, col)
-    assert page.evaluate("document.querySelector('[data-testid=stMain]').scrollWidth") <= 420
+    page.get_by_text("The example’s").click()
+    found_at(page, 528, 982)
 
 
 def test_python_and_the_browser_pack_masks_alike(browser: Browser) -> None:
@@ -117,8 +135,8 @@ def test_python_and_the_browser_pack_masks_alike(browser: Browser) -> None:
     np.testing.assert_array_equal(read_packed_mask(found, mask.shape) > 0, mask)
 
 
-def test_a_painted_mask_is_used_when_it_is_asked_for(open_page: OpenPage) -> None:
-    page = open_page("Rocketman_search")
+def test_a_painted_mask_is_used_when_it_is_asked_for(search_page: Page) -> None:
+    page = search_page
     page.get_by_text("Paint a mask").click()
     use, counts = page.get_by_role("button", name="Use this mask"), page.locator(".painting .counts")
     stage = page.locator(".painting .stage")
@@ -150,8 +168,8 @@ def test_a_painted_mask_is_used_when_it_is_asked_for(open_page: OpenPage) -> Non
     expect(use).to_be_disabled()
 
 
-def test_opencv_answers_beside_and_damage_is_seen(open_page: OpenPage) -> None:
-    page = open_page("Rocketman_search")
+def test_opencv_answers_beside_and_damage_is_seen(search_page: Page) -> None:
+    page = search_page
     page.get_by_role("button", name="Search with OpenCV too").click()
     expect_visible(page.get_by_text("The same place; the scores differ by less than"))
     page.get_by_role("tab", name="Damage it").click()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
+import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.browser.conftest import OpenPage
@@ -36,9 +37,23 @@ def give_both(page: Page) -> None:
     expect_visible(page.get_by_role("heading", name=OWN))
 
 
-def test_a_broken_file_dropped_over_a_good_one_changes_nothing(open_page: OpenPage) -> None:
-    page = on_own_files(open_page("Sensor_lag"))
+@pytest.fixture(scope="module")
+def own_page(keep_page: OpenPage) -> Page:
+    return on_own_files(keep_page("Sensor_lag"))
+
+
+def test_a_refused_file_leaves_no_answer_of_an_example(own_page: Page) -> None:
+    page = own_page
+    give(page, 0, BROKEN)
+    expect_visible(page.get_by_text(REFUSAL))
+    assert EXAMPLE not in page.inner_text("body").split("The source report")[0]
+    expect(page.locator("[data-testid=stMetric]")).to_have_count(0)
+
+
+def test_a_broken_file_dropped_over_a_good_one_changes_nothing(own_page: Page) -> None:
+    page = own_page
     give_both(page)
+    expect(page.get_by_text(REFUSAL)).to_have_count(0)
     page.evaluate(
         """() => {
           window.thrownBack = false;
@@ -56,21 +71,13 @@ def test_a_broken_file_dropped_over_a_good_one_changes_nothing(open_page: OpenPa
     expect(page.get_by_text(REFUSAL)).to_have_count(0)
 
 
-def test_a_file_that_was_removed_is_forgotten(open_page: OpenPage) -> None:
-    page = on_own_files(open_page("Sensor_lag"))
+def test_a_file_that_was_removed_is_forgotten(own_page: Page) -> None:
+    page = own_page
     give_both(page)
     page.get_by_role("button", name="Remove second.wav").click()
     expect_visible(page.get_by_text("the page shows the example"))
     settled(page)
     expect(page.get_by_role("heading", name=OWN)).to_have_count(0)
-
-
-def test_a_refused_file_leaves_no_answer_of_an_example(open_page: OpenPage) -> None:
-    page = on_own_files(open_page("Sensor_lag"))
-    give(page, 0, BROKEN)
-    expect_visible(page.get_by_text(REFUSAL))
-    assert EXAMPLE not in page.inner_text("body").split("The source report")[0]
-    expect(page.locator("[data-testid=stMetric]")).to_have_count(0)
 
 
 def test_after_a_restart_the_page_says_that_the_files_are_gone(browser: Browser) -> None:
@@ -90,6 +97,7 @@ def test_after_a_restart_the_page_says_that_the_files_are_gone(browser: Browser)
         expect(page.get_by_role("heading", name=OWN)).to_have_count(0)
         expect(page.get_by_text("Your own recordings.")).to_have_count(0)
         page.get_by_test_id("stButtonGroup").get_by_text("Coast", exact=True).click()
+        settled(page)
         expect_visible(page.get_by_role("heading", name=EXAMPLE))
         on_own_files(page)
         give_both(page)

@@ -124,6 +124,22 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
     assert errors == [], errors
 
 
+def turned_dark(page: Page, *, width: int) -> None:
+    """Turn an open page to the dark and to a width, as of a phone, and expect it to fit: opening another costs ten
+    times as much."""
+    page.emulate_media(color_scheme="dark")
+    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "dark")
+    page.set_viewport_size({"width": width, "height": 900})
+    settled(page)
+    expect_fitting(page, width)
+
+
+def expect_fitting(page: Page, width: int) -> None:
+    """Expect nothing of a page to be wider than its window."""
+    fits = "(width) => document.querySelector('[data-testid=stMain]').scrollWidth <= width"
+    page.wait_for_function(fits, arg=width)  # charts follow a moment later
+
+
 def settled(page: Page) -> None:
     """Wait until the server has answered, the script has run, heavy work is done and every chart is drawn."""
     page.wait_for_selector("h1")
