@@ -213,6 +213,6 @@ def test_help_tells_every_setting_with_its_bounds_and_what_holds(
         if base_type(field) is int and Bounds.of(field).high is not None and "multiple" not in str(field.metadata):
             bounds = Bounds.of(field)
             assert f"from {bounds.low} to {bounds.high}." in said or f"from {bounds.low} to {bounds.high} or" in said
-    window = getattr(start, "window_size", None) or getattr(start, "block_size", None)
-    assert f"(default: {window})" in said
+    side = next(value for value in dict(start).values() if isinstance(value, int))
+    assert f"(default: {side})" in said
     assert "exit codes: 0 done; 1 an input is refused" in said

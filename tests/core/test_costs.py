@@ -57,10 +57,10 @@ def test_the_cost_is_that_of_the_formula(
     assert np.abs(found - expected(left, right, radius, first, count, cost)).max() < 0.51
 
 
-@pytest.mark.parametrize("weights", [(100, 0, 0), (0, 100, 0), (0, 0, 50), (100, 100, 50)])
-def test_each_term_alone(weights: tuple[int, int, int]) -> None:
+@pytest.mark.parametrize("term", MatchingCost.weights())
+def test_each_term_alone(term: str) -> None:
     left, right = noise((9, 15)), noise((9, 15), 1)
-    cost = MatchingCost(correlation=weights[0], census=weights[1], gradient=weights[2])
+    cost = MatchingCost(**dict.fromkeys(MatchingCost.weights(), 0) | {term: 50})
     found = matching_cost(left, right, window_size=5, min_disparity=0, num_disparities=6, settings=cost)
     assert np.abs(found - expected(left, right, 2, 0, 6, cost)).max() < 0.51
 

@@ -122,10 +122,11 @@ def test_a_window_without_a_middle_is_refused(size: int) -> None:
 
 
 def test_weights_that_are_all_nothing_are_refused() -> None:
+    *others, last = MatchingCost.weights()
     with pytest.raises(
-        SettingsError, match="correlation, census and gradient add up to 0; allowed are 1 to 250 together"
+        SettingsError, match=f"{', '.join(others)} and {last} add up to 0; allowed are 1 to 250 together"
     ):
-        MatchingCost(correlation=0, census=0, gradient=0)
+        MatchingCost(**dict.fromkeys(MatchingCost.weights(), 0))
 
 
 WEIGHTS = [(100, 100, 40), (100, 0, 0), (0, 100, 0), (0, 0, 50), (3, 0, 0)]
