@@ -19,6 +19,7 @@ class Drive:
         page.get_by_role("radio", name="Your ZIP, or side-by-side video").click()
         example = page.get_by_text("Until your frames are here")
         expect_visible(example)
+        settled(page)  # a box that is drawn anew loses what it was given
         page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(
             {"name": "drive.zip", "mimeType": "application/zip", "buffer": drive(count=count)}
         )
