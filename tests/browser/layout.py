@@ -30,7 +30,8 @@ WATCH_JUMPS = """
 () => {
   window.jumps = [];
   const said = (node) => (node?.textContent ?? "").trim().slice(0, 40) || node?.localName;
-  const PASSING = "[class*=st-key-working-], [data-testid=stSpinner]";
+  // The handle of a slider, with its number, moves by itself.
+  const PASSING = "[class*=st-key-working-], [data-testid=stSpinner], [data-testid=stSlider]";
   const passing = (node) => (node?.parentElement ?? node)?.closest?.(PASSING);
   window.jumping = new PerformanceObserver((list) => {
     const moved = list.getEntries().flatMap(({ sources }) => sources);

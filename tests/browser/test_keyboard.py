@@ -4,6 +4,7 @@ cut, nothing that jumps or moves."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -112,9 +113,8 @@ def choose(page: Page, wanted: str, *, begin: str) -> None:
 
 def turn_through(page: Page, *tabs: str) -> None:
     """Go along the tabs with the arrow keys."""
-    page.get_by_role("tab", name=tabs[0]).focus()
-    for name in tabs[1:]:
-        page.keyboard.press("ArrowRight")
+    for here, name in pairwise(tabs):
+        page.get_by_role("tab", name=here).press("ArrowRight")
         tab = page.get_by_role("tab", name=name)
         expect(tab).to_be_focused()
         expect(tab).to_have_attribute("aria-selected", "true")
