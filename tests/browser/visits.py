@@ -28,7 +28,7 @@ const fields = (bytes) => {
     [tag, at] = field(bytes, at);
     [size, at] = [0, 1, 5].includes(tag & 7) ? { 0: field(bytes, at), 1: [8, at], 5: [4, at] }[tag & 7]
       : field(bytes, at);
-    found.set(tag >> 3, bytes.subarray(at, at + (tag & 7 ? size : 0)));
+    found.set(tag >> 3, tag & 7 ? bytes.subarray(at, at + size) : size);
     at += tag & 7 ? size : 0;
   }
   return found;
@@ -48,7 +48,7 @@ WebSocket.prototype.send = function (data) {
   const asked = message(data);
   const rerun = asked.get(RERUN_SCRIPT);
   // A part of the page that asks again by itself is not answered when a run has removed it.
-  if (rerun && !fields(rerun).has(AUTOMATIC)) [awaited.answer, awaited.upload] = [true, false];
+  if (rerun && !fields(rerun).get(AUTOMATIC)) [awaited.answer, awaited.upload] = [true, false];
   if (asked.has(FILE_URLS_REQUEST)) awaited.upload = true;
   return send.call(this, data);
 };
