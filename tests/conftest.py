@@ -10,6 +10,9 @@ from hypothesis import settings
 
 PROJECT = Path(__file__).resolve().parents[1]
 
+# Before NumPy is imported: its threads wait for each other with the processor busy, which the other workers need.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # Else every process that a test starts compiles all sources anew, a second each.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
