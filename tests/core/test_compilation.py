@@ -11,11 +11,12 @@ import shutil
 import stat
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from forked_starts import Forks, Start
 from numba.core.dispatcher import Dispatcher
 
 import stereolag
@@ -25,6 +26,8 @@ from stereolag.loops.compilation import FOLDER, MAKES_CODE, SOURCES, is_private
 COMPILATION = Path(compilation.__file__).relative_to(SOURCES)
 
 PROJECT = Path(__file__).resolve().parents[2]
+
+Run = Callable[..., tuple[str, str]]
 
 SMALL_LAG = """
 import numpy as np
@@ -95,24 +98,41 @@ def variables_for(folder: Path) -> dict[str, str]:
     }
 
 
-def run(
-    folder: Path, *arguments: str, before: Sequence[str] = (), **variables: str
-) -> subprocess.CompletedProcess[str]:
-    """Run Python on what a folder holds."""
+def run_alone(folder: Path, *arguments: str, before: Sequence[str] = ()) -> tuple[str, str]:
+    """Run Python on what a folder holds, and return what it prints and its errors."""
     command = [*before, sys.executable, "-W", "error", *arguments]
-    environment = variables_for(folder) | variables
-    return subprocess.run(command, cwd=folder.parent, env=environment, capture_output=True, text=True, check=False)
+    environment = variables_for(folder)
+    ran = subprocess.run(command, cwd=folder.parent, env=environment, capture_output=True, text=True, check=False)
+    return ran.stdout, ran.stderr
 
 
-def begun(folder: Path, **variables: str) -> subprocess.Popen[str]:
-    """Run the two loops of a folder as far as to the first call, which waits for a line."""
-    command = [sys.executable, "-W", "error", str(folder / "outer.py"), "wait"]
-    environment = variables_for(folder) | variables
-    pipe = subprocess.PIPE
-    process = subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
-    assert process.stdout is not None
-    assert process.stdout.readline() == "ready\n", process.communicate()[1]
-    return process
+@pytest.fixture(scope="module")
+def forks() -> Iterator[Forks]:
+    server = Forks()
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def run(forks: Forks) -> Run:
+    """Return what runs the two loops of a folder, and returns what it prints and its errors."""
+
+    def run_loops(folder: Path, **variables: str) -> tuple[str, str]:
+        return forks.start(folder / "outer.py", variables=variables_for(folder) | variables).ended()
+
+    return run_loops
+
+
+@pytest.fixture
+def begun(forks: Forks) -> Callable[..., Start]:
+    """Return what runs the two loops of a folder as far as to the first call, which waits for a line."""
+
+    def begin(folder: Path, **variables: str) -> Start:
+        start = forks.start(folder / "outer.py", "wait", variables=variables_for(folder) | variables)
+        assert start.out.readline() == "ready\n", start.ended()
+        return start
+
+    return begin
 
 
 def code_in(folder: Path) -> dict[str, int]:
@@ -121,80 +141,77 @@ def code_in(folder: Path) -> dict[str, int]:
 
 
 def test_a_first_start_keeps_machine_code_beside_the_sources_and_says_nothing(install: Path) -> None:
-    ran = run(install, "-c", SMALL_LAG)
-    assert (ran.stdout, ran.stderr) == ("4\n", "")
+    assert run_alone(install, "-c", SMALL_LAG) == ("4\n", "")
     assert code_in((install / "stereolag" / COMPILATION).with_name("__pycache__"))
     assert not code_in(install.parent / "temporary")
 
 
-def test_without_a_place_beside_the_sources_code_is_kept_in_the_temporary_folder(install: Path) -> None:
-    (install / "stereolag" / COMPILATION).with_name("__pycache__").touch()  # a file: not even root makes a folder of it
-    first = run(install, "-c", SMALL_LAG)
-    assert first.stdout == "4\n", first.stderr
-    kept = code_in(install.parent / "temporary")
-    second = run(install, "-c", SMALL_LAG)
-    assert second.stdout == "4\n"
+def test_without_a_place_beside_the_sources_code_is_kept_in_the_temporary_folder(loops: Path, run: Run) -> None:
+    (loops / "__pycache__").touch()  # a file: not even root makes a folder of it
+    first = run(loops)
+    kept = code_in(loops.parent / "temporary")
+    second = run(loops)
     assert kept
-    assert code_in(install.parent / "temporary") == kept
-    for ran in (first, second):
-        (line,) = ran.stderr.splitlines()
-        assert line.startswith(f"Machine code is kept in {install.parent / 'temporary'}")
+    assert code_in(loops.parent / "temporary") == kept
+    for out, err in (first, second):
+        assert out == "2\n", err
+        (line,) = err.splitlines()
+        assert line.startswith(f"Machine code is kept in {loops.parent / 'temporary'}")
         assert line.endswith("set NUMBA_CACHE_DIR to a folder that only this user can write to.")
 
 
-def test_a_read_only_install_works_though_it_holds_older_code(install: Path) -> None:
+def test_a_read_only_install_works_though_it_holds_older_code(loops: Path) -> None:
     mount = ["unshare", "--mount", "sh", "-c", 'mount --bind "$0" "$0" && mount -o remount,ro,bind "$0" && exec "$@"']
-    command = [*mount, str(install)]
+    command = [*mount, str(loops)]
     if not shutil.which("unshare") or subprocess.run([*command, "true"], capture_output=True, check=False).returncode:
         pytest.skip("this user may not mount a folder read-only")
-    older = (install / "stereolag" / COMPILATION).with_name("__pycache__") / OLDER
+    older = loops / "__pycache__" / OLDER
     older.mkdir(parents=True)
     os.utime(older, (0, 0))
-    ran = run(install, "-c", SMALL_LAG, before=command)
-    assert ran.stdout == "4\n", ran.stderr
-    (line,) = ran.stderr.splitlines()
+    out, err = run_alone(loops, str(loops / "outer.py"), before=command)
+    assert out == "2\n", err
+    (line,) = err.splitlines()
     assert "(Read-only file system)" in line
     assert older.exists()
 
 
-def test_a_place_that_is_taken_is_not_used(loops: Path) -> None:
-    run(loops, str(loops / "outer.py"))
+def test_a_place_that_is_taken_is_not_used(loops: Path, run: Run) -> None:
+    run(loops)
     (kept,) = (loops / "__pycache__").iterdir()
     shutil.rmtree(kept)
     kept.touch()
-    ran = run(loops, str(loops / "outer.py"))
-    assert ran.stdout == "2\n", ran.stderr
-    (line,) = ran.stderr.splitlines()
+    out, err = run(loops)
+    assert out == "2\n", err
+    (line,) = err.splitlines()
     assert line.startswith(f"Machine code is kept in {loops.parent / 'temporary'}")
 
 
-def test_without_any_place_loops_are_compiled_anew(loops: Path) -> None:
+def test_without_any_place_loops_are_compiled_anew(loops: Path, run: Run) -> None:
     (loops / "__pycache__").touch()
     squatted = loops.parent / "temporary" / f"stereolag-{os.geteuid()}"
     squatted.mkdir(parents=True)
     squatted.chmod(0o777)
-    ran = run(loops, str(loops / "outer.py"))
-    assert ran.stdout == "2\n", ran.stderr
-    (line,) = ran.stderr.splitlines()
+    out, err = run(loops)
+    assert out == "2\n", err
+    (line,) = err.splitlines()
     assert line.startswith("Machine code is not kept, and compiled anew at every start")
     assert not code_in(loops.parent)
 
 
-def test_the_folder_that_the_operator_names_is_used_and_nothing_is_said(loops: Path) -> None:
+def test_the_folder_that_the_operator_names_is_used_and_nothing_is_said(loops: Path, run: Run) -> None:
     (loops / "__pycache__").touch()
-    ran = run(loops, str(loops / "outer.py"), NUMBA_CACHE_DIR=str(loops.parent / "named"))
-    assert (ran.stdout, ran.stderr) == ("2\n", "")
+    assert run(loops, NUMBA_CACHE_DIR=str(loops.parent / "named")) == ("2\n", "")
     assert code_in(loops.parent / "named")
 
 
 @pytest.mark.parametrize("mtime", [0, 4_000_000_000])
-def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Path, mtime: int) -> None:
+def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Path, mtime: int, run: Run) -> None:
     def answer() -> str:
         for source in loops.glob("*.py"):
             os.utime(source, (mtime, mtime))
-        ran = run(loops, str(loops / "outer.py"))
-        assert ran.stderr == ""
-        return ran.stdout
+        out, err = run(loops)
+        assert err == ""
+        return out
 
     assert answer() == "2\n"
     kept = code_in(loops)
@@ -204,33 +221,38 @@ def test_an_answer_is_never_that_of_older_sources_whatever_their_dates(loops: Pa
     assert answer() == "3\n"
 
 
-def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(tmp_path: Path) -> None:
+def test_processes_that_start_at_once_keep_the_code_of_their_own_sources(
+    tmp_path: Path, run: Run, begun: Callable[..., Start]
+) -> None:
     kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     releases = [two_loops(tmp_path / "older", 1), two_loops(tmp_path / "newer", 2)]
     processes = [begun(loops, **kept) for loops in 3 * releases]
     for process in processes:
-        assert process.stdin is not None
-        process.stdin.write("\n")
-        process.stdin.flush()
-    assert [process.communicate() for process in processes] == 3 * [("2\n", ""), ("3\n", "")]
+        process.told.write("\n")
+        process.told.flush()
+    assert [process.ended() for process in processes] == 3 * [("2\n", ""), ("3\n", "")]
     code = code_in(tmp_path / "kept")
     assert len({Path(file).relative_to(tmp_path / "kept").parts[0] for file in code}) == 2
-    assert [run(loops, str(loops / "outer.py"), **kept).stdout for loops in releases] == ["2\n", "3\n"]
+    assert [run(loops, **kept) for loops in releases] == [("2\n", ""), ("3\n", "")]
     assert code_in(tmp_path / "kept") == code
 
 
-def test_an_upgrade_leaves_a_process_its_code_and_takes_none_from_it(loops: Path) -> None:
-    run(loops, str(loops / "outer.py"))
+def test_an_upgrade_leaves_a_process_its_code_and_takes_none_from_it(
+    loops: Path, run: Run, begun: Callable[..., Start]
+) -> None:
+    run(loops)
     older = code_in(loops)
     running = begun(loops)
     (loops / "inner.py").write_text(INNER.format(2))
-    assert run(loops, str(loops / "outer.py")).stdout == "3\n"
+    assert run(loops) == ("3\n", "")
     assert older.items() <= code_in(loops).items()
-    assert running.communicate("\n") == ("2\n", "")
-    assert run(loops, str(loops / "outer.py")).stdout == "3\n"
+    assert running.ended("\n") == ("2\n", "")
+    assert run(loops) == ("3\n", "")
 
 
-def test_code_that_is_long_unused_is_forgotten_and_compiled_by_who_still_wants_it(loops: Path) -> None:
+def test_code_that_is_long_unused_is_forgotten_and_compiled_by_who_still_wants_it(
+    loops: Path, run: Run, begun: Callable[..., Start]
+) -> None:
     running = begun(loops)
     (older,) = (loops / "__pycache__").iterdir()
     os.utime(older, (0, 0))
@@ -239,12 +261,12 @@ def test_code_that_is_long_unused_is_forgotten_and_compiled_by_who_still_wants_i
         other.mkdir()
         os.utime(other, (0, 0))
     (loops / "inner.py").write_text(INNER.format(2))
-    assert run(loops, str(loops / "outer.py")).stdout == "3\n"
+    assert run(loops) == ("3\n", "")
     assert not older.exists()
     assert all(other.exists() for other in others)
-    assert running.communicate("\n") == ("2\n", "")
+    assert running.ended("\n") == ("2\n", "")
     assert code_in(older)
-    assert run(loops, str(loops / "outer.py")).stdout == "3\n"
+    assert run(loops) == ("3\n", "")
     assert code_in(older)
 
 
