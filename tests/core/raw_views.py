@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import cv2
 import numpy as np
 
 
 def barrel(image: np.ndarray, k1: float) -> np.ndarray:
     """Return an image as a lens with OpenCV's k1 and a focal length of one width sees it."""
-    height, width = image.shape[:2]
-    centre = np.array([width - 1, height - 1]) / 2
-    rows, cols = np.indices((height, width))
-    distorted = (np.column_stack([cols.ravel(), rows.ravel()]) - centre) / width
-    straight = distorted.copy()
-    for _ in range(60):
-        straight = distorted / (1 + k1 * (straight**2).sum(axis=1, keepdims=True))
-    where = (straight * width + centre).astype(np.float32).reshape(height, width, 2)
+    where = _straight_places(image.shape[:2], k1)
     return cv2.remap(image, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+@cache
+def _straight_places(shape: tuple[int, int], k1: float) -> np.ndarray:
+    """Return what each pixel of such a lens shows, (rows, cols, 2) (x, y) of the straight image."""
+    height, width = shape
+    centre = np.array([width - 1, height - 1]) / 2
+    rows, cols = np.indices(shape)
+    distorted = (np.dstack([cols, rows]) - centre) / width
+    straight = np.linspace(0, 1, 20_001)
+    radius = np.linalg.norm(distorted, axis=2)
+    scale = np.interp(radius, straight * (1 + k1 * straight**2), straight) / np.maximum(radius, 1e-9)
+    return (distorted * scale[..., None] * width + centre).astype(np.float32)
 
 
 def through_barrel(points: np.ndarray, shape: tuple[int, int], k1: float) -> np.ndarray:

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ailing_pairs import ILLS, REMEDIES, turned
+from diagnosed import diagnosed
 
-from stereolag.doctor import Diagnosis, FindingCode, Remedy, apply_remedy, diagnose, judge_range
+from stereolag.doctor import Diagnosis, FindingCode, Remedy, apply_remedy, judge_range
 from stereolag.doctor.correspondences import find_correspondences
 from stereolag.doctor.remedies import exposed_alike, levelled
 from stereolag.reading import read_disparity, read_image
@@ -35,7 +36,7 @@ def pair(request: pytest.FixtureRequest) -> Pair:
 
 
 def test_a_rectified_pair_is_healthy_in_its_geometry(pair: Pair) -> None:
-    diagnosis = diagnose(*pair, num_disparities=80)
+    diagnosis = diagnosed(*pair, num_disparities=80)
     assert not amber(diagnosis) & {
         FindingCode.SWAPPED,
         FindingCode.ROWS,
@@ -49,43 +50,43 @@ def test_a_rectified_pair_is_healthy_in_its_geometry(pair: Pair) -> None:
 
 
 def test_swapped_sides_are_caught(pair: Pair) -> None:
-    assert FindingCode.SWAPPED in amber(diagnose(pair[1], pair[0]))
+    assert FindingCode.SWAPPED in amber(diagnosed(pair[1], pair[0]))
 
 
 @pytest.mark.parametrize("rows", [3, -5])
 def test_a_row_offset_is_measured_and_fixed(pair: Pair, rows: int) -> None:
     shifted = np.roll(pair[1], rows, axis=0)
-    diagnosis = diagnose(pair[0], shifted)
+    diagnosis = diagnosed(pair[0], shifted)
     assert FindingCode.ROWS in amber(diagnosis)
     assert number(diagnosis, FindingCode.ROWS, "offset_px") == pytest.approx(rows, abs=0.3)
-    assert abs(number(diagnose(pair[0], levelled(pair[0], shifted)), FindingCode.ROWS, "offset_px")) < 0.3
+    assert abs(number(diagnosed(pair[0], levelled(pair[0], shifted)), FindingCode.ROWS, "offset_px")) < 0.3
 
 
 @pytest.mark.parametrize(("degrees", "scale"), [(1.0, 1.0), (-2.0, 1.0), (0.0, 1.02)])
 def test_rotation_and_scale_are_measured_and_fixed(pair: Pair, degrees: float, scale: float) -> None:
     view = turned(pair[1], degrees, scale)
-    diagnosis = diagnose(pair[0], view)
+    diagnosis = diagnosed(pair[0], view)
     assert FindingCode.ROTATION in amber(diagnosis)
     # getRotationMatrix2D counts anticlockwise as positive, rows grow downwards.
     assert number(diagnosis, FindingCode.ROTATION, "rotation_deg") == pytest.approx(-degrees, abs=0.15)
     assert number(diagnosis, FindingCode.ROTATION, "scale") == pytest.approx(scale, abs=0.005)
-    assert not amber(diagnose(pair[0], levelled(pair[0], view))) & {FindingCode.ROTATION, FindingCode.ROWS}
+    assert not amber(diagnosed(pair[0], levelled(pair[0], view))) & {FindingCode.ROTATION, FindingCode.ROWS}
 
 
 def test_a_darkened_view_is_measured_and_fixed(pair: Pair) -> None:
     dark = np.rint(pair[1] * 0.6).astype(np.uint8)
-    diagnosis = diagnose(pair[0], dark)
+    diagnosis = diagnosed(pair[0], dark)
     assert FindingCode.EXPOSURE in amber(diagnosis)
     assert number(diagnosis, FindingCode.EXPOSURE, "gain") == pytest.approx(0.6, abs=0.08)
-    assert FindingCode.EXPOSURE not in amber(diagnose(pair[0], exposed_alike(pair[0], dark)))
+    assert FindingCode.EXPOSURE not in amber(diagnosed(pair[0], exposed_alike(pair[0], dark)))
 
 
 def test_the_range_is_judged_against_the_disparities_in_the_pair(pair: Pair) -> None:
-    narrow = diagnose(*pair, num_disparities=16).finding(FindingCode.RANGE)
+    narrow = diagnosed(*pair, num_disparities=16).finding(FindingCode.RANGE)
     assert narrow is not None
     assert narrow.remedy is Remedy.SET_RANGE
     assert narrow.numbers["missing_px"] > 0
-    wide = diagnose(*pair, num_disparities=256)
+    wide = diagnosed(*pair, num_disparities=256)
     finding = wide.finding(FindingCode.RANGE)
     assert finding is not None
     assert finding.remedy is Remedy.SET_RANGE
@@ -95,13 +96,13 @@ def test_the_range_is_judged_against_the_disparities_in_the_pair(pair: Pair) -> 
     suggested = finding.numbers["suggested_min_disparity"], finding.numbers["suggested_num_disparities"]
     assert (first, count) == suggested
     assert count % 16 == 0
-    assert FindingCode.RANGE not in amber(diagnose(*pair, min_disparity=first, num_disparities=count))
+    assert FindingCode.RANGE not in amber(diagnosed(*pair, min_disparity=first, num_disparities=count))
 
 
 @pytest.mark.parametrize("name", stereo_pairs())
 def test_the_range_holds_what_there_is_and_little_more_on_a_fence_too(name: str) -> None:
     example = stereo_pairs()[name]
-    found = diagnose(read_image(example.left), read_image(example.right)).suggested_range
+    found = diagnosed(read_image(example.left), read_image(example.right)).suggested_range
     assert found is not None
     first, count = found
     truth = read_disparity(example.disparity)
@@ -112,10 +113,10 @@ def test_the_range_holds_what_there_is_and_little_more_on_a_fence_too(name: str)
 
 
 def test_a_range_is_judged_without_looking_again(pair: Pair) -> None:
-    diagnosis = diagnose(*pair)
+    diagnosis = diagnosed(*pair)
     for count in (16, 64, 256):
-        assert judge_range(diagnosis, 0, count) == diagnose(*pair, num_disparities=count).finding(FindingCode.RANGE)
-    swapped = diagnose(pair[1], pair[0])
+        assert judge_range(diagnosis, 0, count) == diagnosed(*pair, num_disparities=count).finding(FindingCode.RANGE)
+    swapped = diagnosed(pair[1], pair[0])
     assert judge_range(swapped, 0, 64) is None
     assert swapped.finding(FindingCode.RANGE) is None
     assert swapped.suggested_range is None
@@ -124,12 +125,12 @@ def test_a_range_is_judged_without_looking_again(pair: Pair) -> None:
 @pytest.mark.parametrize("code", ILLS)
 def test_every_remedy_fixes_its_finding_and_keeps_size_and_type(pair: Pair, code: FindingCode) -> None:
     ill = ILLS[code](*pair)
-    found = diagnose(*ill).finding(code)
+    found = diagnosed(*ill).finding(code)
     assert found is not None
     assert not found.healthy
     assert found.remedy is REMEDIES[code]
     left, right = apply_remedy(*ill, found.remedy)
-    again = diagnose(left, right).finding(code)
+    again = diagnosed(left, right).finding(code)
     assert again is not None
     assert again.healthy
     assert again.remedy is None
@@ -139,7 +140,7 @@ def test_every_remedy_fixes_its_finding_and_keeps_size_and_type(pair: Pair, code
 
 
 def test_findings_are_frozen_and_survive_another_process(pair: Pair) -> None:
-    diagnosis = diagnose(*pair)
+    diagnosis = diagnosed(*pair)
     with pytest.raises(TypeError):
         diagnosis.findings[0].numbers["count"] = 0  # type: ignore[index]
     assert pickle.loads(pickle.dumps(diagnosis)) == diagnosis
@@ -160,15 +161,15 @@ def test_a_remedy_that_changes_no_image_is_refused(pair: Pair) -> None:
 def test_images_too_small_for_features_are_examined_all_the_same(shape: tuple[int, int]) -> None:
     left, right = np.random.default_rng(3).integers(0, 256, (2, *shape), dtype=np.uint8)
     assert len(find_correspondences(left, right)) == 0
-    assert FindingCode.MATCHES in amber(diagnose(left, right))
+    assert FindingCode.MATCHES in amber(diagnosed(left, right))
 
 
 def test_low_texture_and_unrelated_images_are_found() -> None:
     flat = np.full((200, 300), 90, np.uint8)
     flat[80:120, 100:180] = np.random.default_rng(0).integers(0, 255, (40, 80))
-    assert FindingCode.TEXTURE in amber(diagnose(flat, flat))
+    assert FindingCode.TEXTURE in amber(diagnosed(flat, flat))
     noise = np.random.default_rng(1).integers(0, 255, (2, 200, 300), dtype=np.uint8)
-    assert FindingCode.MATCHES in amber(diagnose(noise[0], noise[1]))
+    assert FindingCode.MATCHES in amber(diagnosed(noise[0], noise[1]))
     with pytest.raises(ValueError, match="features were matched"):
         levelled(noise[0], noise[1])
 
@@ -185,7 +186,7 @@ def test_real_pairs(data_dir: Path) -> None:
         folder = data_dir / "stereo" / name
         left, right = read_image(folder / "left.png"), read_image(folder / "right.png")
         geometry = {FindingCode.SWAPPED, FindingCode.ROWS, FindingCode.ROTATION}
-        assert not amber(diagnose(left, right, num_disparities=80)) & geometry, name
-        assert FindingCode.SWAPPED in amber(diagnose(right, left)), name
-        assert FindingCode.ROWS in amber(diagnose(left, np.roll(right, 3, axis=0))), name
-        assert FindingCode.ROTATION in amber(diagnose(left, turned(right, 1.0))), name
+        assert not amber(diagnosed(left, right, num_disparities=80)) & geometry, name
+        assert FindingCode.SWAPPED in amber(diagnosed(right, left)), name
+        assert FindingCode.ROWS in amber(diagnosed(left, np.roll(right, 3, axis=0))), name
+        assert FindingCode.ROTATION in amber(diagnosed(left, turned(right, 1.0))), name

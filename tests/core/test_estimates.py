@@ -70,7 +70,7 @@ JOBS |= {
         "estimate_search(a.shape, t.shape)",
     ),
     "resized template": (
-        "a = image(1500, 2000); t = a[200:300, 300:400]",
+        "a = image(900, 1200); t = a[200:300, 300:400]",
         "match_template(a[:200, :200], a[:20, :20], scales=(0.8, 1), rotations=(0, 10))",
         "match_template(a, t, scales=(0.7, 1.4), rotations=(0, 10))",
         "estimate_search(a.shape, t.shape, scales=(0.7, 1.4), rotations=(0, 10))",
@@ -85,8 +85,8 @@ JOBS |= {
     )
     for name, matcher, rows, cols in (
         ("fast", "preset('fast')", 2000, 2000),
-        ("window FFT", "CorrelationMatcher(overlap=0.5, search=SearchArea.centred(60), engine='fft')", 1500, 1500),
-        ("phase", "CorrelationMatcher(window_size=32, overlap=0.5, score='phase')", 1500, 1500),
+        ("window FFT", "CorrelationMatcher(overlap=0.5, search=SearchArea.centred(60), engine='fft')", 1000, 1000),
+        ("phase", "CorrelationMatcher(window_size=32, overlap=0.5, score='phase')", 1000, 1000),
         ("accurate", "preset('accurate')", 900, 1200),
         ("StereoBM", "StereoBM()", 2500, 3500),
         ("HH", "StereoSGBM(mode='hh')", 900, 1200),
