@@ -255,40 +255,40 @@ def test_help_tells_the_codes_and_the_settings(capsys: pytest.CaptureFixture[str
     assert "--optimisation.penalty-small" in ran(capsys, "sequence", "--preset", "accurate", "--help").out
 
 
-@pytest.mark.parametrize(("ending", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)], ids=str)
-def test_a_process_that_is_ended_midway_goes_on_where_it_was(tmp_path: Path, ending: signal.Signals, code: int) -> None:
+def test_a_process_that_is_ended_midway_goes_on_where_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     sides = write_folders(tmp_path / "drive", [4 + number % 6 for number in range(400)])[:2]
     out = tmp_path / "out"
+    arguments = ("sequence", *sides, "--out", out, "--method", "bm", *RANGE, "--json")
     # What runs these tests in the background has them ignore Ctrl-C, and a process inherits that.
     listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-    command = [
-        sys.executable,
-        "-W",
-        "error",
-        "-c",
-        listening + CONSOLE,
-        "sequence",
-        *map(str, sides),
-        "--out",
-        str(out),
-    ]
-    command += ["--method", "bm", *map(str, RANGE), "--json"]
-    process = subprocess.Popen(command, cwd=PROJECT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    patience = time.monotonic() + 60
-    while len(list(out.glob("bm/*.png"))) < 10 and time.monotonic() < patience:
-        time.sleep(0.005)
-    os.kill(process.pid, ending)
-    said, complained = process.communicate(timeout=60)
-    assert (process.returncode, said) == (code, "")
-    if ending == signal.SIGINT:
-        assert complained == "stereolag sequence: Stopped; the same command goes on where it was.\n"
-    before = {path.name: path.stat().st_mtime_ns for path in out.glob("bm/*.png")}
-    ran = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=False)
-    assert (ran.returncode, ran.stderr) == (0, "")
-    figures = json.loads(ran.stdout)
-    assert figures["matched"] + figures["finished_before"] == 400
-    assert 400 > figures["finished_before"] >= len(before) - 1 > 0
-    after = {path.name: path.stat().st_mtime_ns for path in out.glob("bm/*.png")}
+    command = [sys.executable, "-W", "error", "-c", listening + CONSOLE, *map(str, arguments)]
+
+    def maps() -> dict[str, int]:
+        return {path.name: path.stat().st_mtime_ns for path in out.glob("bm/*.png")}
+
+    before: dict[str, int] = {}
+    for ending, code, complaint in (
+        (signal.SIGINT, 130, "stereolag sequence: Stopped; the same command goes on where it was.\n"),
+        (signal.SIGKILL, -signal.SIGKILL, ""),
+    ):
+        process = subprocess.Popen(command, cwd=PROJECT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        patience = time.monotonic() + 60
+        while len(maps()) < len(before) + 10 and time.monotonic() < patience:
+            time.sleep(0.005)
+        os.kill(process.pid, ending)
+        assert process.communicate(timeout=60) == ("", complaint)
+        assert process.returncode == code
+        after = maps()
+        assert 400 > len(after) > len(before)
+        assert sum(after[name] != moment for name, moment in before.items()) <= 1
+        before = after
+    told = ran(capsys, *arguments)
+    assert (told.code, told.err) == (0, "")
+    assert told.figures["matched"] + told.figures["finished_before"] == 400
+    assert 400 > told.figures["finished_before"] >= len(before) - 1 > 0
+    after = maps()
     assert len(after) == 400
     assert sum(after[name] != moment for name, moment in before.items()) <= 1
     assert [row["number"] for row in rows_of(out)] == [str(number) for number in range(400)]

@@ -185,7 +185,6 @@ def top_of(seen: MatchExplanation) -> float:
 STRIP, SQUARE = SearchArea.rectified(64), SearchArea.centred(40)
 
 
-@pytest.mark.parametrize("example", ["road", "cube"])
 @pytest.mark.parametrize(
     "settings",
     [
@@ -200,9 +199,9 @@ STRIP, SQUARE = SearchArea.rectified(64), SearchArea.centred(40)
     ],
     ids=str,
 )
-def test_the_disparity_is_that_of_the_map(example: str, settings: dict[str, Any]) -> None:
-    pair = stereo_pairs()[example]
-    left, right = read_image(pair.left), read_image(pair.right)
+def test_the_disparity_is_that_of_the_map(settings: dict[str, Any]) -> None:
+    pair = stereo_pairs()["road"]
+    left, right = (read_image(side)[160:400] for side in (pair.left, pair.right))
     matcher = CorrelationMatcher(**settings)
     disparity = matcher.compute(left, right).disparity
     margin = matcher.window_size  # nearer to the frame no window has its cell, and the nearest one is explained

@@ -34,15 +34,13 @@ def test_the_sensors_of_the_report(sensors: tuple[np.ndarray, np.ndarray], metho
 
 
 def test_the_direct_search_agrees(sensors: tuple[np.ndarray, np.ndarray]) -> None:
-    result = signal_lag(*sensors, method="direct", max_lag=60_000)
-    assert result.lag == LAG
-    assert round(result.distance_m, 2) == 378.17
-    np.testing.assert_allclose(
-        result.correlation, signal_lag(*sensors, method="fft", max_lag=60_000).correlation, atol=1e-9
-    )
+    first, second = sensors[0][:40_000], sensors[1][45_000:85_000]
+    direct, fft = (signal_lag(first, second, method=method, max_lag=6000) for method in ("direct", "fft"))  # type: ignore[arg-type]
+    assert direct.lag == LAG - 45_000
+    np.testing.assert_allclose(direct.correlation, fft.correlation, atol=1e-9)
 
 
-@pytest.mark.parametrize("noise_db", [None, -50, -30, -10])
+@pytest.mark.parametrize("noise_db", [None, -10])
 def test_twenty_votings_of_twenty_are_right(sensors: tuple[np.ndarray, np.ndarray], noise_db: float | None) -> None:
     random = np.random.default_rng(6)
     level = 0.0 if noise_db is None else 10 ** (noise_db / 20) * sensors[0].std()

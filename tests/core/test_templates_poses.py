@@ -38,8 +38,9 @@ def sprite(dtype: type = np.uint8) -> Array:
     return np.dstack([blobs((40, 50, 3), 5, dtype), np.where(opaque, full, 0).astype(dtype)])
 
 
-@pytest.mark.parametrize(("scale", "rotation"), [(0.75, 0.0), (1.0, 25.0), (1.3, -17.0)])
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize(
+    ("dtype", "scale", "rotation"), [(np.uint8, 0.75, 0.0), (np.uint16, 1.0, 25.0), (np.float32, 1.3, -17.0)]
+)
 def test_size_angle_and_place_are_recovered(dtype: type, scale: float, rotation: float) -> None:
     template = sprite()
     scene = drawn(blobs((220, 260, 3)), template, 120.0, 95.0, scale, rotation).astype(dtype)
@@ -111,8 +112,8 @@ def test_a_constant_image_holds_no_size_of_it() -> None:
 
 
 def test_rocketman_in_the_maze_resized_and_turned() -> None:
-    for scene in posed_scenes(2):
-        assert scene.right(scene.search()), scene.name
+    (scene,) = posed_scenes(1)
+    assert scene.right(scene.search()), scene.name
 
 
 def test_what_is_not_in_the_maze_is_not_found_in_any_size() -> None:
@@ -161,7 +162,7 @@ def test_a_warped_box_holds_the_template() -> None:
 
 def test_progress_rises_to_one_in_small_steps() -> None:
     fractions: list[float] = []
-    scene = blobs((600, 800, 3))
+    scene = blobs((300, 400, 3))
     match_template(
         scene,
         scene[100:200, 200:300],
