@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +23,7 @@ RECTIFYING = {"R1": R1, "R2": R2, "P1": P1, "P2": P2, "Q": Q}
 DISPARITY = 14
 
 
+@cache
 def straight_pair(seed: int = 0) -> tuple[Picture, Picture]:
     """Return a rectified pair of grey blobs, all at one distance."""
     noise = np.random.default_rng(seed).uniform(0, 1, (SIZE[1], SIZE[0] + DISPARITY)).astype(np.float32)
@@ -29,6 +32,7 @@ def straight_pair(seed: int = 0) -> tuple[Picture, Picture]:
     return grey[:, : SIZE[0]].copy(), grey[:, DISPARITY:].copy()
 
 
+@cache
 def raw_pair(seed: int = 0) -> tuple[Picture, Picture]:
     """Return the same pair as the cameras took it."""
     cameras = ((M1, D1, R1, P1[:, :3]), (M2, D2, R2, P2[:, :3]))

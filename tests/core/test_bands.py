@@ -31,7 +31,7 @@ def test_bands_cover_every_row_once(rows: int, most_rows: int) -> None:
 
 def test_a_short_job_does_not_wait_for_all_of_a_long_one() -> None:
     """All bands handed in at once made the short job wait for the last of them."""
-    bands = 100 * available_cores()
+    bands = 40 * available_cores()
     begun = threading.Event()
 
     def slow(first: int, end: int) -> None:
