@@ -104,7 +104,6 @@ def test_rows_match_and_depth_is_right_after_rectification(plain: StereoCalibrat
 @pytest.mark.parametrize(
     "board",
     [
-        Board(7, 5, Markers("DICT_5X5_1000", 0.7)),
         Board(8, 5, Markers("DICT_4X4_1000", 0.75, legacy=True)),
         Board(5, 8, Markers("DICT_APRILTAG_36h11", 0.65)),
     ],

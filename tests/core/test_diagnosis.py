@@ -35,6 +35,12 @@ def pair(request: pytest.FixtureRequest) -> Pair:
     return read_image(example.left), read_image(example.right)
 
 
+@pytest.fixture(scope="module")
+def cube() -> Pair:
+    example = stereo_pairs()["cube"]
+    return read_image(example.left), read_image(example.right)
+
+
 def test_a_rectified_pair_is_healthy_in_its_geometry(pair: Pair) -> None:
     diagnosis = diagnosed(*pair, num_disparities=80)
     assert not amber(diagnosis) & {
@@ -111,19 +117,19 @@ def test_the_range_holds_what_there_is_and_little_more_on_a_fence_too(name: str)
     assert first + count <= high + 0.3 * (high - low) + 32
 
 
-def test_a_range_is_judged_without_looking_again(pair: Pair) -> None:
-    diagnosis = diagnosed(*pair)
+def test_a_range_is_judged_without_looking_again(cube: Pair) -> None:
+    diagnosis = diagnosed(*cube)
     for count in (16, 64, 256):
-        assert judge_range(diagnosis, 0, count) == diagnosed(*pair, num_disparities=count).finding(FindingCode.RANGE)
-    swapped = diagnosed(pair[1], pair[0])
+        assert judge_range(diagnosis, 0, count) == diagnosed(*cube, num_disparities=count).finding(FindingCode.RANGE)
+    swapped = diagnosed(cube[1], cube[0])
     assert judge_range(swapped, 0, 64) is None
     assert swapped.finding(FindingCode.RANGE) is None
     assert swapped.suggested_range is None
 
 
 @pytest.mark.parametrize("code", ILLS)
-def test_every_remedy_fixes_its_finding_and_keeps_size_and_type(pair: Pair, code: FindingCode) -> None:
-    ill = ILLS[code](*pair)
+def test_every_remedy_fixes_its_finding_and_keeps_size_and_type(cube: Pair, code: FindingCode) -> None:
+    ill = ILLS[code](*cube)
     found = diagnosed(*ill).finding(code)
     assert found is not None
     assert not found.healthy
@@ -133,27 +139,27 @@ def test_every_remedy_fixes_its_finding_and_keeps_size_and_type(pair: Pair, code
     assert again is not None
     assert again.healthy
     assert again.remedy is None
-    assert right.shape == pair[1].shape
-    assert right.dtype == pair[1].dtype
-    assert left is pair[0]
+    assert right.shape == cube[1].shape
+    assert right.dtype == cube[1].dtype
+    assert left is cube[0]
 
 
-def test_findings_are_frozen_and_survive_another_process(pair: Pair) -> None:
-    diagnosis = diagnosed(*pair)
+def test_findings_are_frozen_and_survive_another_process(cube: Pair) -> None:
+    diagnosis = diagnosed(*cube)
     with pytest.raises(TypeError):
         diagnosis.findings[0].numbers["count"] = 0  # type: ignore[index]
     assert pickle.loads(pickle.dumps(diagnosis)) == diagnosis
     assert len({*diagnosis.findings}) == len(diagnosis.findings)
 
 
-def test_aligned_rows_keep_the_disparities(pair: Pair) -> None:
-    aligned = apply_remedy(pair[0], np.roll(pair[1], 3, axis=0), Remedy.ALIGN_ROWS)[1]
-    assert np.mean(np.abs(aligned[8:-8].astype(float) - pair[1][8:-8])) < 2.5
+def test_aligned_rows_keep_the_disparities(cube: Pair) -> None:
+    aligned = apply_remedy(cube[0], np.roll(cube[1], 3, axis=0), Remedy.ALIGN_ROWS)[1]
+    assert np.mean(np.abs(aligned[8:-8].astype(float) - cube[1][8:-8])) < 2.5
 
 
-def test_a_remedy_that_changes_no_image_is_refused(pair: Pair) -> None:
+def test_a_remedy_that_changes_no_image_is_refused(cube: Pair) -> None:
     with pytest.raises(ValueError, match="remedy is 'set_range', which changes the search range of a matcher"):
-        apply_remedy(*pair, Remedy.SET_RANGE)
+        apply_remedy(*cube, Remedy.SET_RANGE)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 2), (1, 3_000), (30, 200), (64, 1)])
@@ -174,8 +180,8 @@ def test_low_texture_and_unrelated_images_are_found() -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-def test_every_type_of_image_is_examined(pair: Pair, dtype: type) -> None:
-    images = [image.astype(dtype) * (257 if dtype == np.uint16 else 1) for image in pair]
+def test_every_type_of_image_is_examined(cube: Pair, dtype: type) -> None:
+    images = [image.astype(dtype) * (257 if dtype == np.uint16 else 1) for image in cube]
     assert len(find_correspondences(*images)) > 100
     assert exposed_alike(*images).dtype == dtype
 
