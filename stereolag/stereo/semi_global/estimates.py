@@ -17,6 +17,9 @@ VALLEY = 50
 FEATURES = 66
 """A pixel while the features of both images are made."""
 
+UNEVEN = 2 * 2**20
+"""What one run takes more than another: of 400 MB, up to 0.2 MB more than the stages tell, on a busy machine."""
+
 VOLUME_SECONDS = 3e-9
 """Seconds per pixel and lag: its cost, eight paths and its part in the selection."""
 
@@ -46,4 +49,4 @@ def estimate_volume(shape: Shape, dtype: npt.DTypeLike, *, num_disparities: int)
     ]
     cells = pixels * num_disparities * strip / own
     seconds = 3 * PIXEL_SECONDS * pixels + VOLUME_SECONDS * cells
-    return Estimate(grey_bytes(shape, dtype) + max(stages) + kept_blocks(4 * pixels, 3) + OVERHEAD, seconds)
+    return Estimate(grey_bytes(shape, dtype) + max(stages) + kept_blocks(4 * pixels, 3) + OVERHEAD + UNEVEN, seconds)
