@@ -158,22 +158,23 @@ class Visitor:
         state.string_array_value.data.append(option)
         await self._set(state, drawn.fragment)
 
-    async def upload(self, files: Mapping[str, bytes]) -> None:
-        """Give a PNG to each of the uploaders of these keys, and wait until the script has run after each."""
+    async def upload(self, files: Mapping[str, bytes], ending: str = "png") -> None:
+        """Give a file to each of the uploaders of these keys, and wait until the script has run after each."""
         for key, content in files.items():
             drawn, widget = self._widget(key)
+            name = f"{key}.{ending}"
             request = BackMsg()
             request.file_urls_request.request_id = uuid.uuid4().hex
-            request.file_urls_request.file_names.append(f"{key}.png")
+            request.file_urls_request.file_names.append(name)
             request.file_urls_request.session_id = self._session
             await self._send(request)
             identity = request.file_urls_request.request_id
             await self._until(lambda identity=identity: identity in self._addresses)
             address = self._addresses.pop(identity)[0]
-            await asyncio.to_thread(self._put, address.upload_url, f"{key}.png", content)
+            await asyncio.to_thread(self._put, address.upload_url, name, content)
             state = WidgetState(id=widget)
             info = state.file_uploader_state_value.uploaded_file_info.add()
-            info.file_id, info.name, info.size = address.file_id, f"{key}.png", len(content)
+            info.file_id, info.name, info.size = address.file_id, name, len(content)
             info.file_urls.CopyFrom(address)
             await self._set(state, drawn.fragment)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy  # its spatial.* is not loaded before it is used
 
 from stereolag.arrays import DoubleMap
 from stereolag.doctor.features import Chosen, Correspondences, Points
@@ -95,7 +95,7 @@ def disparities_of(points: Correspondences) -> tuple[float, float]:
 
 def _supported(points: Correspondences) -> Chosen:
     """Return which features have enough neighbours with about their disparity."""
-    _, found = cKDTree(points.left).query(points.left, k=min(NEIGHBOURS + 1, len(points)))
+    _, found = scipy.spatial.cKDTree(points.left).query(points.left, k=min(NEIGHBOURS + 1, len(points)))
     near = np.asarray(found)[:, 1:]  # the first is the feature itself
     apart = np.abs(points.dx[near] - points.dx[:, np.newaxis])
     return np.asarray((apart <= ALIKE * points.shape[1]).sum(axis=1) >= LEAST_ALIKE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy  # its spatial.* is not loaded before it is used
 
 from stereolag.arrays import DoubleMap
 from stereolag.doctor.features import Correspondences
@@ -118,7 +118,7 @@ def bend_of(points: Correspondences) -> DoubleMap:
     left = np.column_stack([x.ravel(), y.ravel()])
     if gain.sum() < EVIDENCE:
         return np.zeros(len(left))
-    _, near = cKDTree(points.left).query(left, k=min(GRID_NEIGHBOURS, len(points)))
+    _, near = scipy.spatial.cKDTree(points.left).query(left, k=min(GRID_NEIGHBOURS, len(points)))
     right = left + np.column_stack([np.median(points.dx[near], axis=1), np.zeros(len(left))])
     there = row_terms(Correspondences(left.astype(np.float32), right.astype(np.float32), points.shape))
     bend = there @ bent
@@ -133,7 +133,7 @@ def match_noise(points: Correspondences, residuals: DoubleMap) -> float:
     if len(cells) <= NEIGHBOURS:
         return 0.0
     places, left = points.left[cells], residuals[cells]
-    near = np.asarray(cKDTree(places).query(places, k=NEIGHBOURS + 1)[1])
+    near = np.asarray(scipy.spatial.cKDTree(places).query(places, k=NEIGHBOURS + 1)[1])
     return row_spread((left[near[:, 1:]] - left[:, None]).ravel() / np.sqrt(2))
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
+import scipy  # its optimize.* is not loaded before it is used: judging a pair at sight has no need of it
 
 from stereolag.arrays import DoubleMap, Vector
 
@@ -116,7 +116,8 @@ def pair_errors(
         return np.concatenate(placed).ravel()
 
     begin = np.concatenate((cv2.Rodrigues(start[0])[0].ravel(), start[1]))
-    ends = np.square(residuals(least_squares(residuals, begin, method="lm", max_nfev=400).x)).reshape(2, -1)
+    fitted = scipy.optimize.least_squares(residuals, begin, method="lm", max_nfev=400)
+    ends = np.square(residuals(fitted.x)).reshape(2, -1)
     first, second = np.sqrt(2 * ends.mean(axis=1))
     return float(first), float(second)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # its stats.* is not loaded before it is used: that takes a second
 from scipy import fft
 
 from stereolag.arrays import Vector
+from stereolag.signals.median_lines import median_line
 from stereolag.signals.overlaps import overlap_slices
 from stereolag.signals.peaks import REACH, refine_peak
 from stereolag.signals.whitening import Pair
@@ -112,19 +112,18 @@ def _refined(curve: Vector, top: int) -> float:
 
 
 def _line(start: int, places: Vector, lags: Vector, size: int, count: int) -> Drift | None:
-    rough = scipy.stats.theilslopes(lags, places)
-    near = np.abs(lags - rough.intercept - rough.slope * places) <= _STRAY
+    slope, intercept = median_line(places, lags)
+    near = np.abs(lags - intercept - slope * places) <= _STRAY
     if near.sum() < max(_FEWEST, _MOST * count):
         return None
-    fitted = scipy.stats.linregress(places[near], lags[near])
-    spread = float(np.std(lags[near] - fitted.intercept - fitted.slope * places[near], ddof=2))
-    slope = float(fitted.slope)
+    (slope, intercept), covariance = np.polyfit(places[near], lags[near], 1, cov=True)
+    spread = float(np.std(lags[near] - intercept - slope * places[near], ddof=2))
     return Drift(
-        float(fitted.intercept),
-        1e6 * slope,
-        1e6 * float(fitted.stderr),
+        float(intercept),
+        1e6 * float(slope),
+        1e6 * float(np.sqrt(covariance[0, 0])),
         spread,
-        slope * size,
+        float(slope) * size,
         tuple((start + places[near]).tolist()),
         tuple(lags[near].tolist()),
     )

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy  # its stats.* is not loaded before it is used: that takes a second
 from scipy import fft
 
 from stereolag.arrays import Vector
+from stereolag.signals.median_lines import median_line
 from stereolag.signals.overlaps import overlap_length
 from stereolag.signals.peaks import Lags, main_lobe
 from stereolag.signals.whitening import Agreement, Pair, local_curve
@@ -142,7 +142,7 @@ def regular_spacing(rivals: tuple[int, ...], lag: int) -> float | None:
     if np.unique(numbers).size < 3:
         return None
     # By medians, for a lag that a method put between two teeth is none itself.
-    spacing = scipy.stats.theilslopes(places, numbers).slope
+    spacing, _ = median_line(numbers, places)
     away = places - spacing * numbers
     regular = np.abs(away - np.median(away)) <= max(1.0, 0.02 * apart)
     if regular.mean() < _REGULAR or np.unique(numbers[regular]).size < 3:

@@ -13,7 +13,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-import scipy  # its signal.* is not loaded before it is used: that takes a second
 from scipy import fft, linalg
 
 from stereolag.arrays import Vector
@@ -224,7 +223,7 @@ def _loudest(given: Vector) -> Vector:
 
 
 def _filtered(given: Vector, taps: npt.NDArray[np.float64]) -> Vector:
-    filtered = np.asarray(scipy.signal.lfilter(taps, [1.0], given))
+    filtered = np.convolve(given, taps)[: given.size]
     # The first samples have none before them to be predicted from: a jump that is no sound.
     filtered[: taps.size - 1] = 0.0
     return np.asarray(filtered - filtered.mean())

@@ -24,9 +24,3 @@ def test_a_link_opens_the_depth_page_as_it_was_and_the_way_back_leads_there(open
     page.get_by_role("button", name="Reset").click()
     expect(window).to_have_value("20")
     expect(page).to_have_url(re.compile(r"Depth_maps\?pair=square$"))
-
-
-def test_a_bad_link_is_answered_with_a_sentence(open_page: OpenPage) -> None:
-    page = open_page("Depth_maps?pair=nowhere&window_size=huge")
-    expect(page.get_by_test_id("stAlertContentWarning")).to_have_count(2)
-    expect(page.get_by_role("slider", name="Window")).to_have_value("20")

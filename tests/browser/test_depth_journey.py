@@ -1,4 +1,4 @@
-"""Each thing the depth page is for, done as a visitor would: on an example and on a pair of their own."""
+"""Each thing the depth page is for, done as a visitor would: on an example or on a pair of their own."""
 
 from __future__ import annotations
 
@@ -23,10 +23,12 @@ from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, exa
 from tests.browser.visits import OpenPage, expect_fitting, expect_visible
 from tests.programs import run_program_alone
 
+EXAMPLE, OWN = "cube", "motorcycle"
+
 
 @pytest.fixture(scope="module")
 def example_page(keep_page: OpenPage) -> DepthPage:
-    return DepthPage.with_example(keep_page, "cube")
+    return DepthPage.with_example(keep_page, EXAMPLE)
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +36,10 @@ def own_page(keep_page: OpenPage, motorcycle: OwnPair) -> DepthPage:
     return DepthPage.with_files(keep_page, motorcycle)
 
 
-@pytest.fixture(params=["cube", "motorcycle"])
+@pytest.fixture
 def visit(request: pytest.FixtureRequest) -> DepthPage:
-    """Return the page with an example, and with a pair of the visitor's own where it is present."""
-    page: DepthPage = request.getfixturevalue("example_page" if request.param == "cube" else "own_page")
+    """Return the page with the pair that a test names: an example, or one of the visitor's own where it is present."""
+    page: DepthPage = request.getfixturevalue("example_page" if request.param == EXAMPLE else "own_page")
     page.press("Reset")
     return page
 
@@ -46,7 +48,7 @@ def visit(request: pytest.FixtureRequest) -> DepthPage:
 def pair(request: pytest.FixtureRequest) -> OwnPair:
     """Return the files of the pair that `visit` shows."""
     shown = request.node.callspec.params["visit"]
-    files: OwnPair = example_files("cube") if shown == "cube" else request.getfixturevalue("motorcycle")
+    files: OwnPair = example_files(EXAMPLE) if shown == EXAMPLE else request.getfixturevalue("motorcycle")
     return files
 
 
@@ -78,6 +80,7 @@ def test_own_files_are_measured_in_metres_and_resized_with_all_that_belongs_to_t
 # Compare
 
 
+@pytest.mark.parametrize("visit", [OWN], indirect=True)
 def test_maps_are_compared_in_one_locked_range_under_one_crosshair(visit: DepthPage, pair: OwnPair) -> None:
     truth = read_disparity(pair.truth.data)
     row, col = 240, 420
@@ -110,6 +113,7 @@ def test_maps_are_compared_in_one_locked_range_under_one_crosshair(visit: DepthP
 # Value under the cursor
 
 
+@pytest.mark.parametrize("visit", [OWN], indirect=True)
 def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(visit: DepthPage, pair: OwnPair) -> None:
     truth, known = read_disparity(pair.truth.data), read_calibration(pair.calibration.data)
     height, width = truth.shape
@@ -161,6 +165,7 @@ LESSONS = {
 }
 
 
+@pytest.mark.parametrize("visit", [EXAMPLE], indirect=True)
 def test_a_click_explains_a_match_and_the_buttons_find_walls_and_fences(visit: DepthPage, pair: OwnPair) -> None:
     truth = read_disparity(pair.truth.data)
     row, col = 250, 420
@@ -173,7 +178,7 @@ def test_a_click_explains_a_match_and_the_buttons_find_walls_and_fences(visit: D
     visit.screenshot(f"why-{visit.name}-light")
     visit.choose("From above")
     said = visit.page.get_by_test_id("stAlertContainer").last
-    for lesson, finding in LESSONS.items() if visit.name == "cube" else ():
+    for lesson, finding in LESSONS.items():
         visit.press(lesson)
         expect(said).to_contain_text(finding)
 
@@ -181,6 +186,7 @@ def test_a_click_explains_a_match_and_the_buttons_find_walls_and_fences(visit: D
 # Why is it blank?
 
 
+@pytest.mark.parametrize("visit", [OWN], indirect=True)
 def test_blank_pixels_have_a_reason_and_the_shares_add_up(visit: DepthPage) -> None:
     coverage = [visit.number("Coverage", method=method) for method in (0, 1)]
     visit.choose("Why blank?")
@@ -197,6 +203,7 @@ def test_blank_pixels_have_a_reason_and_the_shares_add_up(visit: DepthPage) -> N
 # Scoreboard
 
 
+@pytest.mark.parametrize("visit", [EXAMPLE], indirect=True)
 def test_the_scoreboard_says_what_the_evaluation_says(visit: DepthPage, pair: OwnPair) -> None:
     truth = read_disparity(pair.truth.data)
     visit.choose("Scoreboard")
@@ -217,6 +224,7 @@ def test_the_scoreboard_says_what_the_evaluation_says(visit: DepthPage, pair: Ow
 # Sweep
 
 
+@pytest.mark.parametrize("visit", [EXAMPLE], indirect=True)
 def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(visit: DepthPage) -> None:
     visit.choose("Sweep")
     visit.page.get_by_role("radio", name="StereoBM").last.click()
@@ -232,11 +240,10 @@ def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(visit: DepthPage
     bad = chart.locator(".js-plotly-plot").evaluate("plot => [...plot._fullData[0].z].map(row => [...row])")
     assert np.shape(bad) in {(2, 3), (3, 2)}
     visit.screenshot(f"sweep-{visit.name}-light")
-    if visit.name == "cube":  # its charts are drawn in the dark too
-        for scheme in ("dark", "light"):
-            visit.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
-            expect(visit.page.get_by_test_id("stApp")).to_have_css("color-scheme", scheme)
-            visit.settle()
+    for scheme in ("dark", "light"):  # its charts are drawn in the dark too
+        visit.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+        expect(visit.page.get_by_test_id("stApp")).to_have_css("color-scheme", scheme)
+        visit.settle()
     row, col = np.unravel_index(np.argmin(bad), np.shape(bad))
     choose_cell(chart, int(row), int(col))
     visit.settle()
@@ -246,6 +253,7 @@ def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(visit: DepthPage
 # Take it away
 
 
+@pytest.mark.parametrize("visit", [OWN], indirect=True)
 def test_everything_is_taken_away_read_back_and_reproduced(visit: DepthPage, pair: OwnPair, tmp_path: Path) -> None:
     visit.move("Window", "ArrowLeft", "ArrowLeft", "ArrowLeft")
     window, covered = visit.value("Window"), visit.number("Coverage")
@@ -277,7 +285,7 @@ def test_everything_is_taken_away_read_back_and_reproduced(visit: DepthPage, pai
     np.testing.assert_array_equal(np.load(tmp_path / "disparity.npy"), disparity)
 
     visit.press("Reset")
-    assert visit.value("Window") == (20 if visit.name == "cube" else 11)
+    assert visit.value("Window") == 11
     visit.give("Load settings", Given.of(tmp_path / "settings.json"))
     expect(visit.slider("Window").first).to_have_value(f"{window:g}")
     assert visit.number("Coverage") == covered

@@ -1,16 +1,55 @@
+"""Every page in both themes and on a phone, and worked by the keyboard alone, with the focus in sight; before axe-core;
+nothing of it cut, nothing that jumps or moves."""
+
 from __future__ import annotations
 
-import re
+from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
+import pytest
 from playwright.sync_api import Page, expect
 
 from stereolag.ui.navigation import PAGES
-from tests.app import uploads
-from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
+from tests.browser.axe import Audit, nameless
+from tests.browser.journeys import JOURNEYS
+from tests.browser.layout import cut, jumps
+from tests.browser.visits import OpenPage, screenshot, settled, turned_dark
+from tests.browser.walking import walked
 
 ADDRESSES = {label: "" if path == "app.py" else Path(path).stem.partition("_")[2] for path, (label, _) in PAGES.items()}
+
+NARROW, USUAL, WIDE = 420, 1280, 2560
+
+MOVED = {"Sensor lag": "From sample", "Rocketman search": "Minimum score", "Depth maps": "Window"}
+"""A slider of each page that has one."""
+
+RUNNING = "() => document.getAnimations().map(({ effect }) => effect.getTiming()).filter(({ duration, iterations }) =>\
+ duration * iterations > 10).length"
+
+
+@pytest.fixture(scope="module")
+def audit() -> Iterator[Audit]:
+    audit = Audit()
+    yield audit
+    audit.keep()
+
+
+@pytest.fixture(scope="module", params=ADDRESSES)
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def page(name: str, keep_page: OpenPage) -> Iterator[Page]:
+    """Return a page that computes nothing any more, the same for all tests of it."""
+    page = keep_page(ADDRESSES[name])
+    cancel = page.get_by_role("button", name="Cancel")
+    if name == "Driving" and cancel.count():
+        cancel.press("Enter")
+    expect(cancel).to_have_count(0)
+    settled(page)
+    yield page
+    page.close()
 
 
 def no_exception(page: Page) -> None:
@@ -18,33 +57,68 @@ def no_exception(page: Page) -> None:
     expect(page.get_by_test_id("stAlertContentError")).to_have_count(0)
 
 
-def test_the_links_lead_from_page_to_page(open_page: OpenPage) -> None:
-    page = open_page()
-    for label in [label for label in ADDRESSES if label != "Home"]:
-        page.get_by_test_id("stPageLink").get_by_text(label, exact=True).click()
-        expect(page.get_by_role("heading", level=1)).to_have_text(label)
+def test_tab_reaches_every_control_in_order_and_shows_where_it_is(page: Page) -> None:
+    there = walked(page)
+    assert there.missed == []
+    assert there.unframed == []
+    assert there.stops[0] == "a Skip to main content"
+    links = [stop for stop in there.stops if stop.startswith("a ")][1:]
+    assert all(link.endswith(name) for link, name in zip(links, ADDRESSES, strict=False)), links
+    assert walked(page, backwards=True).stops == there.stops[::-1]
+
+
+@pytest.mark.parametrize("name", MOVED, indirect=True)
+def test_results_keep_their_place_and_the_slider_the_focus_while_an_answer_is_computed(name: str, page: Page) -> None:
+    slider = page.get_by_role("slider", name=MOVED[name]).first
+    page.set_viewport_size({"width": USUAL, "height": 2_500})
+    settled(page)
+    before = slider.input_value()
+
+    def move(key: str, start: str) -> None:
+        slider.press(key)
+        page.wait_for_function("(start) => document.activeElement.value !== start", arg=start)
         settled(page)
-        no_exception(page)
+
+    assert jumps(page, lambda: move("ArrowLeft", before)) == []
+    expect(slider).to_be_focused()
+    move("ArrowRight", slider.input_value())
+    expect(slider).to_have_value(before)
+    page.set_viewport_size({"width": USUAL, "height": 900})
 
 
-def test_an_own_pair_is_uploaded_and_matched(open_page: OpenPage) -> None:
-    scene = uploads.texture(120, 165)
-    files = {"left.png": scene[:, :-5], "right.png": scene[:, 5:]}
-    truth = np.full((120, 160), 5 * 256, dtype=np.uint16)
-    page = open_page("Depth_maps")
-    page.get_by_text("choose a pair or bring your own").click()
-    settled(page)
-    page.get_by_text("Your own files").click()
-    settled(page)
-    inputs = page.get_by_test_id("stFileUploader").locator("input[type=file]")
-    expect(inputs).to_have_count(4)  # the fourth is for a calibration
-    for place, (name, picture) in enumerate((files | {"truth.png": truth}).items()):
-        if name == "truth.png":  # the pair is there, and the choice of it folded
-            page.get_by_text("choose a pair or bring your own").click()
-            settled(page)
-        inputs.nth(place).set_input_files({"name": name, "mimeType": "image/png", "buffer": uploads.png(picture)})
-        settled(page)  # a file that is given to a box about to be drawn anew is lost
-    expect_visible(page.get_by_text("Your own pair").first)
-    expect_visible(page.locator(".figures dd").filter(has_text=re.compile(r"^0\.0\d\spx$")).first)
+def test_it_opens_in_both_themes_and_on_a_phone(name: str, page: Page) -> None:
+    file = name.lower().replace(" ", "-")
     no_exception(page)
-    screenshot(page, "depth-maps-own-files")
+    screenshot(page, f"{file}-light")
+    turned_dark(page, width=390)
+    no_exception(page)
+    screenshot(page, f"{file}-phone")
+    page.set_viewport_size({"width": USUAL, "height": 900})
+    screenshot(page, f"{file}-dark")
+    page.emulate_media(color_scheme="light")
+    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "light")
+    settled(page)
+
+
+def test_nothing_is_cut_from_a_phone_to_a_wide_screen(page: Page) -> None:
+    for width in (NARROW, WIDE):
+        assert cut(page, width) == []
+    page.set_viewport_size({"width": USUAL, "height": 900})
+
+
+def test_nothing_moves_by_itself_for_whoever_asks_for_that(page: Page) -> None:
+    assert page.evaluate(RUNNING) == 0
+
+
+def test_it_is_worked_by_keys_alone_and_axe_finds_no_fault(name: str, page: Page, audit: Audit) -> None:
+    JOURNEYS[name](page, audit)
+    expect(page.get_by_test_id("stException")).to_have_count(0)
+
+
+@pytest.mark.parametrize("name", ["Depth maps"], indirect=True)
+def test_axe_looks_into_components(page: Page, audit: Audit) -> None:
+    zoom = page.locator(".linked button[data-zoom=in]").first
+    zoom.evaluate("(one) => { one.textContent = ''; one.title = ''; one.removeAttribute('aria-label'); }")
+    page.locator(".linked .layer canvas").first.evaluate("(one) => one.removeAttribute('aria-label')")
+    assert "button-name" in {one.rule for one in audit.findings(page)}
+    assert len(nameless(page)) == 1

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import re
 import zipfile
 from pathlib import Path
 
@@ -91,20 +90,3 @@ def test_every_file_of_a_search_is_downloaded_and_read_back(open_page: OpenPage)
     assert template.shape[:2] == (match["height"], match["width"])
     assert b"sl.match_template(" in downloaded(page, "Python script")
     screenshot(page, "rocketman-files-light")
-
-
-@pytest.mark.parametrize(
-    ("link", "option", "moved"),
-    [
-        ("Sensor_lag?recordings=harbour&method=phat", "GCC-PHAT", "recordings=harbour$"),
-        ("Rocketman_search?picture=maze_dulled&method=sampled", "Sampled", "picture=maze_dulled$"),
-    ],
-)
-def test_a_link_opens_the_page_as_it_was(open_page: OpenPage, link: str, option: str, moved: str) -> None:
-    page = open_page(link)
-    expect(page.get_by_role("radio", name=option, exact=True)).to_be_checked()
-    page.get_by_role("radio", name="FFT", exact=True).click()
-    settled(page)
-    expect(page).to_have_url(re.compile(moved))
-    page.go_back()
-    expect(page.get_by_role("radio", name=option, exact=True)).to_be_checked()

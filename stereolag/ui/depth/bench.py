@@ -28,7 +28,7 @@ INTRODUCTION = (
 
 @contextmanager
 def head(title: str, pair: str, *, awaited: bool) -> Iterator[None]:
-    """Draw the heading beside a line that names the pair and unfolds to the choice of it, which goes inside.
+    """Draw the heading and the pair’s name beside a line that unfolds to the choice of it, which goes inside.
 
     It stays unfolded while files are `awaited`, and folds when they are there.
     """
@@ -37,8 +37,11 @@ def head(title: str, pair: str, *, awaited: bool) -> Iterator[None]:
         st.session_state[FOLD] = awaited
     with st.container(horizontal=True, vertical_alignment="top", gap="medium", key="depth-head"):
         st.title(title, anchor=False, width="content")
+        with st.container(width="content", key="depth-head-pair"):
+            prose.markdown(f"**{pair}**", width="content")
+        # A label that changed would be drawn anew, and take the focus from whoever chooses within by the keyboard.
         with st.expander(
-            f"**{pair}** · choose a pair or bring your own",
+            "Choose a pair or bring your own",
             key=FOLD,
             icon=":material/photo_library:",
             on_change="rerun",

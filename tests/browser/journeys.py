@@ -1,0 +1,222 @@
+"""Each page worked by the keyboard alone, and before axe-core in every state that the keys bring it to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from playwright.sync_api import Locator, Page, expect
+
+from tests.browser.axe import COLOURS_ALONE, Audit
+from tests.browser.sounds import wav_file
+from tests.browser.visits import expect_visible, settled
+
+MOST_IN_A_ROW = 10
+
+LIGHT_TEXT, DARK_TEXT = "rgb(91, 89, 100)", "rgb(180, 178, 189)"
+
+BENCH = (".st-key-depth-bench", ".st-key-depth-head", ".st-key-page-links")
+"""Of the depth page: what stays while its parts change."""
+
+PARTS = (
+    "Compare",
+    "Values",
+    "Why this match?",
+    "Why blank?",
+    "Scoreboard",
+    "All pairs",
+    "Sweep",
+    "Suggest",
+    "In 3-D",
+)
+
+Journey = Callable[[Page, Audit], None]
+
+
+def choose(page: Page, wanted: str, *, begin: str) -> None:
+    """Go along a row of buttons with the arrow keys, from one of them, and choose another."""
+    page.get_by_role("radio", name=begin, exact=True).first.focus()
+    button = page.get_by_role("radio", name=wanted, exact=True).first
+    for _ in range(MOST_IN_A_ROW):
+        if button.evaluate("button => button === document.activeElement"):
+            break
+        page.keyboard.press("ArrowRight")
+    page.keyboard.press("Enter")
+    expect(button).to_be_checked()
+    settled(page)
+    expect(button).to_be_focused()
+
+
+def turn_to(page: Page, here: str, name: str) -> None:
+    """Go from one tab to the next with the arrow key."""
+    page.get_by_role("tab", name=here).press("ArrowRight")
+    tab = page.get_by_role("tab", name=name)
+    expect(tab).to_be_focused()
+    expect(tab).to_have_attribute("aria-selected", "true")
+    settled(page)
+
+
+def press(page: Page, name: str) -> None:
+    """Press a button with the Enter key."""
+    page.get_by_role("button", name=name, exact=True).first.press("Enter")
+    settled(page)
+
+
+def unfold(page: Page, *titles: str) -> None:
+    for title in titles:
+        page.locator("summary:visible").filter(has_text=title).first.press("Enter")
+        settled(page)
+
+
+def announced(page: Page) -> Locator:
+    """Return the live region, marked: what takes its place later is not read aloud."""
+    region = page.locator("#stereolag-announced")
+    region.evaluate("(one) => { one.dataset.met = 'before'; }")
+    return page.locator("#stereolag-announced[data-met=before][role=status][aria-live=polite]")
+
+
+def through_home(page: Page, audit: Audit) -> None:
+    numbers = page.locator(".stPlotlyChart .xtick text").first
+    expect(numbers).to_have_css("fill", LIGHT_TEXT)  # axe-core does not judge text in drawings
+    audit.check(page, "Home")
+    expect(numbers).to_have_css("fill", DARK_TEXT)
+    page.get_by_role("link", name="Open Sensor lag").press("Enter")
+    expect_visible(page.get_by_role("heading", name="Sensor lag"))
+    settled(page)
+
+
+def through_sensor_lag(page: Page, audit: Audit) -> None:
+    region = announced(page)
+    expect(region).to_have_text("Sensor 2 hears it 1.136 s after sensor 1: its path is 378.17 m longer.")
+    choose(page, "Harbour in the wind", begin="Coast")
+    expect_visible(page.get_by_role("heading", name="Sensor 1 hears it 0.7083 s after sensor 2"))
+    expect(region).to_contain_text("Sensor 1 hears it 0.7083 s after sensor 2")
+    unfold(page, "All four methods", "Hear both together", "Take it away", "The source report")
+    press(page, "Compare the methods")
+    audit.check(page, "Sensor lag")
+    for here, tab in pairwise(("Slide it yourself", "Fool it", "Arrows that line up", "From lag to metres")):
+        turn_to(page, here, tab)
+        audit.check(page, f"Sensor lag: {tab}")
+    expect_visible(page.locator(".plan .stage"))
+    with page.expect_download():
+        page.get_by_test_id("stDownloadButton").get_by_role("button").first.press("Enter")
+
+    choose(page, "Your own files", begin="Harbour in the wind")
+    audit.check(page, "Sensor lag: own files")
+    box = page.get_by_test_id("stFileUploader").first
+    with page.expect_file_chooser() as asked:
+        box.get_by_test_id("stBaseButton-secondary").press("Enter")
+    asked.value.set_files(wav_file("first.wav", np.random.default_rng(0).uniform(-0.5, 0.5, 4_410)))
+    expect_visible(box.get_by_text("first.wav"))
+    settled(page)
+    box.get_by_role("button", name="Remove first.wav").press("Enter")
+    expect(box.get_by_text("first.wav")).to_have_count(0)
+    settled(page)
+    page.get_by_test_id("stPageLink").get_by_role("link", name="Home").press("Enter")
+    expect(region).to_have_text("")
+
+
+def through_rocketman_search(page: Page, audit: Audit) -> None:
+    page.get_by_role("button", name="Reveal").press("Enter")
+    unfold(page, "Paint a mask", "Take it away")
+    audit.check(page, "Rocketman search")
+    main = page.get_by_role("button", name="All in one ZIP")
+    main.hover()
+    expect(main).to_have_css("background-color", "rgb(185, 173, 245)")  # now in the dark
+    assert audit.findings(page, COLOURS_ALONE) == []
+    for here, tab in pairwise(("Search by hand", "Step by step", "Damage it")):
+        turn_to(page, here, tab)
+        audit.check(page, f"Rocketman search: {tab}")
+    expect_visible(page.get_by_role("button", name="Undo all damage"))
+    choose(page, "Rocketman in the dust of the moon", begin="Rocketman in the garden maze")
+    expect_visible(page.get_by_role("heading", name="Found at row 1048, column 1707"))
+    choose(page, "Cut from the image", begin="The example’s")
+    audit.check(page, "Rocketman search: a template cut out")
+    choose(page, "Your own files", begin="Rocketman in the dust of the moon")
+    broken = {"name": "broken.png", "mimeType": "image/png", "buffer": b"this is no picture"}
+    page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(broken)
+    expect(page.get_by_test_id("stAlertContentError")).to_contain_text("accepted are")
+    settled(page)
+    expect(page.get_by_role("heading", name="Found at row")).to_have_count(0)
+    audit.check(page, "Rocketman search: a refused file")
+
+
+def _along_the_maps(page: Page) -> None:
+    page.get_by_role("application").press("ArrowRight")
+    expect(page.locator(".linked .where")).to_have_text("row 240, column 321")
+    for _ in range(4):
+        page.keyboard.press("+")
+    expect(page.get_by_role("button", name="Whole image")).to_have_text("5.1×")
+    for _ in range(12):
+        page.keyboard.press("Shift+ArrowRight")
+    expect(page.locator(".linked .where")).to_have_text("row 240, column 441")
+    left, _, width, _ = map(float, (page.locator(".viewport svg").first.get_attribute("viewBox") or "").split())
+    assert left <= 441 < left + width  # the view follows the crosshair
+    page.keyboard.press("0")
+    expect(page.get_by_role("button", name="Whole image")).to_have_text("1×")
+    figures, small = page.locator(".linked figure"), page.get_by_role("button", name="Ground truth")
+    for count in (3, 2):
+        small.press("Enter")
+        expect(figures).to_have_count(count)
+        expect(small).to_be_focused()
+    page.get_by_role("button", name="Before / after").press("Enter")
+    page.get_by_role("slider", name="How much of the image on the left").press("Home")
+    expect(page.locator(".layer").nth(1)).to_have_css("clip-path", "inset(0px 0px 0px 0%)")
+    page.get_by_role("button", name="Side by side").press("Enter")
+
+
+def through_depth_maps(page: Page, audit: Audit) -> None:
+    _along_the_maps(page)
+    region, figures = announced(page), page.locator(".figures").first
+    expect(region).to_contain_text("Coverage")
+    before, shown = region.inner_text(), figures.inner_text()
+    unfold(page, "choose a pair or bring your own")
+    choose(page, "1/4", begin="1/2")
+    expect(region).not_to_have_text(before)
+    expect(figures).not_to_have_text(shown)
+    expect(region).to_contain_text("Bad-2")
+    unfold(page, "choose a pair or bring your own")  # folded again
+    audit.check(page, "Depth maps")
+    for here, part in pairwise((PARTS[0], *PARTS)):
+        choose(page, part, begin=here)
+        audit.check(page, f"Depth maps: {part}", but=BENCH)
+    unfold(page, "choose a pair or bring your own")
+    choose(page, "Your own files", begin="Puzzle cube")
+    unfold(page, "More settings", "Input doctor", "Take it away")
+    press(page, "Before / after")
+    press(page, "Colours")
+    audit.check(page, "Depth maps: all unfolded")
+
+
+def through_calibrate(page: Page, audit: Audit) -> None:
+    audit.check(page, "Calibrate")
+    count = page.get_by_test_id("stMetric").filter(has_text="Pairs that count")
+    expect(count).to_contain_text("10 of 11")
+    page.get_by_role("button", name="1", exact=True).focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Enter")
+    expect(count).to_contain_text("9 of 11")
+    settled(page)
+    shown: Locator = page.get_by_role("combobox", name="Pair shown")
+    before = shown.input_value()
+    for key in ("ArrowDown", "ArrowDown", "Enter"):
+        shown.press(key)
+    expect(shown).not_to_have_value(before)
+    settled(page)
+
+
+def through_driving(page: Page, audit: Audit) -> None:
+    """Its player has tests of its own by keys."""
+    expect_visible(page.locator(".player"))
+    audit.check(page, "Driving")
+
+
+JOURNEYS: dict[str, Journey] = {
+    "Home": through_home,
+    "Sensor lag": through_sensor_lag,
+    "Rocketman search": through_rocketman_search,
+    "Depth maps": through_depth_maps,
+    "Calibrate": through_calibrate,
+    "Driving": through_driving,
+}

@@ -1,0 +1,128 @@
+"""What belongs to one visitor is in no other's reach, is not put down on a disk, and is given back when they have left;
+asked in Streamlit's own protocol."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import time
+import urllib.request
+from collections.abc import Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.load import OWN, WINDOW, Server, own_pair, serving, windows_of, with_own_pair
+from benchmarks.visitors import HOST, Visitor
+from tests.browser.serving import PROJECT
+from tests.browser.sounds import wav_file
+
+RATE = 8_000
+SECONDS = 26
+SAMPLE = 64 * 1024
+
+VISITORS, MOVES = 4, 7
+MOST_LEFT_MB = 40
+"""A third of what they take, and far more than what the allocator keeps of it."""
+
+PATIENCE_S = 60
+
+
+@pytest.fixture(scope="module")
+def notes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return where the server notes every temporary file that an upload would be put down in."""
+    return tmp_path_factory.mktemp("watch") / "notes.txt"
+
+
+@pytest.fixture(scope="module")
+def server(notes: Path) -> Iterator[Server]:
+    (notes.parent / "sitecustomize.py").write_text(
+        "import tempfile\n"
+        "rollover = tempfile.SpooledTemporaryFile.rollover\n"
+        "def noted(self):\n"
+        f"    open({str(notes)!r}, 'a').write('an upload went to disk\\n')\n"
+        "    return rollover(self)\n"
+        "tempfile.SpooledTemporaryFile.rollover = noted\n"
+        f"open({str(notes)!r}, 'a').write('watching\\n')\n"
+    )
+    with serving(
+        {"PYTHONPATH": f"{notes.parent}:{PROJECT}", "STREAMLIT_SERVER_DISCONNECTED_SESSION_TTL": "1"}
+    ) as running:
+        yield running
+
+
+def awaited(work: Coroutine[Any, Any, Any]) -> Any:
+    """Return what work returns, in a thread of its own, since a browser's loop may run in this one."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, work).result()
+
+
+def alike_but_for_a_burst(seed: int) -> np.ndarray:
+    """Return silence with a burst where Streamlit does not look when it names a file: it looks at the ends and the
+    middle. The loudest sample is the same in all."""
+    sound = np.zeros(SECONDS * RATE)
+    sound[100] = 0.9
+    start = sound.size // 4
+    sound[start : start + RATE // 2] = np.random.default_rng(seed).uniform(-0.5, 0.5, RATE // 2)
+    assert start * 2 > SAMPLE
+    return sound
+
+
+async def heard(server: Server, seed: int) -> dict[str, str]:
+    """Return the digest of each recording on the page of a visitor of their own, by its address."""
+    sounds = [alike_but_for_a_burst(seed + sensor) for sensor in (0, 1)]
+    async with Visitor(server.port, "Sensor_lag") as visitor:
+        await visitor.choose("recordings", OWN)
+        boxes = visitor.keys("recordings.")
+        files = {box: wav_file("", sound, RATE)["buffer"] for box, sound in zip(boxes, sounds, strict=True)}
+        await visitor.upload(files, "wav")
+        assert visitor.complaints() == []
+        addresses = [one.audio.url for _, one in visitor.elements("audio")]
+        contents = [await asyncio.to_thread(downloaded, server, address) for address in addresses]
+    return {address: hashlib.sha256(content).hexdigest() for address, content in zip(addresses, contents, strict=True)}
+
+
+def downloaded(server: Server, address: str) -> bytes:
+    with urllib.request.urlopen(f"http://{HOST}:{server.port}{address}", timeout=PATIENCE_S) as answer:
+        return bytes(answer.read())
+
+
+def test_nobody_hears_the_recording_of_another(server: Server, notes: Path) -> None:
+    """Not where the files differ only where Streamlit does not look, and not where they are the same; and no upload is
+    written to disk."""
+    by_visitor = [awaited(heard(server, seed)) for seed in (0, 2, 2)]
+    assert [len(set(one.values())) for one in by_visitor] == [2, 2, 2]
+    assert len({address for one in by_visitor for address in one}) == 6
+    assert set(by_visitor[0].values()).isdisjoint(by_visitor[1].values())
+    assert set(by_visitor[1].values()) == set(by_visitor[2].values())
+    assert set(notes.read_text().splitlines()) == {"watching"}
+
+
+async def visited(server: Server, visitors: int) -> float:
+    """Let visitors come with pairs of their own, move, and leave; return the memory with all of them there, MB."""
+    async with AsyncExitStack() as everybody:
+        for number in range(visitors):
+            visitor = await everybody.enter_async_context(Visitor(server.port))
+            await with_own_pair(visitor, own_pair(number))
+            for window in windows_of(MOVES):
+                await visitor.move(WINDOW, window)
+                await visitor.settled()
+        return server.megabytes()
+
+
+def test_their_memory_is_given_back(server: Server) -> None:
+    if not Path("/proc/self/statm").exists():
+        pytest.skip("the memory of a process is read from /proc, which is not here")
+    awaited(visited(server, 1))
+    time.sleep(5)
+    at_first = server.megabytes()
+    with_all = awaited(visited(server, VISITORS))
+    assert with_all > at_first + 3 * MOST_LEFT_MB
+    end = time.monotonic() + PATIENCE_S
+    while (left := server.megabytes()) > at_first + MOST_LEFT_MB and time.monotonic() < end:
+        time.sleep(0.5)
+    assert left <= at_first + MOST_LEFT_MB
