@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -20,7 +21,7 @@ from tests.app import keys
 
 PROJECT = Path(__file__).resolve().parents[2]
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 
 SESSION = "test session id"
 """Of every page that AppTest opens."""
@@ -79,10 +80,12 @@ def no_failure_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
 
 @pytest.fixture
 def open_page() -> OpenPage:
-    """Return what opens a page by its path and runs it."""
+    """Return what opens a page by its path, with some controls as the visitor had them before, and runs it."""
 
-    def opened(path: str) -> AppTest:
+    def opened(path: str, before: Mapping[str, Any] = MappingProxyType({})) -> AppTest:
         app = AppTest.from_file(PROJECT / "app.py", default_timeout=60)
+        for key, value in before.items():
+            app.session_state[key] = value
         if path != "app.py":
             app.switch_page(path)
         return app.run()

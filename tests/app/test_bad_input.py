@@ -13,7 +13,7 @@ from stereolag.typography import typeset
 from tests.app import keys, uploads
 from tests.app.conftest import viewers
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 Shown = Callable[[AppTest], str]
 
 SCENE = uploads.texture(60, 90)
@@ -45,8 +45,7 @@ def put(app: AppTest, key: str, name: str, data: bytes) -> AppTest:
 
 def own(open_page: OpenPage, inputs: str, page: str, **files: Any) -> AppTest:
     """Return the page with good files of the visitor's own."""
-    app = open_page(page)
-    app.button_group(key=inputs).set_value("own").run()
+    app = open_page(page, {inputs: "own"})
     for name, (file_name, data) in files.items():
         app.file_uploader(key=f"{inputs}.{name}").upload(file_name, data, "application/octet-stream")
     app.run()
@@ -106,8 +105,7 @@ def test_a_bad_recording_leaves_the_page_as_it_was(open_page: OpenPage, shown: S
 
 
 def test_a_bad_first_recording_leaves_no_answer_of_the_example(open_page: OpenPage) -> None:
-    app = open_page("pages/1_Sensor_lag.py")
-    app.button_group(key="recordings").set_value("own").run()
+    app = open_page("pages/1_Sensor_lag.py", {"recordings": "own"})
     put(app, "recordings.file_2", "good.csv", uploads.csv(SOUND))
     for name, bad, fragment in BAD_RECORDINGS.values():
         put(app, "recordings.file_1", name, bad)
@@ -120,8 +118,7 @@ def test_a_bad_first_recording_leaves_no_answer_of_the_example(open_page: OpenPa
 
 
 def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPage) -> None:
-    app = open_page("pages/3_Depth_maps.py")
-    app.button_group(key="pairs").set_value("own").run()
+    app = open_page("pages/3_Depth_maps.py", {"pairs": "own"})
     assert viewers(app)
     put(app, "pairs.left", "left.png", b"no picture")
     assert_one_sentence(app, "accepted are")
@@ -178,8 +175,7 @@ def test_a_template_larger_than_the_picture_is_refused(open_page: OpenPage, show
 def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(
     open_page: OpenPage, size: tuple[int, int]
 ) -> None:
-    app = open_page("pages/3_Depth_maps.py")
-    app.button_group(key="pairs").set_value("own").run()
+    app = open_page("pages/3_Depth_maps.py", {"pairs": "own"})
     for seed, side in enumerate(("left", "right")):
         data = uploads.png(uploads.texture(*size, seed))
         app.file_uploader(key=f"pairs.{side}").upload(f"{side}.png", data, "image/png")
@@ -199,8 +195,7 @@ def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(
 
 
 def test_a_side_by_side_picture_of_one_column_is_refused(open_page: OpenPage) -> None:
-    app = open_page("pages/3_Depth_maps.py")
-    app.button_group(key="pairs").set_value("own").run()
+    app = open_page("pages/3_Depth_maps.py", {"pairs": "own"})
     app.button_group(key="pairs.arrangement").set_value("beside").run()
     put(app, "pairs.beside", "both.png", uploads.png(SCENE[:, :1]))
     assert_one_sentence(app, "at least 2 are needed")

@@ -19,7 +19,7 @@ from stereolag.ui.calibrate import examples
 from stereolag.ui.calibrate.kept import KEPT
 from tests.app import uploads
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 PATH = "pages/4_Calibrate.py"
 
 

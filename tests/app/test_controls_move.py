@@ -18,7 +18,7 @@ from stereolag.ui import controls as controls_module
 from tests.app import keys, uploads
 from tests.app.conftest import figures
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 Shown = Callable[[AppTest], str]
 
 LAG, SEARCH, DEPTH = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py", "pages/3_Depth_maps.py"

@@ -17,7 +17,7 @@ from stereolag.figures.recordings import correlation_curve, lag_over_time
 from stereolag.signals import signal_lag
 from stereolag.typography import typeset
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 Sound = npt.NDArray[np.float64]
 
 

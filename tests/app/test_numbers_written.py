@@ -16,7 +16,7 @@ from stereolag.typography import UNITS
 from tests.app import keys
 from tests.app.conftest import viewers
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 
 PROJECT = Path(__file__).resolve().parents[2]
 

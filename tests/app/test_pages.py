@@ -10,7 +10,7 @@ from stereolag.ui.navigation import PAGES
 from tests.app import keys
 from tests.app.conftest import PROJECT, figures, viewers
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 
 
 def numbers(app: AppTest) -> dict[str, str]:

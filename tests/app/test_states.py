@@ -10,7 +10,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.ui.navigation import ICONS, PAGES
 from tests.app import uploads
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 
 LAG, SEARCH, DEPTH = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py", "pages/3_Depth_maps.py"
 SCENE = uploads.png(uploads.texture(60, 90))

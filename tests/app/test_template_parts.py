@@ -20,7 +20,7 @@ from stereolag.ui.search.degrading import lesson, numbers_of
 from stereolag.ui.search.opencv_beside import differences, table
 from tests.app import uploads
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 
 SEARCH = "pages/2_Rocketman_search.py"
 SCENE = np.random.default_rng(5).integers(0, 256, (90, 120, 3), dtype=np.uint8)
