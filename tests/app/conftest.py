@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pytest
 import streamlit as st
 from streamlit.components.v2 import manifest_scanner
@@ -17,6 +19,9 @@ from streamlit.runtime.caching.cache_resource_api import clear_session_cache
 from streamlit.runtime.scriptrunner.script_cache import ScriptCache
 from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 
+from stereolag.samples import drives
+from stereolag.ui.calibrate import examples, result
+from stereolag.ui.driving import frames
 from tests.app import keys
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -109,6 +114,34 @@ def open_unfolded(open_page: OpenPage) -> OpenPage:
         return app
 
     return opened
+
+
+@pytest.fixture(scope="module")
+def small_boards() -> Iterator[None]:
+    """Let the page that calibrates draw its example with few pairs of half the pixels."""
+    smaller, whole = np.diag([0.7, 0.7, 1.0]), examples.drawn_rig()
+    left, right = smaller @ whole.left_matrix, smaller @ whole.right_matrix
+    rig = replace(whole, left_matrix=left, right_matrix=right, width=448, height=336)
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (examples, result):
+            patch.setattr(module, "drawn_rig", lambda: rig)
+        patch.setattr(examples, "PAIRS", 6)
+        patch.setattr(examples, "WRONG_PAIR", 3)
+        st.cache_resource.clear()
+        yield
+        st.cache_resource.clear()
+
+
+@pytest.fixture(scope="module")
+def short_drive() -> Iterator[None]:
+    """Let the page of drives begin with the first frames of its example, all of which tests/core looks at."""
+    (whole,) = drives().values()
+    paths = {name: getattr(whole, name)[:8] for name in ("left", "right", "disparity", "occlusion", "objects")}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(frames, "drives", lambda: {whole.name: replace(whole, **paths)})
+        st.cache_resource.clear()
+        yield
+        st.cache_resource.clear()
 
 
 def viewers(app: AppTest) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.typography import UNITS
@@ -130,5 +131,6 @@ def test_maps_of_negative_disparities(open_page: OpenPage) -> None:
     assert_written(app)
 
 
+@pytest.mark.usefixtures("small_boards")
 def test_a_calibration(open_page: OpenPage) -> None:
     assert_written(finished(open_page("pages/4_Calibrate.py")))
