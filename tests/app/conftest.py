@@ -19,7 +19,9 @@ from streamlit.runtime.caching.cache_resource_api import clear_session_cache
 from streamlit.runtime.scriptrunner.script_cache import ScriptCache
 from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 
-from stereolag.samples import drives
+from stereolag import samples
+from stereolag.figures.pictures import as_rgb, png
+from stereolag.reading import read_image
 from stereolag.ui.calibrate import examples, result
 from stereolag.ui.driving import frames
 from tests.app import keys
@@ -135,10 +137,26 @@ def small_boards() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def short_drive() -> Iterator[None]:
     """Let the page of drives begin with the first frames of its example, all of which tests/core looks at."""
-    (whole,) = drives().values()
+    (whole,) = samples.drives().values()
     paths = {name: getattr(whole, name)[:8] for name in ("left", "right", "disparity", "occlusion", "objects")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(frames, "drives", lambda: {whole.name: replace(whole, **paths)})
+        st.cache_resource.clear()
+        yield
+        st.cache_resource.clear()
+
+
+@pytest.fixture(scope="module")
+def small_mazes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Let the page of templates search a sixteenth of each maze, he in it."""
+    folder, smaller = tmp_path_factory.mktemp("mazes"), {}
+    for name, whole in samples.mazes().items():
+        row, col = whole.row - 200, whole.col - 200
+        path = folder / f"{name}.png"
+        path.write_bytes(png(as_rgb(read_image(whole.picture)[row : row + 400, col : col + 600])))
+        smaller[name] = replace(whole, picture=path, row=200, col=200)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(samples, "mazes", lambda: smaller)
         st.cache_resource.clear()
         yield
         st.cache_resource.clear()

@@ -113,6 +113,7 @@ def test_a_negative_lag(open_page: OpenPage) -> None:
     assert_written(app)
 
 
+@pytest.mark.usefixtures("small_mazes")
 def test_a_template_that_is_found_and_one_that_is_not(open_page: OpenPage) -> None:
     app = open_page("pages/2_Rocketman_search.py")
     assert_written(app)
