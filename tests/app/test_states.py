@@ -45,8 +45,7 @@ def test_a_page_opens_on_one_thing_to_try_and_says_which_file_is_missing(
 
 
 def test_a_refused_file_is_named(open_page: OpenPage) -> None:
-    app = open_page(LAG)
-    app.button_group(key="recordings").set_value("own").run()
+    app = open_page(LAG, {"recordings": "own"})
     app.file_uploader(key="recordings.file_1").upload("bro*ken*.wav", b"nothing", "application/octet-stream")
     app.run()
     (refused,) = app.error
