@@ -277,7 +277,7 @@ def test_what_takes_too_much_memory_is_refused_with_what_would_fit(
 def test_a_lower_limit_of_pixels_is_kept(with_uploads: Callable[..., AppTest], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STEREOLAG_MAX_MEGAPIXELS", "4")
     limits.cache_clear()
-    app = with_uploads("pictures", picture=("large.png", uploads.png(uploads.texture(2001, 2000))))
+    app = with_uploads("pictures", picture=("large.png", uploads.png(np.zeros((2001, 2000, 3), np.uint8))))
     monkeypatch.undo()
     limits.cache_clear()
     assert "at most 4 megapixels" in app.error[0].value
