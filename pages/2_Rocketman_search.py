@@ -11,14 +11,14 @@ from stereolag.ui.elements import show_png
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_in_turn
-from stereolag.ui.search.answer import doubtful, show_answer, why_no_score_map
+from stereolag.ui.search.answer import doubtful, drawn_once, show_answer, why_no_score_map
 from stereolag.ui.search.by_hand import search_by_hand
 from stereolag.ui.search.controls import ask_poses
 from stereolag.ui.search.degrading import damage_it
 from stereolag.ui.search.files import show_match_files
 from stereolag.ui.search.funnel import show_funnel
 from stereolag.ui.search.opencv_beside import show_opencv_beside
-from stereolag.ui.search.score_map import show_score_map
+from stereolag.ui.search.score_map import packed, show_score_map
 from stereolag.ui.search_addresses import TEMPLATE_ADDRESS
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
 from stereolag.ui.states import show_refused
@@ -45,16 +45,17 @@ def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
     )
 
 
-def show_scores(result: TemplateSearch, query: TemplateQuery) -> None:
+def show_scores(result: TemplateSearch, inputs: PictureAndTemplate, query: TemplateQuery) -> None:
     """Show the score of every place."""
-    if result.score_map is None:
+    score_map = result.score_map
+    if score_map is None:
         prose.caption(why_no_score_map(query))
         return
     prose.markdown("### How well it fits at every place")
     scores, legend = st.columns([3, 1], gap="medium")
     with scores:
         marked = result.matches if result.found else doubtful(result)
-        show_score_map(figures.score_map_png(result.score_map, marked), result.score_map)
+        show_score_map(drawn_once("score map", lambda: packed(score_map, marked), inputs, query))
     alt = "Colours of the scores: dark at 0, yellow at 1."
     legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False}, alt=alt)
     legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
@@ -92,7 +93,7 @@ def find(inputs: PictureAndTemplate) -> None:
     if result is None:
         return
     show_answer(result, inputs, query)
-    show_scores(result, query)
+    show_scores(result, inputs, query)
     show_opencv_beside(inputs, result, query.method)
     show_match_files(inputs, result, query)
     prose.header("See why", anchor="see-why")

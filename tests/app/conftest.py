@@ -4,32 +4,58 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pytest
 import streamlit as st
 from streamlit.components.v2 import manifest_scanner
 from streamlit.runtime.caching.cache_resource_api import clear_session_cache
-from streamlit.testing.v1 import AppTest
+from streamlit.runtime.scriptrunner.script_cache import ScriptCache
+from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 
+from stereolag import samples
+from stereolag.figures.pictures import as_rgb, png
+from stereolag.reading import read_image
+from stereolag.ui.calibrate import examples, result
+from stereolag.ui.driving import frames
 from tests.app import keys
 
 PROJECT = Path(__file__).resolve().parents[2]
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 
 SESSION = "test session id"
 """Of every page that AppTest opens."""
 
 
 @pytest.fixture(scope="session", autouse=True)
-def components() -> Iterator[None]:
-    """Look through all installed packages for components once: Streamlit does it anew for every page opened here."""
+def once_as_by_a_server() -> Iterator[None]:
+    """Look for components in all installed packages, and compile the pages, once: AppTest does both for every run."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(manifest_scanner, "scan_component_manifests", cache(manifest_scanner.scan_component_manifests))
+        patch.setattr(app_test, "ScriptCache", cache(ScriptCache))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def woken_at_the_end() -> Iterator[None]:
+    """Sleep until a run has ended: AppTest asks every millisecond, and takes the lock from the page each time."""
+    ask = local_script_runner.require_widgets_deltas
+
+    def wait(runner: local_script_runner.LocalScriptRunner, timeout: float = 3) -> None:
+        thread = runner._script_thread
+        assert thread is not None
+        thread.join(timeout)
+        ask(runner, 0 if thread.is_alive() else 1)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(local_script_runner, "require_widgets_deltas", wait)
         yield
 
 
@@ -61,10 +87,12 @@ def no_failure_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
 
 @pytest.fixture
 def open_page() -> OpenPage:
-    """Return what opens a page by its path and runs it."""
+    """Return what opens a page by its path, with some controls as the visitor had them before, and runs it."""
 
-    def opened(path: str) -> AppTest:
+    def opened(path: str, before: Mapping[str, Any] = MappingProxyType({})) -> AppTest:
         app = AppTest.from_file(PROJECT / "app.py", default_timeout=60)
+        for key, value in before.items():
+            app.session_state[key] = value
         if path != "app.py":
             app.switch_page(path)
         return app.run()
@@ -88,6 +116,50 @@ def open_unfolded(open_page: OpenPage) -> OpenPage:
         return app
 
     return opened
+
+
+@pytest.fixture(scope="module")
+def small_boards() -> Iterator[None]:
+    """Let the page that calibrates draw its example with few pairs of half the pixels."""
+    smaller, whole = np.diag([0.7, 0.7, 1.0]), examples.drawn_rig()
+    left, right = smaller @ whole.left_matrix, smaller @ whole.right_matrix
+    rig = replace(whole, left_matrix=left, right_matrix=right, width=448, height=336)
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (examples, result):
+            patch.setattr(module, "drawn_rig", lambda: rig)
+        patch.setattr(examples, "PAIRS", 6)
+        patch.setattr(examples, "WRONG_PAIR", 3)
+        st.cache_resource.clear()
+        yield
+        st.cache_resource.clear()
+
+
+@pytest.fixture(scope="module")
+def short_drive() -> Iterator[None]:
+    """Let the page of drives begin with the first frames of its example, all of which tests/core looks at."""
+    (whole,) = samples.drives().values()
+    paths = {name: getattr(whole, name)[:8] for name in ("left", "right", "disparity", "occlusion", "objects")}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(frames, "drives", lambda: {whole.name: replace(whole, **paths)})
+        st.cache_resource.clear()
+        yield
+        st.cache_resource.clear()
+
+
+@pytest.fixture(scope="module")
+def small_mazes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Let the page of templates search a sixteenth of each maze, he in it."""
+    folder, smaller = tmp_path_factory.mktemp("mazes"), {}
+    for name, whole in samples.mazes().items():
+        row, col = whole.row - 200, whole.col - 200
+        path = folder / f"{name}.png"
+        path.write_bytes(png(as_rgb(read_image(whole.picture)[row : row + 400, col : col + 600])))
+        smaller[name] = replace(whole, picture=path, row=200, col=200)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(samples, "mazes", lambda: smaller)
+        st.cache_resource.clear()
+        yield
+        st.cache_resource.clear()
 
 
 def viewers(app: AppTest) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ from stereolag.typography import typeset
 from tests.app import keys, uploads
 from tests.app.conftest import viewers
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 Shown = Callable[[AppTest], str]
 
 SCENE = uploads.texture(60, 90)
@@ -32,8 +32,9 @@ BAD_RECORDINGS = {
     "a NUL byte": ("a.csv", uploads.csv(SOUND[:50]) + b"\n\x00\n0.5", "NUL byte"),
     "a word in the middle": ("a.csv", uploads.csv(SOUND[:50]) + b"\nhello\n0.5", "“hello”"),
     "nothing but words": ("a.csv", b"these\nare\nwords\n", "allowed are finite numbers"),
-    "a constant signal": ("a.wav", uploads.wav(np.full(500, 0.25)), "constant"),
     "no channels": ("a.wav", uploads.wav_without_channels(), "without channels"),
+    # The last, for it is kept as a file that can be read.
+    "a constant signal": ("a.wav", uploads.wav(np.full(500, 0.25)), "constant"),
 }
 
 
@@ -44,10 +45,10 @@ def put(app: AppTest, key: str, name: str, data: bytes) -> AppTest:
 
 def own(open_page: OpenPage, inputs: str, page: str, **files: Any) -> AppTest:
     """Return the page with good files of the visitor's own."""
-    app = open_page(page)
-    app.button_group(key=inputs).set_value("own").run()
-    for name, data in files.items():
-        put(app, f"{inputs}.{name}", *data)
+    app = open_page(page, {inputs: "own"})
+    for name, (file_name, data) in files.items():
+        app.file_uploader(key=f"{inputs}.{name}").upload(file_name, data, "application/octet-stream")
+    app.run()
     assert not app.error
     assert not app.info
     return app
@@ -63,7 +64,6 @@ def assert_one_sentence(app: AppTest, fragment: str) -> None:
     assert "\n" not in said
 
 
-@pytest.mark.parametrize("what", BAD_PICTURES)
 @pytest.mark.parametrize(
     ("inputs", "page", "files"),
     [
@@ -72,55 +72,53 @@ def assert_one_sentence(app: AppTest, fragment: str) -> None:
     ],
 )
 def test_a_bad_picture_leaves_the_page_as_it_was(
-    open_page: OpenPage, shown: Shown, inputs: str, page: str, files: dict[str, Any], what: str
+    open_page: OpenPage, shown: Shown, inputs: str, page: str, files: dict[str, Any]
 ) -> None:
-    bad, fragment = BAD_PICTURES[what]
     good = {name: (f"{name}.png", uploads.png(picture)) for name, picture in files.items()}
     app = own(open_page, inputs, page, **good)
     before = shown(app)
     for name in files:
-        put(app, f"{inputs}.{name}", "bad.png", bad)
-        assert_one_sentence(app, fragment)
-        assert shown(app) == before
+        for bad, fragment in BAD_PICTURES.values():
+            put(app, f"{inputs}.{name}", "bad.png", bad)
+            assert_one_sentence(app, fragment)
+            assert shown(app) == before
         put(app, f"{inputs}.{name}", *good[name])
         assert not app.error
+        assert shown(app) == before
 
 
-@pytest.mark.parametrize("what", BAD_RECORDINGS)
-def test_a_bad_recording_leaves_the_page_as_it_was(open_page: OpenPage, shown: Shown, what: str) -> None:
-    name, bad, fragment = BAD_RECORDINGS[what]
+def test_a_bad_recording_leaves_the_page_as_it_was(open_page: OpenPage, shown: Shown) -> None:
     good = ("good.csv", uploads.csv(SOUND))
     app = own(open_page, "recordings", "pages/1_Sensor_lag.py", file_1=good, file_2=good)
     rate = next(box for box in app.number_input if box.label.startswith("Sampling rate"))
     rate.set_value(12_345.0).run()
     before = shown(app)
     for key in ("recordings.file_1", "recordings.file_2"):
-        put(app, key, name, bad)
-        assert_one_sentence(app, fragment)
-        assert shown(app) == before
-        assert next(box for box in app.number_input if box.label.startswith("Sampling rate")).value == 12_345
+        for name, bad, fragment in BAD_RECORDINGS.values():
+            put(app, key, name, bad)
+            assert_one_sentence(app, fragment)
+            assert shown(app) == before
+            assert next(box for box in app.number_input if box.label.startswith("Sampling rate")).value == 12_345
         put(app, key, *good)
         assert not app.error
+        assert shown(app) == before
 
 
-@pytest.mark.parametrize("what", BAD_RECORDINGS)
-def test_a_bad_first_recording_leaves_no_answer_of_the_example(open_page: OpenPage, what: str) -> None:
-    name, bad, fragment = BAD_RECORDINGS[what]
-    app = open_page("pages/1_Sensor_lag.py")
-    app.button_group(key="recordings").set_value("own").run()
+def test_a_bad_first_recording_leaves_no_answer_of_the_example(open_page: OpenPage) -> None:
+    app = open_page("pages/1_Sensor_lag.py", {"recordings": "own"})
     put(app, "recordings.file_2", "good.csv", uploads.csv(SOUND))
-    put(app, "recordings.file_1", name, bad)
-    assert_one_sentence(app, fragment)
-    assert not app.header
-    assert not app.metric
+    for name, bad, fragment in BAD_RECORDINGS.values():
+        put(app, "recordings.file_1", name, bad)
+        assert_one_sentence(app, fragment)
+        assert not app.header
+        assert not app.metric
     put(app, "recordings.file_1", "good.csv", uploads.csv(SOUND))
     assert not app.error
     assert "at the same time" in app.header[0].value
 
 
 def test_pictures_refused_at_first_leave_no_answer_of_the_example(open_page: OpenPage) -> None:
-    app = open_page("pages/3_Depth_maps.py")
-    app.button_group(key="pairs").set_value("own").run()
+    app = open_page("pages/3_Depth_maps.py", {"pairs": "own"})
     assert viewers(app)
     put(app, "pairs.left", "left.png", b"no picture")
     assert_one_sentence(app, "accepted are")
@@ -173,14 +171,15 @@ def test_a_template_larger_than_the_picture_is_refused(open_page: OpenPage, show
     assert shown(app) == before
 
 
-@pytest.mark.parametrize("size", [(1, 1), (2, 2), (4, 5), (6, 300), (300, 7)])
+@pytest.mark.parametrize("size", [(1, 1), (4, 5), (6, 300), (300, 7)])
 def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(
     open_page: OpenPage, size: tuple[int, int]
 ) -> None:
-    app = open_page("pages/3_Depth_maps.py")
-    app.button_group(key="pairs").set_value("own").run()
+    app = open_page("pages/3_Depth_maps.py", {"pairs": "own"})
     for seed, side in enumerate(("left", "right")):
-        put(app, f"pairs.{side}", f"{side}.png", uploads.png(uploads.texture(*size, seed)))
+        data = uploads.png(uploads.texture(*size, seed))
+        app.file_uploader(key=f"pairs.{side}").upload(f"{side}.png", data, "image/png")
+    app.run()
     assert not app.exception
     for part in app.button_group(key=keys.PART).options:
         app.button_group(key=keys.PART).set_value(part).run()
@@ -196,8 +195,7 @@ def test_pictures_too_small_for_a_window_are_refused_and_every_part_goes_on(
 
 
 def test_a_side_by_side_picture_of_one_column_is_refused(open_page: OpenPage) -> None:
-    app = open_page("pages/3_Depth_maps.py")
-    app.button_group(key="pairs").set_value("own").run()
+    app = open_page("pages/3_Depth_maps.py", {"pairs": "own"})
     app.button_group(key="pairs.arrangement").set_value("beside").run()
     put(app, "pairs.beside", "both.png", uploads.png(SCENE[:, :1]))
     assert_one_sentence(app, "at least 2 are needed")

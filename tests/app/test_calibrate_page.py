@@ -19,13 +19,15 @@ from stereolag.ui.calibrate import examples
 from stereolag.ui.calibrate.kept import KEPT
 from tests.app import uploads
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 PATH = "pages/4_Calibrate.py"
+
+pytestmark = pytest.mark.usefixtures("small_boards")
 
 
 @cache
-def files(count: int = 4) -> dict[str, bytes]:
-    pairs = drawn_pairs(examples.drawn_rig(), Board(6, 4), count, square_m=0.03, seed=4)
+def files() -> dict[str, bytes]:
+    pairs = drawn_pairs(examples.drawn_rig(), Board(6, 4), 4, square_m=0.03, seed=4)
     return {
         f"{side}{number:02}.png": uploads.png(picture)
         for number, pair in enumerate(pairs, start=1)
@@ -64,12 +66,6 @@ def opened_on_own_files() -> AppTest:
     app.session_state["calibrate"] = "own"
     app.switch_page(PATH)
     return app
-
-
-@pytest.fixture(autouse=True)
-def few_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(examples, "PAIRS", 6)
-    monkeypatch.setattr(examples, "WRONG_PAIR", 3)
 
 
 def numbers(app: AppTest) -> dict[str, str]:
@@ -113,11 +109,11 @@ def test_folders_of_a_zip_are_left_and_right() -> None:
 
 
 def test_a_board_of_another_size_is_answered_with_what_to_check() -> None:
-    app = given(*files(3).items())
+    app = given(*[(name, files()[name]) for name in ("left01.png", "right01.png", "left02.png", "right02.png")])
     columns = next(box for box in app.number_input if box.label == "Inner corners across")
     columns.set_value(12).run()
     finished(app)
-    assert "0 of 3 pairs can be used" in app.error[0].value
+    assert "0 of 2 pairs can be used" in app.error[0].value
     assert "is that its size?" in app.error[0].value
     assert not app.metric
 

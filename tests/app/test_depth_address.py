@@ -10,7 +10,7 @@ from streamlit.testing.v1 import AppTest
 from tests.app import keys
 from tests.app.conftest import PROJECT, figures
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 DEPTH = "pages/3_Depth_maps.py"
 
 

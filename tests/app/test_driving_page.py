@@ -16,8 +16,9 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.pictures import coloured
 from stereolag.reading import read_disparity, read_image
-from stereolag.samples import drives, stereo_pairs
+from stereolag.samples import stereo_pairs
 from stereolag.ui.depth.handed_over import HANDED
+from stereolag.ui.driving import frames
 from stereolag.ui.driving.frames import EXAMPLE, ONE
 from stereolag.ui.driving.player import LINES
 from stereolag.ui.driving.result import OPENED, _table
@@ -27,6 +28,8 @@ from tests.app import uploads
 PATH = "pages/5_Driving.py"
 COUNT = 12
 ROWS, COLS = 120, 200
+
+pytestmark = pytest.mark.usefixtures("short_drive")
 
 
 def drive(*, damaged: int | None = None, count: int = COUNT) -> bytes:
@@ -117,7 +120,7 @@ def test_a_drive_is_computed_played_and_told_of() -> None:
 def test_it_opens_on_the_example_which_the_next_visitor_sees_at_once() -> None:
     app = finished(page(EXAMPLE))
     assert not app.error
-    (example,) = drives().values()
+    (example,) = frames.drives().values()
     shown = player(app)
     assert shown["computed"] == shown["frames"] == len(example)
     assert not any(shown["problems"])
@@ -135,7 +138,7 @@ def test_the_truth_is_shown_beside_the_maps() -> None:
     app = finished(app)
     assert player(app)["titles"] == ["Left image", "StereoBM", "True disparity"]
     low, high = work(app).kept.colours or (0, 0)
-    (example,) = drives().values()
+    (example,) = frames.drives().values()
     truth = read_disparity(example.disparity[0])
     with av.open(io.BytesIO(b"".join(work(app).video.pieces)), "r") as container:
         first = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(float)

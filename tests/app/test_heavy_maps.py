@@ -13,7 +13,7 @@ from stereolag.ui import results
 from tests.app import keys
 from tests.app.conftest import figures
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 
 
 def test_the_map_before_stays_until_the_new_one_is_there(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:

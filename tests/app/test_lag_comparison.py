@@ -12,7 +12,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.figures.recordings import run_times
 from stereolag.ui.lag import comparison
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 BUTTON = "lag.comparison.recordings coast.button"
 
 

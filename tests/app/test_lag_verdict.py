@@ -17,14 +17,13 @@ from stereolag.figures.recordings import correlation_curve, lag_over_time
 from stereolag.signals import signal_lag
 from stereolag.typography import typeset
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 Sound = npt.NDArray[np.float64]
 
 
 def measured(open_page: OpenPage, first: Sound, second: Sound) -> AppTest:
     """Return the page after both recordings were uploaded."""
-    app = open_page("pages/1_Sensor_lag.py")
-    app.button_group(key="recordings").set_value("own").run()
+    app = open_page("pages/1_Sensor_lag.py", {"recordings": "own"})
     for number, sound in ((1, first), (2, second)):
         file = io.BytesIO()
         soundfile.write(file, sound / np.abs(sound).max() * 0.9, 44_100, format="WAV", subtype="FLOAT")

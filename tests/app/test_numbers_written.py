@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.typography import UNITS
 from tests.app import keys
 from tests.app.conftest import viewers
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -112,6 +113,7 @@ def test_a_negative_lag(open_page: OpenPage) -> None:
     assert_written(app)
 
 
+@pytest.mark.usefixtures("small_mazes")
 def test_a_template_that_is_found_and_one_that_is_not(open_page: OpenPage) -> None:
     app = open_page("pages/2_Rocketman_search.py")
     assert_written(app)
@@ -130,5 +132,6 @@ def test_maps_of_negative_disparities(open_page: OpenPage) -> None:
     assert_written(app)
 
 
+@pytest.mark.usefixtures("small_boards")
 def test_a_calibration(open_page: OpenPage) -> None:
     assert_written(finished(open_page("pages/4_Calibrate.py")))

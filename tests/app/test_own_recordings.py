@@ -26,7 +26,7 @@ def numbers(app: AppTest) -> dict[str, str]:
 
 
 @pytest.fixture
-def with_recordings(open_page: Callable[[str], AppTest]) -> Callable[..., AppTest]:
+def with_recordings(open_page: Callable[..., AppTest]) -> Callable[..., AppTest]:
     def opened(*files: tuple[str, bytes]) -> AppTest:
         app = open_page("pages/1_Sensor_lag.py")
         app.button_group(key="recordings").set_value("own").run()

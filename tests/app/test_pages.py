@@ -10,13 +10,14 @@ from stereolag.ui.navigation import PAGES
 from tests.app import keys
 from tests.app.conftest import PROJECT, figures, viewers
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 
 
 def numbers(app: AppTest) -> dict[str, str]:
     return {metric.label: metric.value for metric in app.metric}
 
 
+@pytest.mark.usefixtures("small_boards", "short_drive")  # their jobs would go on beside the tests that follow
 @pytest.mark.parametrize("path", PAGES)
 def test_every_page_runs_and_links_to_every_other(open_page: OpenPage, path: str) -> None:
     app = open_page(path)

@@ -30,7 +30,7 @@ def upload(app: AppTest, first: np.ndarray, second: np.ndarray) -> AppTest:
     return app.run()
 
 
-def test_the_lag_page_offers_five_examples_whatever_is_measured(open_page: Callable[[str], AppTest]) -> None:
+def test_the_lag_page_offers_five_examples_whatever_is_measured(open_page: Callable[..., AppTest]) -> None:
     app = open_page("pages/1_Sensor_lag.py")
     examples = told(app)
     assert [example["name"] for example in examples] == EXAMPLES
@@ -44,7 +44,7 @@ def test_the_lag_page_offers_five_examples_whatever_is_measured(open_page: Calla
     assert told(app) == examples  # what has been painted stays in the browser
 
 
-def test_ones_own_recordings_come_first_once_their_lag_is_found(open_page: Callable[[str], AppTest]) -> None:
+def test_ones_own_recordings_come_first_once_their_lag_is_found(open_page: Callable[..., AppTest]) -> None:
     scene = noise(12_000)
     app = upload(open_page("pages/1_Sensor_lag.py"), scene[:-500], scene[500:])
     own, *others = told(app)
@@ -54,7 +54,7 @@ def test_ones_own_recordings_come_first_once_their_lag_is_found(open_page: Calla
     assert own["said"]["whitened"] == "The chain reaches furthest at lag 4, as in the whole recordings."
 
 
-def test_recordings_with_nothing_in_common_have_no_arrows(open_page: Callable[[str], AppTest]) -> None:
+def test_recordings_with_nothing_in_common_have_no_arrows(open_page: Callable[..., AppTest]) -> None:
     app = upload(open_page("pages/1_Sensor_lag.py"), noise(9_000, seed=1), noise(9_000, seed=2))
     assert [example["name"] for example in told(app)] == EXAMPLES
 

@@ -16,6 +16,8 @@ from tests.app.uploads import noise, wav
 LAG, FIND = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py"
 COAST, HARBOUR = "recordings coast", "recordings harbour"
 
+pytestmark = pytest.mark.usefixtures("small_mazes")
+
 
 def linked(path: str, **parameters: str) -> AppTest:
     app = AppTest.from_file(PROJECT / "app.py", default_timeout=60).switch_page(path)

@@ -24,10 +24,8 @@ def told(app: AppTest, name: str) -> Any:
     return json.loads(part.bytes[4 : 4 + length])
 
 
-def test_the_search_page_lets_him_be_searched_by_hand(open_page: Callable[[str], AppTest]) -> None:
-    app = open_page(PAGE)
-    app.session_state["template.see_why"] = "Step by step"
-    app.run()
+def test_the_search_page_lets_him_be_searched_by_hand(open_page: Callable[..., AppTest]) -> None:
+    app = open_page(PAGE, {"template.see_why": "Step by step"})
     search, score_map, funnel = (told(app, name) for name in ("template_by_hand", "score_map", "funnel"))
     best = search["leaders"][0]
     assert search["row"] + search["factor"] * best["row"] == 528
@@ -43,10 +41,8 @@ def test_the_search_page_lets_him_be_searched_by_hand(open_page: Callable[[str],
     assert told(app, "template_by_hand") == search and told(app, "funnel") == funnel
 
 
-def test_pictures_of_ones_own_can_be_searched_by_hand_too(open_page: Callable[[str], AppTest]) -> None:
-    app = open_page(PAGE)
-    app.session_state["template.see_why"] = "Step by step"
-    app.button_group(key="pictures").set_value("own").run()
+def test_pictures_of_ones_own_can_be_searched_by_hand_too(open_page: Callable[..., AppTest]) -> None:
+    app = open_page(PAGE, {"pictures": "own", "template.see_why": "Step by step"})
     scene = texture(120, 180)
     uploads = {"pictures.picture": scene, "pictures.template": scene[30:60, 70:110]}
     for key, picture in uploads.items():
@@ -58,10 +54,8 @@ def test_pictures_of_ones_own_can_be_searched_by_hand_too(open_page: Callable[[s
     assert told(app, "funnel")["rows"] == 120
 
 
-def test_types_that_cannot_be_compared_exactly_have_no_funnel(open_page: Callable[[str], AppTest]) -> None:
-    app = open_page(PAGE)
-    app.session_state["template.see_why"] = "Step by step"
-    app.button_group(key="pictures").set_value("own").run()
+def test_types_that_cannot_be_compared_exactly_have_no_funnel(open_page: Callable[..., AppTest]) -> None:
+    app = open_page(PAGE, {"pictures": "own", "template.see_why": "Step by step"})
     scene = texture(120, 180)[:, :, 0]
     app.file_uploader(key="pictures.picture").upload("a.png", png(scene.astype(np.uint16) * 256), "image/png")
     app.file_uploader(key="pictures.template").upload("b.png", png(scene[30:60, 70:110]), "image/png")

@@ -27,7 +27,7 @@ from stereolag.ui.search import files as match_files
 from tests.app.uploads import noise, texture
 from tests.programs import run_program
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 LAG, FIND = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py"
 
 

@@ -10,7 +10,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.ui.navigation import ICONS, PAGES
 from tests.app import uploads
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 
 LAG, SEARCH, DEPTH = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py", "pages/3_Depth_maps.py"
 SCENE = uploads.png(uploads.texture(60, 90))
@@ -45,8 +45,7 @@ def test_a_page_opens_on_one_thing_to_try_and_says_which_file_is_missing(
 
 
 def test_a_refused_file_is_named(open_page: OpenPage) -> None:
-    app = open_page(LAG)
-    app.button_group(key="recordings").set_value("own").run()
+    app = open_page(LAG, {"recordings": "own"})
     app.file_uploader(key="recordings.file_1").upload("bro*ken*.wav", b"nothing", "application/octet-stream")
     app.run()
     (refused,) = app.error

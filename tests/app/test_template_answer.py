@@ -87,25 +87,35 @@ def test_a_frame_is_turned_as_the_template_is() -> None:
     assert top > 125  # counter-clockwise: its upper right corner is the highest
 
 
-def test_the_page_frames_a_look_alike_beside_the_template(open_page: Callable[[str], AppTest]) -> None:
-    app = open_page(PAGE)
-    app.button_group(key="pictures").set_value("maze_dulled").run()
+def framed_picture(app: AppTest) -> str:
+    pictures = [picture for element in app.get("image") for picture in element.proto.imgs]
+    (whole,) = [picture.url for picture in pictures if picture.alt.startswith("The image: ")]
+    return whole
+
+
+@pytest.mark.usefixtures("small_mazes")
+def test_the_page_frames_a_look_alike_beside_the_template(open_page: Callable[..., AppTest]) -> None:
+    app = open_page(PAGE, {"pictures": "maze_dulled"})
+    assert app.header[0].value == "Found at row 200, column 200"
+    found = framed_picture(app)
     app.slider(key="template.min_score").set_value(0.95).run()
     assert app.header[0].value == "Not found"
+    assert framed_picture(app) != found  # by a dashed frame
     captions = [picture.caption for element in app.get("image") for picture in element.proto.imgs]
     assert "the template" in captions
-    assert any(caption.startswith("row 1048, column 1707, score 0.7") for caption in captions)
+    assert any(caption.startswith("row 200, column 200, score 0.7") for caption in captions)
 
 
-def test_the_page_finds_him_among_other_sizes_and_angles(open_page: Callable[[str], AppTest]) -> None:
+@pytest.mark.usefixtures("small_mazes")
+def test_the_page_finds_him_among_other_sizes_and_angles(open_page: Callable[..., AppTest]) -> None:
     app = open_page(PAGE)
     app.slider(key="template.max_rotation").set_value(10.0).run()
     assert not app.exception
-    assert app.header[0].value == "Found at row 528, column 982"
+    assert app.header[0].value == "Found at row 200, column 200"
     assert any("no score map" in caption.value for caption in app.caption)
     app.button_group(key="template.method").set_value("sampled").run()
     assert not app.exception
-    assert app.header[0].value == "Found at row 528, column 982"
+    assert app.header[0].value == "Found at row 200, column 200"
     assert app.slider(key="template.max_rotation").disabled
 
 

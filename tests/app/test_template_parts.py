@@ -20,7 +20,7 @@ from stereolag.ui.search.degrading import lesson, numbers_of
 from stereolag.ui.search.opencv_beside import differences, table
 from tests.app import uploads
 
-OpenPage = Callable[[str], AppTest]
+OpenPage = Callable[..., AppTest]
 
 SEARCH = "pages/2_Rocketman_search.py"
 SCENE = np.random.default_rng(5).integers(0, 256, (90, 120, 3), dtype=np.uint8)
@@ -47,8 +47,7 @@ def test_a_template_can_be_cut_from_the_example(open_page: OpenPage) -> None:
 
 
 def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenPage) -> None:
-    app = open_page(SEARCH)
-    app.button_group(key="pictures").set_value("own").run()
+    app = open_page(SEARCH, {"pictures": "own"})
     app.button_group(key="pictures.from").set_value("cut").run()
     assert len(app.info) == 1
     app.file_uploader(key="pictures.picture").upload("scene.png", uploads.png(SCENE), "image/png").run()
@@ -58,9 +57,7 @@ def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenP
 
 
 def test_a_template_that_lacks_a_place_is_offered_no_damage(open_page: OpenPage) -> None:
-    app = open_page(SEARCH)
-    app.session_state["template.see_why"] = "Damage it"
-    app.button_group(key="pictures").set_value("own").run()
+    app = open_page(SEARCH, {"pictures": "own", "template.see_why": "Damage it"})
     app.file_uploader(key="pictures.picture").upload("scene.png", uploads.png(SCENE), "image/png").run()
     other = np.random.default_rng(6).integers(0, 256, (20, 20, 3), dtype=np.uint8)
     app.file_uploader(key="pictures.template").upload("other.png", uploads.png(other), "image/png").run()
@@ -69,9 +66,7 @@ def test_a_template_that_lacks_a_place_is_offered_no_damage(open_page: OpenPage)
 
 
 def test_damage_ends_one_method_after_the_other_and_can_be_undone(open_page: OpenPage) -> None:
-    app = open_page(SEARCH)
-    app.session_state["template.see_why"] = "Damage it"
-    app.run()
+    app = open_page(SEARCH, {"template.see_why": "Damage it"})
     assert [text.split()[-1] for text in cards(app)] == ["found]"] * 3
     app.slider(key="degrade.noise").set_value(20).run()
     assert ["not found" in text for text in cards(app)] == [False, True, False]
@@ -172,9 +167,7 @@ def test_the_lesson_follows_what_happened() -> None:
 
 
 def test_images_of_two_types_are_damaged_too(open_page: OpenPage) -> None:
-    app = open_page(SEARCH)
-    app.session_state["template.see_why"] = "Damage it"
-    app.button_group(key="pictures").set_value("own").run()
+    app = open_page(SEARCH, {"pictures": "own", "template.see_why": "Damage it"})
     app.file_uploader(key="pictures.picture").upload("scene.png", uploads.png(SCENE[:, :, 0]), "image/png").run()
     deep = uploads.png(SCENE[30:50, 40:64, 0].astype(np.uint16))
     app.file_uploader(key="pictures.template").upload("deep.png", deep, "image/png").run()

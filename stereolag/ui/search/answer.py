@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import streamlit as st
 
 from stereolag.figures import templates as figures
@@ -11,6 +14,7 @@ from stereolag.ui import prose
 from stereolag.ui.announcements import announce
 from stereolag.ui.elements import Number, show_numbers, show_png
 from stereolag.ui.pictures import PictureAndTemplate
+from stereolag.ui.results import remembered
 from stereolag.ui.sentences import duration
 
 EQUAL = 0.005
@@ -43,16 +47,33 @@ def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
     whole, beside = st.columns([3, 1], gap="medium")
     with whole:
         places = result.matches if result.found else []
-        drawn = figures.framed(inputs.picture, places, doubtful(result), template=inputs.template.shape)
-        show_png(drawn, framed_in_words(result))
+        show_png(
+            drawn_once(
+                "places framed",
+                lambda: figures.framed(inputs.picture, places, doubtful(result), template=inputs.template.shape),
+                inputs,
+                query,
+            ),
+            framed_in_words(result),
+        )
     with beside:
         if not result.found:
             show_png(figures.what_counts(inputs.template, inputs.mask), "The template", "the template")
         for match in (result.matches if result.found else doubtful(result))[:CLOSE_UPS]:
-            close_up = figures.match_close_up(
-                inputs.picture, match, doubtful=not result.found, template=inputs.template.shape
+            close_up = partial(
+                figures.match_close_up,
+                inputs.picture,
+                match,
+                doubtful=not result.found,
+                template=inputs.template.shape,
             )
-            show_png(close_up, f"The image up close at {place(match)}", place(match))
+            drawn = drawn_once(f"close-up at {place(match)}", close_up, inputs, query)
+            show_png(drawn, f"The image up close at {place(match)}", place(match))
+
+
+def drawn_once(what: str, draw: Callable[[], bytes], inputs: PictureAndTemplate, query: TemplateQuery) -> bytes:
+    """Return what is drawn of a search, from memory where it was drawn before: other controls move on the page too."""
+    return remembered(what, draw, inputs=inputs.digest, settings=query.model_dump_json(), shared=inputs.shared)
 
 
 def framed_in_words(result: TemplateSearch) -> str:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import streamlit as st
 
 from stereolag.figures.block_scores import ScoreMap, packed_score_map
+from stereolag.figures.templates import score_map_png
+from stereolag.templates import TemplateMatch
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.search.by_hand import HERE as BY_HAND
 from stereolag.ui.search.by_hand import NAME
@@ -28,14 +31,11 @@ _panel = st.components.v2.component(
 )
 
 
-def show_score_map(png: bytes, score_map: ScoreMap) -> None:
-    """Show the score of every place.
+def packed(score_map: ScoreMap, matches: Sequence[TemplateMatch]) -> bytes:
+    """Return the score of every place, NaN where there is none, for :func:`show_score_map`; matches are ringed."""
+    return packed_score_map(score_map_png(score_map, matches), score_map, name=NAME, words=WORDS)
 
-    Parameters
-    ----------
-    png
-        What :func:`stereolag.figures.templates.score_map_png` drew of it.
-    score_map
-        (rows, cols), NaN where there is no score.
-    """
-    _panel(key="template.score_map", data=packed_score_map(png, score_map, name=NAME, words=WORDS))
+
+def show_score_map(data: bytes) -> None:
+    """Show the score of every place, as :func:`packed` gives it."""
+    _panel(key="template.score_map", data=data)
