@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.browser.depth_page import Given, OwnPair
+from tests.browser.parts import parts_alone
 from tests.browser.serving import CHROMIUM, chromium, chromium_path, served_app
 from tests.browser.visits import TIMEOUT_MS, OpenPage, faultless_pages
 
@@ -57,3 +58,10 @@ def motorcycle(data_dir: Path) -> OwnPair:
     """Return a pair of real photographs with truth and calibration."""
     folder = data_dir / "stereo" / "motorcycle_q"
     return OwnPair(*(Given.of(folder / name) for name in ("left.png", "right.png", "gt.pfm", "calib.json")))
+
+
+@pytest.fixture(scope="module")
+def show_parts(browser: Browser) -> Iterator[OpenPage]:
+    """Return what shows components alone, without the app: those that a function draws."""
+    with parts_alone(browser) as shown:
+        yield shown

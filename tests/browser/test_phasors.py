@@ -14,7 +14,9 @@ from playwright.sync_api import Browser, Page, expect
 from stereolag import samples
 from stereolag.figures import phasors
 from stereolag.reading import read_signal
-from stereolag.ui.lag.phasors import described
+from stereolag.ui.lag.phasors import described, show_phasors
+from stereolag.ui.recordings import example_recordings
+from tests.browser.parts import sent
 from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
 
 CHAIN = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "phasors" / "chain.js"
@@ -83,10 +85,9 @@ def drag(page: Page, drawing: str, *points: tuple[float, float]) -> None:
 
 
 @pytest.fixture(scope="module")
-def arrows_page(keep_page: OpenPage) -> Page:
-    page = keep_page("Sensor_lag", moving=True)
-    page.get_by_role("tab", name="Arrows that line up").click()
-    return page
+def arrows_page(show_parts: OpenPage) -> Page:
+    pair = example_recordings("coast")
+    return show_parts(lambda: show_phasors(pair, None, key="lag.phasors"), moving=True)
 
 
 def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page: Page) -> None:
@@ -94,10 +95,6 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page:
     root = page.locator(".phasors")
     slider, where, said = (root.locator(f".{name}") for name in ("lag", "where", "said"))
     slider.scroll_into_view_if_needed()
-    page.evaluate(
-        "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
-        "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
-    )
     expect(where).to_have_text(re.compile(r"^Lag 0 · correlation "))
     assert painted(page) == 1
     slider.focus()
@@ -134,7 +131,7 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page:
     expect(said).to_contain_text("needle")
     root.locator(".clear").click()
     expect(said).to_have_text("")
-    assert page.evaluate("document.body.dataset.reran") is None
+    assert sent(page) == []
 
 
 def test_it_reads_in_dark_and_on_a_phone_without_motion(arrows_page: Page) -> None:
