@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.browser.depth_page import Given, OwnPair
-from tests.browser.parts import parts_alone
+from tests.browser.parts import ShowParts, parts_alone
 from tests.browser.serving import CHROMIUM, chromium, chromium_path, served_app
 from tests.browser.visits import TIMEOUT_MS, OpenPage, faultless_pages
 
@@ -61,7 +61,7 @@ def motorcycle(data_dir: Path) -> OwnPair:
 
 
 @pytest.fixture(scope="module")
-def show_parts(browser: Browser) -> Iterator[OpenPage]:
+def show_parts(browser: Browser) -> Iterator[ShowParts]:
     """Return what shows components alone, without the app: those that a function draws."""
     with parts_alone(browser) as shown:
         yield shown

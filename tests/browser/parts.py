@@ -19,13 +19,19 @@ import pytest
 from playwright.sync_api import Browser, Page
 from streamlit.components.v2 import manifest_scanner
 from streamlit.proto.BidiComponent_pb2 import BidiComponent
+from streamlit.proto.WidgetStates_pb2 import WidgetState, WidgetStates
 from streamlit.testing.v1 import AppTest
 
 from tests.browser.serving import PROJECT
-from tests.browser.visits import OpenPage, faultless_pages
+from tests.browser.visits import faultless_pages
 
 Show = Callable[[], object]
 """Draws parts of a page, as a run of it does."""
+
+RUN = "import streamlit as st\nst.session_state.show()"
+
+TRIGGER = "$$STREAMLIT_INTERNAL_KEY_{}__events"
+"""The name by which Streamlit's page sends what a component triggers."""
 
 HERE = Path(__file__).resolve().parent
 
@@ -59,19 +65,49 @@ def themes() -> dict[str, dict[str, str]]:
     return found
 
 
-def handed_over(show: Show) -> list[BidiComponent]:
-    """Return what a run that draws some parts hands to the browser for each."""
-    app = AppTest.from_string("import streamlit as st\nst.session_state.show()", default_timeout=SCRIPT_TIMEOUT_S)
-    app.session_state.show = show
-    app.run()
-    assert not app.exception, app.exception
-    return [element.proto for element in app.get("bidi_component")]
+class Parts:
+    """Some components on a page of their own, and the run of Python behind them.
+
+    Attributes
+    ----------
+    page
+        Where they are mounted.
+    """
+
+    def __init__(self, page: Page, show: Show) -> None:
+        self.page = page
+        self._app = AppTest.from_string(RUN, default_timeout=SCRIPT_TIMEOUT_S)
+        self._answered = 0
+        self.hand_over(show)
+
+    def hand_over(self, show: Show) -> None:
+        """Show what a run hands over; the parts that were shown before are told what has changed, or leave."""
+        self._app.session_state.show = show
+        self._run(WidgetStates())
+
+    def sent(self) -> list[dict[str, Any]]:
+        """Return what the parts have sent to the server, oldest first."""
+        return sent(self.page)
+
+    def answer(self) -> None:
+        """Let Python hear what was sent since the last time, one after the other, and show what it answers."""
+        for one in self.sent()[self._answered :]:
+            assert one["kind"] == "trigger"
+            value = json.dumps([{"event": one["event"], "value": one["value"]}])
+            self._run(WidgetStates(widgets=[WidgetState(id=TRIGGER.format(one["id"]), json_trigger_value=value)]))
+            self._answered += 1
+
+    def _run(self, told: WidgetStates) -> None:
+        self._app._run(told)  # what AppTest has no public name for: components that have a say
+        assert not self._app.exception, self._app.exception
+        parts = [_described(element.proto) for element in self._app.get("bidi_component")]
+        self.page.evaluate("(text) => handOver(text)", json.dumps({"themes": themes(), "parts": parts}))
 
 
-def hand_over(page: Page, show: Show) -> None:
-    """Let a page of parts show what a run hands over; those that it showed before change or leave."""
-    parts = [_described(part) for part in handed_over(show)]
-    page.evaluate("(text) => handOver(text)", json.dumps({"themes": themes(), "parts": parts}))
+def sent(page: Page) -> list[dict[str, Any]]:
+    """Return what the parts of a page have sent to the server, oldest first."""
+    found: list[dict[str, Any]] = page.evaluate("sent")
+    return found
 
 
 def _described(part: BidiComponent) -> dict[str, Any]:
@@ -89,22 +125,17 @@ def _described(part: BidiComponent) -> dict[str, Any]:
     }
 
 
-def sent(page: Page) -> list[dict[str, Any]]:
-    """Return what the parts of a page have sent to the server, oldest first."""
-    found: list[dict[str, Any]] = page.evaluate("sent")
-    return found
+ShowParts = Callable[..., Parts]
 
 
 @contextmanager
-def parts_alone(browser: Browser) -> Iterator[OpenPage]:
-    """Give what opens a page of what a function draws; in the end they are closed, and must not have met an error."""
+def parts_alone(browser: Browser) -> Iterator[ShowParts]:
+    """Give what opens a page of the parts that a function draws; in the end they are closed, and must not have met an error."""
     with pytest.MonkeyPatch.context() as patch, faultless_pages(browser, HERE.as_uri()) as opened:
         # Streamlit looks through all installed packages for components at every run.
         patch.setattr(manifest_scanner, "scan_component_manifests", cache(manifest_scanner.scan_component_manifests))
 
-        def shown(show: Show, **options: Any) -> Page:
-            page = opened("parts.html", **options)
-            hand_over(page, show)
-            return page
+        def shown(show: Show, **options: Any) -> Parts:
+            return Parts(opened("parts.html", **options), show)
 
         yield shown

@@ -15,8 +15,8 @@ from stereolag import signal_lag
 from stereolag.figures import disturbances
 from stereolag.ui.lag.disturbances import ARITHMETIC, HERE, described_parts, fool_it
 from stereolag.ui.lag.disturbances.words import START
-from tests.browser.parts import sent
-from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
+from tests.browser.parts import ShowParts, sent
+from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
 GRID = {
     "clean": ({"noise": -30}, "clear"),
@@ -156,8 +156,8 @@ def test_transforms_of_any_length_are_those_of_numpy(arithmetic: Page, size: int
 
 
 @pytest.fixture(scope="module")
-def fooling_page(show_parts: OpenPage) -> Page:
-    return show_parts(lambda: fool_it(key="lag.fooling"))
+def fooling_page(show_parts: ShowParts) -> Page:
+    return show_parts(lambda: fool_it(key="lag.fooling")).page
 
 
 def slider(page: Page, name: str) -> Locator:

@@ -16,8 +16,8 @@ from stereolag.figures import phasors
 from stereolag.reading import read_signal
 from stereolag.ui.lag.phasors import described, show_phasors
 from stereolag.ui.recordings import example_recordings
-from tests.browser.parts import sent
-from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
+from tests.browser.parts import ShowParts, sent
+from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
 CHAIN = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "phasors" / "chain.js"
 
@@ -85,9 +85,9 @@ def drag(page: Page, drawing: str, *points: tuple[float, float]) -> None:
 
 
 @pytest.fixture(scope="module")
-def arrows_page(show_parts: OpenPage) -> Page:
+def arrows_page(show_parts: ShowParts) -> Page:
     pair = example_recordings("coast")
-    return show_parts(lambda: show_phasors(pair, None, key="lag.phasors"), moving=True)
+    return show_parts(lambda: show_phasors(pair, None, key="lag.phasors"), moving=True).page
 
 
 def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page: Page) -> None:

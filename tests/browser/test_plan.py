@@ -13,8 +13,8 @@ from playwright.sync_api import Browser, Page, expect
 from stereolag import signal_lag
 from stereolag.signals import SignalLag
 from stereolag.ui.lag.plan import show_plan
-from tests.browser.parts import sent
-from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
+from tests.browser.parts import ShowParts, sent
+from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
 GEOMETRY = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "plan" / "geometry.js"
 
@@ -42,9 +42,9 @@ def heard() -> SignalLag:
 
 
 @pytest.fixture(scope="module")
-def plan_page(show_parts: OpenPage) -> Page:
+def plan_page(show_parts: ShowParts) -> Page:
     result = heard()
-    return show_parts(lambda: show_plan(result, 300.0, key="lag.plan"))
+    return show_parts(lambda: show_plan(result, 300.0, key="lag.plan")).page
 
 
 def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(plan_page: Page) -> None:

@@ -14,8 +14,8 @@ from playwright.sync_api import Browser, Page, expect
 
 from stereolag.figures import sliding
 from stereolag.ui.lag.sliding import slide_it_yourself
-from tests.browser.parts import sent
-from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
+from tests.browser.parts import ShowParts, sent
+from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
 PRODUCTS = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "sliding" / "products.js"
 
@@ -71,8 +71,8 @@ def drag_to(page: Page, sample: float, *, of: int, start: float) -> None:
 
 
 @pytest.fixture(scope="module")
-def slides_page(show_parts: OpenPage) -> Page:
-    return show_parts(lambda: slide_it_yourself(key="lag.sliding"), moving=True)
+def slides_page(show_parts: ShowParts) -> Page:
+    return show_parts(lambda: slide_it_yourself(key="lag.sliding"), moving=True).page
 
 
 def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(slides_page: Page) -> None:
