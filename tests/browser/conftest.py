@@ -24,13 +24,6 @@ def address() -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def parts_address(browser: Browser) -> Iterator[str]:
-    """Start an app of single parts of the depth page and return its address."""
-    with served_app("tests/browser/depth_parts.py") as url:
-        yield url
-
-
-@pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     path = chromium_path()
     if path is None:

@@ -97,6 +97,11 @@ class Parts:
             self._run(WidgetStates(widgets=[WidgetState(id=TRIGGER.format(one["id"]), json_trigger_value=value)]))
             self._answered += 1
 
+    def said(self) -> str:
+        """Return what the run says in words, in the order of its kinds."""
+        texts = (*self._app.markdown, *self._app.success, *self._app.warning, *self._app.caption)
+        return "\n".join(one.value for one in texts)
+
     def _run(self, told: WidgetStates) -> None:
         self._app._run(told)  # what AppTest has no public name for: components that have a say
         assert not self._app.exception, self._app.exception
@@ -130,7 +135,7 @@ ShowParts = Callable[..., Parts]
 
 @contextmanager
 def parts_alone(browser: Browser) -> Iterator[ShowParts]:
-    """Give what opens a page of the parts that a function draws; in the end they are closed, and must not have met an error."""
+    """Give what opens pages of the parts that functions draw; they must not have met an error in the end."""
     with pytest.MonkeyPatch.context() as patch, faultless_pages(browser, HERE.as_uri()) as opened:
         # Streamlit looks through all installed packages for components at every run.
         patch.setattr(manifest_scanner, "scan_component_manifests", cache(manifest_scanner.scan_component_manifests))

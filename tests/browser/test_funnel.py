@@ -12,6 +12,7 @@ from stereolag.ui.search.funnel import show_funnel
 from tests.browser.parts import Parts, ShowParts, sent
 from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
+
 def dots(page: Page) -> int:
     """Return how many pixels are marked in the picture."""
     marked = page.locator(".funnel .picture .dots")
