@@ -38,8 +38,8 @@ HERE = Path(__file__).resolve().parent
 SCRIPT_TIMEOUT_S = 120
 
 OF_STREAMLIT = {
-    "font": '"Source Sans", sans-serif',
-    "orange-text-color": {"light": "#e2660c", "dark": "#ffbd45"},
+    "font": '"Source Sans",sans-serif,"Source Sans",sans-serif',
+    "orange-text-color": {"light": "#9B4519", "dark": "#F2A56D"},
 }
 """What components heed of a theme, by Streamlit and not by ``config.toml``."""
 
