@@ -134,7 +134,7 @@ def depth_maps(page: Page) -> None:
         screenshot(page, f"depth-parts-{part.strip('?').rpartition(' ')[-1].lower()}")
     reading = page.locator(".hovered .reading")
     before, has_run = str(reading.text_content()), watch_runs(page)
-    visit.hover("Left image: point at it, or click", 200, 300)
+    visit.hover("Left image: point at it, or click", 100, 150)
     expect(reading).not_to_have_text(before)
     assert not has_run()
     expect_at_home(page, page.locator(".hovered"))

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Locator, Page
 from streamlit.components.v2 import manifest_scanner
 from streamlit.proto.BidiComponent_pb2 import BidiComponent
 from streamlit.proto.WidgetStates_pb2 import WidgetState, WidgetStates
@@ -107,6 +107,15 @@ class Parts:
         assert not self._app.exception, self._app.exception
         parts = [_described(element.proto) for element in self._app.get("bidi_component")]
         self.page.evaluate("(text) => handOver(text)", json.dumps({"themes": themes(), "parts": parts}))
+
+
+@contextmanager
+def redrawn(canvas: Locator) -> Iterator[None]:
+    """Wait until something else is drawn on a canvas: pictures are unpacked beside the page, and for long."""
+    before = canvas.evaluate("(canvas) => canvas.toDataURL()")
+    yield
+    drawn_anew = "([canvas, before]) => canvas.toDataURL() !== before"
+    canvas.page.wait_for_function(drawn_anew, arg=[canvas.element_handle(), before])
 
 
 def sent(page: Page) -> list[dict[str, Any]]:
