@@ -1,7 +1,7 @@
 """Components of the pages alone in a browser: what Python hands to each is mounted as Streamlit mounts it.
 
 A page of the app costs seconds to open, a component by itself a tenth of one. That it stands on its page, and that the
-page hears it, ``test_parts_in_place.py`` asks of the app itself.
+page hears it, ``in_place.py`` asks of the app itself.
 """
 
 from __future__ import annotations
