@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.browser.depth_page import Given, OwnPair
+from tests.browser.parts import ShowParts, parts_alone
 from tests.browser.serving import CHROMIUM, chromium, chromium_path, served_app
 from tests.browser.visits import TIMEOUT_MS, OpenPage, faultless_pages
 
@@ -19,13 +20,6 @@ expect.set_options(timeout=TIMEOUT_MS)
 def address() -> Iterator[str]:
     """Start the app on a free port and return its address."""
     with served_app() as url:
-        yield url
-
-
-@pytest.fixture(scope="session")
-def parts_address(browser: Browser) -> Iterator[str]:
-    """Start an app of single parts of the depth page and return its address."""
-    with served_app("tests/browser/depth_parts.py") as url:
         yield url
 
 
@@ -57,3 +51,10 @@ def motorcycle(data_dir: Path) -> OwnPair:
     """Return a pair of real photographs with truth and calibration."""
     folder = data_dir / "stereo" / "motorcycle_q"
     return OwnPair(*(Given.of(folder / name) for name in ("left.png", "right.png", "gt.pfm", "calib.json")))
+
+
+@pytest.fixture(scope="module")
+def show_parts(browser: Browser) -> Iterator[ShowParts]:
+    """Return what shows components alone, without the app: those that a function draws."""
+    with parts_alone(browser) as shown:
+        yield shown

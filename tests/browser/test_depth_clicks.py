@@ -3,27 +3,44 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import Locator, Page, expect
 
-from tests.browser.visits import expect_visible, faultless_pages, screenshot, settled, turned_dark
+from stereolag.ui.depth.blanks import show_blanks
+from stereolag.ui.depth.comparison import show_comparison
+from stereolag.ui.depth.match import show_inspection
+from stereolag.ui.depth.readout import show_readout
+from stereolag.ui.depth.view import DepthView
+from tests.app.depth_view import small_view
+from tests.browser.parts import Parts, ShowParts, sent
+from tests.browser.visits import screenshot, turned_dark
+
+OpenPart = Callable[[str], Parts]
+
+
+SHOWN: dict[str, Callable[[DepthView], None]] = {
+    "comparison": show_comparison,
+    "readout": show_readout,
+    "inspection": show_inspection,
+    "blanks": show_blanks,
+}
 
 
 @pytest.fixture(scope="module")
-def open_part(browser: Browser, parts_address: str) -> Iterator[Callable[[str], Page]]:
-    """Return what gives the page of a part, opened when it is first asked for."""
-    with faultless_pages(browser, parts_address) as open_page:
+def open_part(show_parts: ShowParts) -> Callable[[str], Parts]:
+    """Return what gives a part of the depth page on a small pair, opened when it is first asked for."""
+    view = small_view()
 
-        @cache
-        def opened(part: str) -> Page:
-            page = open_page(f"?part={part}")
-            page.locator("figure").first.wait_for()
-            return page
+    @cache
+    def opened(part: str) -> Parts:
+        parts = show_parts(lambda: SHOWN[part](view))
+        parts.page.locator("figure").first.wait_for()
+        return parts
 
-        yield opened
+    return opened
 
 
 def point(picture: Locator, across: float, down: float) -> dict[str, float]:
@@ -40,21 +57,19 @@ def reading(page: Page, title: str) -> Locator:
     return page.locator("figure", has=page.get_by_text(title, exact=True)).locator(".reading")
 
 
-@pytest.mark.parametrize("part", ["comparison", "readout", "inspection", "blanks"])
-def test_every_part_is_whole_in_the_dark_and_on_a_phone(open_part: Callable[[str], Page], part: str) -> None:
-    page = open_part(part)
+@pytest.mark.parametrize("part", SHOWN)
+def test_every_part_is_whole_in_the_dark_and_on_a_phone(open_part: OpenPart, part: str) -> None:
+    page = open_part(part).page
     turned_dark(page, width=390)
-    expect(page.get_by_test_id("stException")).to_have_count(0)
     screenshot(page, f"depth-{part}-phone")
     page.set_viewport_size({"width": 1280, "height": 900})
     screenshot(page, f"depth-{part}-dark")
     page.emulate_media(color_scheme="light")
-    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "light")
-    settled(page)
 
 
-def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(open_part: Callable[[str], Page]) -> None:
-    page = open_part("readout")
+def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(open_part: OpenPart) -> None:
+    parts = open_part("readout")
+    page = parts.page
     left = page.locator(".viewport").first
     hover(left, 0.503, 0.503)
     expect(page.locator(".where")).to_have_text("row 80, column 140")
@@ -63,18 +78,21 @@ def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(ope
     assert page.locator("svg .cross").count() == page.locator(".viewport").count()
     hover(left, 0.01, 0.5)
     expect(reading(page, "StereoBM")).to_have_text("no disparity: out of frame")
+    assert parts.sent() == []
 
     left.click(position=point(left, 0.5, 0.6))  # type: ignore[arg-type]
-    expect_visible(page.get_by_text("A: depth"))
+    parts.answer()
+    assert "A: depth" in parts.said()
     page.wait_for_timeout(400)  # longer than a double click
     left.click(position=point(left, 0.7, 0.2))  # type: ignore[arg-type]
-    expect_visible(page.get_by_text("A to B"))
+    parts.answer()
+    assert "A to B" in parts.said()
     expect(page.locator(".viewport").first.locator("svg text")).to_have_text(["A", "B"])
     screenshot(page, "depth-readout-light")
 
 
-def test_all_pictures_zoom_and_move_together(open_part: Callable[[str], Page]) -> None:
-    page = open_part("comparison")
+def test_all_pictures_zoom_and_move_together(open_part: OpenPart) -> None:
+    page = open_part("comparison").page
     views = page.locator(".viewport svg")
     whole = "0 0 280 160"
     expect(views.first).to_have_attribute("viewBox", whole)
@@ -95,15 +113,9 @@ def test_all_pictures_zoom_and_move_together(open_part: Callable[[str], Page]) -
     screenshot(page, "depth-comparison-light")
 
 
-def test_before_and_after_needs_no_rerun(open_part: Callable[[str], Page]) -> None:
-    page = open_part("comparison")
+def test_before_and_after_needs_no_rerun(open_part: OpenPart) -> None:
+    page = open_part("comparison").page
     page.emulate_media(color_scheme="dark")
-    expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "dark")
-    settled(page)
-    page.evaluate(
-        "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
-        "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
-    )
     page.get_by_role("button", name="Before / after").click()
     page.get_by_label("Image on the left", exact=True).select_option("StereoBM")
     page.get_by_label("Image on the right").select_option("Ground truth")
@@ -113,18 +125,24 @@ def test_before_and_after_needs_no_rerun(open_part: Callable[[str], Page]) -> No
     expect(page.locator(".layer").nth(1)).to_have_css("clip-path", "inset(0px 0px 0px 25%)")
     hover(page.locator(".viewport"), 0.5, 0.5)
     expect(page.locator(".reading").last).to_have_text(re.compile(r"px · 0\.\d+\sm$"))
-    assert page.evaluate("document.body.dataset.reran") is None
+    assert sent(page) == []
     screenshot(page, "depth-before-after-dark")
     page.get_by_role("button", name="Side by side").click()
 
 
-def test_the_keyboard_moves_the_crosshair_and_picks(open_part: Callable[[str], Page]) -> None:
-    page = open_part("inspection")
+def test_the_keyboard_moves_the_crosshair_and_picks(open_part: OpenPart) -> None:
+    parts = open_part("inspection")
+    page = parts.page
     page.get_by_role("application").focus()
     for key in ("Shift+ArrowRight", "ArrowRight", "ArrowUp"):
         page.keyboard.press(key)
     expect(page.locator(".where")).to_have_text("row 79, column 151")
-    frame = page.locator("svg").nth(0).locator("path").last.get_attribute("d")
     page.keyboard.press("Enter")
-    expect(page.locator(".viewport").first.locator("svg path").nth(-3)).not_to_have_attribute("d", str(frame))
+    assert [one["value"] for one in parts.sent()] == [{"row": 79, "col": 151}]
+    parts.answer()
+    window = {"row": 72, "col": 144, "height": 15, "width": 15}
+    framed = page.evaluate("[...stereolagMarks.values()].flat()")
+    assert window in [{name: mark[name] for name in window} for mark in framed]
+    page.get_by_role("application").blur()
+    expect(page.locator(".viewport").first.locator("svg path[d='M144 72h15v15h-15z']")).not_to_have_count(0)
     screenshot(page, "depth-inspection-light")

@@ -7,12 +7,10 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
-
-WATCH_RUNS = (
-    "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
-    "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
-)
+from stereolag.ui.pictures import example_pictures
+from stereolag.ui.search.funnel import show_funnel
+from tests.browser.parts import Parts, ShowParts, sent
+from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
 
 def dots(page: Page) -> int:
@@ -22,36 +20,34 @@ def dots(page: Page) -> int:
 
 
 @pytest.fixture(scope="module")
-def steps_page(keep_page: OpenPage) -> Page:
-    page = keep_page("Rocketman_search")
-    page.get_by_role("tab", name="Step by step").click()
-    return page
+def steps(show_parts: ShowParts) -> Parts:
+    inputs = example_pictures("maze")
+    return show_parts(lambda: show_funnel(inputs))
 
 
-def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(steps_page: Page) -> None:
-    page = steps_page
-    steps, said = page.locator(".funnel .steps button"), page.locator(".funnel .said")
+def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(steps: Parts) -> None:
+    page = steps.page
+    buttons, said = page.locator(".funnel .steps button"), page.locator(".funnel .said")
     bars, colour = page.locator(".funnel .bars"), page.locator(".funnel .colour")
-    expect(steps).to_have_text(["All pixels3,732,596", "This colour24", "Both ends agree1", "Scored9"])
+    expect(buttons).to_have_text(["All pixels3,732,596", "This colour24", "Both ends agree1", "Scored9"])
     bars.scroll_into_view_if_needed()
-    page.evaluate(WATCH_RUNS)
     assert dots(page) == 0
     for step, count in ((1, 24), (2, 1), (3, 9)):
-        steps.nth(step).press("Enter")
-        expect(steps.nth(step)).to_have_attribute("aria-pressed", "true")
+        buttons.nth(step).press("Enter")
+        expect(buttons.nth(step)).to_have_attribute("aria-pressed", "true")
         assert dots(page) == count
     expect(said).to_contain_text("Best: row 528, column 982, score 1.000.")
     expect(page.locator(".funnel .picture .place")).to_have_count(1)
 
     bars.press("ArrowRight")
     expect(colour).to_contain_text("85 pixels of its colour")
-    expect(steps.nth(3)).to_have_text("Scored27")
+    expect(buttons.nth(3)).to_have_text("Scored27")
     assert dots(page) == 27
     bars.press("End")
     expect(bars).to_have_attribute("aria-valuenow", "24")
-    expect(steps.nth(1)).to_have_text("This colour390,413")
+    expect(buttons.nth(1)).to_have_text("This colour390,413")
     expect(said).to_contain_text("So many that only a count is shown")
-    steps.nth(1).click()
+    buttons.nth(1).click()
     expect(said).to_contain_text("600 of them are drawn")
     screenshot(page, "rocketman-funnel")
 
@@ -64,16 +60,17 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(s
     assert box is not None
     template.click(position={"x": box["width"] * 67.5 / 111, "y": box["height"] * 55.5 / 123})
     expect(colour).to_have_text("Row 55, column 67 of the template: 24 pixels of its colour")
-    assert page.evaluate("document.body.dataset.reran") is None
+    assert sent(page) == []
 
 
-def test_it_reads_in_dark_and_on_a_phone(steps_page: Page) -> None:
-    page = steps_page
+def test_it_reads_in_dark_and_on_a_phone(steps: Parts) -> None:
+    page = steps.page
     turned_dark(page, width=420)
-    page.get_by_text("Rocketman in the dust of the moon").click()
-    steps = page.locator(".funnel .steps button")
-    expect(steps.nth(2)).not_to_have_text("Both ends agree1")
-    steps.nth(3).click()
+    inputs = example_pictures("maze_dulled")
+    steps.hand_over(lambda: show_funnel(inputs))
+    buttons = page.locator(".funnel .steps button")
+    expect(buttons.nth(2)).not_to_have_text("Both ends agree1")
+    buttons.nth(3).click()
     expect(page.locator(".funnel .said")).not_to_contain_text("score 1.00")
     expect_fitting(page, 420)
     screenshot(page, "rocketman-funnel-phone")

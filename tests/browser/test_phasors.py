@@ -14,8 +14,10 @@ from playwright.sync_api import Browser, Page, expect
 from stereolag import samples
 from stereolag.figures import phasors
 from stereolag.reading import read_signal
-from stereolag.ui.lag.phasors import described
-from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
+from stereolag.ui.lag.phasors import described, show_phasors
+from stereolag.ui.recordings import example_recordings
+from tests.browser.parts import ShowParts, sent
+from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
 CHAIN = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "phasors" / "chain.js"
 
@@ -83,10 +85,9 @@ def drag(page: Page, drawing: str, *points: tuple[float, float]) -> None:
 
 
 @pytest.fixture(scope="module")
-def arrows_page(keep_page: OpenPage) -> Page:
-    page = keep_page("Sensor_lag", moving=True)
-    page.get_by_role("tab", name="Arrows that line up").click()
-    return page
+def arrows_page(show_parts: ShowParts) -> Page:
+    pair = example_recordings("coast")
+    return show_parts(lambda: show_phasors(pair, None, key="lag.phasors"), moving=True).page
 
 
 def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page: Page) -> None:
@@ -94,10 +95,6 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page:
     root = page.locator(".phasors")
     slider, where, said = (root.locator(f".{name}") for name in ("lag", "where", "said"))
     slider.scroll_into_view_if_needed()
-    page.evaluate(
-        "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
-        "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
-    )
     expect(where).to_have_text(re.compile(r"^Lag 0 · correlation "))
     assert painted(page) == 1
     slider.focus()
@@ -107,8 +104,10 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page:
     expect(slider).to_have_attribute("aria-valuetext", "Lag 4 · correlation 1.00")
     assert painted(page) == 17
     assert root.locator(".arrow").count() > 50  # of 62; the others are shorter than a pixel
-    tips = [arrow.bounding_box() for arrow in root.locator(".arrow").all()]
-    assert max(tip["y"] + tip["height"] for tip in tips if tip) - min(tip["y"] for tip in tips if tip) < 8  # straight
+    edges = root.locator(".arrow").evaluate_all(
+        "all => all.map(one => one.getBoundingClientRect()).flatMap(({ top, bottom }) => [top, bottom])"
+    )
+    assert max(edges) - min(edges) < 8  # straight
     page.keyboard.press("End")
     expect(where).to_contain_text("Lag 12 ·")
     assert painted(page) == 18  # the jump left the others out
@@ -118,6 +117,7 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page:
     assert painted(page) == 97
     expect(root.locator(".peak")).to_have_count(1)
 
+    page.emulate_media(reduced_motion="reduce")  # played once is enough
     root.get_by_role("button", name="Coast, up close").click()
     expect(where).to_contain_text("Lag 0 (50,070 in the recordings)")
     assert painted(page) == 1
@@ -134,7 +134,7 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page:
     expect(said).to_contain_text("needle")
     root.locator(".clear").click()
     expect(said).to_have_text("")
-    assert page.evaluate("document.body.dataset.reran") is None
+    assert sent(page) == []
 
 
 def test_it_reads_in_dark_and_on_a_phone_without_motion(arrows_page: Page) -> None:

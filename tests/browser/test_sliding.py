@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from playwright.sync_api import Browser, Page, expect
 
 from stereolag.figures import sliding
-from tests.browser.visits import OpenPage, expect_fitting, screenshot, turned_dark
+from stereolag.ui.lag.sliding import slide_it_yourself
+from tests.browser.parts import ShowParts, sent
+from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
 PRODUCTS = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "sliding" / "products.js"
 
@@ -23,26 +27,30 @@ EXAMPLES = {
 }
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
-@pytest.mark.parametrize("normalise", [False, True])
-def test_the_browser_multiplies_as_numpy_does(browser: Browser, name: str, normalise: bool) -> None:
-    slide = EXAMPLES[name]()
+@pytest.fixture(scope="module")
+def blank_page(browser: Browser) -> Iterator[Page]:
     page = browser.new_page()
     page.add_script_tag(path=PRODUCTS)
-    example = {"cut": slide.cut.tolist(), "recording": slide.recording.tolist()}
-    found = page.evaluate("([example, normalise]) => measured(example, normalise)", [example, normalise])
+    yield page
     page.close()
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("normalise", [False, True])
+def test_the_browser_multiplies_as_numpy_does(blank_page: Page, name: str, normalise: bool) -> None:
+    slide = EXAMPLES[name]()
+    example = {"cut": slide.cut.tolist(), "recording": slide.recording.tolist()}
+    # As JSON, for Playwright looks at every number for itself.
+    all_of_it = "([example, normalise]) => JSON.stringify(measured(example, normalise))"
+    found = json.loads(blank_page.evaluate(all_of_it, [example, normalise]))
     windows = sliding_window_view(slide.recording, slide.cut.size)
     expected = [np.corrcoef(window, slide.cut)[0, 1] for window in windows] if normalise else windows @ slide.cut
     np.testing.assert_allclose(found["sums"], expected, atol=1e-9)
     np.testing.assert_allclose(np.sum(found["products"], axis=1), expected, atol=1e-9)
 
 
-def test_silence_has_no_correlation(browser: Browser) -> None:
-    page = browser.new_page()
-    page.add_script_tag(path=PRODUCTS)
-    found = page.evaluate("() => measured({ cut: [1, -1], recording: [0.1, 0.1, 0.1, 2] }, true).sums")
-    page.close()
+def test_silence_has_no_correlation(blank_page: Page) -> None:
+    found = blank_page.evaluate("() => measured({ cut: [1, -1], recording: [0.1, 0.1, 0.1, 2] }, true).sums")
     assert found == pytest.approx([0.0, 0.0, -1.0])
 
 
@@ -63,20 +71,16 @@ def drag_to(page: Page, sample: float, *, of: int, start: float) -> None:
 
 
 @pytest.fixture(scope="module")
-def lag_page(keep_page: OpenPage) -> Page:
-    return keep_page("Sensor_lag", moving=True)
+def slides_page(show_parts: ShowParts) -> Page:
+    return show_parts(lambda: slide_it_yourself(key="lag.sliding"), moving=True).page
 
 
-def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(lag_page: Page) -> None:
-    page = lag_page
+def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(slides_page: Page) -> None:
+    page = slides_page
     stage, where = page.locator(".sliding .stage"), page.locator(".sliding .where")
     said = page.locator(".sliding .said")
     expect(where).to_have_text("Lag 0 · sum 10")
     stage.scroll_into_view_if_needed()
-    page.evaluate(
-        "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
-        "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
-    )
     drag_to(page, 11, of=20, start=3)
     expect(where).to_have_text("Lag 8 · sum 72")
     assert painted(page) == 9
@@ -94,6 +98,7 @@ def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(lag_page: P
     expect(page.locator(".sliding .peak")).to_have_count(1)
     expect(stage).to_have_attribute("aria-valuenow", "8")
 
+    page.emulate_media(reduced_motion="reduce")  # played once is enough
     page.get_by_role("button", name="Loud stretch").click()
     expect(where).to_contain_text("Lag 0 ·")
     assert painted(page) == 1
@@ -106,12 +111,11 @@ def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(lag_page: P
     expect(where).to_contain_text(re.compile(r"^Lag 10 · correlation "))
     page.locator(".sliding .clear").click()
     expect(said).to_have_text("")
-    assert page.evaluate("document.body.dataset.reran") is None
+    assert sent(page) == []
 
 
-def test_it_reads_in_dark_and_on_a_phone(lag_page: Page) -> None:
-    page = lag_page
-    page.emulate_media(reduced_motion="reduce")
+def test_it_reads_in_dark_and_on_a_phone(slides_page: Page) -> None:
+    page = slides_page
     turned_dark(page, width=390)
     page.get_by_role("button", name="Pure tone").click()
     page.locator(".sliding .play").click()

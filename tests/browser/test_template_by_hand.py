@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,26 +12,27 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from stereolag.figures.template_by_hand import ReducedSearch, reduced_search
+from stereolag.figures.templates import score_map_png
+from stereolag.templates import match_template
 from stereolag.ui.pictures import example_pictures
-from tests.browser.visits import OpenPage, expect_fitting, screenshot, settled, turned_dark
+from stereolag.ui.search.by_hand import search_by_hand
+from stereolag.ui.search.score_map import show_score_map
+from tests.browser.parts import Parts, Show, ShowParts, redrawn, sent
+from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
 SCORING = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "search" / "by_hand" / "scoring.js"
 
 COMPARE = """
-({ picture, template, counts, places }) => {
+(asked) => {
+  const { picture, template, counts, places } = JSON.parse(asked);
   const sought = prepared({ ...template, data: Uint8ClampedArray.from(template.data) }, Uint8Array.from(counts));
   const scene = { ...picture, data: Uint8ClampedArray.from(picture.data) };
-  return places.map(([row, col]) => {
+  return JSON.stringify(places.map(([row, col]) => {
     const { score, products } = compared(scene, sought, row, col);
     return { score: Number.isNaN(score) ? null : score, products: [...products] };
-  });
+  }));
 }
 """
-
-WATCH_RUNS = (
-    "new MutationObserver(() => document.body.dataset.reran = 'yes').observe("
-    "document.querySelector('[data-testid=stApp]'), {attributeFilter: ['data-test-script-state']})"
-)
 
 MAZE = (1526, 2446)
 ROCKETMAN = (123, 111)
@@ -45,13 +47,14 @@ def blank_page(browser: Browser) -> Iterator[Page]:
 
 
 def compared(page: Page, search: ReducedSearch, places: list[tuple[int, int]]) -> list[dict[str, object]]:
-    def sent(pixels: np.ndarray) -> dict[str, object]:
+    def told(pixels: np.ndarray) -> dict[str, object]:
         data = np.dstack([pixels, np.full(pixels.shape[:2], 255, dtype=np.uint8)])
         return {"rows": pixels.shape[0], "cols": pixels.shape[1], "data": data.ravel().tolist()}
 
     counts = search.opaque.ravel().astype(int).tolist()
-    asked = {"picture": sent(search.picture), "template": sent(search.template), "counts": counts, "places": places}
-    return page.evaluate(COMPARE, asked)  # type: ignore[no-any-return]
+    asked = {"picture": told(search.picture), "template": told(search.template), "counts": counts, "places": places}
+    # As JSON, for Playwright looks at every number for itself.
+    return json.loads(page.evaluate(COMPARE, json.dumps(asked)))  # type: ignore[no-any-return]
 
 
 @pytest.mark.parametrize("name", ["maze", "maze_dulled"])
@@ -118,17 +121,30 @@ def touch_to(page: Page, row: float, col: float) -> None:
     finger.detach()
 
 
+def searched(name: str) -> Show:
+    """Return what draws the score map of an example and the search by hand below, as the page does."""
+    inputs = example_pictures(name)
+    result = match_template(inputs.picture, inputs.template, mask=inputs.mask)
+    assert result.score_map is not None
+    png, score_map = score_map_png(result.score_map, result.matches), result.score_map
+
+    def show() -> None:
+        show_score_map(png, score_map)
+        search_by_hand(inputs, result.matches)
+
+    return show
+
+
 @pytest.fixture(scope="module")
-def search_page(keep_page: OpenPage) -> Page:
-    return keep_page("Rocketman_search")
+def search(show_parts: ShowParts) -> Parts:
+    return show_parts(searched("maze"))
 
 
-def test_he_is_found_by_hand_with_the_mouse_and_the_keys(search_page: Page) -> None:
-    page = search_page
+def test_he_is_found_by_hand_with_the_mouse_and_the_keys(search: Parts) -> None:
+    page = search.page
     stage, where = page.locator(".by-hand .stage"), page.locator(".by-hand .where")
     expect(where).to_contain_text("Row")
     stage.scroll_into_view_if_needed()
-    page.evaluate(WATCH_RUNS)
     assert painted(page) < 0.001
     drag_to(page, 528, 982)
     expect(where).to_have_text(re.compile(r"^Row 5[23]\d, column 9[789]\d: "))
@@ -171,17 +187,16 @@ def test_he_is_found_by_hand_with_the_mouse_and_the_keys(search_page: Page) -> N
     scale = box["width"] / (MAZE[1] - ROCKETMAN[1])
     score_map.click(position={"x": 300 * scale, "y": 200 * scale})
     expect(where).to_have_text(re.compile(r"^Row (19|20)\d, column (29|30)\d: "))
-    assert page.evaluate("document.body.dataset.reran") is None
+    assert sent(page) == []
 
 
-def test_the_score_map_is_read_under_the_pointer_and_compared_on_a_click(search_page: Page) -> None:
-    page = search_page
+def test_the_score_map_is_read_under_the_pointer_and_compared_on_a_click(search: Parts) -> None:
+    page = search.page
     stage, reading = page.locator(".score-map .stage"), page.locator(".score-map .reading")
     where = page.locator(".by-hand .where")
     expect(where).to_contain_text("Row")
     expect(reading).to_have_text("Hover to read a score; click to compare that place below.")
     stage.scroll_into_view_if_needed()
-    page.evaluate(WATCH_RUNS)
     box = stage.bounding_box()
     assert box is not None
     scale = box["width"] / (MAZE[1] - ROCKETMAN[1] + 1)
@@ -198,15 +213,14 @@ def test_the_score_map_is_read_under_the_pointer_and_compared_on_a_click(search_
     expect(where).to_have_text(re.compile(r"^Row 53\d, column 98\d: \d"))
     page.mouse.move(2, 2)
     expect(reading).to_have_text(re.compile(r"^Row 53\d"))
-    assert page.evaluate("document.body.dataset.reran") is None
+    assert sent(page) == []
 
 
-def test_it_can_be_done_in_dark_and_on_a_phone_by_touch(search_page: Page) -> None:
-    page = search_page
+def test_it_can_be_done_in_dark_and_on_a_phone_by_touch(search: Parts) -> None:
+    page = search.page
     turned_dark(page, width=420)
-    page.get_by_text("Rocketman in the dust of the moon").click()
-    settled(page)
-    expect(page.locator(".by-hand .where")).to_contain_text("Row")
+    with redrawn(page.locator(".score-map canvas")), redrawn(page.locator(".by-hand .picture")):
+        search.hand_over(searched("maze_dulled"))
     page.locator(".by-hand .stage").scroll_into_view_if_needed()
     touch_to(page, 1048, 1707)
     expect(page.locator(".by-hand .where")).to_contain_text(re.compile(r"Row 10[3456]\d, column 1[67]\d\d"))

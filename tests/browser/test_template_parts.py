@@ -1,4 +1,4 @@
-"""A template cut and painted on by hand, OpenCV beside, and damage, in the browser."""
+"""A template cut and painted on by hand, in the browser, and what Python makes of it."""
 
 from __future__ import annotations
 
@@ -6,25 +6,39 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from stereolag.reading.hand_marks import packed_mask, read_packed_mask
-from stereolag.ui.search.painting import HERE
-from tests.browser.visits import OpenPage, expect_fitting, expect_visible, screenshot, settled, turned_dark
+from stereolag.reading.hand_marks import Box, packed_mask, read_packed_mask
+from stereolag.ui.pictures import example_pictures
+from stereolag.ui.search.cutting import box_in
+from stereolag.ui.search.painting import HERE, PaintedMask, painted_mask
+from tests.browser.parts import Parts, ShowParts, sent
+from tests.browser.visits import expect_fitting, turned_dark
 
 COLS = 2446
 
 
+class Cut:
+    """The box over the maze, and the boxes that Python was given by it, the last one last."""
+
+    def __init__(self, show_parts: ShowParts) -> None:
+        self.taken: list[Box] = []
+        self._picture = example_pictures("maze").picture
+        self.parts: Parts = show_parts(self.show)
+
+    def show(self) -> None:
+        self.taken.append(box_in(self._picture, digest="maze", shared=True, key="cut"))
+
+    def found(self) -> list[int]:
+        """Return where Python cuts once it has heard of the box, which then stands where it stood."""
+        before = box(self.parts.page)
+        self.parts.answer()
+        assert box(self.parts.page) == before
+        last = self.taken[-1]
+        return [last.row, last.col, last.width, last.height]
+
+
 @pytest.fixture(scope="module")
-def search_page(keep_page: OpenPage) -> Page:
-    """Return the page that all tests share; those that cut come first, for the box stays where it was left."""
-    return keep_page("Rocketman_search")
-
-
-def cut_from_the_image(page: Page) -> None:
-    cut = page.get_by_role("radio", name="Cut from the image")
-    if not cut.is_checked():
-        cut.click()
-        settled(page)
-    page.locator(".cutting .stage").scroll_into_view_if_needed()
+def cut(show_parts: ShowParts) -> Cut:
+    return Cut(show_parts)
 
 
 def box(page: Page) -> list[int]:
@@ -47,15 +61,9 @@ def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> No
         getattr(page.mouse, way)()
 
 
-def found_at(page: Page, row: int, col: int) -> None:
-    expect_visible(page.get_by_role("heading", name=f"Found at row {row}, column {col}", exact=True))
-
-
-def test_a_finger_moves_the_box(search_page: Page) -> None:
-    page = search_page
-    cut_from_the_image(page)
+def test_a_finger_moves_the_box(cut: Cut) -> None:
+    page = cut.parts.page
     turned_dark(page, width=420)
-    page.locator(".cutting .stage").scroll_into_view_if_needed()
     assert box(page) == [636, 1070, 305, 254]
     left, top, scale = origin(page)
     touch = page.context.new_cdp_session(page)
@@ -72,55 +80,50 @@ def test_a_finger_moves_the_box(search_page: Page) -> None:
     row, col, width, height = box(page)
     assert (width, height) == (305, 254)
     assert np.allclose([row, col], [936, 1570], atol=25)  # a pixel of this screen is six of the image
-    found_at(page, row, col)
+    assert cut.found() == box(page)
     expect_fitting(page, 420)
     touch.send("Emulation.setTouchEmulationEnabled", {"enabled": False})
     touch.detach()
     page.emulate_media(color_scheme="light")
     page.set_viewport_size({"width": 1280, "height": 900})
-    settled(page)
 
 
-def test_a_box_is_dragged_typed_and_moved_with_keys(search_page: Page) -> None:
-    page = search_page
-    cut_from_the_image(page)
+def test_a_box_is_dragged_typed_and_moved_with_keys(cut: Cut) -> None:
+    page = cut.parts.page
     drag(page, (400, 700), (560, 940))  # a new one
     row, col, width, height = box(page)
     assert np.allclose([row, col, width, height], [400, 700, 240, 160], atol=4)
-    found_at(page, row, col)
+    assert cut.found() == [row, col, width, height]
     drag(page, (480, 820), (580, 1020))  # moved
     assert np.allclose(box(page), [row + 100, col + 200, width, height], atol=4)
-    found_at(page, *box(page)[:2])
+    assert cut.found() == box(page)
     row, col, width, height = box(page)
     drag(page, (row + height, col + width), (row + height - 60, col + width - 90))  # by a corner
     assert np.allclose(box(page), [row, col, width - 90, height - 60], atol=4)
-    settled(page)
+    assert cut.found() == box(page)
     drag(page, (row + 10, col + 10), (-300, -300))  # no further than the rim
     assert box(page)[:2] == [0, 0]
-    settled(page)
-    stage = page.locator(".cutting .stage")
+    assert cut.found() == box(page)
+    stage, heard = page.locator(".cutting .stage"), len(cut.parts.sent())
     for key in ("ArrowRight", "Shift+ArrowDown", "ArrowRight", "ArrowUp", "+"):
         stage.press(key)
     assert box(page)[:2] == [8, 1]
-    found_at(page, 8, 1)
+    page.wait_for_function("(heard) => sent.length > heard", arg=heard)
+    assert cut.found() == box(page)
+    assert len(cut.parts.sent()) == heard + 1  # once the keys rest
     for name, value in (("row", 528), ("col", 982), ("width", 111), ("height", 99_999)):
         number = page.locator(f".cutting input[name={name}]")
         number.fill(str(value))
         number.press("Tab")
-        settled(page)
     assert box(page) == [0, 982, 111, 1526]  # as high as the image allows
     number = page.locator(".cutting input[name=height]")
     number.fill("2")
     number.press("Tab")
-    assert box(page) == [0, 982, 111, 4]
-    settled(page)
-    page.get_by_text("The example’s").click()
-    found_at(page, 528, 982)
-    page.get_by_text("Cut from the image").click()
-    settled(page)
+    assert box(page) == cut.found() == [0, 982, 111, 4]
+    cut.parts.hand_over(lambda: None)
+    expect(page.locator(".cutting")).to_have_count(0)
+    cut.parts.hand_over(cut.show)
     assert box(page) == [0, 982, 111, 4]  # kept
-    page.get_by_text("The example’s").click()
-    found_at(page, 528, 982)
 
 
 def test_python_and_the_browser_pack_masks_alike(browser: Browser) -> None:
@@ -135,14 +138,15 @@ def test_python_and_the_browser_pack_masks_alike(browser: Browser) -> None:
     np.testing.assert_array_equal(read_packed_mask(found, mask.shape) > 0, mask)
 
 
-def test_a_painted_mask_is_used_when_it_is_asked_for(search_page: Page) -> None:
-    page = search_page
-    page.get_by_text("Paint a mask").click()
+def test_a_painted_mask_is_used_when_it_is_asked_for(show_parts: ShowParts) -> None:
+    inputs = example_pictures("maze")
+    masks: list[PaintedMask | None] = []
+    parts = show_parts(lambda: masks.append(painted_mask(inputs.template, inputs.mask, digest="maze", key="painted")))
+    page = parts.page
     use, counts = page.get_by_role("button", name="Use this mask"), page.locator(".painting .counts")
     stage = page.locator(".painting .stage")
     expect(counts).to_have_text("7,913 of 13,653 pixels count")  # where Rocketman is opaque
     expect(use).to_be_disabled()
-    stage.scroll_into_view_if_needed()
     place = stage.bounding_box()
     assert place is not None
     page.mouse.move(place["x"] + 0.3 * place["width"], place["y"] + 0.3 * place["height"])
@@ -151,9 +155,11 @@ def test_a_painted_mask_is_used_when_it_is_asked_for(search_page: Page) -> None:
     page.mouse.up()
     expect(counts).not_to_have_text("7,913 of 13,653 pixels count")
     painted = counts.inner_text()
+    assert sent(page) == []
     use.click()
-    settled(page)
-    found_at(page, 528, 982)
+    parts.answer()
+    assert masks[-1] is not None
+    assert painted == f"{np.count_nonzero(masks[-1].pixels):,} of 13,653 pixels count"
     expect(counts).to_have_text(painted)
     expect(use).to_be_disabled()
     page.get_by_role("button", name="Erase").click()
@@ -163,23 +169,7 @@ def test_a_painted_mask_is_used_when_it_is_asked_for(search_page: Page) -> None:
     page.get_by_role("button", name="Start over").click()
     expect(counts).to_have_text("7,913 of 13,653 pixels count")
     use.click()
-    settled(page)
+    parts.answer()
+    assert masks[-1] is None  # its own again
     expect(counts).to_have_text("7,913 of 13,653 pixels count")
     expect(use).to_be_disabled()
-
-
-def test_opencv_answers_beside_and_damage_is_seen(search_page: Page) -> None:
-    page = search_page
-    page.get_by_role("button", name="Search with OpenCV too").click()
-    expect_visible(page.get_by_text("The same place; the scores differ by less than"))
-    page.get_by_role("tab", name="Damage it").click()
-    settled(page)
-    expect(page.get_by_text("not found")).to_have_count(0)
-    slider = page.get_by_role("slider", name="Noise").first
-    slider.focus()
-    slider.press("PageUp")
-    expect(page.get_by_text("not found")).to_have_count(1)
-    expect_visible(page.get_by_text("Sampled looks for exact pixel values"))
-    screenshot(page, "rocketman-damaged")
-    page.get_by_role("button", name="Undo all damage").click()
-    expect_visible(page.get_by_text("Nothing is damaged yet"))

@@ -1,0 +1,18 @@
+"""What is tested alone, on the pages where it stands: in the light and in the dark, on a screen and on a phone."""
+
+from __future__ import annotations
+
+from tests.browser import in_place
+from tests.browser.visits import OpenPage
+
+
+def test_sensor_lag(open_page: OpenPage) -> None:
+    in_place.sensor_lag(open_page("Sensor_lag", scheme="dark", width=390))
+
+
+def test_rocketman(open_page: OpenPage) -> None:
+    in_place.rocketman(open_page("Rocketman_search"))
+
+
+def test_depth_maps(open_page: OpenPage) -> None:
+    in_place.depth_maps(open_page("Depth_maps?pair=cube&overlap=0.9", scheme="dark", width=420))
