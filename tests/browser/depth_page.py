@@ -105,16 +105,18 @@ class DepthPage:
         self.settle()
 
     def pick(self, label: str, option: str) -> None:
-        """Pick an entry of a drop-down list; one that a rerun closed under the pointer is opened again."""
+        """Pick an entry of a drop-down list; one that a rerun closed or drew anew under the pointer is opened again."""
         entry = self.page.get_by_role("option", name=option, exact=True)
-        for _ in range(5):
+        for _ in range(10):
             self.page.get_by_role("combobox", name=label).click()
             try:
-                entry.wait_for(timeout=2_000)
+                entry.click(timeout=3_000)
                 break
             except TimeoutError:
+                self.page.keyboard.press("Escape")
                 self.settle()
-        entry.click()
+        else:
+            raise AssertionError(f"{option} of {label} could not be clicked")
         self.settle()
 
     def press(self, name: str) -> None:
@@ -132,9 +134,13 @@ class DepthPage:
         self.settle()
 
     def download(self, label: str) -> bytes:
+        return self.download_from(label)[1]
+
+    def download_from(self, label: str, *, exact: bool = False) -> tuple[str, bytes]:
+        """Return the address that a download came from, and what came."""
         with self.page.expect_download() as started:
-            self.page.get_by_role("button", name=label).click()
-        return Path(started.value.path()).read_bytes()
+            self.page.get_by_role("button", name=label, exact=exact).click()
+        return started.value.url, Path(started.value.path()).read_bytes()
 
     def slider(self, name: str) -> Locator:
         return self.page.get_by_role("slider", name=name)

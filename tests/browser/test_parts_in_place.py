@@ -1,13 +1,9 @@
-"""What is tested alone, on the pages where it stands: in the light and in the dark, on a screen and on a phone."""
+"""What is tested alone, on the pages where it stands; on Sensor lag, ``test_pages`` does it on the page that it has."""
 
 from __future__ import annotations
 
 from tests.browser import in_place
 from tests.browser.visits import OpenPage
-
-
-def test_sensor_lag(open_page: OpenPage) -> None:
-    in_place.sensor_lag(open_page("Sensor_lag", scheme="dark", width=390))
 
 
 def test_rocketman(open_page: OpenPage) -> None:

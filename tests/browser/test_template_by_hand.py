@@ -12,11 +12,10 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from stereolag.figures.template_by_hand import ReducedSearch, reduced_search
-from stereolag.figures.templates import score_map_png
 from stereolag.templates import match_template
 from stereolag.ui.pictures import example_pictures
 from stereolag.ui.search.by_hand import search_by_hand
-from stereolag.ui.search.score_map import show_score_map
+from stereolag.ui.search.score_map import packed, show_score_map
 from tests.browser.parts import Parts, Show, ShowParts, redrawn, sent
 from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
@@ -126,10 +125,10 @@ def searched(name: str) -> Show:
     inputs = example_pictures(name)
     result = match_template(inputs.picture, inputs.template, mask=inputs.mask)
     assert result.score_map is not None
-    png, score_map = score_map_png(result.score_map, result.matches), result.score_map
+    scores = packed(result.score_map, result.matches)
 
     def show() -> None:
-        show_score_map(png, score_map)
+        show_score_map(scores)
         search_by_hand(inputs, result.matches)
 
     return show
