@@ -32,7 +32,6 @@ def test_a_link_opens_the_page_as_it_was_and_one_zip_whatever_the_page_shows(ope
     after.choose("Your own files")
     box = after.page.get_by_test_id("stFileUploader").filter(has_text="Left image").locator("input[type=file]")
     box.set_input_files({"name": "stereolag-session.zip", "mimeType": "application/zip", "buffer": data})
-    after.turn_to("StereoBM")
     expect(after.slider("Block")).to_have_value("13")
     after.settle()
     after.open_head()
