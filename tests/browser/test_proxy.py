@@ -98,7 +98,10 @@ def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
                 ask(address, "/_stcore/health")
                 break
             time.sleep(0.1)
-        yield Proxy(address, frozenset(f"127.0.0.1:{one}" for one in ports), folder / "access.log")
+        started = Proxy(address, frozenset(f"127.0.0.1:{one}" for one in ports), folder / "access.log")
+        while not started.visits():  # what was asked first is written down after it is answered
+            time.sleep(0.1)
+        yield started
 
 
 def test_the_policy_breaks_no_page_and_a_session_with_uploads_stays_with_one_process(
