@@ -94,10 +94,9 @@ def measure(pair: RecordingPair) -> None:
         LAG_ADDRESS.write(search, pair)
     if search and result:
         show_verdict(result, search)
-        with st.spinner("Drawing …"):
-            show(pair, result, search)
-            show_drift(result, search)
-            listen(pair, search)
+        show(pair, result, search)
+        show_drift(result, search)
+        listen(pair, search)
         show_lag_files(pair, result, search)
         compare_methods(pair, search)
     see_why(pair, result, search)

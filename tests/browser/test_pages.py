@@ -83,7 +83,8 @@ def test_results_keep_their_place_and_the_slider_the_focus_while_an_answer_is_co
         page.wait_for_function("(start) => document.activeElement.value !== start", arg=start)
         settled(page)
 
-    assert jumps(page, lambda: move("ArrowLeft", before)) == []
+    moved = jumps(page, lambda: move("ArrowLeft", before))
+    assert moved == [], moved
     expect(slider).to_be_focused()
     move("ArrowRight", slider.input_value())
     expect(slider).to_have_value(before)
