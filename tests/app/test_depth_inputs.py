@@ -283,6 +283,20 @@ def test_size_changes_pictures_truth_calibration_range_and_settings_together() -
     assert shown(app).left.shape == LEFT.shape
 
 
+def test_settings_are_as_at_first_after_other_sizes_unless_they_were_moved_there() -> None:
+    app = own()
+    app.slider(key=keys.WINDOW).set_value(31).run()
+    first = app.session_state["shown"][1:]
+    for size in ("1/2", "1/4", "1/2", "Full"):
+        app.button_group(key="pairs.size").set_value(size).run()
+    assert app.session_state["shown"][1:] == first
+    app.button_group(key="pairs.size").set_value("1/2").run()
+    app.slider(key=keys.WINDOW).set_value(19).run()
+    app.button_group(key="pairs.size").set_value("Full").run()
+    assert app.session_state["shown"][2].window_size == 38
+    assert app.session_state["shown"][1] == first[0]
+
+
 def test_more_than_a_megapixel_is_shown_smaller_until_full_size_is_asked_for() -> None:
     large = np.asarray(Image.fromarray(SCENE).resize((2000, 1200)))
     file = io.BytesIO()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ from stereolag import samples
 from stereolag.doctor import Remedy
 from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
 from stereolag.settings import scaled_settings
+from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.choices import OWN, choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
@@ -33,7 +35,17 @@ KEY = "pairs"
 TITLE = "Depth maps"
 KEPT = f"{KEY}.kept_settings"
 """In the session's state: for which images the settings in use are."""
+SCALED_FROM = f"{KEY}.scaled_from"
+"""In the session's state: of each kind of settings, how they were last :class:`Scaled`."""
 OWN_PAIR_THERE = f"{KEY}.there"
+
+
+class Scaled(NamedTuple):
+    """Settings that were scaled with the images, those they were at first, and by how much the sides were divided."""
+
+    settings: StereoMatcher
+    first: StereoMatcher
+    divisor: float
 
 
 def choose_pair() -> StereoPair:
@@ -154,16 +166,27 @@ def original(pair: StereoPair) -> StereoPair:
 def _keep_settings(pair: StereoPair) -> None:
     """Let the settings in use stay where the images are the same in another size, or another pair of the same set.
 
-    They then cover the same part of the images as before.
+    They then cover the same part of the images as before. Those that nobody moved since are scaled from what they were
+    at first: sizes are rounded once, and are the same again in the same size.
     """
     full = pair.full or pair
     now = pair.collection or full.searched, full.left.shape[1] / pair.left.shape[1], pair.searched
     before = st.session_state.get(KEPT)
     st.session_state[KEPT] = now
-    if before is None or before[0] != now[0] or before == now:
+    if before is None or before[0] != now[0]:
+        st.session_state[SCALED_FROM] = {}
         return
+    if before == now:
+        return
+    origins: dict[type[StereoMatcher], Scaled] = st.session_state[SCALED_FROM]
     for matcher in matchers_in_use():
+        origin = origins.get(type(matcher))
+        if origin is None or origin.settings != matcher:
+            origin = Scaled(matcher, matcher, before[1])
         try:
-            set_controls(scaled_settings(matcher, before[1] / now[1]), pair)
+            scaled = scaled_settings(origin.first, origin.divisor / now[1])
         except ValueError as error:
             show_refused(f"The settings could not be scaled with the images. {error}")
+        else:
+            set_controls(scaled, pair)
+            origins[type(matcher)] = origin._replace(settings=scaled)
