@@ -27,6 +27,7 @@ from stereolag.ui.keys import PART
 from stereolag.ui.matcher_controls import matcher_as_set
 from stereolag.ui.navigation import fragment, page, show_try_first
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.persistence import persistent
 
 PARTS = {
     "Compare": show_comparison,
@@ -68,7 +69,7 @@ def workspace(pair: StereoPair) -> None:
     write_address(pair, matchers.values())
     prose.header("Look closer", anchor="look-closer")
     part = st.segmented_control(
-        "Look closer", [*PARTS], key=PART, persist_state="session", width="stretch", label_visibility="collapsed"
+        "Look closer", [*PARTS], **persistent(PART), width="stretch", label_visibility="collapsed"
     )
     with doctor:
         show_doctor(view)

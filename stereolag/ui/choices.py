@@ -9,6 +9,7 @@ import streamlit as st
 
 from stereolag.limits import limits
 from stereolag.ui import prose
+from stereolag.ui.persistence import persistent
 from stereolag.ui.uploads import expect_uploads, refused, still_missing
 
 T = TypeVar("T")
@@ -38,8 +39,7 @@ def choose(examples: Mapping[str, Example], *, key: str) -> str:
         default=next(iter(examples)),
         format_func=lambda name: "Your own files" if name == OWN else examples[name].title,
         required=True,
-        key=key,
-        persist_state="session",
+        **persistent(key),
         label_visibility="collapsed",
     )
     if first_run:

@@ -14,6 +14,7 @@ from stereolag.settings import Settings
 from stereolag.settings.fields import Bounds, Number, choices
 from stereolag.typography import typeset
 from stereolag.ui.keys import exact_key
+from stereolag.ui.persistence import drawn_anew, persistent
 from stereolag.ui.states import show_refused
 
 T = TypeVar("T")
@@ -72,9 +73,8 @@ def control(
     widget: dict[str, Any] = {
         "label": f"{title} `{beside}`" if beside else title,
         "help": typeset(field.description or ""),
-        "key": key,
-        "persist_state": "session",
         "disabled": disabled,
+        **persistent(key),
     }
     if isinstance(at_first, bool):
         return st.toggle(value=at_first, **widget)
@@ -110,7 +110,7 @@ def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
     key, exact = widget["key"], exact_key(widget["key"])
     with st.container(horizontal=True, gap="small", vertical_alignment="bottom"):
         value = st.slider(**widget)
-        if st.session_state.get(exact) != value:  # set anew, it is drawn anew
+        if drawn_anew(exact) or st.session_state.get(exact) != value:  # set anew, it is drawn anew
             st.session_state[exact] = value
         if (before := st.session_state.get(_drawn_key(key))) != value:
             st.session_state[_drawn_key(key)] = value

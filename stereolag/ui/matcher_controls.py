@@ -19,6 +19,7 @@ from stereolag.ui.controls import adopt_value, control, last_valid
 from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
 from stereolag.ui.keys import method_key, more_key, setting_key
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.persistence import persistent
 from stereolag.ui.sentences import CHOICE_NAMES
 
 LARGEST_WINDOW = 101
@@ -212,9 +213,7 @@ def _switched_on(place: _Place, name: str, *, disabled: bool) -> bool:
     at_first = getattr(place.first, name) is not None
     if not place.drawn:
         return bool(st.session_state.get(key, at_first))
-    return st.toggle(
-        field.title or name, at_first, help=field.description, key=key, persist_state="session", disabled=disabled
-    )
+    return st.toggle(field.title or name, at_first, help=field.description, **persistent(key), disabled=disabled)
 
 
 def _ask_kind(place: _Place, name: str, value: Settings, kinds: tuple[type[Settings], ...]) -> Settings:
@@ -231,8 +230,7 @@ def _ask_kind(place: _Place, name: str, value: Settings, kinds: tuple[type[Setti
             default=usual,
             format_func=lambda one: str(getattr(by_name[one], "title", one)),
             required=True,
-            key=key,
-            persist_state="session",
+            **persistent(key),
             help=field.description,
         )
     kind = by_name[chosen]

@@ -16,6 +16,7 @@ from starlette.formparsers import MultiPartParser
 
 from stereolag.limits import set_defaults
 from stereolag.ui import prose
+from stereolag.ui.persistence import run_of_page, run_of_part
 from stereolag.ui.states import show_failed, show_out_of_memory
 from stereolag.ui.visits import run_again_when_reconnected, this_visit
 from stereolag.warming import warm
@@ -65,7 +66,7 @@ def page(title: str, introduction: str = "", try_first: str = "") -> Iterator[No
         with st.spinner("Starting …"):
             _prepare_process()
     run_again_when_reconnected()
-    with failures_answered():
+    with run_of_page(title), failures_answered():
         yield
 
 
@@ -113,7 +114,7 @@ def fragment(function: Callable[P, R]) -> Callable[P, R | None]:
 
     @functools.wraps(function)
     def answered(*args: P.args, **kwargs: P.kwargs) -> R | None:
-        with failures_answered():
+        with run_of_part(f"{function.__module__}.{function.__qualname__}"), failures_answered():
             return function(*args, **kwargs)
         return None
 

@@ -10,6 +10,7 @@ from stereolag import samples
 from stereolag.inputs import Image, as_image
 from stereolag.reading import read_image
 from stereolag.ui.choices import OWN, choose, image_limits, own_or_example, show_limits
+from stereolag.ui.persistence import persistent
 from stereolag.ui.search.cutting import box_in
 from stereolag.ui.search.painting import painted_mask
 from stereolag.ui.uploads import PICTURE_TYPES, Upload, forget_together, put_together, upload
@@ -44,8 +45,7 @@ def choose_pictures() -> PictureAndTemplate:
         default="given",
         format_func=lambda one: given if one == "given" else "Cut from the image",
         required=True,
-        key=f"{KEY}.from",
-        persist_state="session",
+        **persistent(f"{KEY}.from"),
     )
     if template_from == "cut":
         inputs = own_or_example(chosen, _own_cut, _example_cut, examples, key=KEY, awaited="your image is")

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from playwright.sync_api import Locator, Page, expect
 
+from tests.app.test_driving_page import drive
 from tests.browser.axe import COLOURS_ALONE, Audit
 from tests.browser.sounds import wav_file
 from tests.browser.visits import expect_visible, settled
@@ -76,6 +77,12 @@ def announced(page: Page) -> Locator:
     return page.locator("#stereolag-announced[data-met=before][role=status][aria-live=polite]")
 
 
+def _give(page: Page, name: str, data: bytes) -> None:
+    """Give a file to the first box on the page."""
+    box = page.get_by_test_id("stFileUploader").locator("input[type=file]").first
+    box.set_input_files({"name": name, "mimeType": "application/octet-stream", "buffer": data})
+
+
 def through_home(page: Page, audit: Audit) -> None:
     numbers = page.locator(".stPlotlyChart .xtick text").first
     expect(numbers).to_have_css("fill", LIGHT_TEXT)  # axe-core does not judge text in drawings
@@ -134,8 +141,7 @@ def through_rocketman_search(page: Page, audit: Audit) -> None:
     choose(page, "Cut from the image", begin="The example’s")
     audit.check(page, "Rocketman search: a template cut out")
     choose(page, "Your own files", begin="Rocketman in the dust of the moon")
-    broken = {"name": "broken.png", "mimeType": "image/png", "buffer": b"this is no picture"}
-    page.get_by_test_id("stFileUploader").locator("input[type=file]").first.set_input_files(broken)
+    _give(page, "broken.png", b"this is no picture")
     expect(page.get_by_test_id("stAlertContentError")).to_contain_text("accepted are")
     settled(page)
     expect(page.get_by_role("heading", name="Found at row")).to_have_count(0)
@@ -204,12 +210,21 @@ def through_calibrate(page: Page, audit: Audit) -> None:
         shown.press(key)
     expect(shown).not_to_have_value(before)
     settled(page)
+    choose(page, "Your own files", begin="Drawn chessboard")
+    _give(page, "alone.png", b"one picture is no pair")
+    expect(page.get_by_test_id("stAlertContentError")).to_contain_text("belong together")
+    audit.check(page, "Calibrate: a refused file")
 
 
 def through_driving(page: Page, audit: Audit) -> None:
     """Its player has tests of its own by keys."""
     expect_visible(page.locator(".player"))
     audit.check(page, "Driving")
+    choose(page, "Your ZIP, or side-by-side video", begin="Example")
+    expect_visible(page.get_by_text("Until your frames are here"))
+    _give(page, "drive.zip", drive(count=3))
+    expect_visible(page.get_by_text("3 of 3 frames in"))
+    audit.check(page, "Driving: own files")
 
 
 JOURNEYS: dict[str, Journey] = {

@@ -11,6 +11,7 @@ from stereolag.geometry.boards import FEWEST_CORNERS, MOST_CORNERS, Board
 from stereolag.ui import prose
 from stereolag.ui.calibrate.examples import EXAMPLES
 from stereolag.ui.calibrate.pictures import KEY, BoardPictures
+from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.states import show_refused
 
@@ -54,8 +55,7 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
             *SQUARE_MM,
             1000 * example.square_m if example else 25.0,
             format="%.3f",
-            key=f"{KEY}.square.{pictures.example or 'own'}",
-            persist_state="session",
+            **persistent(f"{KEY}.square.{pictures.example or 'own'}"),
             width=190,
             help="Measured on the print. All lengths follow from it: one hundredth too long, and so is every distance.",
         )

@@ -15,6 +15,7 @@ from stereolag.ui.depth.maps import show_method
 from stereolag.ui.keys import FOLD, FOLD_NEXT, TAB
 from stereolag.ui.matcher_controls import ask_matcher
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.persistence import persistent
 
 STYLE = Path(__file__).with_name("bench.css")
 CONTROLS_WIDTH = 320
@@ -70,8 +71,7 @@ def show_controls(pair: StereoPair) -> None:
         default=names[0],
         required=True,
         format_func=lambda name: by_name[name].title,
-        key=TAB,
-        persist_state="session",
+        **persistent(TAB),
         label_visibility="collapsed",
         on_change=lambda: show_method(by_name[st.session_state[TAB]]),
     )

@@ -15,6 +15,7 @@ from stereolag.reading import read_calibration
 from stereolag.ui.calibrate.kept import use_kept_calibration
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.persistence import persistent
 from stereolag.ui.results import remembered
 from stereolag.ui.uploads import CALIBRATION_TYPES, Upload, upload_together
 
@@ -44,8 +45,7 @@ def ask_calibration(key: str) -> Calibrated | None:
                 [*UNITS],
                 default="m",
                 required=True,
-                key=f"{key}.unit",
-                persist_state="session",
+                **persistent(f"{key}.unit"),
                 help="Files of OpenCV and NumPy do not state it: it is that of the chessboard’s squares. Others "
                 "state it, or are in metres by custom (ROS, Kalibr).",
             )
@@ -53,8 +53,7 @@ def ask_calibration(key: str) -> Calibrated | None:
             "Focal length, px",
             min_value=1.0,
             value=None,
-            key=f"{key}.focal",
-            persist_state="session",
+            **persistent(f"{key}.focal"),
             placeholder="from the file" if given else "not known",
             disabled=given is not None,
         )
@@ -63,8 +62,7 @@ def ask_calibration(key: str) -> Calibrated | None:
             min_value=0.0001,
             value=None,
             format="%.4f",
-            key=f"{key}.baseline",
-            persist_state="session",
+            **persistent(f"{key}.baseline"),
             placeholder="from the file" if given else "not known",
             disabled=given is not None,
             help="The distance between the two cameras.",

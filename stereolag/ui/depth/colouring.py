@@ -20,6 +20,7 @@ from stereolag.ui import prose
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.keys import COLOURS
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.persistence import persistent
 from stereolag.ui.results import remembered
 from stereolag.ui.sentences import beyond_the_colours
 
@@ -50,19 +51,16 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
                 default=FIRST_PALETTE,
                 format_func=str.capitalize,
                 required=True,
-                key=PALETTE,
-                persist_state="session",
+                **persistent(PALETTE),
             )
             inverted = st.toggle(
                 "Invert: far is bright",
-                key=INVERTED,
-                persist_state="session",
+                **persistent(INVERTED),
                 help="As the source report shows its maps: near things dark. The report’s preset switches it on.",
             )
             outlined = st.toggle(
                 "Outlines of the left image",
-                key=OUTLINED,
-                persist_state="session",
+                **persistent(OUTLINED),
                 help="Draws the edges of the left image over every map: where a depth edge lies beside its outline, "
                 "the window has smeared it.",
             )

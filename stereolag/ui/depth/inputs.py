@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -28,6 +27,7 @@ from stereolag.ui.depth.starting import show_start, started
 from stereolag.ui.keys import FOLD_NEXT
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
+from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.states import show_refused
 
@@ -40,7 +40,8 @@ SCALED_FROM = f"{KEY}.scaled_from"
 OWN_PAIR_THERE = f"{KEY}.there"
 
 
-class Scaled(NamedTuple):
+@dataclass(frozen=True)
+class Scaled:
     """Settings that were scaled with the images, those they were at first, and by how much the sides were divided."""
 
     settings: StereoMatcher
@@ -101,8 +102,7 @@ def ask_size(pair: StereoPair, key: str) -> StereoPair:
         [*SIZES],
         default="Automatic",
         required=True,
-        key=f"{key}.size",
-        persist_state="session",
+        **persistent(f"{key}.size"),
         help="Half the size takes an eighth of the time. Search range, windows, focal length and ground truth change "
         "with the images. Automatic is full size up to a megapixel.",
     )
@@ -189,4 +189,4 @@ def _keep_settings(pair: StereoPair) -> None:
             show_refused(f"The settings could not be scaled with the images. {error}")
         else:
             set_controls(scaled, pair)
-            origins[type(matcher)] = origin._replace(settings=scaled)
+            origins[type(matcher)] = replace(origin, settings=scaled)

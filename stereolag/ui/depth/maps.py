@@ -27,6 +27,7 @@ from stereolag.ui.depth.view import DepthView
 from stereolag.ui.linked_pictures import linked_pictures, send_picture
 from stereolag.ui.matcher_controls import matcher_as_set
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import REASON_WORDS, duration, percent
 from stereolag.ui.states import show_refused
@@ -64,8 +65,7 @@ def choose_maps() -> None:
         selection_mode="multi",
         default=SHOWN_AT_FIRST,
         format_func={method.short_name: method.title for method in METHODS}.__getitem__,
-        key=keys.SHOWN,
-        persist_state="session",
+        **persistent(keys.SHOWN),
         label_visibility="collapsed",
     )
 

@@ -18,6 +18,7 @@ from stereolag.ui.depth.calibrating import ask_calibration
 from stereolag.ui.depth.handed_over import handed_over
 from stereolag.ui.depth.several import Bundle, ask_bundle, forget_bundle, pair_of_bundle, read_bundle
 from stereolag.ui.pairs import Change, StereoPair
+from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.states import show_refused
 from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_together, put_together, upload
@@ -39,8 +40,7 @@ def ask_own_pair(key: str) -> StereoPair | None:
         default="files",
         format_func=lambda name: ARRANGEMENTS[name],
         required=True,
-        key=f"{key}.arrangement",
-        persist_state="session",
+        **persistent(f"{key}.arrangement"),
         label_visibility="collapsed",
     )
     if arrangement == "several":
@@ -119,8 +119,7 @@ def _ask_truth(key: str, pictures: Pictures | None) -> Truth | None:
         "Another divisor" if unsure else "Divisor of the ground truth",
         min_value=0.001,
         value=None,
-        key=f"{key}.divisor",
-        persist_state="session",
+        **persistent(f"{key}.divisor"),
         placeholder="as chosen" if unsure else "as the file says",
         help="Stored value ÷ divisor = px.",
     )
@@ -153,8 +152,7 @@ def _ask_divisor(truth: Upload[StoredDisparity], pictures: Pictures, key: str) -
             default=int(likely),
             format_func=lambda divisor: f"÷ {divisor}: up to {largest / divisor:.4g} px",
             required=True,
-            key=f"{key}.divisor.{truth.digest[:16]}.{pictures.digest[:16]}",
-            persist_state="session",
+            **persistent(f"{key}.divisor.{truth.digest[:16]}.{pictures.digest[:16]}"),
             help="The one chosen at first agrees best with a quick map of the pair.",
         )
     )

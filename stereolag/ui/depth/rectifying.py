@@ -15,6 +15,7 @@ from stereolag.geometry.rig import StereoRig
 from stereolag.inputs import Image
 from stereolag.ui import prose
 from stereolag.ui.pairs import Change, StereoPair
+from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.sentences import rectification_in_words
 from stereolag.ui.states import show_refused
@@ -58,8 +59,7 @@ def ask_rectified(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
             default=DECIDE,
             format_func=lambda choice: CHOICES[choice],
             required=True,
-            key=CHOICE_KEY,
-            persist_state="session",
+            **persistent(CHOICE_KEY),
             help="The calibration is of both cameras before rectification. Raw images are undistorted and rectified "
             "with it; images that are rectified already are left as they are.",
         )
@@ -70,8 +70,7 @@ def ask_rectified(pair: StereoPair) -> tuple[StereoPair, Decision | None]:
                 1.0,
                 0.0,
                 0.05,
-                key=ALPHA_KEY,
-                persist_state="session",
+                **persistent(ALPHA_KEY),
                 width=220,
                 help="The calibration does not say how the pair is to be rectified (R1, R2, P1, P2). 0 keeps only what "
                 "the cameras took, 1 all of it, with black around. Of images that are rectified already: what they "

@@ -18,6 +18,7 @@ from stereolag.ui.depth.assembling import named_pair, session_pair
 from stereolag.ui.depth.restoring import restore
 from stereolag.ui.keys import PAIR
 from stereolag.ui.pairs import StereoPair
+from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.uploads import (
     CALIBRATION_TYPES,
@@ -159,8 +160,7 @@ def _ask_step(pairs: PairSet) -> None:
             f"Pair, of {count}",
             range(count),
             format_func=lambda one: f"{one + 1} of {count}: {harmless(pairs.pairs[one].name)}",
-            key=STEP,
-            persist_state="session",
+            **persistent(STEP),
             label_visibility="collapsed",
             width=320,
         )

@@ -17,6 +17,7 @@ from stereolag.sequences import StereoFrame, StereoSequence, example_sequence, o
 from stereolag.ui import prose
 from stereolag.ui.choices import show_awaited, show_limits
 from stereolag.ui.depth.calibrating import ask_calibration
+from stereolag.ui.persistence import persistent
 from stereolag.ui.states import show_refused
 from stereolag.ui.uploads import expect_uploads, forget_together, put_together, refused, upload
 
@@ -64,8 +65,7 @@ def ask_drive() -> Drive | None:
         default=EXAMPLE,
         format_func=ORIGINS.__getitem__,
         required=True,
-        key=f"{KEY}.origin",
-        persist_state="session",
+        **persistent(f"{KEY}.origin"),
         label_visibility="collapsed",
     )
     example = next(iter(drives().values()))

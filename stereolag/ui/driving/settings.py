@@ -14,6 +14,7 @@ from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.ui import prose
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.matcher_controls import matchers_in_use
+from stereolag.ui.persistence import persistent
 from stereolag.ui.states import show_refused
 
 OFFERED = {
@@ -58,8 +59,7 @@ def ask_methods(drive: Drive) -> Asked:
             selection_mode="multi",
             default=AT_FIRST,
             format_func=titles.__getitem__,
-            key=f"{KEY}.methods",
-            persist_state="session",
+            **persistent(f"{KEY}.methods"),
             wrap=True,
         )
         first = st.number_input(
@@ -95,7 +95,7 @@ def ask_methods(drive: Drive) -> Asked:
             show_refused(f"{titles[name]}: {error}")
     with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
         motion = _ask_motion(drive)
-        truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, key=f"{KEY}.truth", persist_state="session")
+        truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, **persistent(f"{KEY}.truth"))
         return Asked(found, truth, motion, _ask_steadiness())
 
 
@@ -107,8 +107,7 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
         default=NO_MOTION,
         format_func=MOTIONS.__getitem__,
         required=True,
-        key=f"{KEY}.motion",
-        persist_state="session",
+        **persistent(f"{KEY}.motion"),
         help="The optical flow since the frame before, by correlation in two dimensions; with a calibration our "
         "own speed, too, and what moves against the world, outlined with its speed. It takes about a second a "
         "frame.",
@@ -136,7 +135,7 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
 def _ask_steadiness() -> Steadiness | None:
     """Ask whether the frame before takes part in each map."""
     field = SequenceSettings.model_fields["steadiness"]
-    wanted = st.toggle(str(field.title), help=field.description, key=f"{KEY}.steadiness", persist_state="session")
+    wanted = st.toggle(str(field.title), help=field.description, **persistent(f"{KEY}.steadiness"))
     return Steadiness() if wanted else None
 
 

@@ -1,0 +1,75 @@
+"""A control that was gone for a moment is drawn with its value, also where the browser sent that before it knew."""
+
+from __future__ import annotations
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+
+def page_with_parts() -> None:
+    import streamlit as st
+    from pydantic import Field
+
+    from stereolag.settings import Settings
+    from stereolag.ui.controls import control
+    from stereolag.ui.navigation import fragment
+    from stereolag.ui.persistence import persistent, run_of_page
+
+    class Example(Settings):
+        size: int = Field(default=3, title="Size", ge=1, le=9)
+
+    @fragment
+    def inner() -> None:
+        st.toggle("Third", **persistent("third"))
+
+    @fragment
+    def part() -> None:
+        if st.toggle("Drawn", value=True, key="drawn"):
+            st.toggle("First", **persistent("first"))
+            control(Example, "size", key="size")
+            inner()
+
+    with run_of_page("A page" if st.toggle("Here", value=True, key="here") else "Another page"):
+        if st.session_state["here"]:
+            st.toggle("Second", **persistent("second"))
+            part()
+
+
+@pytest.fixture
+def app() -> AppTest:
+    return AppTest.from_function(page_with_parts).run()
+
+
+def told(app: AppTest) -> dict[str, bool]:
+    """Return which controls are told their value: those of the last run."""
+    found = {one.key: one.proto.set_value for one in (*app.toggle, *app.slider, *app.number_input)}
+    return {key: value for key, value in found.items() if key not in {"drawn", "here", None}}
+
+
+CONTROLS = ("first", "second", "third", "size", "size.exact")
+
+
+@pytest.mark.parametrize("gone", ["drawn", "here"])
+def test_a_browser_that_sent_a_value_before_it_lost_the_control_is_told_it(app: AppTest, gone: str) -> None:
+    for key in ("first", "second", "third"):
+        app.toggle(key=key).set_value(True)
+    app.slider(key="size").set_value(7).run()
+    known = app._tree.get_widget_states()  # what AppTest has no public name for: a browser that is late
+    app.toggle(key=gone).set_value(False).run()
+    assert not {"first", "size"} & {one.key for one in (*app.toggle, *app.slider)}
+    app._run(known)
+    assert {key: app.session_state[key] for key in CONTROLS} == dict.fromkeys(CONTROLS[:3], True) | {
+        "size": 7,
+        "size.exact": 7,
+    }
+    again = told(app)
+    assert {key: again[key] for key in CONTROLS if key != "second" or gone == "here"} == {
+        key: True for key in CONTROLS if key != "second" or gone == "here"
+    }
+
+
+def test_a_control_that_stays_keeps_what_it_was_moved_to_meanwhile(app: AppTest) -> None:
+    for value in (4, 5):
+        app.slider(key="size").set_value(value).run()
+        app.toggle(key="first").set_value(value == 5).run()
+        assert not any(told(app).values()), told(app)
