@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from streamlit.testing.v1 import AppTest
 
@@ -73,3 +75,9 @@ def test_a_control_that_stays_keeps_what_it_was_moved_to_meanwhile(app: AppTest)
         app.slider(key="size").set_value(value).run()
         app.toggle(key="first").set_value(value == 5).run()
         assert not any(told(app).values()), told(app)
+
+
+def test_every_control_that_persists_does_it_so() -> None:
+    project = Path(__file__).resolve().parents[2]
+    scripts = [project / "app.py", *(project / "pages").glob("*.py"), *(project / "stereolag").rglob("*.py")]
+    assert [one.name for one in scripts if "persist_state" in one.read_text(encoding="utf-8")] == ["persistence.py"]
