@@ -46,6 +46,8 @@ def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
         return [f"Not found: {len(alike)} places fit about equally well.", *(_place(one) for one in alike)]
     if result.reason == "other_colours" and result.best is not None:
         return [f"Not found in these colours, but in others: {_place(result.best)}."]
+    if result.reason == "mirrored" and result.best is not None:
+        return [f"Not found, but its mirror image is there: {_place(result.best)}."]
     said = f"Not found: no place scores {query.min_score:g} or more."
     return [said if result.best is None else f"{said} The best: {_place(result.best)}."]
 

@@ -73,7 +73,8 @@ class TemplateSearch:
         How many of the matches, best first, fit clearly better than every other place.
     reason
         Of `found`: "clear"; "look_alikes", where others fit about as well; "low_score", where no place scores enough;
-        "other_colours", where the best fits clearly better with the template's colour channels in another order.
+        "other_colours" or "mirrored", where the best fits clearly better with the template's colour channels in
+        another order, or with its mirror image.
 
     Examples
     --------

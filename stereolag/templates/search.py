@@ -14,7 +14,6 @@ from stereolag.estimates import check_memory
 from stereolag.inputs import Image, as_image
 from stereolag.progress import Progress, silent
 from stereolag.searches import TemplateMethod
-from stereolag.templates.colours import in_its_colours
 from stereolag.templates.estimates import estimate_search, fitting_image, has_alpha
 from stereolag.templates.exact_pixels import ExactPlacements, exact_positions
 from stereolag.templates.judging import Places, judged
@@ -25,6 +24,7 @@ from stereolag.templates.poses import posed_places
 from stereolag.templates.reduction import likely_places
 from stereolag.templates.result import TemplateSearch
 from stereolag.templates.score_maps import direct_score_map, fft_score_map
+from stereolag.templates.variants import as_given
 
 EXACT = 0.999
 """What an exact copy scores at the least."""
@@ -126,7 +126,7 @@ def match_template(
         places, own = Places(rows, cols, score_map[rows, cols], pattern.shape), len(rows)
         candidates = score_map.size
     search = judged(places, max_matches, min_score, score_map=score_map, candidates=candidates, matchable=own)
-    search = in_its_colours(search, searched, pattern)
+    search = as_given(search, searched, pattern)
     return replace(search, elapsed_s=time.perf_counter() - started)
 
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-Reason: TypeAlias = Literal["clear", "look_alikes", "low_score", "other_colours"]
+Reason: TypeAlias = Literal["clear", "look_alikes", "low_score", "other_colours", "mirrored"]
 """Of a verdict: one or more places stand clear of all others; others fit as well; no place scores enough; the best
-place fits clearly better with the template's colour channels in another order."""
+place fits clearly better with the template's colour channels in another order, or with its mirror image."""
 
 CLEAR_RATIO = 0.6
 """A clear lead: the best place differs from the template at most this many times as much as the next place does.

@@ -33,6 +33,7 @@ def answer(*scores: float, reason: Reason, clear: int = 0) -> TemplateSearch:
         (answer(1.0, 1.0, 1.0, 0.5, reason="look_alikes"), "Three places fit equally well"),
         (answer(*[0.5] * 12, 0.45, reason="look_alikes"), "13 look-alikes: 0.500 0.500 0.500 0.500 0.500 …"),
         (answer(0.8, 0.3, reason="other_colours"), "Not found in these colours"),
+        (answer(0.8, 0.3, reason="mirrored"), "Not found, but its mirror image is there"),
         (answer(0.3, reason="low_score"), "Not found"),
         (answer(reason="low_score"), "Not found"),
     ],
@@ -58,6 +59,7 @@ def test_why_it_is_not_found_tells_what_is_missing_and_what_to_try() -> None:
     assert why_not_found(close, query).startswith("The best place scores 0.620, the next 0.600: no clear lead.")
     assert "With 3 matches wanted" in why_not_found(answer(1.0, 1.0, 1.0, reason="look_alikes"), query)
     assert "in other colours" in why_not_found(answer(0.8, 0.3, reason="other_colours"), query)
+    assert "Mirror the template" in why_not_found(answer(0.8, 0.3, reason="mirrored"), query)
     nothing = answer(reason="low_score")
     assert why_not_found(nothing, query) == "No place has anything to correlate."
     assert "exactly these pixels" in why_not_found(nothing, sampled)

@@ -154,6 +154,27 @@ def test_the_mirror_image_of_rocketman_is_not_found(maze: Array, rocketman: Arra
         assert (search.reason, search.best and (search.best.row, search.best.col)) == ("look_alikes", (528, 982))
 
 
+@pytest.mark.parametrize("poses", [{}, {"scales": (0.9, 1.1), "rotations": (-10, 10)}], ids=["upright", "posed"])
+def test_his_mirror_image_is_no_find_where_nobody_else_is(
+    maze: Array, rocketman: Array, poses: dict[str, tuple[float, float]]
+) -> None:
+    part, mirrored = maze[428:828, 882:1222], np.ascontiguousarray(rocketman[:, ::-1])
+    search = match_template(part, mirrored, **poses)
+    assert (search.found, search.clear, search.reason) == (False, 0, "mirrored")
+    assert search.best is not None
+    assert (abs(search.best.row - 100) < 9, abs(search.best.col - 100) < 9) == (True, True)
+    assert match_template(part[:, ::-1], mirrored, **poses).reason == "clear"
+
+
+def test_what_is_the_same_mirrored_is_found_in_noise() -> None:
+    half, image = smooth_noise((24, 12)), smooth_noise((90, 120), seed=1)
+    template = np.hstack([half, half[:, ::-1]])
+    image[30:54, 50:74] = template + np.random.default_rng(0).normal(0, template.std() / 2, (24, 24))
+    search = match_template(image, template)
+    assert (search.reason, search.matches[0].row, search.matches[0].col) == ("clear", 30, 50)
+    assert search.matches[0].score < 0.99
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_rocketman_is_found_with_a_clear_lead(maze: Array, rocketman: Array, method: TemplateMethod) -> None:
     search = match_template(maze, rocketman, method=method, seed=0)

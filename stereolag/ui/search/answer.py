@@ -102,6 +102,8 @@ def headline(result: TemplateSearch) -> str:
         return f"{_counted(len(scores))} look-alikes: {told}{' …' if len(scores) > SCORES_TOLD else ''}"
     if result.reason == "other_colours":
         return "Not found in these colours"
+    if result.reason == "mirrored":
+        return "Not found, but its mirror image is there"
     if result.clear > 1:
         return f"Found at {_counted(result.clear).lower()} places"
     best = result.matches[0]
@@ -126,6 +128,8 @@ def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
         return f"{score}, the next {result.rivals[0].score:.3f}: no clear lead. {_absent(query)}"
     if result.reason == "other_colours":
         return f"{score}, and clearly more with red, green and blue exchanged: the same shape in other colours."
+    if result.reason == "mirrored":
+        return f"{score}, and clearly more with left and right exchanged. Mirror the template to find it."
     tip = "“FFT” also finds a template that was dimmed or recompressed." if sampled else _absent(query)
     return f"{score}; the minimum is {query.min_score:.2f}. {tip}"
 
