@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
+from tests.browser.visits import resized
+
 PATIENCE = 100
 
 CUT = """
@@ -47,7 +49,7 @@ WATCH_JUMPS = """
 
 def cut(page: Page, width: int) -> list[str]:
     """Return what sticks out of the page at a width of the window, or is cut off without an ellipsis."""
-    page.set_viewport_size({"width": width, "height": 900})
+    resized(page, width)
     # A scroll bar of the whole page would be as bad.
     page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
     found: list[str] = page.evaluate(CUT)

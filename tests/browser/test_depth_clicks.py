@@ -16,7 +16,7 @@ from stereolag.ui.depth.readout import show_readout
 from stereolag.ui.depth.view import DepthView
 from tests.app.depth_view import small_view
 from tests.browser.parts import Parts, ShowParts, sent
-from tests.browser.visits import screenshot, turned_dark
+from tests.browser.visits import resized, screenshot, turned_dark
 
 OpenPart = Callable[[str], Parts]
 
@@ -62,7 +62,7 @@ def test_every_part_is_whole_in_the_dark_and_on_a_phone(open_part: OpenPart, par
     page = open_part(part).page
     turned_dark(page, width=390)
     screenshot(page, f"depth-{part}-phone")
-    page.set_viewport_size({"width": 1280, "height": 900})
+    resized(page, 1280)
     screenshot(page, f"depth-{part}-dark")
     page.emulate_media(color_scheme="light")
 

@@ -20,7 +20,7 @@ from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM
 from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, example_files, number_in
-from tests.browser.visits import OpenPage, expect_fitting, expect_visible
+from tests.browser.visits import OpenPage, expect_fitting, expect_visible, resized
 from tests.programs import run_program_alone
 
 EXAMPLE, OWN = "cube", "motorcycle"
@@ -135,11 +135,9 @@ def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(visit: 
     )
     assert number_in(visit.table()["Ground truth"][-1]) == pytest.approx(apart.metres, rel=0.01)
     visit.screenshot(f"values-{visit.name}-light")
-    visit.page.set_viewport_size({"width": 390, "height": 900})
-    visit.settle()
+    resized(visit.page, 390)
     expect_fitting(visit.page, 390)  # its table is wider
-    visit.page.set_viewport_size({"width": 1280, "height": 900})
-    visit.settle()
+    resized(visit.page, 1280)
 
     found = number_in(visit.table()["StereoSGBM"][2])
     visit.page.get_by_label("Distance of B from the camera, m").fill("2.5")

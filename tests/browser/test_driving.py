@@ -25,6 +25,7 @@ class Drive:
         )
         expect(example).to_have_count(0)
         expect_visible(page.locator(".player"))
+        expect(self.where).to_contain_text(f"of {count}")  # no longer the example
 
     def wait_until_done(self) -> None:
         expect_visible(self.page.get_by_text("decoded, matched, coloured"))

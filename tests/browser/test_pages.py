@@ -14,7 +14,7 @@ from tests.browser import in_place
 from tests.browser.axe import Audit, nameless
 from tests.browser.journeys import JOURNEYS
 from tests.browser.layout import cut, jumps
-from tests.browser.visits import OpenPage, screenshot, settled, turned_dark
+from tests.browser.visits import OpenPage, resized, screenshot, settled, turned_dark
 from tests.browser.walking import walked
 
 ADDRESSES = {label: "" if path == "app.py" else Path(path).stem.partition("_")[2] for path, (label, _) in PAGES.items()}
@@ -74,8 +74,7 @@ def test_tab_reaches_every_control_in_order_and_shows_where_it_is(page: Page) ->
 @pytest.mark.parametrize("name", MOVED, indirect=True)
 def test_results_keep_their_place_and_the_slider_the_focus_while_an_answer_is_computed(name: str, page: Page) -> None:
     slider = page.get_by_role("slider", name=MOVED[name]).first
-    page.set_viewport_size({"width": USUAL, "height": 2_500})
-    settled(page)
+    resized(page, USUAL, 2_500)
     before = slider.input_value()
 
     def move(key: str, start: str) -> None:
@@ -88,7 +87,7 @@ def test_results_keep_their_place_and_the_slider_the_focus_while_an_answer_is_co
     expect(slider).to_be_focused()
     move("ArrowRight", slider.input_value())
     expect(slider).to_have_value(before)
-    page.set_viewport_size({"width": USUAL, "height": 900})
+    resized(page, USUAL)
 
 
 def test_it_opens_in_both_themes_and_on_a_phone(name: str, page: Page) -> None:
@@ -100,7 +99,7 @@ def test_it_opens_in_both_themes_and_on_a_phone(name: str, page: Page) -> None:
     screenshot(page, f"{file}-phone")
     if name in WORKED_BY_HAND:
         WORKED_BY_HAND[name](page)
-    page.set_viewport_size({"width": USUAL, "height": 900})
+    resized(page, USUAL)
     screenshot(page, f"{file}-dark")
     page.emulate_media(color_scheme="light")
     expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "light")
@@ -110,7 +109,7 @@ def test_it_opens_in_both_themes_and_on_a_phone(name: str, page: Page) -> None:
 def test_nothing_is_cut_from_a_phone_to_a_wide_screen(page: Page) -> None:
     for width in (NARROW, WIDE):
         assert cut(page, width) == []
-    page.set_viewport_size({"width": USUAL, "height": 900})
+    resized(page, USUAL)
 
 
 def test_nothing_moves_by_itself_for_whoever_asks_for_that(page: Page) -> None:

@@ -11,7 +11,7 @@ from stereolag.ui.pictures import example_pictures
 from stereolag.ui.search.cutting import box_in
 from stereolag.ui.search.painting import HERE, PaintedMask, painted_mask
 from tests.browser.parts import Parts, ShowParts, sent
-from tests.browser.visits import expect_fitting, turned_dark
+from tests.browser.visits import expect_fitting, resized, turned_dark
 
 COLS = 2446
 
@@ -85,7 +85,7 @@ def test_a_finger_moves_the_box(cut: Cut) -> None:
     touch.send("Emulation.setTouchEmulationEnabled", {"enabled": False})
     touch.detach()
     page.emulate_media(color_scheme="light")
-    page.set_viewport_size({"width": 1280, "height": 900})
+    resized(page, 1280)
 
 
 def test_a_box_is_dragged_typed_and_moved_with_keys(cut: Cut) -> None:

@@ -129,9 +129,14 @@ def turned_dark(page: Page, *, width: int) -> None:
     times as much."""
     page.emulate_media(color_scheme="dark")
     expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "dark")
-    page.set_viewport_size({"width": width, "height": 900})
-    settled(page)
+    resized(page, width)
     expect_fitting(page, width)
+
+
+def resized(page: Page, width: int, height: int = 900) -> None:
+    """Give a page another size, and wait until everything on it has its place there."""
+    page.set_viewport_size({"width": width, "height": height})
+    settled(page)
 
 
 def expect_fitting(page: Page, width: int) -> None:
@@ -162,11 +167,10 @@ def screenshot(page: Page, name: str) -> None:
     before = page.viewport_size
     assert before is not None
     height = page.evaluate("document.querySelector('[data-testid=stMain]').scrollHeight")
-    page.set_viewport_size({"width": before["width"], "height": height})
-    settled(page)
+    resized(page, before["width"], height)
     path = SCREENSHOTS / f"{name}.png"
     try:
         page.screenshot(path=path, timeout=TIMEOUT_MS / 3)
     except TimeoutError:  # once in some hundred times Chromium on a busy machine draws nothing until it is asked again
         page.screenshot(path=path)
-    page.set_viewport_size(before)
+    resized(page, before["width"], before["height"])
