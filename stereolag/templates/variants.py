@@ -23,8 +23,8 @@ MOVED = 4
 def as_given(search: TemplateSearch, image: Image, pattern: Pattern) -> TemplateSearch:
     """Return a search of whose clear matches none fits clearly better with a variant of the template.
 
-    Lights and cameras change the brightness and the contrast of each channel; none exchanges two of them, and none
-    exchanges left and right. Upside down is mirrored and half a turn.
+    Lights and cameras change the brightness and the contrast of each channel; none exchanges two of them. Upside down
+    is mirrored and half a turn.
     """
     if not search.found:
         return search
@@ -55,8 +55,7 @@ def _better_variant(image: Image, pattern: Pattern, match: TemplateMatch) -> Rea
 def _in_other_colours(image: Image, pattern: Pattern, match: TemplateMatch) -> float:
     """Return the best score of a place with the channels in another order."""
     orders = [list(order) for order in permutations(range(3))][1:]
-    deviations = (np.ascontiguousarray(pattern.deviations[order]) for order in orders)
-    return max(score_at(image, one, pattern.opaque, match.row, match.col) for one in deviations)
+    return max(score_at(image, pattern.deviations[order], pattern.opaque, match.row, match.col) for order in orders)
 
 
 def _mirrored(image: Image, pattern: Pattern, match: TemplateMatch) -> float:
