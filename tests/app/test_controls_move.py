@@ -147,8 +147,9 @@ def test_every_control_of_the_page_is_tested_here(open_unfolded: OpenPage, page:
         app.button_group(key=keys.TAB).set_value(tab).run()
         found |= controls(app).keys()
     found -= SEEN_IN_THE_TIME_ALONE | {keys.TAB}
-    assert not found - MOVES[page].keys(), "MOVES does not say what these are moved to"
-    assert not MOVES[page].keys() - found, "MOVES names what is not on the page"
+    unmoved, absent = sorted(found - MOVES[page].keys()), sorted(MOVES[page].keys() - found)
+    assert not unmoved, f"MOVES does not say what these are moved to: {unmoved}"
+    assert not absent, f"MOVES names what is not on the page: {absent}"
 
 
 def test_the_box_beside_a_slider_takes_an_exact_value(open_page: OpenPage, shown: Shown) -> None:

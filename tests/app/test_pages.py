@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 import pytest
@@ -17,6 +18,16 @@ def numbers(app: AppTest) -> dict[str, str]:
     return {metric.label: metric.value for metric in app.metric}
 
 
+def announced(app: AppTest) -> bool:
+    """Return whether a page announces its headline, when a job that it begins with has come to its end."""
+    for _ in range(100):
+        if any(element.proto.component_name == "stereolag.announcement" for element in app.get("bidi_component")):
+            return True
+        time.sleep(0.1)
+        app.run()
+    return False
+
+
 @pytest.mark.usefixtures("small_boards", "short_drive")  # their jobs would go on beside the tests that follow
 @pytest.mark.parametrize("path", PAGES)
 def test_every_page_runs_and_links_to_every_other(open_page: OpenPage, path: str) -> None:
@@ -27,6 +38,14 @@ def test_every_page_runs_and_links_to_every_other(open_page: OpenPage, path: str
     assert len(app.get("page_link")) >= len(PAGES)
     # A picture in a file of its own may be replaced before a browser asks for it.
     assert all(one.url.startswith("data:image/") for element in app.get("image") for one in element.proto.imgs)
+    assert path == "app.py" or announced(app)
+
+
+def test_every_page_is_described() -> None:
+    described = (PROJECT / "docs" / "pages.md").read_text(encoding="utf-8")
+    for name, _ in list(PAGES.values())[1:]:
+        assert f"\n| {name} |" in described
+        assert f"\n## {name}\n" in described
 
 
 def test_every_file_of_the_pages_is_linked() -> None:

@@ -6,6 +6,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag import samples
+from stereolag.searches import LagSearch, TemplateQuery
 from stereolag.settings import Settings
 from stereolag.typography import typeset
 from stereolag.ui.addresses import parameters_of, recalled_settings
@@ -63,6 +64,7 @@ def test_a_link_opens_the_page_as_it_was() -> None:
         "speed": "1497.25",
         "max_lag": "40000",
     }
+    assert link.keys() == {"recordings", *LagSearch.model_fields}
     app = linked(LAG, **link)
     assert app.button_group(key="recordings").value == "harbour"
     assert app.button_group(key="lag.method").value == "phat"
@@ -74,19 +76,17 @@ def test_a_link_opens_the_page_as_it_was() -> None:
     assert lag.value == typeset("-31,234")
 
     link = {"picture": "maze_dulled", "method": "sampled", "min_score": "0.513", "max_matches": "2"}
+    sizes_and_angles = {"min_scale": "0.95", "max_scale": "1.05", "max_rotation": "2.0"}
+    assert link.keys() | sizes_and_angles.keys() == {"picture", *TemplateQuery.model_fields}
     app = linked(FIND, **link)
     assert app.button_group(key="pictures").value == "maze_dulled"
     assert app.slider(key="template.min_score").value == 0.513
     assert not ignored(app)
     assert address(app) == link
-
-
-def test_a_link_names_the_sizes_and_angles_to_search() -> None:
-    link = {"min_scale": "0.95", "max_rotation": "2.0"}
-    app = linked(FIND, **link)
+    app = linked(FIND, **sizes_and_angles)
     assert app.slider(key="template.min_scale").value == 0.95
     assert app.slider(key="template.max_rotation").value == 2.0
-    assert address(app) == link
+    assert address(app) == sizes_and_angles
 
 
 @pytest.mark.parametrize(

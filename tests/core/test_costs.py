@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from stereolag.inputs import as_eight_bit
-from stereolag.settings import SettingsError
+from stereolag.settings import Bounds, SettingsError
 from stereolag.stereo.semi_global import cost_volume
 from stereolag.stereo.semi_global.cost_terms import TERMS
 from stereolag.stereo.semi_global.cost_terms.census import census, census_reference
@@ -60,7 +60,8 @@ def test_the_cost_is_that_of_the_formula(
 @pytest.mark.parametrize("term", MatchingCost.weights())
 def test_each_term_alone(term: str) -> None:
     left, right = noise((9, 15)), noise((9, 15), 1)
-    cost = MatchingCost(**dict.fromkeys(MatchingCost.weights(), 0) | {term: 50})
+    heaviest = Bounds.of(MatchingCost.model_fields[term]).high
+    cost = MatchingCost(**dict.fromkeys(MatchingCost.weights(), 0) | {term: heaviest})
     found = matching_cost(left, right, window_size=5, min_disparity=0, num_disparities=6, settings=cost)
     assert np.abs(found - expected(left, right, 2, 0, 6, cost)).max() < 0.51
 
@@ -106,7 +107,7 @@ def test_weights_that_eight_bits_cannot_hold_are_refused() -> None:
         brightness: Annotated[int, TermWeight()] = Field(default=0, ge=0, le=50)
 
     assert WithOneMore(brightness=10).highest == MOST
-    with pytest.raises(SettingsError, match="gradient and brightness add up to 251; allowed are 1 to 250 together"):
+    with pytest.raises(SettingsError, match="and brightness add up to 251; allowed are 1 to 250 together"):
         WithOneMore(brightness=11)
 
 

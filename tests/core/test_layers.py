@@ -108,6 +108,10 @@ def test_every_list_that_is_named_exists() -> None:
     assert lists
     for name, path in lists:
         assert hasattr(importlib.import_module(path.replace("/", ".").removesuffix(".__init__")), name), name
+    of_tests = re.findall(r"`([A-Z_]+)`\s(?:in|of)\s+`(tests/[\w/]+\.py)`", CONTRIBUTING)
+    assert of_tests
+    for name, path in of_tests:
+        assert re.search(rf"^{name}\b", (PACKAGE.parent / path).read_text(encoding="utf-8"), re.MULTILINE), name
 
 
 def test_no_module_leads_back_to_itself() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 from benchmarks.rocketman import absent_scenes, drawn, posed_scenes
 from stereolag.searches import TemplateQuery
+from stereolag.settings import Bounds
 from stereolag.templates import estimate_search, match_template
 from stereolag.templates.patterns import pattern_of
 from stereolag.templates.pose_ranges import PoseRange
@@ -204,6 +206,16 @@ def test_settings_become_arguments() -> None:
     assert (query.arguments["scales"], query.arguments["rotations"]) == ((0.7, 1.0), (-30.0, 30.0))
     with pytest.raises(ValueError, match=r"min_scale is 0\.7 and needs method 'fft'"):
         TemplateQuery(method="sampled", min_scale=0.7)
+
+
+@pytest.mark.parametrize("name", TemplateQuery.model_fields)
+def test_every_setting_changes_the_arguments(name: str) -> None:
+    bounds = Bounds.of(TemplateQuery.model_fields[name])
+    for value in ("sampled", bounds.low, bounds.high):
+        with suppress(ValueError):
+            if TemplateQuery(**{name: value}).arguments != TemplateQuery().arguments:
+                return
+    pytest.fail(f"no value of {name} changes what the search is called with")
 
 
 def test_more_sizes_and_angles_take_longer() -> None:
