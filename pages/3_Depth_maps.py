@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import streamlit as st
 
+from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.depth.address import write_address
@@ -49,7 +50,7 @@ def workspace(pair: StereoPair) -> None:
     shown = shown_methods()
     sent = send_ahead(pair, [matchers[method] for method in shown])
     controls, maps = bench()
-    results = {}
+    results: dict[str, DisparityMap] = {}
     with maps:
         doctor = st.container()
         with st.container(horizontal=True, vertical_alignment="center"):
