@@ -13,19 +13,22 @@ from tests.app.conftest import PROJECT, figures, viewers
 
 OpenPage = Callable[..., AppTest]
 
+PATIENCE_S = 60.0
+
 
 def numbers(app: AppTest) -> dict[str, str]:
     return {metric.label: metric.value for metric in app.metric}
 
 
 def announced(app: AppTest) -> bool:
-    """Return whether a page announces its headline, when a job that it begins with has come to its end."""
-    for _ in range(100):
-        if any(element.proto.component_name == "stereolag.announcement" for element in app.get("bidi_component")):
-            return True
+    """Return whether a page announces its headline, once a job that it begins with has come to its end."""
+    end = time.monotonic() + PATIENCE_S
+    while not any(one.proto.component_name == "stereolag.announcement" for one in app.get("bidi_component")):
+        if time.monotonic() > end:
+            return False
         time.sleep(0.1)
         app.run()
-    return False
+    return True
 
 
 @pytest.mark.usefixtures("small_boards", "short_drive")  # their jobs would go on beside the tests that follow
