@@ -26,6 +26,9 @@ CHROMIUM_OPTIONS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    # Who listens to a page's console has V8 keep stack traces; positions in them, found when they are first asked for,
+    # are found by parsing all of Plotly again: half a second a page.
+    "--js-flags=--no-enable-lazy-source-positions",
 )
 
 START_TIMEOUT_S = 60

@@ -30,6 +30,10 @@ WORKED_BY_HAND = {"Sensor lag": in_place.sensor_lag}
 RUNNING = "() => document.getAnimations().map(({ effect }) => effect.getTiming()).filter(({ duration, iterations }) =>\
  duration * iterations > 10).length"
 
+COUNT_TRANSITIONS = """
+() => { window.transitions = 0; addEventListener("transitionrun", () => { window.transitions += 1; }, true); }
+"""
+
 
 @pytest.fixture(scope="module")
 def audit() -> Iterator[Audit]:
@@ -94,7 +98,9 @@ def test_it_opens_in_both_themes_and_on_a_phone(name: str, page: Page) -> None:
     file = name.lower().replace(" ", "-")
     no_exception(page)
     screenshot(page, f"{file}-light")
+    page.evaluate(COUNT_TRANSITIONS)
     turned_dark(page, width=390)
+    assert page.evaluate("transitions") == 0  # of 1 ms, thousands for a colour that all inherit: half of all time
     no_exception(page)
     screenshot(page, f"{file}-phone")
     if name in WORKED_BY_HAND:
