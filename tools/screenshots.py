@@ -128,7 +128,7 @@ SHOTS = {
 
 def taken(open_page: OpenPage, shot: Shot, scheme: str) -> Image.Image:
     """Return the picture of a page."""
-    page = open_page(shot.path, scheme=scheme, width=shot.width, scale=SCALE)
+    page = open_page(shot.path, scheme=scheme, width=shot.width)
     page.emulate_media(reduced_motion="reduce")
     page.set_viewport_size({"width": shot.width, "height": shot.height})
     settled(page)
@@ -164,7 +164,11 @@ def main(names: Sequence[str]) -> None:
         raise SystemExit(f"There is no Chromium at $CHROMIUM nor at {CHROMIUM[-1]}.")
     FOLDER.mkdir(exist_ok=True)
     expect.set_options(timeout=4 * TIMEOUT_MS)  # as long as computing a whole drive may take
-    with served_app() as address, chromium(path) as browser, faultless_pages(browser, address) as open_page:
+    with (
+        served_app() as address,
+        chromium(path, scale=SCALE) as browser,
+        faultless_pages(browser, address) as open_page,
+    ):
         for name in names or SHOTS:
             for scheme in SCHEMES:
                 picture = taken(open_page, SHOTS[name], scheme)

@@ -22,7 +22,9 @@ from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 from stereolag import samples
 from stereolag.figures.pictures import as_rgb, png
 from stereolag.reading import read_image
+from stereolag.ui import uploads
 from stereolag.ui.calibrate import examples, result
+from stereolag.ui.depth import maps
 from stereolag.ui.driving import frames
 from tests.app import keys
 
@@ -56,6 +58,15 @@ def woken_at_the_end() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(local_script_runner, "require_widgets_deltas", wait)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def nobody_on_the_way() -> Iterator[None]:
+    """Do not wait for a browser to draw, nor for a second file to arrive: here there is no browser, and none comes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(maps, "HEAD_START_S", 0)
+        patch.setattr(uploads, "ARRIVAL_S", 0.1)
         yield
 
 

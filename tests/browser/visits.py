@@ -99,17 +99,15 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
         if message.type == "error" and "/_stcore/" not in message.location["url"]:
             errors.append(f"{message.text} ({message.location['url']})")
 
-    def opened(
-        path: str = "", *, scheme: str = "light", width: int = 1280, scale: float = 1, moving: bool = False
-    ) -> Page:
-        page = browser.new_page(
-            viewport={"width": width, "height": 900},
-            device_scale_factor=scale,
+    def opened(path: str = "", *, scheme: str = "light", width: int = 1280, moving: bool = False) -> Page:
+        page = browser.contexts[0].new_page()
+        pages.append(page)
+        page.set_viewport_size({"width": width, "height": 900})
+        page.emulate_media(
             color_scheme=scheme,  # type: ignore[arg-type]
             # Drawing what only moves while a page waits, without a graphics card, takes a third of all time.
             reduced_motion="no-preference" if moving else "reduce",
         )
-        pages.append(page)
         page.set_default_timeout(TIMEOUT_MS)
         page.add_init_script(WATCH_ANSWERS)
         page.on("console", note)
