@@ -90,6 +90,7 @@ def rocketman(page: Page) -> None:
     settled(page)
 
     page.get_by_text("Paint a mask").click()
+    settled(page)
     use, counts = page.get_by_role("button", name="Use this mask"), page.locator(".painting .counts")
     page.locator(".painting .stage").press(" ")
     expect(counts).not_to_have_text("7,913 of 13,653 pixels count")

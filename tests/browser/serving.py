@@ -77,7 +77,7 @@ def chromium(path: str, *, scale: float = 1) -> Iterator[Browser]:
     """Run Chromium without a window, with one context: a page in one of its own fetches 7 MB of scripts anew."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM_OPTIONS))
-        browser.new_context(device_scale_factor=scale)
+        browser.new_context(device_scale_factor=scale).new_page()
         try:
             yield browser
         finally:

@@ -40,7 +40,6 @@ def own_page(keep_page: OpenPage, motorcycle: OwnPair) -> DepthPage:
 def visit(request: pytest.FixtureRequest) -> DepthPage:
     """Return the page with the pair that a test names: an example, or one of the visitor's own where it is present."""
     page: DepthPage = request.getfixturevalue("example_page" if request.param == EXAMPLE else "own_page")
-    page.page.bring_to_front()  # of a tab behind another Chromium draws little
     page.press("Reset")
     return page
 
