@@ -143,7 +143,7 @@ class Limiter:
 
         Raises
         ------
-        Cancelled
+        CancelledError
             `cancelled` returned True before it was this job's turn.
         """
         with self._changed:

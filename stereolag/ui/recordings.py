@@ -140,7 +140,7 @@ def player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> 
     """Show a player for a recording, for no more than its first two minutes."""
     lowest, highest = AUDIBLE_RATES
     if not lowest <= sampling_rate <= highest:
-        prose.caption(f"{name} cannot be played: browsers play {lowest:,} to {highest:,} samples a second.")
+        prose.caption(f"There is no player for {name}: browsers play {lowest:,} to {highest:,} samples a second.")
         return
     heard = signal[: round(LONGEST_S * sampling_rate)]
     prose.caption(f"Listen to {name}" + ("" if heard.size == signal.size else f" (the first {LONGEST_S} s)"))

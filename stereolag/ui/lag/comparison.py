@@ -122,7 +122,7 @@ def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
         drawn = figures.run_times(found.seconds)
         st.plotly_chart(drawn, key="lag.run_times.figure", alt=run_times_in_words(found.seconds))
         median = float(np.median(found.seconds))
-        prose.caption(f"{name}: half of the runs took less than {duration(median)}. The report’s took 1.5 to 3.5 s.")
+        prose.caption(f"{name}: half of the runs took less than {duration(median)}.")
 
 
 def _measured(pair: RecordingPair, search: LagSearch, method: SignalMethod, progress: Progress) -> SignalLag:
