@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 PAIR: Final = "pairs"
+HANDED: Final = f"{PAIR}.handed_over"
+"""The pair that another page handed over, in place of files."""
 SIZE: Final = f"{PAIR}.size"
 FOLD: Final = "depth.head"
 FOLD_NEXT: Final = f"{FOLD}.next"

@@ -17,6 +17,7 @@ from stereolag.geometry.boards import Board
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.ui.calibrate import examples
 from stereolag.ui.calibrate.kept import KEPT
+from stereolag.ui.keys import HANDED
 from tests.app import uploads
 
 OpenPage = Callable[..., AppTest]
@@ -153,9 +154,26 @@ def test_pictures_without_a_board_ask_for_its_size() -> None:
     assert not app.metric
 
 
+def test_what_was_said_of_board_and_pairs_outlives_a_visit_to_another_page() -> None:
+    app = given(*files().items())
+    counting = next(group for group in app.button_group if group.key and group.key.startswith("calibrate.count"))
+    counting.set_value([0, 1, 3]).run()
+    app = finished(app)
+    app.switch_page("app.py").run()
+    app = finished(app.switch_page(PATH).run())
+    assert numbers(app)["Pairs that count"] == "3 of 4"
+    across = next(box for box in app.number_input if box.label == "Inner corners across")
+    across.set_value(5).run()
+    app.switch_page("app.py").run()
+    app.switch_page(PATH).run()
+    assert next(box for box in app.number_input if box.label == "Inner corners across").value == 5
+
+
 def test_the_calibration_is_kept_for_the_depth_page_in_this_session_alone() -> None:
     app = given(*files().items())
+    app.session_state[HANDED] = "a frame of a drive, which the calibration must not lie behind"
     app.button(key="calibrate.use").click().run()
+    assert HANDED not in app.session_state
     kept = app.session_state[KEPT]
     assert kept.content.rig is not None
     np.testing.assert_allclose(kept.content.rig.translation, 25 / 30 * examples.drawn_rig().translation, atol=1e-3)

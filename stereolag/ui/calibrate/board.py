@@ -40,7 +40,7 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
                 FEWEST_CORNERS,
                 MOST_CORNERS,
                 value,
-                key=f"{KEY}.{label}.{pictures.digest}",
+                **persistent(f"{KEY}.{label}.{pictures.digest}"),
                 width=190,
                 help="Inner corners, where four squares meet: one fewer than squares. Guessed from the pictures.",
             )

@@ -50,6 +50,7 @@ def open_depth_page(calibration: Calibration) -> None:
     """Keep a calibration and open the depth page for files of the visitor's own, to which it belongs."""
     keep_calibration(calibration)
     st.session_state[keys.PAIR] = OWN
+    st.session_state.pop(keys.HANDED, None)
     no_files_yet(keys.PAIR)
     st.session_state[keys.FOLD] = True
     st.switch_page(DEPTH_PAGE)

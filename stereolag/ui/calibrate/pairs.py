@@ -16,6 +16,7 @@ from stereolag.typography import typesets
 from stereolag.ui import prose
 from stereolag.ui.calibrate.pictures import KEY, BoardPictures
 from stereolag.ui.elements import show_jpeg
+from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.states import show_refused
 
@@ -47,7 +48,7 @@ def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
         selection_mode="multi",
         default=usable,
         format_func=lambda number: pictures.names[number],
-        key=f"{KEY}.count.{pictures.digest}.{views.board!r}",
+        **persistent(f"{KEY}.count.{pictures.digest}.{views.board!r}"),
         wrap=True,
     )
     return frozenset(usable) - frozenset(counting)
@@ -168,9 +169,10 @@ def _errors_in_words(pictures: BoardPictures, result: StereoCalibration) -> str:
     if not errors:
         return "Reprojection error of each pair: none counts."
     worst = max(errors, key=errors.__getitem__)
+    left_out = len(result.pairs) - len(errors)
     return (
         f"Reprojection error of each pair, left and right: {min(errors.values()):.2f} to {errors[worst]:.2f} px, the "
-        f"largest of pair {worst}; {len(result.pairs) - len(errors)} pairs do not count."
+        f"largest of pair {worst}; {left_out} {'pair does' if left_out == 1 else 'pairs do'} not count."
     )
 
 

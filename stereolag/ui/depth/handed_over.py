@@ -7,15 +7,14 @@ import streamlit as st
 from stereolag.geometry.calibration import Calibration
 from stereolag.inputs import as_stereo_pair
 from stereolag.sequences import StereoFrame
-from stereolag.ui import keys, prose
+from stereolag.ui import prose
 from stereolag.ui.choices import OWN
+from stereolag.ui.keys import HANDED, PAIR
 from stereolag.ui.pairs import StereoPair
-
-HANDED = f"{keys.PAIR}.handed_over"
 
 
 def hand_over(
-    frame: StereoFrame, digest: str, description: str, calibration: Calibration | None, search: tuple[int, int]
+    frame: StereoFrame, digest: str, description: str, calibration: Calibration | None, search: tuple[int, int] | None
 ) -> None:
     """Let the depth page begin with this frame; only where its controls are not drawn yet in this run."""
     left, right = as_stereo_pair(frame.left, frame.right)
@@ -23,14 +22,14 @@ def hand_over(
         left,
         right,
         frame.truth,
-        search[1],
+        search[1] if search else None,
         description,
         digest,
         False,
         calibration,
-        min_disparity=search[0],
+        min_disparity=search[0] if search else 0,
     )
-    st.session_state[keys.PAIR] = OWN
+    st.session_state[PAIR] = OWN
 
 
 def handed_over() -> StereoPair | None:
