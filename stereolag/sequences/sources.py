@@ -177,22 +177,24 @@ class RectifiedSequence(StereoSequence):
         The raw frames.
     calibration
         With its ``rig``, the two cameras before rectification; :func:`stereolag.rectify` gives that of the result.
+    alpha
+        What is in the frame, as :func:`stereolag.rectify` takes it.
     """
 
     rectified = True
 
-    def __init__(self, sequence: StereoSequence, calibration: Calibration) -> None:
-        self._sequence, self._calibration = sequence, calibration
+    def __init__(self, sequence: StereoSequence, calibration: Calibration, alpha: float | None = None) -> None:
+        self._sequence, self._calibration, self._alpha = sequence, calibration, alpha
         self.names, self.frame_rate = sequence.names, sequence.frame_rate
 
     def reader(self, number: int) -> FrameReader:
         """Return what reads a frame and rectifies it, without its true disparity: that is of the raw pictures."""
-        return partial(_read_rectified, self._sequence.reader(number), self._calibration)
+        return partial(_read_rectified, self._sequence.reader(number), self._calibration, self._alpha)
 
 
-def _read_rectified(reader: FrameReader, calibration: Calibration) -> StereoFrame:
+def _read_rectified(reader: FrameReader, calibration: Calibration, alpha: float | None) -> StereoFrame:
     raw = reader()
-    straight = rectify(raw.left, raw.right, calibration)
+    straight = rectify(raw.left, raw.right, calibration, alpha=alpha)
     return StereoFrame(straight.left, straight.right)
 
 

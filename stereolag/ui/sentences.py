@@ -46,17 +46,18 @@ def started_in_words(min_disparity: int, num_disparities: int) -> str:
 # Rectification
 
 
-def rectification_in_words(evidence: RowEvidence, rectified: bool, asked: bool, drops_truth: bool) -> str:
+def rectification_in_words(
+    evidence: RowEvidence, rectified: bool, asked: bool, drops_truth: bool, subject: str = "The pair"
+) -> str:
     """Return whether a pair was rectified with its calibration, with the rows as evidence."""
     given, after = (_apart(median) for median in (evidence.given_px, evidence.rectified_px))
     because = ", as you said" if asked else ""
     if rectified:
-        said = (
-            f"The pair was undistorted and rectified with its calibration{because}: rows differ {after}, before {given}"
-        )
+        done = f"{subject} was undistorted and rectified with its calibration{because}"
+        said = f"{done}: rows differ {after}, before {given}"
         counts = evidence.rectified_matches, evidence.given_matches
     else:
-        said = f"The pair is rectified already{because}: rows differ {given}, rectified once more {after}"
+        said = f"{subject} is rectified already{because}: rows differ {given}, rectified once more {after}"
         counts = evidence.given_matches, evidence.rectified_matches
     dropped = " Its ground truth belongs to the image before that and is left out." if drops_truth else ""
     return f"{said} (medians of {counts[0]} and {counts[1]} matched features).{dropped}"

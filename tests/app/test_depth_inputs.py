@@ -133,7 +133,7 @@ def test_both_cameras_rectify_the_pair_and_drop_the_truth() -> None:
     assert "Its ground truth belongs to the image before that" in said(app)
 
 
-STRAIGHT, UNDO = straight_and_raw.straight_pair(), "depth.rectifying.undo"
+STRAIGHT, UNDO = straight_and_raw.straight_pair(), "pairs.rectifying.undo"
 
 
 def with_both_cameras(pictures: tuple[np.ndarray, np.ndarray], **more: np.ndarray) -> AppTest:

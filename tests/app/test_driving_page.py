@@ -2,10 +2,8 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import time
 import zipfile
-from pathlib import Path
 from typing import Any
 
 import av
@@ -17,15 +15,14 @@ from streamlit.testing.v1 import AppTest
 from stereolag.figures.pictures import coloured
 from stereolag.reading import read_disparity, read_image
 from stereolag.samples import stereo_pairs
-from stereolag.ui.depth.handed_over import HANDED
 from stereolag.ui.driving import frames
-from stereolag.ui.driving.frames import EXAMPLE, ONE
+from stereolag.ui.driving.frames import EXAMPLE
 from stereolag.ui.driving.player import LINES
 from stereolag.ui.driving.result import OPENED, _table
-from stereolag.ui.driving.work import WORK, DriveWork
+from stereolag.ui.keys import HANDED
 from tests.app import uploads
+from tests.app.driving import finished, opened, page, player, work_of
 
-PATH = "pages/5_Driving.py"
 COUNT = 12
 ROWS, COLS = 120, 200
 
@@ -61,41 +58,6 @@ def still_drive(count: int) -> bytes:
     return stream.getvalue()
 
 
-def page(origin: str) -> AppTest:
-    app = AppTest.from_file(Path(__file__).resolve().parents[2] / "app.py", default_timeout=120)
-    app.session_state["driving.origin"] = origin
-    app.switch_page(PATH)
-    return app.run()
-
-
-def opened(data: bytes, name: str = "drive.zip") -> AppTest:
-    app = page(ONE)
-    app.file_uploader(key="driving.one").set_value((name, data, "application/zip")).run()
-    return app
-
-
-def finished(app: AppTest) -> AppTest:
-    end = time.monotonic() + 120
-    while app.session_state[WORK].job.running:
-        assert time.monotonic() < end
-        time.sleep(0.1)
-    app.run()
-    assert not app.exception
-    return app
-
-
-def player(app: AppTest) -> dict[str, Any]:
-    told = [one.proto for one in app.get("bidi_component") if one.proto.component_name == "stereolag.player"]
-    assert len(told) == 1
-    shown: dict[str, Any] = json.loads(told[0].json)
-    return shown
-
-
-def work(app: AppTest) -> DriveWork:
-    kept: DriveWork = app.session_state[WORK]
-    return kept
-
-
 def test_a_drive_is_computed_played_and_told_of() -> None:
     app = finished(opened(drive()))
     assert not app.error
@@ -108,11 +70,11 @@ def test_a_drive_is_computed_played_and_told_of() -> None:
     assert (fast > bm).all()
     assert shown["legends"][0]["words"] == ["FAR", "NEAR"]
     assert any("12 of 12 frames" in one.value for one in app.caption)
-    video = b"".join(work(app).video.pieces)
+    video = b"".join(work_of(app).video.pieces)
     with av.open(io.BytesIO(video), "r") as container:
         assert sum(1 for _ in container.decode(video=0)) == COUNT
         assert container.streams.video[0].width == 3 * COLS
-    table = _table(work(app))
+    table = _table(work_of(app))
     assert len([*csv.DictReader(io.StringIO(table))]) == 2 * COUNT
     assert {one.label for one in app.get("download_button")} == {"Video (MP4)", "Maps (ZIP)", "Table (CSV)"}
 
@@ -127,7 +89,7 @@ def test_it_opens_on_the_example_which_the_next_visitor_sees_at_once() -> None:
     fast, bm = next(chart["series"] for chart in shown["charts"] if chart["name"] == "Wrong by over 2 px")
     assert np.mean(fast["values"]) < 0.3 * np.mean(bm["values"])
     assert shown["legends"][0]["title"] == "disparity, px, and distance"
-    assert work(page(EXAMPLE)) is work(app)
+    assert work_of(page(EXAMPLE)) is work_of(app)
 
 
 def test_the_truth_is_shown_beside_the_maps() -> None:
@@ -137,10 +99,10 @@ def test_the_truth_is_shown_beside_the_maps() -> None:
     next(one for one in app.toggle if one.label == "True disparity").set_value(True).run()
     app = finished(app)
     assert player(app)["titles"] == ["Left image", "StereoBM", "True disparity"]
-    low, high = work(app).kept.colours or (0, 0)
+    low, high = work_of(app).kept.colours or (0, 0)
     (example,) = frames.drives().values()
     truth = read_disparity(example.disparity[0])
-    with av.open(io.BytesIO(b"".join(work(app).video.pieces)), "r") as container:
+    with av.open(io.BytesIO(b"".join(work_of(app).video.pieces)), "r") as container:
         first = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(float)
     width = truth.shape[1] // 2 * 2
     shown = first[:, 2 * width :]
@@ -193,12 +155,12 @@ def test_a_damaged_frame_is_said_and_the_others_go_on() -> None:
 def test_what_is_cancelled_stays_and_can_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     app = opened(drive(count=40))
     end = time.monotonic() + 60
-    while not work(app).kept.records:
+    while not work_of(app).kept.records:
         assert time.monotonic() < end
         time.sleep(0.01)
     start = time.monotonic()
-    work(app).job.cancel()
-    while work(app).job.running:
+    work_of(app).job.cancel()
+    while work_of(app).job.running:
         assert time.monotonic() - start < 5
         time.sleep(0.01)
     app.run()
@@ -248,7 +210,7 @@ def test_motion_without_a_calibration_is_the_flow_alone_and_the_page_says_why() 
     wheel = shown["legends"][-1]
     assert wheel["picture"].startswith("data:image/png;base64,") and "rim" in wheel["words"][0]
     assert "Own speed" not in {chart["name"] for chart in shown["charts"]}
-    assert "km/h" not in _table(work(app))
+    assert "km/h" not in _table(work_of(app))
     app = with_motion(app, "off")
     assert player(app)["titles"] == ["Left image", "Convolution, fast", "StereoBM"]
 
@@ -263,7 +225,7 @@ def test_motion_with_a_calibration_tells_speeds() -> None:
     (speeds,) = next(chart["series"] for chart in shown["charts"] if chart["name"] == "Own speed")
     assert speeds["colour"] == LINES[2].colour and speeds["values"][0] is None
     assert speeds["values"][1:] == pytest.approx([moving_drives.OWN_KMH] * 3, rel=0.05)
-    rows = [row for row in csv.DictReader(io.StringIO(_table(work(app)))) if row["method"] == "motion"]
+    rows = [row for row in csv.DictReader(io.StringIO(_table(work_of(app)))) if row["method"] == "motion"]
     assert len(rows) == 3 and all("km/h" in row["moving"] for row in rows)
     before = shown["name"]
     next(box for box in app.number_input if box.label == "Frames a second").set_value(20.0).run()

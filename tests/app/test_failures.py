@@ -5,7 +5,11 @@ from __future__ import annotations
 import logging
 
 import pytest
+import straight_and_raw
 from streamlit.testing.v1 import AppTest
+
+from stereolag.ui.driving import work
+from tests.app import driving
 
 
 def page() -> None:
@@ -50,3 +54,12 @@ def test_a_failure_is_answered_with_a_sentence_and_a_number(
     assert record.exc_info is not None
     assert "secret" in str(record.exc_info[1])
     assert [text.value for text in app.markdown].count("after") == (where == "part")
+
+
+def test_a_drive_whose_computation_fails_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*given: object, **more: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(work, "run_sequence", fail)
+    app = driving.finished(driving.opened(driving.archive(straight_and_raw.straight_pair())))
+    assert "There is not enough memory left" in app.error[0].value

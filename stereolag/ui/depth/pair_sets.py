@@ -11,9 +11,9 @@ from stereolag.doctor.row_evidence import row_evidence
 from stereolag.geometry.rectification import rectify
 from stereolag.geometry.scaling import preview_divisor
 from stereolag.ui.depth.inputs import at_size
-from stereolag.ui.depth.rectifying import ALPHA_KEY, CHOICE_KEY, DECIDE, RECTIFIED
+from stereolag.ui.depth.rectifying import DECIDE, RECTIFIED, alpha_key, choice_key
 from stereolag.ui.depth.several import SET, STEP, PairSet
-from stereolag.ui.keys import SIZE
+from stereolag.ui.keys import PAIR, SIZE
 from stereolag.ui.pairs import SIZES, StereoPair
 
 HELD_BYTES = 256 * 2**20
@@ -40,7 +40,8 @@ class Preparation:
     def chosen(cls) -> Preparation:
         """Return what is chosen on the page."""
         state = st.session_state
-        return cls(state.get(SIZE, "Automatic"), state.get(CHOICE_KEY, DECIDE), state.get(ALPHA_KEY, 0.0))
+        choice, alpha = state.get(choice_key(PAIR), DECIDE), state.get(alpha_key(PAIR), 0.0)
+        return cls(state.get(SIZE, "Automatic"), choice, alpha)
 
     def prepared(self, pair: StereoPair) -> StereoPair:
         """Return a pair as the page would match it, without remedies; no part of Streamlit is called."""

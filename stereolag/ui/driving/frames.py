@@ -9,22 +9,25 @@ import streamlit as st
 from stereolag.doctor import diagnose
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scaling import calibration_for
+from stereolag.inputs import as_stereo_pair
 from stereolag.limits import limits
 from stereolag.reading import read_calibration
 from stereolag.reading.videos import VIDEO_ENDINGS
 from stereolag.samples import drives
-from stereolag.sequences import StereoFrame, StereoSequence, example_sequence, open_sequence
+from stereolag.sequences import RectifiedSequence, StereoFrame, StereoSequence, example_sequence, open_sequence
 from stereolag.ui import prose
 from stereolag.ui.choices import show_awaited, show_limits
-from stereolag.ui.depth.calibrating import ask_calibration
+from stereolag.ui.depth.calibrating import Calibrated, ask_calibration
+from stereolag.ui.depth.rectifying import ask_rectified, show_decision
+from stereolag.ui.pairs import StereoPair
 from stereolag.ui.persistence import persistent
+from stereolag.ui.results import computed
 from stereolag.ui.states import show_refused
 from stereolag.ui.uploads import expect_uploads, forget_together, put_together, refused, upload
 
 KEY = "driving"
 EXAMPLE, ONE, TWO = "example", "one", "two"
 ORIGINS = {EXAMPLE: "Example", ONE: "Your ZIP, or side-by-side video", TWO: "Your two videos"}
-USUAL_DISPARITIES = 64
 LOOKED_AT = 10
 """Frames at the beginning, one of which must be readable."""
 
@@ -42,9 +45,9 @@ class Drive:
     digest
         Tells it from all others.
     calibration
-        Of the left camera.
+        Of the rectified frames.
     range
-        The first disparity to search, and how many.
+        The first disparity that the first frame needs, px, and how many; None where it is not known.
     example
         Whether it is the bundled one, whose maps all visitors may share.
     """
@@ -53,7 +56,7 @@ class Drive:
     first: StereoFrame
     digest: str
     calibration: Calibration | None
-    range: tuple[int, int]
+    range: tuple[int, int] | None
     example: bool = False
 
 
@@ -83,20 +86,65 @@ def ask_drive() -> Drive | None:
         show_awaited("your frames are" if origin == ONE else "both videos are", example.title)
         return _example(example.name)
     sequence, digest = found
-    kept: Drive | None = st.session_state.get(f"{KEY}.drive")
-    if kept is None or kept.digest != digest:
-        first = sequence.first_readable(LOOKED_AT)
-        if first is None:
-            show_refused(
-                f"None of the first {LOOKED_AT} frames can be read. Check that left and right images belong together."
-            )
-            return None
-        suggested = diagnose(first.left, first.right).suggested_range
-        kept = Drive(sequence, first, digest, None, suggested or (0, USUAL_DISPARITIES))
-        st.session_state[f"{KEY}.drive"] = kept
-    rows, cols = kept.first.left.shape[:2]
-    fitted = None if calibration is None else calibration_for(calibration.content, cols, rows)
-    return Drive(kept.sequence, kept.first, kept.digest, fitted, kept.range)
+    first = _first_readable(sequence, digest)
+    return None if first is None else _with_calibration(Drive(sequence, first, digest, None, None), calibration)
+
+
+def _first_readable(sequence: StereoSequence, digest: str) -> StereoFrame | None:
+    """Return the first frame that can be read; say so where none of them can."""
+    kept: tuple[str, StereoFrame | None] | None = st.session_state.get(f"{KEY}.first")
+    if kept is None or kept[0] != digest:
+        kept = digest, sequence.first_readable(LOOKED_AT)
+        st.session_state[f"{KEY}.first"] = kept
+    if kept[1] is None:
+        show_refused(
+            f"None of the first {LOOKED_AT} frames can be read. Check that left and right images belong together."
+        )
+    return kept[1]
+
+
+def _with_calibration(drive: Drive, calibration: Calibrated | None) -> Drive | None:
+    """Return a drive with its camera, rectified where its first frame is raw, and with the range that frame needs."""
+    frame = drive.first
+    rows, cols = frame.left.shape[:2]
+    fitted = None
+    if calibration is not None:
+        try:
+            fitted = calibration_for(calibration.content, cols, rows)
+        except ValueError as error:
+            show_refused(f"{error} The drive is measured without it.")
+    try:
+        left, right = as_stereo_pair(frame.left, frame.right)
+    except ValueError as error:
+        show_refused(error)
+        return None
+    pair, decision = ask_rectified(
+        StereoPair(left, right, frame.truth, None, "", drive.digest, False, fitted), KEY, "Each frame"
+    )
+    if decision is not None:
+        show_decision(decision, KEY)
+    sequence = drive.sequence
+    if decision is not None and decision.rectify and fitted is not None:
+        sequence = RectifiedSequence(sequence, fitted, decision.alpha)
+    first = StereoFrame(pair.left, pair.right, pair.truth)
+    return Drive(sequence, first, pair.digest, pair.calibration, _range_of(pair))
+
+
+def _range_of(pair: StereoPair) -> tuple[int, int] | None:
+    """Return the first disparity that a frame needs, and how many; None where the doctor cannot tell."""
+    try:
+        diagnosis = computed(
+            "diagnosis",
+            lambda progress: diagnose(pair.left, pair.right),
+            inputs=pair.digest,
+            settings="",
+            shared=False,
+            label="Looking over the first frame …",
+        )
+    except ValueError as error:
+        show_refused(error)
+        return None
+    return diagnosis.suggested_range
 
 
 @st.cache_resource(show_spinner="Loading the example …")

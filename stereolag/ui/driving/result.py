@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import zipfile
+from concurrent.futures import CancelledError
+from contextlib import suppress
 
 import streamlit as st
 
@@ -18,6 +20,7 @@ from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.player import Played, show_player
 from stereolag.ui.driving.settings import MOTION_TITLE, Asked, title_of
 from stereolag.ui.driving.work import DriveWork, go_on
+from stereolag.ui.navigation import failures_answered
 from stereolag.ui.private_files import download_button
 from stereolag.ui.sentences import duration
 from stereolag.ui.states import show_busy, show_refused
@@ -83,6 +86,8 @@ def _show_progress(work: DriveWork, drive: Drive, asked: Asked) -> None:
             ending = "Ends here; the frames that are done stay, and you can go on later."
             show_busy(work.job, text, key=f"{KEY}.cancel", done=done / total, ending=ending)
             return
+        with failures_answered(), suppress(CancelledError):
+            work.job.result()
         if state is None:
             return
         rate = state.done / state.elapsed_s if state.elapsed_s else 0.0

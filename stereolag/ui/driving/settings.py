@@ -31,6 +31,9 @@ NO_MOTION, COLOURS, ARROWS = "off", "colours", "arrows"
 MOTIONS = {NO_MOTION: "Off", COLOURS: "Flow in colours", ARROWS: "Flow as arrows"}
 MOST = 256
 """Px; the disparities that KITTI's PNG holds lie below."""
+FEWEST = 16
+USUAL_DISPARITIES = 64
+"""Searched where the range is not known."""
 
 
 class Asked(NamedTuple):
@@ -62,19 +65,7 @@ def ask_methods(drive: Drive) -> Asked:
             **persistent(f"{KEY}.methods"),
             wrap=True,
         )
-        first = st.number_input(
-            "Smallest disparity, px", 0, MOST - 16, max(0, drive.range[0]), key=f"{KEY}.first.{drive.digest}", width=170
-        )
-        count = st.number_input(
-            "Disparities searched",
-            16,
-            MOST,
-            min(MOST, drive.range[1]),
-            16,
-            key=f"{KEY}.count.{drive.digest}",
-            help=f"The maps of a drive are kept as KITTI keeps them, which holds disparities up to {MOST} px.",
-            width=170,
-        )
+        first, count = _ask_range(drive)
     made: dict[str, StereoMatcher] = {
         "fast": preset("fast"),
         "accurate": preset("accurate"),
@@ -82,21 +73,63 @@ def ask_methods(drive: Drive) -> Asked:
         "sgbm": StereoSGBM(),
         **own,
     }
-    if drive.range[0] < 0:
-        prose.warning(
-            f"In these frames disparities reach down to about {drive.range[0]} px; the maps of a drive begin at 0 px. "
-            "Rectify the frames so that infinity has no disparity, or take single frames to the depth page."
-        )
+    _warn_of_range(drive)
     found = {}
     for name in chosen:
         try:
-            found[name] = made[name].with_search_range(first, min(count, MOST - first))
+            found[name] = made[name].with_search_range(first, count)
         except SettingsError as error:
             show_refused(f"{titles[name]}: {error}")
     with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
         motion = _ask_motion(drive)
         truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, **persistent(f"{KEY}.truth"))
         return Asked(found, truth, motion, _ask_steadiness())
+
+
+def _ask_range(drive: Drive) -> tuple[int, int]:
+    """Ask for the first disparity and how many, within those that the files of maps hold."""
+    lowest, needed = drive.range or (0, USUAL_DISPARITIES)
+    first = st.number_input(
+        "Smallest disparity, px",
+        0,
+        MOST - FEWEST,
+        min(max(0, lowest), MOST - FEWEST),
+        **persistent(f"{KEY}.first.{drive.digest}"),
+        width=170,
+    )
+    # Whole blocks of 16, as OpenCV's methods search, must fit too.
+    most = (MOST - first) // FEWEST * FEWEST
+    key = f"{KEY}.count.{drive.digest}"
+    if st.session_state.get(key, most) > most:
+        st.session_state[key] = most
+    count = st.number_input(
+        "Disparities searched",
+        FEWEST,
+        most,
+        min(max(FEWEST, needed), most),
+        FEWEST,
+        **persistent(key),
+        help=f"The maps of a drive are kept as KITTI keeps them, which holds disparities up to {MOST} px.",
+        width=170,
+    )
+    return first, count
+
+
+def _warn_of_range(drive: Drive) -> None:
+    """Say where the frames need disparities that the files of maps do not hold."""
+    if drive.range is None:
+        return
+    lowest, end = drive.range[0], sum(drive.range)
+    if lowest < 0:
+        prose.warning(
+            f"In these frames disparities reach down to about {lowest} px; the maps of a drive begin at 0 px. "
+            "Rectify the frames so that infinity has no disparity, or take single frames to the depth page."
+        )
+    if end > MOST:
+        prose.warning(
+            f"In these frames disparities reach up to about {end} px; the maps of a drive end at {MOST} px. Give "
+            "frames of half the size, or take single frames to the depth page."
+        )
 
 
 def _ask_motion(drive: Drive) -> SequenceMotion | None:
@@ -125,7 +158,7 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
             0.1,
             10_000.0,
             float(rate),
-            key=f"{KEY}.rate.{drive.digest}",
+            **persistent(f"{KEY}.rate.{drive.digest}"),
             width=170,
             help="Of the camera. Speeds are as right as this number; pictures do not tell it, and 10 is assumed.",
         )

@@ -1,0 +1,69 @@
+"""The page of driving without a browser: opened, waited for, and looked at."""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from streamlit.testing.v1 import AppTest
+
+from stereolag.ui.driving.frames import ONE
+from stereolag.ui.driving.work import WORK, DriveWork
+from tests.app import uploads
+
+PATH = "pages/5_Driving.py"
+
+
+def archive(pair: tuple[np.ndarray, np.ndarray], count: int = 3) -> bytes:
+    """Return a ZIP of frames that are all alike."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as file:
+        for side, picture in zip(("left", "right"), pair, strict=True):
+            for number in range(count):
+                file.writestr(f"{side}/{number:03d}.png", uploads.png(picture))
+    return stream.getvalue()
+
+
+def page(origin: str) -> AppTest:
+    """Return the page with the example, or asking for files."""
+    app = AppTest.from_file(Path(__file__).resolve().parents[2] / "app.py", default_timeout=120)
+    app.session_state["driving.origin"] = origin
+    app.switch_page(PATH)
+    return app.run()
+
+
+def opened(data: bytes, name: str = "drive.zip") -> AppTest:
+    """Return the page with a file of frames."""
+    app = page(ONE)
+    app.file_uploader(key="driving.one").set_value((name, data, "application/zip")).run()
+    return app
+
+
+def finished(app: AppTest) -> AppTest:
+    """Return the page when nothing is computed any more."""
+    end = time.monotonic() + 120
+    while app.session_state[WORK].job.running:
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    app.run()
+    assert not app.exception
+    return app
+
+
+def player(app: AppTest) -> dict[str, Any]:
+    """Return what the player is told."""
+    told = [one.proto for one in app.get("bidi_component") if one.proto.component_name == "stereolag.player"]
+    assert len(told) == 1
+    shown: dict[str, Any] = json.loads(told[0].json)
+    return shown
+
+
+def work_of(app: AppTest) -> DriveWork:
+    """Return what was made of the sequence so far."""
+    kept: DriveWork = app.session_state[WORK]
+    return kept
