@@ -18,7 +18,9 @@ from stereolag.tuning.objective import Criterion, Unjudged
 from stereolag.tuning.search import Outcome, Suggestion, Trial
 from stereolag.typography import typeset
 from stereolag.ui.depth.judging import search_so_far, suggestion_in_words, value_in_words
+from stereolag.ui.depth.pair_jobs import PairJob
 from stereolag.ui.jobs import Job
+from tests.app.depth_view import small_view
 
 LIGHT = Estimate(0, 0.0)
 
@@ -42,10 +44,27 @@ def suggesting_blind() -> None:
     show_suggest(replace(view, results={**view.results, "Semi-global": judge}))
 
 
+def suggesting_with_blocks() -> None:
+    from dataclasses import replace
+
+    import streamlit as st
+
+    from stereolag.stereo.opencv import StereoBM
+    from stereolag.ui.depth.suggesting import show_suggest
+    from tests.app.depth_view import small_view
+
+    view = small_view()
+    size = st.session_state.get("block")
+    if size is not None:
+        found = StereoBM(num_disparities=64, block_size=size).compute(view.pair.left, view.pair.right)
+        view = replace(view, results={**view.results, "StereoBM": found})
+    show_suggest(view)
+
+
 def begun(method: str = "StereoBM", script: Callable[[], None] = suggesting) -> AppTest:
     app = AppTest.from_function(script, default_timeout=60).run()
     app.segmented_control[0].set_value(method)
-    app.segmented_control[1].set_value(10)
+    app.segmented_control[1].set_value(10).run()
     return app.button[0].click().run()
 
 
@@ -71,6 +90,71 @@ def test_a_search_ends_with_reasons_and_settings_to_use() -> None:
     assert read_matcher(app.session_state["depth.adopt"].encode()) == found.matcher
 
 
+def found_for_blocks(matcher: StereoBM, outcome: Outcome) -> AppTest:
+    """Return the page after a search for StereoBM as it is at first has found these settings."""
+    app = AppTest.from_function(suggesting_with_blocks, default_timeout=60).run()
+    start = StereoBM(num_disparities=64)
+    found = Suggestion(start, matcher, outcome, Criterion.TRUE_BAD_2, 26.8, 30.0)
+    job: Job[Suggestion] = Job(lambda job: found, LIGHT)
+    job.result()
+    app.session_state["depth.suggest"] = PairJob(small_view().pair.judged, start, job)
+    app.segmented_control[0].set_value("StereoBM").run()
+    assert not app.exception
+    return app
+
+
+def test_what_was_found_is_said_only_of_the_settings_asked_about() -> None:
+    app = found_for_blocks(StereoBM(num_disparities=64), Outcome.AS_GOOD)
+    assert "StereoBM" in app.success[0].value
+    for name, shown in {"Convolution": 0, "StereoSGBM": 0, "StereoBM": 1}.items():
+        app.segmented_control[0].set_value(name).run()
+        assert not app.exception
+        assert len(app.success) == shown, name
+    app.session_state["block"] = 9
+    assert not app.run().success
+    app.session_state["block"] = None
+    assert app.run().success
+
+
+def test_a_suggestion_stays_once_it_is_in_use() -> None:
+    better = StereoBM(num_disparities=64, block_size=11)
+    app = found_for_blocks(better, Outcome.BETTER)
+    assert "StereoBM" in app.success[0].value
+    assert app.button[1].label == "Use these settings"
+    app.session_state["block"] = 11
+    app.run()
+    assert app.button[1].label == "In use"
+    assert app.button[1].disabled
+    assert len(app.dataframe) == 1
+    app.session_state["block"] = 9
+    app.run()
+    assert not app.success
+    assert not app.dataframe
+
+
+def test_a_search_that_runs_is_seen_and_ended_beside_every_method() -> None:
+    app = AppTest.from_function(suggesting_blind, default_timeout=60).run()
+    end = threading.Event()
+
+    def work(job: Job[Suggestion]) -> Suggestion:
+        job.report(0.5)
+        while not (job.cancelled or end.wait(0.001)):
+            pass
+        return Suggestion(StereoBM(), StereoBM(), Outcome.AS_GOOD, Criterion.ESTIMATED_BAD_2, 30.0, 30.0)
+
+    job = Job(work, LIGHT)
+    app.session_state["depth.suggest"] = PairJob(small_view(truth=False).pair.judged, StereoBM(), job)
+    try:
+        for name in ("Convolution", "Semi-global"):
+            app.segmented_control[0].set_value(name).run()
+            assert not app.exception
+            assert "StereoBM" in app.get("progress")[0].proto.text
+        next(button for button in app.button if button.label == "Cancel").click().run()
+        assert job.cancelled
+    finally:
+        end.set()
+
+
 def test_without_ground_truth_it_says_estimated_and_by_what() -> None:
     app = begun("StereoBM", suggesting_blind)
     assert "**estimated**: the accurate preset judges" in app.markdown[0].value
@@ -89,8 +173,11 @@ def test_nothing_judges_the_judge() -> None:
 @pytest.mark.parametrize(
     ("outcome", "said"),
     [
-        (Outcome.AS_GOOD, "Yours are as good: of the 2 tried none is really better. Estimated bad-2: **30.0 %**."),
-        (Outcome.BETTER, "The best of 2 tried. Estimated bad-2 on the whole images: **30.0 % → 26.8 %**."),
+        (
+            Outcome.AS_GOOD,
+            "Your StereoBM settings are as good: none of the 2 tried is really better. Estimated bad-2: **30.0 %**.",
+        ),
+        (Outcome.BETTER, "The best of 2 tried for StereoBM. Estimated bad-2 on the whole images: **30.0 % → 26.8 %**."),
         (Unjudged.TOO_LITTLE_MEASURED, "nothing to judge by"),
     ],
 )
@@ -101,9 +188,9 @@ def test_what_came_of_it_in_words(outcome: Outcome | Unjudged, said: str) -> Non
     found = Suggestion(start, other, outcome, Criterion.ESTIMATED_BAD_2, 26.8, 30.0, trials)
     assert said in suggestion_in_words(found)
     none = Suggestion(start, start, Outcome.AS_GOOD, Criterion.TRUE_BAD_2, 30.0, 30.0)
-    assert suggestion_in_words(none) == "There are no others to try over the range of these. Bad-2: **30.0 %**."
-    assert search_so_far(none) == "Yours: bad-2 30.0 %."
-    assert search_so_far(found) == "2 tried. Yours: estimated bad-2 30.0 %. The best so far: 3.2 points less."
+    assert suggestion_in_words(none) == "StereoBM has no other settings to try over this range. Bad-2: **30.0 %**."
+    assert search_so_far(none) == "StereoBM: 0 tried. Yours: bad-2 30.0 %."
+    assert search_so_far(found) == "StereoBM: 2 tried. Yours: estimated bad-2 30.0 %. The best so far: 3.2 points less."
 
 
 @pytest.mark.parametrize(

@@ -61,23 +61,23 @@ def suggestion_in_words(found: Suggestion) -> str:
     if isinstance(found.outcome, Unjudged):
         return UNJUDGED[found.outcome]
     ended = "" if found.finished else " The search was ended before it had tried everything."
-    name, tried = bad_2(found.criterion, first=True), found.tried
+    method, name, tried = found.start.title, bad_2(found.criterion, first=True), found.tried
     if found.outcome is Outcome.AS_GOOD and found.finished and not found.tried:
-        return f"There are no others to try over the range of these. {name}: **{found.bad_before:.1f} %**."
+        return f"{method} has no other settings to try over this range. {name}: **{found.bad_before:.1f} %**."
     if found.outcome is Outcome.AS_GOOD:
-        before = f"**{found.bad_before:.1f} %**"
-        return f"Yours are as good: of the {tried} tried none is really better. {name}: {before}.{ended}"
+        as_good = f"Your {method} settings are as good: none of the {tried} tried is really better."
+        return f"{as_good} {name}: **{found.bad_before:.1f} %**.{ended}"
     change = f"{found.bad_before:.1f} % → {found.bad:.1f} %"
-    return f"The best of {tried} tried. {name} on the whole images: **{change}**.{ended}"
+    return f"The best of {tried} tried for {method}. {name} on the whole images: **{change}**.{ended}"
 
 
 def search_so_far(found: Suggestion) -> str:
     """Return how far a search for settings is."""
-    yours = f"Yours: {bad_2(found.criterion)} {found.bad_before:.1f} %."
+    yours = f"{found.start.title}: {found.tried} tried. Yours: {bad_2(found.criterion)} {found.bad_before:.1f} %."
     if not found.trials:
         return yours
     gain = max(0.0, *(trial.gain for trial in found.trials))
-    return f"{found.tried} tried. {yours} The best so far: {gain:.1f} points less."
+    return f"{yours} The best so far: {gain:.1f} points less."
 
 
 def sweep_in_words(criterion: Criterion, *, judged: bool, finished: bool) -> str:

@@ -57,22 +57,22 @@ def show_suggest(view: DepthView) -> None:
         required=True,
         key=f"{KEY}.budget",
     )
-    if criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher):
-        prose.info(UNJUDGED[Unjudged.JUDGES_ITSELF], icon=":material/balance:")
-        return
     begun = job_on(view.pair, KEY)
     running = begun is not None and begun.job.running
-    st.button(
-        "Suggest settings",
-        key=f"{KEY}.start",
-        on_click=_begin,
-        args=(view.pair, matcher, budget_s),
-        type="primary",
-        icon=":material/auto_fix_high:",
-        disabled=running,
-    )
+    if criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher):
+        prose.info(UNJUDGED[Unjudged.JUDGES_ITSELF], icon=":material/balance:")
+    else:
+        st.button(
+            "Suggest settings",
+            key=f"{KEY}.start",
+            on_click=_begin,
+            args=(view.pair, matcher, budget_s),
+            type="primary",
+            icon=":material/auto_fix_high:",
+            disabled=running,
+        )
     if begun is not None:
-        st.fragment(_show_search, run_every=BETWEEN_LOOKS_S if running else None)(view, begun, running)
+        st.fragment(_show_search, run_every=BETWEEN_LOOKS_S if running else None)(view, matcher, begun, running)
 
 
 def _begin(pair: StereoPair, matcher: StereoMatcher, budget_s: float) -> None:
@@ -95,11 +95,11 @@ def _begin(pair: StereoPair, matcher: StereoMatcher, budget_s: float) -> None:
     begin_job(pair, KEY, matcher, work, estimate)
 
 
-def _show_search(view: DepthView, begun: PairJob, was_running: bool) -> None:
-    """Show how far the search is, or what it found."""
+def _show_search(view: DepthView, matcher: StereoMatcher, begun: PairJob, was_running: bool) -> None:
+    """Show how far the search is, or what it found: that only beside the settings asked about, or those found."""
     if begun.job.running:
         so_far: Suggestion | None = begun.job.so_far
-        text = search_so_far(so_far) if so_far else "Looking at the settings in use …"
+        text = search_so_far(so_far) if so_far else f"Looking at the {begun.asked.title} settings in use …"
         ending = "Ends the search; the best settings found so far stay."
         show_busy(begun.job, text, key=f"{KEY}.cancel", ending=ending)
         return
@@ -110,9 +110,11 @@ def _show_search(view: DepthView, begun: PairJob, was_running: bool) -> None:
     except CancelledError:  # before its turn came
         return
     except ValueError as error:
-        show_refused(error)
+        if matcher == begun.asked:
+            show_refused(error)
         return
-    _show_suggestion(view, found)
+    if matcher in (begun.asked, found.matcher):
+        _show_suggestion(view, found)
 
 
 def _show_suggestion(view: DepthView, found: Suggestion) -> None:
