@@ -80,13 +80,15 @@ def search_so_far(found: Suggestion) -> str:
     return f"{yours} The best so far: {gain:.1f} points less."
 
 
-def sweep_in_words(criterion: Criterion, *, judged: bool, finished: bool) -> str:
-    """Return what the pictures of a sweep show."""
+def sweep_in_words(criterion: Criterion, *, judged: bool, finished: bool, of: str = "") -> str:
+    """Return what the pictures of a sweep show; `of` which pair, where there are several."""
     ended = "" if finished else " The sweep was ended before it had tried everything."
     if not judged:
-        return f"Dotted frame: the settings in use.{ended}"
+        whose = f"The maps are of {of}. " if of else ""
+        return f"{whose}Dotted frame: the settings in use.{ended}"
     figure = f"{bad_2(criterion)}, %, lower is better"
-    return f"Left: the maps. Right: {figure}. Solid frame: the best. Dotted frame: the settings in use.{ended}"
+    maps = f"the maps of {of}" if of else "the maps"
+    return f"Left: {maps}. Right: {figure}. Solid frame: the best. Dotted frame: the settings in use.{ended}"
 
 
 def value_in_words(value: object) -> str:

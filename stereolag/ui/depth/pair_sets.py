@@ -28,6 +28,12 @@ def set_of(pair: StereoPair) -> PairSet | None:
     return pairs if pairs is not None and pairs.digest == pair.collection else None
 
 
+def place_in_set(pair: StereoPair) -> str:
+    """Return which pair of its set is looked at, in words; "" of a pair alone."""
+    pairs = set_of(pair)
+    return "" if pairs is None else f"pair {st.session_state.get(STEP, 0) + 1} of {len(pairs.pairs)}"
+
+
 @dataclass(frozen=True)
 class Preparation:
     """How every pair of a set is prepared: the size, and what the visitor said of rectification."""

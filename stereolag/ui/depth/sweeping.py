@@ -197,11 +197,12 @@ def _show_job(
     except ValueError as error:
         show_refused(error)
         return
-    _show(view, matcher, axes, sheet)
+    elsewhere = begun.files != view.pair.files
+    _show(view, matcher, axes, sheet, f"{begun.place}, not of the pair in use" if elsewhere else begun.place)
 
 
-def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], sheet: ContactSheet) -> None:
-    """Show a sweep, and take over the settings of a cell that was clicked."""
+def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], sheet: ContactSheet, of: str) -> None:
+    """Show a sweep, its maps `of` one pair of a set, and take over the settings of a cell that was clicked."""
     titles = axes[0].parameter.title, axes[1].parameter.title
     cell = _cell_of(axes)
     figures = [("maps", sweep_maps(sheet, titles, view.colours, cell))]
@@ -221,7 +222,7 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shee
         )
         if event.selection.point_indices:
             clicked = int(event.selection.point_indices[0])
-    prose.caption(sweep_in_words(sheet.criterion, judged=sheet.judged, finished=sheet.finished))
+    prose.caption(sweep_in_words(sheet.criterion, judged=sheet.judged, finished=sheet.finished, of=of))
     listed = _ask_cell(sheet, titles, key=f"{KEY}.cell.{clicks}")
     clicked = listed if clicked is None else clicked
     if clicked is not None:

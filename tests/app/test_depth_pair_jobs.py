@@ -1,0 +1,95 @@
+"""A search or a sweep on a set of pairs: what it is on, and what makes it void."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from streamlit.testing.v1 import AppTest
+
+from stereolag.typography import typeset
+from stereolag.ui.depth.rectifying import ALPHA_KEY, CHOICE_KEY, RECTIFIED
+from stereolag.ui.keys import SIZE
+from tests.app.test_depth_restoring import given, packed, pair_of
+
+
+def sweeping_on_a_set() -> None:
+    from stereolag import StereoBM
+    from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.depth.sweeping import show_sweep
+    from stereolag.ui.depth.view import DepthView
+
+    pair = choose_pair()
+    matcher = StereoBM(num_disparities=16, block_size=9)
+    show_sweep(DepthView(pair, {matcher.title: matcher.compute(pair.left, pair.right)}, 0, 16))
+
+
+def swept() -> AppTest:
+    """Return the page after a sweep on the first of two pairs."""
+    app = AppTest.from_function(sweeping_on_a_set, default_timeout=120)
+    app.session_state["pairs"] = "own"
+    app.session_state["pairs.arrangement"] = "several"
+    app.session_state["depth.head"] = True
+    app.run()
+    given(app, "several", ("pairs.zip", packed(pair_of(1, 5) | pair_of(2, 9))))
+    for box, values in zip(app.text_input, ("16", "9, 15"), strict=True):
+        box.set_value(values)
+    app.run().button(key="depth.sweep.start").click().run()
+    app.session_state["depth.sweep"].job.result()
+    app.run()
+    assert not app.exception
+    assert len(app.get("plotly_chart")) == 2
+    return app
+
+
+def said(app: AppTest) -> str:
+    assert not app.exception
+    return " ".join(caption.value for caption in app.caption)
+
+
+def test_the_small_maps_of_a_sweep_on_a_set_say_of_which_pair_they_are() -> None:
+    app = swept()
+    assert typeset("Left: the maps of pair 1 of 2.") in said(app)
+    app.button(key="pairs.step.1").click().run()
+    assert len(app.get("plotly_chart")) == 2
+    assert typeset("Left: the maps of pair 1 of 2, not of the pair in use.") in said(app)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [(CHOICE_KEY, RECTIFIED), (ALPHA_KEY, 0.5), (SIZE, "Full")], ids=["choice", "frame", "size"]
+)
+def test_another_preparation_of_the_set_makes_a_sweep_void(key: str, value: Any) -> None:
+    app = swept()
+    app.session_state[key] = value
+    app.run()
+    assert not app.exception
+    assert not app.get("plotly_chart")
+
+
+def remedied() -> None:
+    from dataclasses import replace
+
+    import streamlit as st
+
+    from stereolag.estimates import Estimate
+    from stereolag.ui.depth.pair_jobs import begin_job, job_on
+    from stereolag.ui.pairs import Change
+    from tests.app.depth_view import small_view
+
+    first = replace(small_view().pair, collection="set", files="set 0")
+    second = replace(first, files="set 1")
+    treated = first.after(Change("swapped", "", remedy=True))
+    if "begun" not in st.session_state:
+        st.session_state["begun"] = True
+        begin_job(first, "job", None, lambda job: None, Estimate(0, 0.0))
+    pair = {"first": first, "second": second, "treated": treated}[st.session_state.get("pair", "first")]
+    st.session_state["there"] = job_on(pair, "job") is not None
+
+
+def test_a_remedy_for_the_pair_looked_at_makes_it_void_and_a_step_does_not() -> None:
+    app = AppTest.from_function(remedied, default_timeout=60).run()
+    for name, there in {"first": True, "second": True, "treated": False}.items():
+        app.session_state["pair"] = name
+        app.run()
+        assert not app.exception
+        assert app.session_state["there"] == there, name
