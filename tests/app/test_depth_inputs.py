@@ -79,6 +79,36 @@ def said(app: AppTest) -> str:
     return " ".join(caption.value for caption in app.caption)
 
 
+def name(app: AppTest) -> str:
+    """Return how the pair is called beside the heading."""
+    assert not app.exception
+    return next(text.value for text in app.markdown if text.value.startswith("**"))
+
+
+def test_the_name_beside_the_heading_is_that_of_the_pair_whose_maps_are_shown() -> None:
+    app = AppTest.from_function(inputs, default_timeout=60).run()
+    app.button_group(key="pairs").set_value("square").run()
+    square = name(app)
+    app.button_group(key="pairs").set_value("own").run()
+    assert name(app) == square
+    given(app, left=("l.png", uploads.png(LEFT)))
+    assert name(app) == square
+    given(app, right=("r.png", uploads.png(RIGHT)))
+    assert name(app) == "**Your own pair**"
+    app.run()
+    assert name(app) == "**Your own pair**"
+    app.file_uploader(key="pairs.right").set_value([]).run()
+    assert name(app) == square
+    given(app, right=("r.png", uploads.png(RIGHT)))
+    assert name(app) == "**Your own pair**"
+
+
+def test_files_that_are_refused_are_not_called_an_example() -> None:
+    app = given(opened(), left=("l.png", b"nothing"))
+    assert app.error
+    assert name(app) == "**Your own pair**"
+
+
 @pytest.mark.parametrize("width", [400, 401])
 def test_a_side_by_side_picture_is_split_and_an_odd_width_said(width: int) -> None:
     beside = np.concatenate([LEFT, LEFT[:, : width - 400], RIGHT], axis=1)

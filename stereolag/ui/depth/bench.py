@@ -28,18 +28,18 @@ INTRODUCTION = (
 
 
 @contextmanager
-def head(title: str, pair: str, *, awaited: bool) -> Iterator[None]:
-    """Draw the heading and the pair’s name beside a line that unfolds to the choice of it, which goes inside.
+def head(title: str, *, awaited: bool) -> Iterator[DeltaGenerator]:
+    """Draw the heading beside a line that unfolds to the choice of the pair, which goes inside.
 
-    It stays unfolded while files are `awaited`, and folds when they are there.
+    It stays unfolded while files are `awaited`, and folds when they are there. What is yielded is the place between
+    both, where :func:`show_name` puts the name of the pair once it is known.
     """
     st.html(STYLE)
     if awaited or st.session_state.pop(FOLD_NEXT, False):
         st.session_state[FOLD] = awaited
     with st.container(horizontal=True, vertical_alignment="top", gap="medium", key="depth-head"):
         st.title(title, anchor=False, width="content")
-        with st.container(width="content", key="depth-head-pair"):
-            prose.markdown(f"**{pair}**", width="content")
+        name = st.container(width="content", key="depth-head-pair")
         # A label that changed would be drawn anew, and take the focus from whoever chooses within by the keyboard.
         with st.expander(
             "Choose a pair or bring your own",
@@ -48,7 +48,13 @@ def head(title: str, pair: str, *, awaited: bool) -> Iterator[None]:
             on_change="rerun",
         ):
             prose.markdown(INTRODUCTION, width=760)
-            yield
+            yield name
+
+
+def show_name(place: DeltaGenerator, pair: str) -> None:
+    """Show how the pair is called whose maps are shown."""
+    with place:
+        prose.markdown(f"**{pair}**", width="content")
 
 
 def bench() -> tuple[DeltaGenerator, DeltaGenerator]:

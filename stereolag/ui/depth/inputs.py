@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import cv2
@@ -17,7 +16,7 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.choices import OWN, choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
-from stereolag.ui.depth.bench import head
+from stereolag.ui.depth.bench import head, show_name
 from stereolag.ui.depth.doctor import treated, with_remedies
 from stereolag.ui.depth.own_pair import ask_own_pair
 from stereolag.ui.depth.rectifying import ask_rectified, rectified, show_decision
@@ -30,6 +29,7 @@ from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.states import show_refused
+from stereolag.ui.uploads import refused
 
 KEY = "pairs"
 TITLE = "Depth maps"
@@ -58,13 +58,22 @@ def choose_pair() -> StereoPair:
     named = recall_choices()
     examples = samples.stereo_pairs()
     awaited = st.session_state.get(KEY) == OWN and not st.session_state.get(OWN_PAIR_THERE)
-    with head(TITLE, _name(examples), awaited=awaited):
+    with head(TITLE, awaited=awaited) as name_place:
         choices = st.container(horizontal=True, vertical_alignment="bottom", gap="medium")
         with choices:
             chosen = choose(examples, key=KEY)
-        pair = own_or_example(
-            chosen, lambda: ask_own_pair(KEY), example_pair, examples, key=KEY, awaited="both images are"
-        )
+
+        def ask() -> StereoPair | None:
+            own = ask_own_pair(KEY)
+            if own is not None or refused():
+                show_name(name_place, "Your own pair")
+            return own
+
+        def load(name: str) -> StereoPair:
+            show_name(name_place, examples[name].title)
+            return example_pair(name)
+
+        pair = own_or_example(chosen, ask, load, examples, key=KEY, awaited="both images are")
         st.session_state[OWN_PAIR_THERE] = not pair.shared
         with choices:
             pair = ask_size(pair, KEY)
@@ -86,12 +95,6 @@ def choose_pair() -> StereoPair:
     take_over(pair)
     restore_settings(pair)
     return pair
-
-
-def _name(examples: Mapping[str, samples.StereoExample]) -> str:
-    """Return how the pair in use is called."""
-    chosen = st.session_state.get(KEY, next(iter(examples)))
-    return examples[chosen].title if chosen in examples else "Your own pair"
 
 
 def ask_size(pair: StereoPair, key: str) -> StereoPair:
