@@ -13,6 +13,8 @@ import streamlit as st
 KEY = "persistence"
 PAGE = f"{KEY}.page"
 """In the session's state: the page run last."""
+BEFORE = f"{KEY}.before"
+"""In the session's state: the page run before this run."""
 ENDED = f"{KEY}.ended"
 """In the session's state: {page or part of a page that reruns alone: how many of its runs came to their end}."""
 WITHIN = f"{KEY}.within"
@@ -33,11 +35,17 @@ _current: ContextVar[Run] = ContextVar("run", default=())
 def run_of_page(title: str) -> Iterator[None]:
     """Count a run of a page, inside which it is drawn."""
     state = st.session_state
-    if state.get(PAGE, title) != title:
+    state[BEFORE] = state.get(PAGE, title)
+    if state[BEFORE] != title:
         _ended()[ANY_PAGE] += 1  # it does not follow the last run of this page
     state[PAGE] = title
     with _counted(ANY_PAGE, ()):
         yield
+
+
+def from_another_page() -> bool:
+    """Return whether the run before was one of another page."""
+    return bool(st.session_state.get(BEFORE) != st.session_state.get(PAGE))
 
 
 @contextmanager

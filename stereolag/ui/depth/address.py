@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import streamlit as st
 
@@ -18,9 +18,12 @@ from stereolag.ui.first_settings import first_settings
 from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.page_address import (
     Choice,
+    choose_named,
     chosen,
     example_choice,
-    recalled_choices,
+    keep_settings,
+    kept_settings,
+    new_parameters,
     warn_ignored,
     write_parameters,
 )
@@ -36,29 +39,35 @@ ADOPTED = "depth.adopt"
 """In the session's state: the settings to take over, as :func:`stereolag.reading.matchers.read_matcher` reads them."""
 
 
-def recall_choices() -> dict[str, str]:
-    """Choose the example, the size and the maps that a new address names; return its other parameters."""
-    found = recalled_choices(WRITTEN_KEY, _choices())
-    _recall_maps(found.pop(MAPS, None))
-    return found
+def recall_choices() -> None:
+    """Choose the example, the size and the maps that a new address names, and keep its settings for their time."""
+    found = new_parameters(WRITTEN_KEY)
+    if found is not None:
+        choose_named(found, _choices())
+        _recall_maps(found.pop(MAPS, None))
+        keep_settings(WRITTEN_KEY, found)
 
 
 def _recall_maps(value: str | None) -> None:
-    """Choose the maps that an address names."""
-    if value is None:
-        return
+    """Choose the maps that an address names; those shown at first where it names none."""
     allowed = [method.short_name for method in METHODS]
-    named = value.split(",")
-    if set(named) <= set(allowed):
+    named = [] if value is None else value.split(",")
+    if named and set(named) <= set(allowed):
         st.session_state[keys.SHOWN] = [name for name in allowed if name in named]
         st.session_state[keys.TAB] = named[0]
-    else:
+        return
+    if keys.SHOWN in st.session_state:
+        st.session_state[keys.SHOWN] = [*SHOWN_AT_FIRST]
+    if st.session_state.get(keys.TAB, SHOWN_AT_FIRST[0]) not in SHOWN_AT_FIRST:
+        st.session_state[keys.TAB] = SHOWN_AT_FIRST[0]
+    if value is not None:
         warn_ignored(MAPS, value, allowed)
 
 
-def recall_settings(parameters: Mapping[str, str], pair: StereoPair) -> None:
-    """Set the controls, none of which must be drawn yet, to the settings that an address names."""
-    if not parameters:
+def recall_settings(pair: StereoPair) -> None:
+    """Set the controls, none of which must be drawn yet, to the settings of a new address, all others as at first."""
+    parameters = kept_settings(WRITTEN_KEY)
+    if parameters is None:
         return
     for kind in METHODS:
         prefix = _prefix(kind)

@@ -55,7 +55,7 @@ def choose_pair() -> StereoPair:
     Settings that the address names, or that a part of the page handed over, are set in the controls, which must
     therefore be drawn after this.
     """
-    named = recall_choices()
+    recall_choices()
     examples = samples.stereo_pairs()
     awaited = st.session_state.get(KEY) == OWN and not st.session_state.get(OWN_PAIR_THERE)
     with head(TITLE, awaited=awaited) as name_place:
@@ -91,7 +91,7 @@ def choose_pair() -> StereoPair:
         show_decision(decision)
     show_start(pair)
     show_steps(pair)
-    recall_settings(named, pair)
+    recall_settings(pair)
     take_over(pair)
     restore_settings(pair)
     return pair

@@ -1,0 +1,184 @@
+"""A step back or forward in the browser shows the page as it was there, and loses no files and no settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import pytest
+from streamlit.testing.v1 import AppTest, local_script_runner
+
+from tests.app import keys
+from tests.app.conftest import PROJECT, figures
+from tests.app.uploads import noise, wav
+
+LAG, FIND, DEPTH = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py", "pages/3_Depth_maps.py"
+HARBOUR = "recordings harbour"
+
+Step = Callable[..., None]
+
+pytestmark = pytest.mark.usefixtures("small_mazes")
+
+
+@pytest.fixture
+def step() -> Step:
+    """Return what steps through the browser's history to an address of the page in use, or of another."""
+
+    def stepped(app: AppTest, *, path: str | None = None, **parameters: str) -> None:
+        with pytest.MonkeyPatch.context() as patch:
+            flagged = partial(local_script_runner.RerunData, is_history_navigation=True)
+            patch.setattr(local_script_runner, "RerunData", flagged)
+            arrive(app, path, **parameters)
+
+    return stepped
+
+
+def arrive(app: AppTest, path: str | None, **parameters: str) -> None:
+    """Run a page with this address; without parameters, as the links between the pages do."""
+    if path is not None:
+        app.switch_page(path)
+    app.query_params.clear()
+    app.query_params |= {name.replace("__", "."): value for name, value in parameters.items()}
+    app.run()
+    assert not app.exception
+
+
+def opened(path: str, **parameters: str) -> AppTest:
+    app = AppTest.from_file(PROJECT / "app.py", default_timeout=60)
+    arrive(app, path, **parameters)
+    return app
+
+
+def address(app: AppTest) -> dict[str, str]:
+    return {name: value if isinstance(value, str) else value[0] for name, value in app.query_params.items()}
+
+
+def set_on_lag_page(app: AppTest) -> dict[str, str]:
+    """Return what is chosen and set on the lag page."""
+    return {"recordings": app.button_group(key="recordings").value, "method": app.button_group(key="lag.method").value}
+
+
+def test_a_step_back_takes_back_what_its_address_does_not_name(step: Step) -> None:
+    app = opened(LAG, recordings="harbour", method="phat")
+    step(app, recordings="harbour")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
+    assert address(app) == {"recordings": "harbour"}
+    step(app, recordings="harbour", method="phat")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
+    step(app, method="phat")
+    assert set_on_lag_page(app) == {"recordings": "coast", "method": "phat"}
+    assert address(app) == {"method": "phat"}
+
+
+def test_a_step_back_undoes_the_last_move() -> None:
+    app = opened(LAG, recordings="harbour", method="phat", max_lag="40000")
+    assert app.number_input(key=f"lag.max.{HARBOUR}").value == 40_000
+    arrive(app, None, recordings="harbour")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
+    assert app.number_input(key=f"lag.max.{HARBOUR}").value is None
+
+
+def test_a_step_back_to_the_first_address_of_a_page_takes_everything_back(step: Step) -> None:
+    app = opened(LAG)
+    app.button_group(key="recordings").set_value("harbour").run()
+    app.button_group(key="lag.method").set_value("phat").run()
+    step(app, recordings="harbour")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
+    step(app)
+    assert set_on_lag_page(app) == {"recordings": "coast", "method": "fft"}
+    assert address(app) == {}
+    step(app, recordings="harbour", method="phat")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
+
+    app = opened(FIND)
+    app.button_group(key="pictures").set_value("maze_dulled")
+    app.slider(key="template.min_score").set_value(0.7).run()
+    step(app)
+    assert app.button_group(key="pictures").value == "maze"
+    assert app.slider(key="template.min_score").value == 0.5
+    assert address(app) == {}
+
+
+def test_the_browser_that_does_not_know_the_new_address_yet_takes_nothing_back() -> None:
+    app = opened(LAG, method="phat")
+    app.button_group(key="recordings").set_value("harbour").run()
+    arrive(app, None, method="phat")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
+    arrive(app, None)
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
+    assert address(app) == {"recordings": "harbour", "method": "phat"}
+
+
+def test_the_links_between_the_pages_keep_what_is_set_and_so_does_the_step_back_over_them(step: Step) -> None:
+    app = opened(LAG, recordings="harbour", method="phat")
+    chosen = set_on_lag_page(app)
+    arrive(app, FIND)
+    arrive(app, LAG)
+    assert set_on_lag_page(app) == chosen
+    step(app)  # to the address of the link, which the page replaced at once
+    assert set_on_lag_page(app) == chosen
+    assert address(app) == chosen
+    step(app, path=FIND)
+    step(app, path=LAG, **chosen)
+    step(app)
+    assert set_on_lag_page(app) == chosen
+    step(app, recordings="harbour")
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "fft"}
+
+
+def test_a_page_that_was_all_as_at_first_when_a_link_led_to_it_goes_back_to_that(step: Step) -> None:
+    app = opened("app.py")
+    arrive(app, LAG)
+    app.button_group(key="lag.method").set_value("phat").run()
+    step(app)
+    assert set_on_lag_page(app) == {"recordings": "coast", "method": "fft"}
+
+
+def test_a_step_back_keeps_the_visitors_own_files(step: Step) -> None:
+    app = opened(LAG)
+    app.button_group(key="recordings").set_value("own").run()
+    sound = noise(4100)
+    app.file_uploader[0].upload("1.wav", wav(sound[100:]), "audio/wav")
+    app.file_uploader[1].upload("2.wav", wav(sound[:4000]), "audio/wav").run()
+    app.button_group(key="lag.method").set_value("phat").run()
+    for parameters in ({}, {"method": "phat"}, {"speed": "1500.0"}):
+        step(app, **parameters)
+        assert app.button_group(key="recordings").value == "own"
+        assert any(one.value.startswith("Your own recordings.") for one in app.caption)
+        assert app.button_group(key="lag.method").value == parameters.get("method", "fft")
+        assert address(app) == parameters
+    step(app, recordings="harbour")
+    assert app.button_group(key="recordings").value == "harbour"
+    app.button_group(key="recordings").set_value("own").run()
+    assert any(one.value.startswith("Your own recordings.") for one in app.caption)
+
+
+def test_settings_wait_while_files_are_refused(step: Step) -> None:
+    app = opened(LAG)
+    app.button_group(key="recordings").set_value("own").run()
+    app.file_uploader[0].upload("1.wav", b"no sound", "audio/wav").run()
+    assert app.error
+    step(app, method="phat")
+    assert app.error
+    app.button_group(key="recordings").set_value("harbour").run()
+    assert set_on_lag_page(app) == {"recordings": "harbour", "method": "phat"}
+
+
+def test_a_step_back_on_the_depth_page(step: Step) -> None:
+    app = opened(DEPTH, pair="square", size="1/2", maps="bm", window_size="31", bm__block_size="9")
+    step(app, pair="square", size="1/2", window_size="31")
+    assert list(figures(app)) == ["Convolution", "StereoBM"]
+    assert app.slider(key=keys.BLOCK).value == 21
+    app.button_group(key=keys.TAB).set_value("correlation").run()
+    assert app.slider(key=keys.WINDOW).value == 31
+    step(app, pair="square")
+    assert app.button_group(key="pairs.size").value == "Automatic"
+    assert app.slider(key=keys.WINDOW).value == 20
+    assert address(app) == {"pair": "square"}
+    step(app)
+    assert app.button_group(key="pairs").value != "square"
+    assert address(app) == {}
+    step(app, pair="square", maps="sgm")
+    step(app)
+    assert app.button_group(key=keys.TAB).value == "correlation"
+    assert list(figures(app)) == ["Convolution", "StereoBM"]
