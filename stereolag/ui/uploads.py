@@ -150,8 +150,8 @@ def put_together(make: Callable[[], T], key: str) -> T | None:
     try:
         made = make()
     except ValueError as error:
-        show_refused(error)
         kept: T | None = st.session_state.get(key)
+        show_refused(error if kept is None else f"{error} The files used before stay in use.")
         st.session_state[REFUSED_KEY] = kept is None
         return kept
     st.session_state[key] = made

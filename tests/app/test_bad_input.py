@@ -168,7 +168,16 @@ def test_a_template_larger_than_the_picture_is_refused(open_page: OpenPage, show
     before = shown(app)
     put(app, "pictures.template", "t.png", uploads.png(uploads.texture(70, 20)))
     assert_one_sentence(app, "must fit into the image")
+    assert app.error[0].value.endswith(" must fit into the image. The files used before stay in use.")
     assert shown(app) == before
+
+
+def test_files_that_never_fitted_leave_none_before_them_in_use(open_page: OpenPage) -> None:
+    app = open_page("pages/2_Rocketman_search.py", {"pictures": "own"})
+    app.file_uploader(key="pictures.picture").upload("p.png", uploads.png(SCENE), "image/png")
+    put(app, "pictures.template", "t.png", uploads.png(uploads.texture(70, 20)))
+    assert_one_sentence(app, "must fit into the image")
+    assert "stay in use" not in app.error[0].value
 
 
 @pytest.mark.parametrize("size", [(1, 1), (4, 5), (6, 300), (300, 7)])
