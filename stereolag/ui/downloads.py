@@ -88,7 +88,7 @@ def show_taken(files: Sequence[File], whole: Callable[[], bytes], memory: int, *
         show_file_buttons(files, memory, key=key)
 
 
-def show_reproduction(command: str, does: str, *, own: bool) -> None:
+def show_reproduction(command: str, does: str, *, own: bool, by_hand: Sequence[str] = ()) -> None:
     """Show the command that gives the same result beside the files of the ZIP, and say what the address holds.
 
     Parameters
@@ -99,14 +99,19 @@ def show_reproduction(command: str, does: str, *, own: bool) -> None:
         What it does: "measure this lag again".
     own
         Whether the files are the visitor's own.
+    by_hand
+        What the visitor made of an example by hand, and no address holds: "mask you painted".
     """
     prose.caption(f"To {does}, in the folder of the unpacked ZIP:")
     st.code(command, language=None, wrap_lines=True)
-    prose.caption(
-        "The address of this page holds its settings, but not your own files."
-        if own
-        else "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
-    )
+    if own:
+        prose.caption("The address of this page holds its settings, but not your own files.")
+        return
+    said = "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
+    if by_hand:
+        lacking = f"The {' and the '.join(by_hand)} {'is' if len(by_hand) == 1 else 'are'}"
+        said += f" {lacking} not in it: it opens the example’s template as it is."
+    prose.caption(said)
 
 
 def too_large(memory: int) -> str:

@@ -22,7 +22,8 @@ KEY = "pictures"
 class PictureAndTemplate:
     """An image, what to look for in it, and a mask: above 0 where the template counts, None where its alpha says.
 
-    Its `place`, (row, col) of its top-left pixel, is known of an example and of what was cut from the image.
+    Its `place`, (row, col) of its top-left pixel, is known of an example and of what was cut from the image. What the
+    visitor made of an example `by_hand` is named; then it is not shared either.
     """
 
     picture: Image
@@ -32,6 +33,12 @@ class PictureAndTemplate:
     shared: bool
     mask: Image | None = None
     place: tuple[int, int] | None = None
+    by_hand: tuple[str, ...] = ()
+
+    @property
+    def own(self) -> bool:
+        """Return whether the image is the visitor's own."""
+        return not self.shared and not self.by_hand
 
 
 def choose_pictures() -> PictureAndTemplate:
@@ -54,7 +61,9 @@ def choose_pictures() -> PictureAndTemplate:
     painted = painted_mask(inputs.template, inputs.mask, digest=inputs.digest, key=f"{KEY}.painted")
     if painted is None:
         return inputs
-    return replace(inputs, mask=painted.pixels, digest=f"{inputs.digest} painted {painted.digest}", shared=False)
+    by_hand = () if inputs.own else (*inputs.by_hand, "mask you painted")
+    digest = f"{inputs.digest} painted {painted.digest}"
+    return replace(inputs, mask=painted.pixels, digest=digest, shared=False, by_hand=by_hand)
 
 
 @st.cache_resource(show_spinner="Loading the example …")
@@ -120,7 +129,8 @@ def _cut(image: Image, description: str, digest: str, *, shared: bool) -> Pictur
     template = image[box.slices]
     digest = f"{digest} cut {box.row} {box.col} {box.height} {box.width}"
     said = f"{description} What was cut out finds itself: ask for more matches, or damage the image below."
-    return PictureAndTemplate(image, template, said, digest, False, place=(box.row, box.col))
+    by_hand = ("template you cut out",) if shared else ()
+    return PictureAndTemplate(image, template, said, digest, False, place=(box.row, box.col), by_hand=by_hand)
 
 
 def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:

@@ -11,13 +11,16 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag import samples
 from stereolag.inputs import Image
+from stereolag.reading import read_image
 from stereolag.templates import TemplateSearch, match_template
 from stereolag.templates.degradation import Degradation
 from stereolag.templates.opencv import OpenCVSearch, opencv_search
 from stereolag.templates.trials import Trial, try_methods
 from stereolag.ui.search.degrading import lesson, numbers_of
 from stereolag.ui.search.opencv_beside import differences, table
+from stereolag.ui.search.painting import PaintedMask
 from tests.app import uploads
 
 OpenPage = Callable[..., AppTest]
@@ -44,6 +47,38 @@ def test_a_template_can_be_cut_from_the_example(open_page: OpenPage) -> None:
     assert app.header[0].value == "Found at row 636, column 1070"
     app.button_group(key="pictures.from").set_value("given").run()
     assert app.header[0].value == "Found at row 528, column 982"
+
+
+def of_the_address(app: AppTest) -> str:
+    """Return what is said of the address of the page."""
+    (said,) = [caption.value for caption in app.caption if caption.value.startswith("The address of this page")]
+    return said
+
+
+def test_the_address_is_said_to_lack_what_was_cut_and_painted(open_page: OpenPage) -> None:
+    app = open_page(SEARCH, {"template.take.opened": True})
+    held = "The address of this page holds its settings and the example: send it, or keep it as a bookmark."
+    assert of_the_address(app) == held
+    rows, cols = read_image(samples.mazes()["maze"].template).shape[:2]
+    mask = np.ones((rows, cols), np.uint8)
+    mask[:9] = 0
+    app.session_state["pictures.painted.mask"] = "maze maze", PaintedMask(mask, "mask")
+    app.run()
+    assert of_the_address(app) == f"{held} The mask you painted is not in it: it opens the example’s template as it is."
+    app.button_group(key="pictures.from").set_value("cut").run()
+    cut = f"{held} The template you cut out is not in it: it opens the example’s template as it is."
+    assert of_the_address(app) == cut
+    box = "maze maze cut 636 1070 254 305"
+    app.session_state["pictures.painted.mask"] = box, PaintedMask(np.eye(254, 305, dtype=np.uint8), "mask")
+    app.run()
+    both = "The template you cut out and the mask you painted are not in it: it opens the example’s template as it is."
+    assert of_the_address(app) == f"{held} {both}"
+
+
+def test_the_address_is_said_to_lack_files_of_ones_own(open_page: OpenPage) -> None:
+    app = open_page(SEARCH, {"pictures": "own", "pictures.from": "cut", "template.take.opened": True})
+    app.file_uploader(key="pictures.picture").upload("scene.png", uploads.png(SCENE), "image/png").run()
+    assert of_the_address(app) == "The address of this page holds its settings, but not your own files."
 
 
 def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenPage) -> None:

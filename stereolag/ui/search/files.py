@@ -31,7 +31,7 @@ def show_match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: 
             offered = match_files(inputs, result, query)
             about = f"To search again, in the folder of these files: {command}"
             show_taken(offered, partial(archive, offered, about), BYTES_OF_A_PIXEL * rows * cols, key=KEY)
-            show_reproduction(command, "search again", own=not inputs.shared)
+            show_reproduction(command, "search again", own=inputs.own, by_hand=inputs.by_hand)
 
 
 def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> list[File]:
