@@ -64,6 +64,8 @@ def workspace(pair: StereoPair) -> None:
         if results:
             show_maps(view, sent)
             offer_fit(view)
+        if not shown:
+            prose.info("No map is chosen. Choose one above.", icon=":material/touch_app:")
     with controls:
         show_presets(pair)
         show_controls(pair)

@@ -8,7 +8,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from tests.app import keys
-from tests.app.conftest import PROJECT, figures
+from tests.app.conftest import PROJECT, figures, viewers
 
 OpenPage = Callable[..., AppTest]
 DEPTH = "pages/3_Depth_maps.py"
@@ -124,6 +124,26 @@ def test_the_maps_shown_stand_in_the_address() -> None:
     assert address(app)["maps"] == "bm"
     tab(app, "correlation")
     assert list(figures(app)) == ["Convolution", "StereoBM"]
+
+
+def test_without_a_map_chosen_none_is_shown_and_one_is_asked_for(open_page: OpenPage) -> None:
+    app = open_page(DEPTH)
+    app.button_group(key=keys.SHOWN).set_value([]).run()
+    assert not app.exception
+    assert not app.error
+    assert "depth.bench" not in {viewer["name"] for viewer in viewers(app)}
+    assert [info.value for info in app.info] == ["No map is chosen. Choose one above."]
+    assert address(app) == {}
+    app.button_group(key=keys.PART).set_value("Compare").run()
+    assert not app.exception
+    assert [(viewer["colours"]["low"], viewer["colours"]["high"]) for viewer in viewers(app)] == [(0, 64)]
+    app.button_group(key=keys.SHOWN).set_value(["sgbm"]).run()
+    assert list(figures(app)) == ["StereoSGBM"]
+    app.button_group(key=keys.SHOWN).set_value([]).run()
+    tab(app, "bm")
+    assert app.button_group(key=keys.SHOWN).value == ["bm"]
+    assert list(figures(app)) == ["StereoBM"]
+    assert not app.info
 
 
 def test_the_accurate_preset_shows_its_map_and_reset_brings_the_first_back(open_page: OpenPage) -> None:

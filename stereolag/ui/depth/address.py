@@ -82,7 +82,7 @@ def write_address(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) ->
     """Put what is chosen and set into the address, as far as it is not as at first."""
     parameters = chosen(_choices())
     shown = [method.short_name for method in shown_methods()]
-    if shown != SHOWN_AT_FIRST:
+    if shown and shown != SHOWN_AT_FIRST:
         parameters[MAPS] = ",".join(shown)
     for matcher in matchers:
         if matcher is not None:

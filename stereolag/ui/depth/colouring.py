@@ -18,6 +18,7 @@ from stereolag.figures.pictures import thinned
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui import prose
 from stereolag.ui.depth.view import DepthView
+from stereolag.ui.first_settings import DISPARITIES_AT_FIRST
 from stereolag.ui.keys import COLOURS
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.persistence import persistent
@@ -34,10 +35,13 @@ MOST_BEYOND = 0.02
 def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> DepthView:
     """Ask for the colours and return the view of all maps in them.
 
-    The range is the one searched, of all maps shown together, until the visitor sets another.
+    The range is the one searched, of all maps shown together, until the visitor sets another; without a map, the one
+    with which the pair begins.
     """
     key = range_key(pair)
-    low, high = st.session_state.get(key) or searched_range(results.values())
+    first, count = pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST
+    searched = searched_range(results.values()) if results else (float(first), float(first + count))
+    low, high = st.session_state.get(key) or searched
     palette = st.session_state.get(PALETTE, FIRST_PALETTE)
     inverted = st.session_state.get(INVERTED, False)
     outlined = st.session_state.get(OUTLINED, False)
@@ -109,7 +113,13 @@ def _ask_range(key: str, pair: StereoPair, results: Mapping[str, DisparityMap], 
                 args=(key,),
             )
     with st.container(horizontal=True, gap="small"):
-        st.button("Fit to what is shown", on_click=_fit, args=(key, pair, results), key=f"{COLOURS}.fit")
+        st.button(
+            "Fit to what is shown",
+            on_click=_fit,
+            args=(key, pair, results),
+            key=f"{COLOURS}.fit",
+            disabled=not results,
+        )
         st.button(
             "Follow the search",
             on_click=st.session_state.pop,

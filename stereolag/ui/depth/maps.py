@@ -50,7 +50,7 @@ def map_task(matcher: StereoMatcher) -> str:
 
 def shown_methods() -> list[type[StereoMatcher]]:
     """Return the methods whose maps are shown, in the order of the list of methods."""
-    names = st.session_state.get(keys.SHOWN) or SHOWN_AT_FIRST
+    names = st.session_state.get(keys.SHOWN, SHOWN_AT_FIRST)
     return [method for method in METHODS if method.short_name in names]
 
 
