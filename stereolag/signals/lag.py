@@ -21,6 +21,7 @@ from stereolag.signals.estimates import estimate_lag, fitting_recordings, way_of
 from stereolag.signals.finding import normalised, search_blocks, search_votes, search_whole
 from stereolag.signals.long_pairs import LongPair
 from stereolag.signals.long_search import search_bands
+from stereolag.signals.rates import check_positive, common_rate
 from stereolag.signals.verdict import Judgement, Verdict, judge
 from stereolag.signals.whitening import Pair, WhitePair
 
@@ -131,7 +132,7 @@ def signal_lag(
     signal_1: npt.ArrayLike,
     signal_2: npt.ArrayLike,
     *,
-    sampling_rate: float = 44_100.0,
+    sampling_rate: float | None = None,
     speed: float = 333.0,
     method: SignalMethod = "fft",
     max_lag: int | None = None,
@@ -146,9 +147,9 @@ def signal_lag(
     Parameters
     ----------
     signal_1, signal_2
-        (N1,) and (N2,) numbers of any type; lengths may differ.
+        (N1,) and (N2,) numbers of any type, or what :func:`stereolag.read_signal` returns; lengths may differ.
     sampling_rate
-        Samples per second of both.
+        Samples per second of both. None: as the recordings tell that were read from files, 44,100 where none does.
     speed
         Of the wave, metres per second.
     method
@@ -180,10 +181,10 @@ def signal_lag(
     Raises
     ------
     ValueError
-        A recording that is empty, constant or not finite; a sampling rate or speed that is not positive; an unknown
-        method; a `max_lag` that is not one of 0 to the longer recording's length - 1; recordings that are constant
-        wherever they overlap within `max_lag`; more memory needed than one job may take
-        (:func:`~stereolag.signals.estimate_lag`).
+        A recording that is empty, constant or not finite; a sampling rate or speed that is not positive; sampling
+        rates that contradict each other; an unknown method; a `max_lag` that is not one of 0 to the longer recording's
+        length - 1; recordings that are constant wherever they overlap within `max_lag`; more memory needed than one job
+        may take (:func:`~stereolag.signals.estimate_lag`).
 
     Examples
     --------
@@ -197,15 +198,15 @@ def signal_lag(
     'sure'
     """
     given_1, given_2 = checked_signal(signal_1, "signal_1"), checked_signal(signal_2, "signal_2")
-    _check_positive(sampling_rate, "sampling_rate", "samples per second")
-    _check_positive(speed, "speed", "metres per second")
+    rate = common_rate(signal_1, signal_2, sampling_rate)
+    check_positive(speed, "speed", "metres per second")
     if method not in get_args(SignalMethod):
         raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, get_args(SignalMethod)))}.")
     reach = _checked_reach(max_lag, max(given_1.size, given_2.size))
     report = progress or silent
     check_memory(
         estimate_lag(given_1.size, given_2.size, method=method, max_lag=max_lag),
-        partial(fitting_recordings, sampling_rate=sampling_rate, method=method, max_lag=max_lag),
+        partial(fitting_recordings, sampling_rate=rate, method=method, max_lag=max_lag),
     )
 
     started = time.perf_counter()
@@ -230,7 +231,7 @@ def signal_lag(
             f"nothing varies where the recordings overlap within ±{reach} samples; allow a larger max_lag."
         )
     elapsed_s = time.perf_counter() - started
-    time_s = found.lag / sampling_rate
+    time_s = found.lag / rate
     result = SignalLag(
         lag=found.lag,
         lag_subsample=found.lag + found.fraction,
@@ -258,11 +259,6 @@ def signal_lag(
         _ = result.judgement
     report(1.0)
     return result
-
-
-def _check_positive(value: float, name: str, unit: str) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise ValueError(f"{name} is {value!r} {unit}; it must be a positive, finite number.")
 
 
 def _checked_reach(max_lag: int | None, longest: int) -> int:

@@ -36,6 +36,35 @@ def test_the_lag_between_recordings_of_two_rates_is_that_of_the_event() -> None:
     assert signal_lag(first, second).lag == 441
 
 
+def recorded(rate: float | None, later: float = 0.0) -> Recording:
+    return Recording(sound(8_000, 1.0, later)[np.newaxis], rate)
+
+
+def test_recordings_bring_their_rate_with_them() -> None:
+    first, second = recorded(8_000.0), recorded(8_000.0, later=0.1)
+    result = signal_lag(first, second)
+    assert (result.lag, result.time_s) == (800, 0.1)
+    assert signal_lag(first, second, sampling_rate=8_000).time_s == 0.1
+    assert signal_lag(first, recorded(None, later=0.1)).time_s == 0.1
+    assert signal_lag(recorded(None), second).time_s == 0.1
+
+
+def test_without_a_rate_that_of_audio_is_taken() -> None:
+    assert signal_lag(recorded(None), recorded(None, later=0.1)).time_s == 800 / 44_100
+    assert signal_lag(recorded(8_000.0).channels[0], recorded(8_000.0, 0.1).channels[0]).time_s == 800 / 44_100
+
+
+def test_rates_that_contradict_each_other_are_refused() -> None:
+    first, second = recorded(8_000.0), recorded(8_000.0, later=0.1)
+    with pytest.raises(ValueError, match=r"signal_1 has 8,000 Hz and signal_2 16,000 Hz.*at one rate"):
+        signal_lag(first, recorded(16_000.0))
+    for pair in ((first, second), (first, second.channels[0]), (first.channels[0], second)):
+        with pytest.raises(ValueError, match=r"sampling_rate is 44,100 Hz and signal_[12] has 8,000 Hz.*samples alone"):
+            signal_lag(*pair, sampling_rate=44_100.0)
+    # What the file states may be wrong: the samples alone are taken at the rate that is given.
+    assert signal_lag(first.channels[0], second.channels[0], sampling_rate=1000).time_s == 0.8
+
+
 def test_a_recording_of_that_rate_stays_as_it_is() -> None:
     recording = Recording(sound(8_000, 0.1)[np.newaxis], 8_000.0)
     assert recording.resampled(8_000.0) is recording
