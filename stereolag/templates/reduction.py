@@ -18,12 +18,18 @@ REDUCED_SIDE = 28
 """Px of a template's side, the root of its area, in the reduced image: enough to tell it from most of the rest."""
 
 
+THINNED = 200
+"""Pixels of the template, at the least, by which a place is judged before all are compared."""
+
+
 def reduction(shape: tuple[int, int]) -> float:
     """Return by how much an image may be made smaller in the search for a template of that height and width."""
     return max(1.0, min(math.sqrt(shape[0] * shape[1]) / REDUCED_SIDE, min(shape) / 6))
 
 
-def likely_places(image: Image, pattern: Pattern, count: int) -> tuple[Indices, Indices, Scores]:
+def likely_places(
+    image: Image, pattern: Pattern, count: int, least: float | None = None
+) -> tuple[Indices, Indices, Scores]:
     """Return rows, columns and scores of about the `count` best places that share no pixel.
 
     Parameters
@@ -34,6 +40,8 @@ def likely_places(image: Image, pattern: Pattern, count: int) -> tuple[Indices, 
         The template.
     count
         Of places.
+    least
+        Of these, places that score less than this by some 200 of their pixels are left out; None: none is.
     """
     nowhere = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp), np.empty(0)
     factor = reduction(pattern.shape)
@@ -55,7 +63,12 @@ def likely_places(image: Image, pattern: Pattern, count: int) -> tuple[Indices, 
     for row, col in zip(rows[kept], cols[kept], strict=True):
         top = round((row + small.shape[0] / 2) * scaled[0] - pattern.shape[0] / 2)
         left = round((col + small.shape[1] / 2) * scaled[1] - pattern.shape[1] / 2)
-        found.append(_best_near(image, pattern, top, left, reach))
+        near_rows, near_cols = _grid_near(image, pattern, top, left, reach)
+        if least is not None:
+            kept_near = _thinned_scores(image, pattern, near_rows, near_cols) >= least
+            near_rows, near_cols = near_rows[kept_near], near_cols[kept_near]
+        if near_rows.size:
+            found.append(_best_of(image, pattern, near_rows, near_cols))
     places = [one for one in found if math.isfinite(one[2])]
     if not places:
         return nowhere
@@ -63,15 +76,33 @@ def likely_places(image: Image, pattern: Pattern, count: int) -> tuple[Indices, 
     return np.array(best_rows, dtype=np.intp), np.array(best_cols, dtype=np.intp), np.array(scores)
 
 
-def _best_near(image: Image, pattern: Pattern, row: int, col: int, reach: int) -> tuple[int, int, float]:
-    """Return the best position within `reach` px and its score, NaN where all are flat."""
+def _grid_near(image: Image, pattern: Pattern, row: int, col: int, reach: int) -> tuple[Indices, Indices]:
+    """Return the rows and columns of all positions within `reach` px of one, or of the nearest in the image."""
     last_row, last_col = image.shape[0] - pattern.shape[0], image.shape[1] - pattern.shape[1]
     row, col = min(max(row, 0), last_row), min(max(col, 0), last_col)
     near_rows = np.arange(max(0, row - reach), min(last_row, row + reach) + 1)
     near_cols = np.arange(max(0, col - reach), min(last_col, col + reach) + 1)
     rows, cols = (grid.ravel() for grid in np.meshgrid(near_rows, near_cols, indexing="ij"))
+    return rows, cols
+
+
+def _thinned_scores(image: Image, pattern: Pattern, rows: Indices, cols: Indices) -> Scores:
+    """Return the score of each position by some of its pixels alone, spread over all that are opaque; 0 where flat."""
+    inner_rows, inner_cols = np.nonzero(pattern.opaque)
+    some = slice(None, None, max(1, len(inner_rows) // THINNED))
+    inner_rows, inner_cols = inner_rows[some], inner_cols[some]
+    wanted = pattern.colours[inner_rows, inner_cols].astype(np.float64)
+    wanted -= wanted.mean(axis=0)
+    windows = image[rows[:, np.newaxis] + inner_rows, cols[:, np.newaxis] + inner_cols].astype(np.float64)
+    windows -= windows.mean(axis=1, keepdims=True)
+    norms = np.linalg.norm(wanted) * np.linalg.norm(windows, axis=(1, 2))
+    return np.asarray((windows * wanted).sum(axis=(1, 2)) / np.where(norms > 0, norms, np.inf))
+
+
+def _best_of(image: Image, pattern: Pattern, rows: Indices, cols: Indices) -> tuple[int, int, float]:
+    """Return the best of these positions and its score, NaN where all are flat."""
     scores = scores_at(np.ascontiguousarray(image), pattern.deviations, pattern.opaque, rows, cols)
     if np.isnan(scores).all():
-        return row, col, float("nan")
+        return int(rows[0]), int(cols[0]), float("nan")
     best = int(np.nanargmax(scores))
     return int(rows[best]), int(cols[best]), float(scores[best])

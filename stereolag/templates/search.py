@@ -30,7 +30,10 @@ EXACT = 0.999
 """What an exact copy scores at the least."""
 
 LIKELY = 6
-"""Rivals of a copy that is not exact, looked for beside the exact pixels."""
+"""Rivals looked for beside the exact pixels."""
+
+NEAR_EXACT = 0.9
+"""What a rival of an exact copy scores at the least by some of its pixels: by all of them it needs 0.996."""
 
 
 def match_template(
@@ -65,7 +68,8 @@ def match_template(
         "sampled" (Appendix B of the source report) scores only where the image holds the exact values of a rare
         pixel of the template and of the two ends of its opaque run: the fastest, but blind where an image was
         recompressed, rescaled or dimmed, where "fft" still finds the template, and slow in an image of so few
-        values that none is rare.
+        values that none is rare. What it finds is compared with the likeliest places of a smaller image, which takes
+        longer than finding it.
     mask
         (height, width) of the template: its pixels above 0 are compared, whatever the template's alpha.
     max_matches
@@ -133,13 +137,14 @@ def match_template(
 def _with_rivals(image: Image, pattern: Pattern, positions: ExactPlacements, min_score: float) -> tuple[Places, int]:
     """Return the positions that share exact pixels, how many they are, and after them the likely places elsewhere.
 
-    A copy that is exact but for rounding needs none: any other copy as good shares its exact pixels.
+    A copy that is exact has rivals too, of another brightness or contrast, which share none of its pixels; only those
+    that come near it count.
     """
     scored = np.isfinite(positions.scores)
     places = Places(positions.rows[scored], positions.cols[scored], positions.scores[scored], pattern.shape)
     own = len(places.rows)
-    if own and min_score <= places.scores.max() < EXACT:
-        places = places.joined(*likely_places(image, pattern, LIKELY))
+    if own and (best := places.scores.max()) >= min_score:
+        places = places.joined(*likely_places(image, pattern, LIKELY, NEAR_EXACT if best >= EXACT else None))
     return places, own
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -75,6 +76,22 @@ def test_every_copy_is_found() -> None:
     image[0:15, 0:17][opaque] = sprite[opaque, :3]
     search = match_template(image, sprite, method="sampled", max_matches=9)
     assert {(match.row, match.col) for match in search.matches} == {(0, 0), (23, 41), (60, 90)}
+
+
+@pytest.mark.parametrize("sides", [(20, 30), (90, 70)])
+@pytest.mark.parametrize(("gain", "offset"), [(1.0, 10), (0.5, 60)])
+def test_a_copy_of_another_brightness_is_a_rival_of_an_exact_one(
+    sides: tuple[int, int], gain: float, offset: int
+) -> None:
+    noise = np.random.default_rng(1).integers(0, 200, (260, 280), dtype=np.uint8)
+    image = cv2.GaussianBlur(noise, (0, 0), 1.0)
+    template = image[40 : 40 + sides[0], 70 : 70 + sides[1]].copy()
+    assert match_template(image, template, method="sampled", seed=0).found
+    image[150 : 150 + sides[0], 20 : 20 + sides[1]] = np.rint(template * gain + offset)
+    for method in ("fft", "sampled"):
+        search = match_template(image, template, method=method, seed=0)  # type: ignore[arg-type]
+        assert (search.found, search.reason, search.clear) == (False, "look_alikes", 0), method
+        assert [(place.row, place.col) for place in search.look_alikes] == [(40, 70), (150, 20)], method
 
 
 def test_pixels_that_are_not_exact_are_honestly_not_found() -> None:
