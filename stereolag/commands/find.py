@@ -38,9 +38,9 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
-    """Return what was found, a line for each place; why, where nothing was."""
+    """Return what was found, a line for each place that can be relied on; why, where nothing was."""
     if result.found:
-        return [_place(one) for one in result.matches]
+        return [_place(one) for one in result.matches[: result.clear]]
     if result.reason == "look_alikes":
         alike = result.look_alikes
         return [f"Not found: {len(alike)} places fit about equally well.", *(_place(one) for one in alike)]

@@ -230,6 +230,25 @@ def test_find_tells_size_angle_and_look_alikes(
     assert ran(capsys, "find", "image.png", "template.png", "--max-matches", "2").code == 0
 
 
+def test_find_prints_no_place_that_cannot_be_relied_on(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    noise = np.random.default_rng(1).integers(0, 200, (200, 240), dtype=np.uint8)
+    image = cv2.GaussianBlur(noise, (0, 0), 1.0)
+    template = image[40:60, 70:100].copy()
+    for place in (np.s_[100:120, 180:210], np.s_[140:160, 20:50]):
+        image[place] = np.rint(0.42 * template + 0.58 * image[place])
+    Path("image.png").write_bytes(image_png(image))
+    Path("template.png").write_bytes(image_png(template))
+    files = "image.png", "template.png", "--max-matches", "2"
+    figures = ran(capsys, "find", *files, "--json").figures
+    assert (len(figures["matches"]), figures["clear"]) == (2, 1)
+    told = ran(capsys, "find", *files)
+    assert told.code == 0
+    assert told.out == "row 40, column 70, score 1.000\n"
+
+
 def test_find_leaves_out_what_the_mask_leaves_out(
     picture: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
