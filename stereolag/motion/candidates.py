@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import cv2
@@ -12,9 +13,9 @@ from stereolag.inputs import Image
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.motion.pyramid import Flow, fetched, leaves_frame
-from stereolag.stereo.windows.matches import WindowQuery
+from stereolag.stereo.windows.matches import LagMap, WindowMatches, WindowQuery
 from stereolag.stereo.windows.peak_fits import fit_peaks
-from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.windows.search import MOST_LAGS, LagRange
 from stereolag.stereo.windows.window_sums import match_windows
 
 NO_SCORE = np.float32(-2)
@@ -53,15 +54,60 @@ def match_level(first: Image, second: Image, flow: Flow | None, window: int, rea
     """
     aligned = second if flow is None else fetched(second, flow)
     framed = [_framed(image, window // 2) for image in (first, aligned)]
-    matches = match_windows(WindowQuery(framed[0], framed[1], window, 1, LagRange(-reach, reach, -reach, reach)))
-    offset_dy, offset_dx = fit_peaks(matches.around)
-    found = np.stack([matches.dy + offset_dy, matches.dx + offset_dx])
-    matched = ~np.isnan(matches.score)
+    best: _Best | None = None
+    for first_dy, last_dy in _strips(reach):
+        matches = match_windows(
+            WindowQuery(framed[0], framed[1], window, 1, LagRange(first_dy, last_dy, -reach, reach))
+        )
+        best = _Best.of(matches) if best is None else best.or_better(_Best.of(matches), first_dy)
+    assert best is not None
+    matched, found = best.score > NO_SCORE, best.found
     found[:, ~matched] = 0
     if flow is not None:
         found += flow
-    score = np.where(matched & ~leaves_frame(found), matches.score, NO_SCORE)
+    score = np.where(matched & ~leaves_frame(found), best.score, NO_SCORE)
     return Candidates(found, score, matches.texture)
+
+
+class _Best(NamedTuple):
+    """The best lags of all windows, of those tried so far."""
+
+    score: FloatMap
+    dy: LagMap
+    dx: LagMap
+    found: Flow
+    """The same lags to a fraction of a pixel."""
+
+    @classmethod
+    def of(cls, matches: WindowMatches) -> _Best:
+        offset_dy, offset_dx = fit_peaks(matches.around)
+        found = np.stack([matches.dy + offset_dy, matches.dx + offset_dx])
+        score = np.where(np.isnan(matches.score), NO_SCORE, matches.score)
+        return cls(score, matches.dy, matches.dx, found)
+
+    def or_better(self, other: _Best, first_dy: int) -> _Best:
+        """Return the better of this and what the next strip says, which begins at `first_dy`; of equals the nearer.
+
+        In the two rows of lags that both know, each can fit the peak in the one that is not its border.
+        """
+        lengths = [np.square(one.dy, dtype=np.int32) + np.square(one.dx, dtype=np.int32) for one in (self, other)]
+        inside = (lengths[0] == lengths[1]) & (self.dy == other.dy) & (other.dy > first_dy)
+        better = (other.score > self.score) | (other.score == self.score) & ((lengths[1] < lengths[0]) | inside)
+        return _Best(
+            np.where(better, other.score, self.score),
+            np.where(better, other.dy, self.dy),
+            np.where(better, other.dx, self.dx),
+            np.where(better, other.found, self.found),
+        )
+
+
+def _strips(reach: int) -> Iterator[tuple[int, int]]:
+    """Yield the first and last dy of as many lags as the windows take at once; strips share two rows of lags."""
+    rows, first = min(MOST_LAGS // (2 * reach + 1), 2 * reach + 1), -reach
+    while first + rows - 1 < reach:
+        yield first, first + rows - 1
+        first += rows - 2
+    yield first, reach
 
 
 def best_of_neighbours(candidates: Candidates, spacing: int) -> Candidates:

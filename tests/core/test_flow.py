@@ -17,6 +17,7 @@ from stereolag.motion.candidates import (
     Candidates,
     best_of_neighbours,
     best_of_neighbours_reference,
+    match_level,
 )
 from stereolag.motion.checks import median_residual, median_residual_reference, return_error
 from stereolag.motion.matcher import FlowMatcher
@@ -39,6 +40,26 @@ def test_recovers_a_known_shift(dtype, dy, dx):
     assert abs(np.nanmedian(middle(flow.dy)) - dy) < 0.02
     assert abs(np.nanmedian(middle(flow.dx)) - dx) < 0.02
     assert np.nanpercentile(np.hypot(middle(flow.dy) - dy, middle(flow.dx) - dx), 99) < 0.25
+
+
+@pytest.mark.parametrize("settings", [{"window_size": 31}, {"levels": 1}])
+def test_a_search_at_full_size_may_hold_any_number_of_lags(settings):
+    first, second = shifted_pair(180, 200, -70, 90)
+    flow = optical_flow(first, second, **settings)
+    seen = np.s_[90:160, 20:90]
+    assert abs(np.nanmedian(flow.dy[seen]) + 70) < 0.02
+    assert abs(np.nanmedian(flow.dx[seen]) - 90) < 0.02
+
+
+@pytest.mark.parametrize("most", [51, 80, 200])
+def test_lags_tried_in_strips_answer_as_all_at_once(most, monkeypatch):
+    first, second = shifted_pair(60, 70, 2.4, -3.3)
+    second[20:30] = first[20:30]  # and what has not moved
+    first[40:50], second[40:50] = 9, 9
+    whole = match_level(first, second, None, 7, 8)
+    monkeypatch.setattr("stereolag.motion.candidates.MOST_LAGS", most)
+    for one, other in zip(match_level(first, second, None, 7, 8), whole, strict=True):
+        np.testing.assert_allclose(one, other, atol=2e-6)
 
 
 @pytest.mark.parametrize("shape", [(40, 150), (151, 67), (9, 200), (7, 7)])
