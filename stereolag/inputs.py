@@ -58,8 +58,8 @@ def checked_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
 def as_image(value: npt.ArrayLike, name: str) -> Image:
     """Return `value` as a (rows, cols) or (rows, cols, 3 | 4) array of uint8, uint16 or float, all finite.
 
-    Booleans become uint8 0/255; other integers that fit become uint8 or uint16; float16 and longer floats become
-    float32 or float64. A single trailing channel is dropped, and the alpha of a grey image with alpha too.
+    Booleans become uint8 0/255; other integers that fit become uint8 or uint16; float16 becomes float32, and longer
+    floats float64. A single trailing channel is dropped, and the alpha of a grey image with alpha too.
 
     Raises
     ------
@@ -89,10 +89,13 @@ def _as_pixel_type(image: Image, name: str) -> Image:
             raise ValueError(f"{name} holds integers from {low} to {high}; allowed are 0 to 65535, or floats.")
         return image.astype(np.uint8 if high < 256 else np.uint16)
     if np.issubdtype(image.dtype, np.floating):
+        if image.dtype not in (np.float32, np.float64):
+            with np.errstate(over="ignore"):  # what is too large for float64 is counted below
+                image = image.astype(np.float32 if image.dtype == np.float16 else np.float64)
         bad = image.size - int(np.isfinite(image).sum())
         if bad:
             raise ValueError(f"{name} holds {bad} NaN or infinite pixels; every pixel must be a finite number.")
-        return image if image.dtype in (np.float32, np.float64) else image.astype(np.float32)
+        return image
     raise ValueError(f"{name} has type {image.dtype}; allowed are uint8, uint16 and float.")
 
 
@@ -126,7 +129,7 @@ def as_image_pair(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, st
         An image that :func:`as_image` refuses, images of different size, or integer beside float images.
     """
     a, b = names
-    images = as_image(one, a), as_image(other, b)
+    images = as_images(one, other, names)
     (rows, cols), (other_rows, other_cols) = (image.shape[:2] for image in images)
     if (rows, cols) != (other_rows, other_cols):
         raise ValueError(
@@ -138,6 +141,22 @@ def as_image_pair(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, st
             f"{a} holds {images[0].dtype} and {b} {images[1].dtype} pixels; both images must have the same type."
         )
     return images
+
+
+def as_images(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) -> tuple[Image, Image]:
+    """Return two images, checked; of one type if they are given in one, however bright each is.
+
+    Raises
+    ------
+    ValueError
+        An image that :func:`as_image` refuses.
+    """
+    given = np.asarray(one), np.asarray(other)
+    first, second = as_image(given[0], names[0]), as_image(given[1], names[1])
+    if given[0].dtype == given[1].dtype and first.dtype != second.dtype:
+        # Integers of any other type are uint8 where none is above 255, else uint16.
+        return first.astype(np.uint16), second.astype(np.uint16)
+    return first, second
 
 
 def grey_level(left: Image, right: Image) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.estimates import check_memory
-from stereolag.inputs import Image, as_image
+from stereolag.inputs import Image, as_image, as_images
 from stereolag.progress import Progress, silent
 from stereolag.searches import TemplateMethod
 from stereolag.templates.estimates import estimate_search, fitting_image, has_alpha
@@ -165,7 +165,7 @@ def _checked(
     poses: PoseRange | None,
 ) -> tuple[Image, Pattern]:
     """Return the image (rows, cols, channels) and the pattern to look for in it, if the search has room for it."""
-    large, small = as_image(image, "image"), as_image(template, "template")
+    large, small = as_images(image, template, ("image", "template"))
     least = 1.0 if poses is None else poses.scales[0]
     if small.shape[0] * least > large.shape[0] or small.shape[1] * least > large.shape[1]:
         resized = "" if least == 1 else f" at {least:g} of its size"

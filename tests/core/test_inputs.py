@@ -34,7 +34,13 @@ def test_signals_become_doubles(dtype: type) -> None:
 
 @pytest.mark.parametrize(
     ("given", "becomes"),
-    [(np.bool_, np.uint8), (np.int32, np.uint8), (np.float16, np.float32), (np.float64, np.float64)],
+    [
+        (np.bool_, np.uint8),
+        (np.int32, np.uint8),
+        (np.float16, np.float32),
+        (np.float64, np.float64),
+        (np.longdouble, np.float64),
+    ],
 )
 def test_image_types(given: type, becomes: type) -> None:
     image = as_image(np.array([[0, 1], [1, 0]], dtype=given), "left")
@@ -73,6 +79,17 @@ def test_grey_keeps_the_type_and_ignores_alpha(dtype: type, channels: int) -> No
 def test_single_channels_are_dropped() -> None:
     assert as_image(np.zeros((4, 5, 1)), "left").shape == (4, 5)
     assert as_image(np.zeros((4, 5, 2)), "left").shape == (4, 5)
+
+
+def test_integers_of_one_type_stay_of_one_type_however_bright() -> None:
+    dark, bright = np.array([[0, 200]], np.int32), np.array([[0, 300]], np.int32)
+    for pair in ((dark, bright), (bright, dark), (dark.tolist(), bright.tolist())):
+        left, right = as_stereo_pair(*pair)
+        assert left.dtype == right.dtype == np.uint16
+        assert sorted((left.max(), right.max())) == [200, 300]
+    assert [image.dtype for image in as_stereo_pair(dark, dark)] == [np.uint8, np.uint8]
+    with pytest.raises(ValueError, match="left holds uint8 and right uint16"):
+        as_stereo_pair(dark.astype(np.uint8), bright)
 
 
 def test_a_pair_has_one_size_and_type() -> None:

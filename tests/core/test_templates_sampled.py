@@ -103,6 +103,13 @@ def test_pixels_that_are_not_exact_are_honestly_not_found() -> None:
     assert search.candidates == 0
 
 
+def test_a_dark_template_of_bright_integers_is_found() -> None:
+    image, sprite = busy_picture(7)
+    image = image.astype(np.int32)
+    image[0, 0] = 300
+    assert match_template(image, sprite.astype(np.int32), method="sampled").matches[0].row == 23
+
+
 def test_the_alpha_of_the_picture_is_ignored() -> None:
     image, sprite = busy_picture(7)
     rgba = np.dstack([image, np.full(image.shape[:2], 77, dtype=np.uint8)])
