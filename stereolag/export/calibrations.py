@@ -66,6 +66,8 @@ def calibration_json(calibration: Calibration) -> str:
         rig, size = _rig(calibration)
         document = {"image_width": size[0], "image_height": size[1], "length_unit": "m"}
         document |= {name: np.asarray(matrix).tolist() for name, matrix in _matrices(rig, size).items()}
+        if calibration.num_disparities is not None:
+            document["num_disparities"] = calibration.num_disparities
     if calibration.rms is not None:
         document["rms"] = calibration.rms
     return json.dumps(document | {"stereolag": VERSION}, indent=2) + "\n"

@@ -46,7 +46,7 @@ def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibratio
         ``extrinsics.yml`` of OpenCV, the two cameras of ROS).
     length_unit_m
         The unit of length of files with both cameras, which do not name it, in metres: 0.001 where the squares of the
-        chessboard were measured in millimetres. (Middlebury is in mm, ROS and Kalibr in m: not asked there.)
+        chessboard were measured in millimetres. (Middlebury is in mm, ROS, Kalibr and ours in m: not asked there.)
 
     Returns
     -------
@@ -92,10 +92,10 @@ def _of_rectified_pair(entries: Entries) -> Calibration | None:
 def _of_two_cameras(files: list[Entries], entries: Entries, length_unit_m: float) -> Calibration:
     """Return the calibration of cameras by their matrices, before rectification or after it."""
     parts, metric = parts_together(files)
-    unit = 1.0 if metric else length_unit_m
+    unit = 1.0 if metric or entries.get("length_unit") == "m" else length_unit_m
     rig = stereo_rig(files, parts, unit)
     if rig is not None:
-        return _forecast(rig)
+        return replace(_forecast(rig), num_disparities=optional_count(entries, "num_disparities"))
     if REPROJECTION in parts:
         return _from_reprojection(parts, unit)
     if set(PROJECTIONS) <= set(parts):

@@ -85,6 +85,14 @@ def test_our_json_is_read_back_with_and_without_cameras() -> None:
     assert sl.read_calibration(calibration_json(plain).encode()) == plain
 
 
+def test_our_json_is_in_metres_whatever_unit_is_said_of_other_files() -> None:
+    written = replace(calibration(), num_disparities=96)
+    read = sl.read_calibration(calibration_json(written).encode(), length_unit_m=0.001)
+    check_same(read, written)
+    assert read.num_disparities == 96
+    assert sl.read_calibration(calibration_json(calibration()).encode()).num_disparities is None
+
+
 @pytest.mark.parametrize("write", [opencv_calibration, ros_calibration])
 def test_what_has_no_cameras_cannot_be_written_as_such(write) -> None:
     with pytest.raises(ValueError, match="no rig"):
