@@ -8,8 +8,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.typography import typeset
-from stereolag.ui.depth.rectifying import ALPHA_KEY, CHOICE_KEY, RECTIFIED
-from stereolag.ui.keys import SIZE
+from stereolag.ui.depth.rectifying import RECTIFIED, alpha_key, choice_key
+from stereolag.ui.keys import PAIR, SIZE
 from tests.app.test_depth_restoring import given, packed, pair_of
 
 
@@ -56,7 +56,9 @@ def test_the_small_maps_of_a_sweep_on_a_set_say_of_which_pair_they_are() -> None
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [(CHOICE_KEY, RECTIFIED), (ALPHA_KEY, 0.5), (SIZE, "Full")], ids=["choice", "frame", "size"]
+    ("key", "value"),
+    [(choice_key(PAIR), RECTIFIED), (alpha_key(PAIR), 0.5), (SIZE, "Full")],
+    ids=["choice", "frame", "size"],
 )
 def test_another_preparation_of_the_set_makes_a_sweep_void(key: str, value: Any) -> None:
     app = swept()

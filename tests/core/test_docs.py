@@ -182,7 +182,7 @@ def test_the_program_for_an_own_camera_runs_from_raw_pictures_to_metres(
         width=400,
         height=300,
     )
-    for number, pair in enumerate(drawn_pairs(rig, Board(9, 6), 6, square_m=0.03, seed=3)):
+    for number, pair in enumerate(drawn_pairs(rig, Board(9, 6), 6, square_m=0.025, seed=3)):
         for side, picture in zip(("left", "right"), pair, strict=True):
             (tmp_path / "boards" / side).mkdir(parents=True, exist_ok=True)
             (tmp_path / "scene").mkdir(exist_ok=True)
