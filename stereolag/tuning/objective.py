@@ -130,16 +130,16 @@ class TuningPair:
             return Unjudged.JUDGES_ITSELF
         return Unjudged.TOO_LITTLE_MEASURED if np.isfinite(self.reference).mean() < LEAST_MEASURED else None
 
-    def strips(self, share: float) -> TuningPair:
+    def strips(self, share: float, lowest: int = 0) -> TuningPair:
         """Return about a share of the rows, as strips of full width spread evenly over the images, stacked.
 
         They are matched as the whole is, pixel for pixel, but for the rows beside their seams, which are not judged:
         a reduced pair would mean other windows, other penalties and other errors. The whole is returned where strips
-        would not save much, or would hold nothing to judge.
+        would not save much, would hold nothing to judge, or would be lower than `lowest`, px.
         """
         height = len(self.reference)
         count = max(1, round(share * height / STRIP_ROWS))
-        if count * STRIP_ROWS >= WHOLE_FROM * height:
+        if count * STRIP_ROWS >= WHOLE_FROM * height or count * STRIP_ROWS < lowest:
             return self
         room = height / count
         tops = [round(room * number + (room - STRIP_ROWS) / 2) for number in range(count)]

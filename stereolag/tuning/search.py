@@ -111,6 +111,8 @@ class Clock:
     """The time of a search: what is left of it, what of it is told, and whether it was called off."""
 
     def __init__(self, budget_s: float, progress: Progress, cancelled: Callable[[], bool]) -> None:
+        if not 0 < budget_s < math.inf:
+            raise ValueError(f"budget_s is {budget_s} s; allowed is a finite number above 0.")
         self._end = time.perf_counter() + budget_s
         self._budget_s = budget_s
         self._progress = progress
@@ -151,7 +153,7 @@ def search(
         finished, ranked = run.tried(pairs, tried, steps=len(tried))
         return run.outcome(ranked, finished=finished)
     share = max(LEAST_SHARE, FOR_STRIPS * clock.left_s / total_s)
-    strips = [pair.strips(share) for pair in pairs]
+    strips = [pair.strips(share, side_of(start)) for pair in pairs]
     finished, ranked = run.tried(
         strips,
         tried,

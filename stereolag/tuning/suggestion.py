@@ -59,8 +59,8 @@ def suggest(
     Raises
     ------
     ValueError
-        Images or a ground truth that do not fit together, settings to begin with that do not fit the images, or a
-        range that needs more memory than one job may take.
+        Images or a ground truth that do not fit together, settings to begin with that do not fit the images, a range
+        that needs more memory than one job may take, or a budget that is not a finite number above 0.
 
     Examples
     --------

@@ -160,6 +160,21 @@ def test_a_short_time_is_spent_on_strips_but_whole_images_decide() -> None:
     assert [trial.whole for trial in late.trials] == [False] * LIKELIEST + [True]
 
 
+def test_strips_are_not_lower_than_the_window_to_begin_with() -> None:
+    left, right, truth = steps_pair()
+    wide = [np.hstack([np.vstack([one] * 2)] * 3)[:200] for one in (left, right, truth)]
+    start = CorrelationMatcher(window_size=101, search=sl.SearchArea.rectified(16))
+    found = sl.suggest(start, wide[0], wide[1], ground_truth=wide[2], budget_s=0.05)
+    assert found.start == start
+
+
+@pytest.mark.parametrize("budget_s", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_budget_that_is_no_time_is_refused(budget_s: float) -> None:
+    left, right, truth = steps_pair()
+    with pytest.raises(ValueError, match=r"budget_s is .* allowed is a finite number above 0"):
+        sl.suggest(sl.StereoBM(), left, right, ground_truth=truth, budget_s=budget_s)
+
+
 def test_it_ends_when_told_and_keeps_what_is_better() -> None:
     asked = count()
     found = sl.suggest(BLOCKS, LEFT, RIGHT, budget_s=60, cancelled=lambda: next(asked) >= 3)
