@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scenes import steps_pair
 
+import stereolag as sl
 from stereolag.stereo.finishing.filters import filled_from_behind
 from stereolag.stereo.finishing.planes import (
     TRIALS,
@@ -149,3 +151,12 @@ def test_nothing_is_filled_beyond_what_was_measured() -> None:
     found = filled(disparity, rng.integers(0, 255, (80, 90, 3), dtype=np.uint8))
     assert np.isfinite(found).all()
     assert np.nanmin(disparity) <= found.min() and found.max() <= np.nanmax(disparity)
+
+
+def test_alpha_of_sixteen_bits_changes_nothing() -> None:
+    left, right, _ = steps_pair(noise=2.0)
+    colours = [np.repeat(one[:, :, None].astype(np.uint16) * 16, 3, axis=2) for one in (left, right)]
+    opaque = [np.dstack([one, np.full(one.shape[:2], 65535, np.uint16)]) for one in colours]
+    matcher = sl.preset("accurate", num_disparities=32)
+    maps = [matcher.compute(*pair).disparity for pair in (colours, opaque)]
+    np.testing.assert_array_equal(maps[0], maps[1])

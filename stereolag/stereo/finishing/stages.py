@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Protocol
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from stereolag.inputs import Image, as_eight_bit
@@ -89,9 +90,15 @@ def finished(found: PixelMatches, left: Image, right: Image, settings: Finishing
         measured = disparity
         disparity, reason = filled_from_behind(measured, reason)
         if settings.surfaces is not None:
-            disparity = filled_along_surfaces(measured, disparity, as_eight_bit(left, right)[0], settings.surfaces)
+            disparity = filled_along_surfaces(measured, disparity, _guide(left, right), settings.surfaces)
     if settings.median is not None:
-        disparity = edge_respecting_median(disparity, as_eight_bit(left, right)[0], settings.median)
+        disparity = edge_respecting_median(disparity, _guide(left, right), settings.median)
     # After a search in two dimensions only speckles are taken away: nothing is filled.
     dy = None if found.dy is None else np.where(np.isnan(disparity), np.float32(np.nan), found.dy)
     return PixelMatches(disparity, reason, found.score, dy)
+
+
+def _guide(left: Image, right: Image) -> npt.NDArray[np.uint8]:
+    """Return the left image in 8 bits; alpha, which is no brightness, has no part in how it is stretched."""
+    colours = (image if image.ndim == 2 else image[:, :, :3] for image in (left, right))
+    return np.ascontiguousarray(as_eight_bit(*colours)[0])
