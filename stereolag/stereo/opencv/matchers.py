@@ -224,9 +224,10 @@ class StereoSGBM(BlockMatcher):
     p2: int = Field(
         default=800,
         title="Large-step penalty",
-        description="Cost of a larger step; more than the small one (OpenCV's P2).",
+        description="Cost of a larger step; more than the small one (OpenCV's P2). OpenCV adds costs up in 16 bits: "
+        "with large blocks high penalties overflow, and the map is wrong.",
         ge=1,
-        le=40_000,
+        le=20_000,
         json_schema_extra={"step": 10},
     )
     pre_filter_cap: int = Field(
