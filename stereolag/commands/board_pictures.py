@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import glob
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from stereolag.geometry.board_views import MOST_PAIRS
 from stereolag.reading.archives import is_archive, read_archive
-from stereolag.reading.pairing import PICTURE_ENDINGS, PairFiles, matched_pairs
+from stereolag.reading.pairing import PICTURE_ENDINGS, PairFiles, matched_pairs, natural_order
 from stereolag.reading.picture_pairs import PicturesOfFiles
 from stereolag.reading.sources import read_bytes
 
@@ -83,13 +82,8 @@ def _files(text: str) -> list[str]:
 
 def _matching(pattern: str) -> list[str]:
     """Return the files that match a pattern, in the order of their numbers."""
-    return sorted(glob.glob(pattern, recursive=True), key=_natural)  # noqa: PTH207 (Path's takes none from the root)
+    return sorted(glob.glob(pattern, recursive=True), key=natural_order)  # noqa: PTH207 (Path's takes none from the root)
 
 
 def _read_file(name: str) -> bytes:
     return read_bytes(name, WHAT)
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    """Return a key by which 2 comes before 10."""
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]

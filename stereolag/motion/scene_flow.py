@@ -159,6 +159,11 @@ def scene_flow(
     before = seen_points(calibration, here, row, col)
     after = seen_points(calibration, arrived, row_2, col_2)
     images = None if frames is None else as_image_pair(frames[0], frames[1], ("frames[0]", "frames[1]"))
+    if images is not None and images[0].shape[:2] != here.shape:
+        raise ValueError(
+            f"The frames have the shape {images[0].shape[:2]} and the disparities {here.shape}; they must "
+            "have the same."
+        )
     own = estimate_own_motion(
         before,
         row_2,

@@ -261,7 +261,7 @@ def _called(keys: Sequence[str]) -> list[str]:
 
 def natural_order(name: str) -> list[tuple[int, str]]:
     """Return a key by which 2 comes before 10."""
-    return [(int(part[:18]), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name.casefold())]
+    return [(int(part[:18]), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name.casefold())]
 
 
 def _stem_path(name: str) -> str:

@@ -100,7 +100,10 @@ class Recording:
         return Recording(channels, sampling_rate, self.mended_lines, self.resampled_from or self.sampling_rate)
 
     def channel(self, number: int) -> Recording:
-        """Return one channel, from 1, as a recording of its own."""
+        """Return one channel, from 1, as a recording of its own; ValueError where there is no such channel."""
+        count = len(self.channels)
+        if not 1 <= number <= count:
+            raise ValueError(f"number is {number}; the {WHAT} has {count}, counted from 1.")
         return replace(self, channels=self.channels[number - 1 : number])
 
     @property

@@ -96,7 +96,7 @@ def run_sequence(
     ------
     ValueError
         `out` was made with other settings, frames or another version; a search beyond what the files hold; a name of a
-        method that is no name of a folder; another ending of the video.
+        method that is no name of a folder; another ending of the video; colours that are no range.
     OSError
         `out` cannot be written, or there is no such scheduler.
     """
@@ -109,6 +109,11 @@ def run_sequence(
             target = out
         stack.callback(target.close)
         if colours is not None:
+            low, high = colours
+            if not -math.inf < low < high < math.inf:
+                raise ValueError(
+                    f"colours are {low:g} and {high:g} px; allowed are two finite numbers, the lower first."
+                )
             target.set_colours(colours)
         writer = None
         if isinstance(video, VideoWriter):

@@ -75,6 +75,8 @@ def checked_poses(method: str, scales: Range | None, rotations: Range | None) ->
 def _checked_range(given: Range | None, name: str, allowed: Range, alone: float) -> Range:
     if given is None:
         return alone, alone
+    if np.shape(given) != (2,):
+        raise ValueError(f"{name} is {given!r}; allowed are a least and a largest number.")
     low, high = (float(end) for end in given)
     if not allowed[0] <= low <= high <= allowed[1]:
         raise ValueError(

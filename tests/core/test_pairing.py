@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scaling import calibration_for, cropped_alike, halves, preview_divisor
+from stereolag.reading.pairing import natural_order
 
 CALIBRATION = Calibration(900.0, 0.1, 3.0, 319.5, 239.5, width=640, height=480, num_disparities=64)
 
@@ -60,3 +61,7 @@ def test_a_calibration_for_another_shape_is_refused() -> None:
 def test_a_preview_has_at_most_a_megapixel(size: tuple[int, int], divisor: int) -> None:
     assert preview_divisor(*size) == divisor
     assert size[0] * size[1] / divisor**2 <= 1_000_000
+
+
+def test_a_raised_two_in_a_name_is_a_letter_like_others() -> None:
+    assert sorted(["a10", "a²", "a2"], key=natural_order) == ["a2", "a10", "a²"]

@@ -14,6 +14,7 @@ from hypothesis.extra import numpy as hnp
 
 from stereolag.limits import limits
 from stereolag.reading import read_signal
+from stereolag.reading.recordings import Recording
 from stereolag.signals import signal_lag
 
 STEREO = np.random.default_rng(3).uniform(-0.5, 0.5, (4000, 2))
@@ -219,3 +220,9 @@ def test_a_column_of_times_is_told_from_signals(times: np.ndarray, clock: int | 
     recording = read_signal("\n".join(lines).encode())
     assert recording.clock == clock
     assert read_signal("\n".join(map(str, times)).encode()).clock is None  # alone it is what was recorded
+
+
+@pytest.mark.parametrize("number", [0, 3, -1])
+def test_a_channel_that_is_not_there_is_refused(number: int) -> None:
+    with pytest.raises(ValueError, match=rf"number is {number}; the recording has 2, counted from 1"):
+        Recording(np.zeros((2, 5)), 8000.0).channel(number)

@@ -177,3 +177,10 @@ def test_what_is_refused_is_named():
     wild = tuple(rng.uniform(-300, 300, SHAPE).astype(np.float32) for _ in range(2))
     with pytest.raises(ValueError, match="nothing static"):
         scene_flow(known.first, known.second, wild, CAMERA)
+
+
+def test_frames_of_another_size_than_the_disparities_are_refused():
+    known = scene()
+    picture = np.zeros((8, 9), np.uint8)
+    with pytest.raises(ValueError, match=r"The frames have the shape \(8, 9\) and the disparities"):
+        scene_flow(known.first, known.second, known.flow, CAMERA, frames=(picture, picture))

@@ -353,3 +353,11 @@ def test_frames_on_their_way_may_become_more_than_are_allowed() -> None:
 
     tasks = [FrameTask(number, None, {}) for number in range(20)]  # type: ignore[arg-type]  # nobody reads them
     assert [frame.number for frame in in_order(Shrinking(), tasks, lambda: None)] == list(range(20))
+
+
+@pytest.mark.parametrize("colours", [(5.0, 5.0), (9.0, 1.0), (math.nan, 1.0), (0.0, math.inf)])
+def test_colours_that_are_no_range_are_refused(
+    drive: StereoSequence, tmp_path: Path, colours: tuple[float, float]
+) -> None:
+    with pytest.raises(ValueError, match=r"colours are .* allowed are two finite numbers, the lower first"):
+        run_sequence(drive, StereoBM(num_disparities=16), tmp_path / "out", colours=colours)

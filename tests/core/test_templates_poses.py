@@ -192,6 +192,8 @@ def test_a_progress_that_raises_cancels_the_search() -> None:
         ({"scales": (0, 1)}, r"scales is \(0, 1\)"),
         ({"scales": (1, math.nan)}, r"scales is \(1, nan\)"),
         ({"rotations": (-200, 0)}, r"rotations is \(-200, 0\); .* from -180 to 180"),
+        ({"scales": (0.5, 1, 2)}, r"scales is \(0\.5, 1, 2\); allowed are a least and a largest number"),
+        ({"rotations": 2.0}, r"rotations is 2\.0; allowed are a least and a largest number"),
         ({"rotations": (0, 10), "method": "sampled"}, r"method is 'sampled'; sizes and angles are searched by 'fft'"),
     ],
 )
