@@ -103,7 +103,7 @@ class Recording:
         """Return one channel, from 1, as a recording of its own; ValueError where there is no such channel."""
         count = len(self.channels)
         if not 1 <= number <= count:
-            raise ValueError(f"number is {number}; the {WHAT} has {count}, counted from 1.")
+            raise ValueError(f"The channel number is {number}; the {WHAT} has {count}, counted from 1.")
         return replace(self, channels=self.channels[number - 1 : number])
 
     @property

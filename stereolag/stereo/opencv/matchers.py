@@ -218,7 +218,7 @@ class StereoSGBM(BlockMatcher):
         title="Small-step penalty",
         description="Cost of a step of 1 px between neighbours (OpenCV's P1).",
         ge=0,
-        le=20_000,
+        le=10_000,
         json_schema_extra={"step": 10},
     )
     p2: int = Field(
