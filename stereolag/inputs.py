@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, TypeAlias
 
 import cv2
@@ -15,6 +16,15 @@ Image: TypeAlias = npt.NDArray[Any]
 
 LARGEST_ORDINARY = 1e9
 """Floats up to this, and down to its inverse, can be squared and summed over a window in either float type."""
+
+DEPTHS = (8, 10, 12, 14, 16)
+"""Bits that cameras use of the 16 in which their images are stored."""
+
+OUTLIERS = 0.001
+"""Share of the brightest pixels, and of the darkest, that do not count for the range of an image."""
+
+SAMPLED_PIXELS = 2**16
+"""How many pixels of an image tell the range that it uses."""
 
 
 def as_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
@@ -162,13 +172,27 @@ def as_images(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) 
 def grey_level(left: Image, right: Image) -> float:
     """Return how much one grey level of 255 is in the units of two checked images of one type.
 
-    1 for uint8 and 257 for uint16; of floats, whose range no type tells, a 255th of the range they use.
+    1 for uint8. Of uint16, a 255th of the brightest value of 8, 10, 12, 14 or 16 bits, the fewest that hold the images:
+    cameras leave the upper ones empty. Of floats, whose range no type tells, a 255th of the range they use. The 0.1 %
+    of brightest and, of floats, of darkest pixels do not count: a hot pixel makes nothing else darker.
     """
     if left.dtype == np.uint8:
         return 1.0
+    images = left, right
     if left.dtype == np.uint16:
-        return 257.0
-    span = max(float(left.max()), float(right.max())) - min(float(left.min()), float(right.min()))
+        most, bits = OUTLIERS * (left.size + right.size), DEPTHS[-1]
+        # Most images use all 16 bits: from there down, one look at the pixels tells.
+        for fewer in reversed(DEPTHS[:-1]):
+            if sum(np.count_nonzero(one >= 2**fewer) for one in images) > most:
+                break
+            bits = fewer
+        return float(2**bits - 1) / 255
+    stride = max(1, math.isqrt(left.size // SAMPLED_PIXELS))
+    sample = np.sort(np.concatenate([one[::stride, ::stride].ravel() for one in images]))
+    beyond = int(OUTLIERS * sample.size)
+    span = float(sample[-1 - beyond]) - float(sample[beyond])
+    if span == 0:
+        span = max(float(one.max()) for one in images) - min(float(one.min()) for one in images)
     return span / 255 or 1.0
 
 
@@ -191,7 +215,7 @@ def as_eight_bit(left: Image, right: Image) -> tuple[npt.NDArray[np.uint8], npt.
     """Return both images as uint8: as they are, or their common range, less 0.1 % at each end, spread over 0..255."""
     if left.dtype == np.uint8:
         return left, right
-    low, high = np.percentile(np.stack([left, right]), (0.1, 99.9))
+    low, high = np.percentile(np.stack([left, right]), (100 * OUTLIERS, 100 - 100 * OUTLIERS))
     scale = 255 / max(float(high) - float(low), 1e-30)
     spread = [
         np.clip(np.rint((image.astype(np.float64) - low) * scale), 0, 255).astype(np.uint8) for image in (left, right)

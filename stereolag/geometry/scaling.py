@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from stereolag.arrays import FloatMap
 from stereolag.geometry.calibration import Calibration
-from stereolag.inputs import Image
+from stereolag.inputs import DEPTHS, Image
 
 
 def scaled_image(image: Image, factor: float) -> Image:
@@ -89,10 +89,6 @@ def cropped_alike(left: Image, right: Image) -> tuple[Image, Image]:
         )
     rows, cols = (min(pair) for pair in sizes)
     return left[:rows, :cols], right[:rows, :cols]
-
-
-DEPTHS = (8, 10, 12, 14, 16)
-"""Bits that cameras use of the 16 in which their images are stored."""
 
 
 def as_deep(left: Image, right: Image) -> tuple[Image, Image]:

@@ -121,7 +121,9 @@ def degraded_part(
         part = colours[rows, cols]
     else:
         part = _warped(colours, rows, cols, (row + (height - 1) / 2, col + (width - 1) / 2), degradation)
-    return DegradedPart(_altered(part, inside, shape, degradation), rows.start, cols.start, *inside)
+    return DegradedPart(
+        _altered(part, inside, shape, grey_level(colours, colours), degradation), rows.start, cols.start, *inside
+    )
 
 
 def part_shape(image_shape: tuple[int, ...], shape: tuple[int, int]) -> tuple[int, ...]:
@@ -158,10 +160,12 @@ def _warped(
 
 
 def _altered(
-    part: npt.NDArray[Any], inside: tuple[int, int], shape: tuple[int, int], degradation: Degradation
+    part: npt.NDArray[Any], inside: tuple[int, int], shape: tuple[int, int], level: float, degradation: Degradation
 ) -> Image:
-    """Return a part with another contrast and brightness, covered, and with noise, in its own dtype."""
-    level = grey_level(part, part)
+    """Return a part with another contrast and brightness, covered, and with noise, in its own dtype.
+
+    `level` is one grey level of 255 in its units.
+    """
     values = part.astype(np.float64)
     mean = float(values.mean())
     if degradation.contrast != 1 or degradation.brightness:

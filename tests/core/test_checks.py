@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pairs import shifted_pair
 
 from stereolag.arrays import Mask
 from stereolag.inputs import flat_energy, local_deviation
@@ -18,7 +19,9 @@ from stereolag.stereo.finishing.checks import (
     rejected,
 )
 from stereolag.stereo.reasons import Reason
+from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.matches import LagMap
+from stereolag.stereo.windows.search import SearchArea
 
 
 def disagree_by_displacement(left: LagMap, right: LagMap, tolerance: int) -> Mask:
@@ -105,6 +108,23 @@ def test_the_least_texture_is_in_the_units_of_the_images(dtype: type, unit: floa
     image = (np.array([[0, 255]]) * unit).astype(dtype)
     assert least_texture(TextureTest(least=2.0), image, image) == pytest.approx(2 * unit, rel=1e-5)
     assert 0 < least_texture(None, image, image) < 1e-5 * unit
+
+
+@pytest.mark.parametrize(("dtype", "scale"), [(np.uint16, 1), (np.uint16, 4), (np.uint16, 16), (np.float32, 12)])
+@pytest.mark.parametrize("hot", [False, True])
+def test_neither_empty_bits_nor_a_hot_pixel_take_the_texture_away(dtype: type, scale: int, hot: bool) -> None:
+    """Cameras of 10 and 12 bits leave the upper ones of 16 empty; a pixel that is always white is no texture."""
+    faint = np.linspace(0, 0.3, 160)
+    left, right = (np.rint(128 + (image - 128.0) * faint).astype(np.uint8) for image in shifted_pair(90, 160, 0, -9))
+    left[:8], right[:8] = 255, 0
+    matcher = CorrelationMatcher(search=SearchArea.centred(24), texture=TextureTest(least=8.0))
+    plain = matcher.compute(left, right).reason == Reason.LOW_TEXTURE
+    one, other = (image.astype(dtype) * dtype(scale) for image in (left, right))
+    if hot:
+        one[40, 80] = 65535
+    assert 0.2 < plain.mean() < 0.8
+    same = plain == (matcher.compute(one, other).reason == Reason.LOW_TEXTURE)
+    assert same.mean() > (0.95 if hot else 0.98)
 
 
 @given(st.integers(2, 12), st.integers(0, 255))
