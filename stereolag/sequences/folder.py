@@ -76,6 +76,10 @@ class SequenceFolder:
         """Return whether a frame is finished."""
         return all((number, method) in self._records for method in self._methods)
 
+    def lacks_motion(self, number: int) -> bool:
+        """Return whether there is no record of the motion in a frame."""
+        return (number, MOTION) not in self._records
+
     def files(self, number: int) -> Mapping[str, Path]:
         """Return where the maps of a frame are, by method."""
         return {method: self._file(number, method) for method in self._methods}
@@ -89,6 +93,10 @@ class SequenceFolder:
         """Write the maps of a frame, each whole or not at all, and then its lines of the table."""
         for method, one in frame.maps.items():
             write_file(self._file(frame.number, method), one.data, synced=False)
+        self.add(records)
+
+    def add(self, records: Iterable[FrameRecord]) -> None:
+        """Write figures to the table, in place of those of the same method."""
         new = {(record.number, record.method): record for record in records}
         self._table.write(lines(new.values()))
         self._table.flush()

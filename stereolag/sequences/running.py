@@ -195,11 +195,11 @@ class _Job:
         missing = set(self._missing)
         others = [number for number in self._missing if number not in sampled]
         coming = in_order(self._runner, map(self._task, others), self._look)
-        for number in range(len(self._sequence)) if self._writer is not None else self._missing:
+        for number in range(len(self._sequence)):
             self._look()
             if number in missing:
                 yield sampled.pop(number) if number in sampled else next(coming)
-            else:
+            elif self._writer is not None or (self._motion is not None and self._target.lacks_motion(number)):
                 yield self._read_back(number)
 
     def _take(self, frame: MatchedFrame) -> None:
@@ -224,6 +224,8 @@ class _Job:
             self._target.write(frame, records)
             self._matched += not frame.problem
             self._done += 1
+        elif self._motion is not None and seen is not None:
+            self._target.add([self._motion.record(frame.number, seen)])
         if self._writer is not None:
             if frame.left is None or self._target.colours is None:
                 self._writer.write_blank()

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from stereolag.reading.sources import Source
 from stereolag.sequences.matching import MatchedFrame
-from stereolag.sequences.records import FrameRecord
+from stereolag.sequences.records import MOTION, FrameRecord
 
 
 class SequenceTarget(Protocol):
@@ -23,8 +23,14 @@ class SequenceTarget(Protocol):
     def __contains__(self, number: int) -> bool:
         """Return whether a frame is finished."""
 
+    def lacks_motion(self, number: int) -> bool:
+        """Return whether there is no record of the motion in a frame."""
+
     def files(self, number: int) -> Mapping[str, Source]:
         """Return the maps of a finished frame, by method."""
+
+    def add(self, records: Iterable[FrameRecord]) -> None:
+        """Keep figures of a frame whose maps are kept, in place of those of the same method."""
 
     def write(self, frame: MatchedFrame, records: Iterable[FrameRecord]) -> None:
         """Keep a frame and its figures, one record a method; of a damaged frame there are records alone."""
@@ -60,13 +66,21 @@ class SequenceMemory:
         """Return whether a frame is finished."""
         return number in self._finished
 
+    def lacks_motion(self, number: int) -> bool:
+        """Return whether there is no record of the motion in a frame."""
+        return (number, MOTION) not in self.records
+
     def files(self, number: int) -> Mapping[str, Source]:
         """Return the bytes of the maps of a frame."""
         return {method: self.maps[number, method] for method in self._finished[number]}
 
+    def add(self, records: Iterable[FrameRecord]) -> None:
+        """Keep figures, those of motion added later after all others."""
+        self.records |= {(one.number, one.method): one for one in records}
+
     def write(self, frame: MatchedFrame, records: Iterable[FrameRecord]) -> None:
         """Keep a frame."""
-        self.records |= {(one.number, one.method): one for one in records}
+        self.add(records)
         if not frame.problem:
             self.maps |= {(frame.number, method): one.data for method, one in frame.maps.items()}
             self._finished[frame.number] = tuple(frame.maps)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from pathlib import Path
 
 import av
 import numpy as np
@@ -15,7 +16,7 @@ from stereolag.figures.outlines import Outline, outline_of, with_outlines
 from stereolag.figures.pictures import FRAME, NO_ANSWER
 from stereolag.sequences import SequenceMemory, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.motion import MotionWatch
-from stereolag.sequences.records import MOTION, header, lines
+from stereolag.sequences.records import MOTION, header, lines, read_records
 from stereolag.sequences.settings import SequenceMotion
 
 COUNT = 4
@@ -80,6 +81,25 @@ def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:
     again = io.BytesIO()
     run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, video=again, motion=watch)
     assert watch.largest == largest and again.getvalue() == film.getvalue()
+
+
+@pytest.mark.parametrize("kept_in", ["memory", "folder"])
+def test_motion_asked_for_later_is_told_of_finished_frames(
+    drive: StereoSequence, tmp_path: Path, kept_in: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = SequenceMemory() if kept_in == "memory" else tmp_path / "maps"
+    run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA)
+    watch = MotionWatch(drive, MATCHER, CAMERA)
+    later = run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, motion=watch)
+    assert later.matched == 0
+    records = [*kept.records.values()] if isinstance(kept, SequenceMemory) else read_records(kept / "frames.csv")
+    told = [one for one in records if one.method == MOTION]
+    assert [one.number for one in told] == [1, 2, 3] and len(records) == COUNT + 3
+    assert all(one.own_speed_kmh == pytest.approx(OWN_KMH, rel=0.04) for one in told)
+    seen: list[int] = []
+    monkeypatch.setattr(MotionWatch, "record", lambda _, number, motion: seen.append(number))
+    run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, motion=watch)
+    assert not seen, "told once"
 
 
 def test_arrows_stand_on_the_dimmed_picture(drive: StereoSequence) -> None:
