@@ -38,6 +38,9 @@ def confidence(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) 
     ValueError
         Images of another size than the map.
     """
+    shape = np.shape(left)[:2]
+    if shape != result.disparity.shape:
+        raise ValueError(f"left is {shape} and the map {result.disparity.shape}; they must be of one size.")
     measured = np.asarray(result.reason == Reason.MEASURED) & result.valid
     sure = result.score if has_scores(result) else _likeness(result, left, right)
     known = measured & np.isfinite(sure)
@@ -67,8 +70,6 @@ def measured_mask_png(result: DisparityMap) -> bytes:
 def _likeness(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) -> FloatMap:
     """Return (H, W) ZNCC of the patch around each pixel with that around its match; 0 where either is flat."""
     first, second = (as_grey(image).astype(np.float32) for image in as_stereo_pair(left, right))
-    if first.shape != result.disparity.shape:
-        raise ValueError(f"left is {first.shape} and the map {result.disparity.shape}; they must be of one size.")
     height, width = first.shape
     mean, variance = float(first.mean()), float(first.var())
     step, margin = max(1, _BAND_PIXELS // width), PATCH // 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,7 +83,8 @@ def exact_positions(
 
     The anchor is an opaque pixel of a colour that is rare in the image. Where the image holds its value, and
     the two end pixels of the anchor's opaque run along the row agree too, a small grid of positions is scored.
-    If none reaches `min_score`, the next rarest colour becomes the anchor.
+    If none reaches `min_score`, the next rarest colour becomes the anchor; if none ever does, the positions are
+    those of the anchor that came closest.
 
     Parameters
     ----------
@@ -99,7 +101,9 @@ def exact_positions(
     """
     image = np.ascontiguousarray(image)
     anchors = rare_pixels(image, pattern, seed)
-    candidates = 0
+    candidates, best = 0, -math.inf
+    nowhere = np.zeros(0, np.intp)
+    found = nowhere, nowhere, np.zeros(0)
     for attempt, (row, col) in enumerate(anchors):
         rows, cols = anchor_stages(image, pattern, row, col).scored
         candidates += len(rows)
@@ -109,11 +113,14 @@ def exact_positions(
             part = slice(start, start + batch)
             scores[part] = scores_at(image, pattern.deviations, pattern.opaque, rows[part], cols[part])
             progress((attempt + start / len(rows)) / len(anchors))
-        if (scores >= min_score).any():
+        highest = float(np.fmax.reduce(scores, initial=-1.0))
+        if highest > best:
+            best, found = highest, (rows, cols, scores)
+        if best >= min_score:
             break
         progress((attempt + 1) / len(anchors))
     progress(1.0)
-    return ExactPlacements(rows, cols, scores, candidates)
+    return ExactPlacements(*found, candidates)
 
 
 def rare_pixels(image: Image, pattern: Pattern, seed: int | None, most: int = ATTEMPTS) -> list[tuple[int, int]]:

@@ -62,8 +62,9 @@ def test_the_mask_is_of_what_was_measured_alone() -> None:
     np.testing.assert_array_equal(mask > 0, result.valid & ~result.filled)
 
 
-def test_a_pair_of_another_size_is_refused() -> None:
+@pytest.mark.parametrize("matcher", [sl.StereoBM(num_disparities=16, block_size=9), sl.preset("fast", 16)])
+def test_a_pair_of_another_size_is_refused(matcher: sl.StereoMatcher) -> None:
     left, right = shifted_pair(60, 90, 0, -5)
-    result = sl.StereoBM(num_disparities=16, block_size=9).compute(left, right)
+    result = matcher.compute(left, right)
     with pytest.raises(ValueError, match="must be of one size"):
         confidence(result, left[:50], right[:50])

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from stereolag.figures.funnel import MOST_ANCHORS, MOST_DOTS, Anchor, anchors
-from stereolag.templates import match_template
+from stereolag.templates import exact_pixels, match_template
 from stereolag.templates.exact_pixels import anchor_stages
 from stereolag.templates.patterns import alike, opaque_pixels, pattern_of
 
@@ -118,3 +118,20 @@ def test_the_stages_of_the_library_are_places_of_the_template() -> None:
     assert stages.run == (1, 15)
     for rows, cols in (stages.coloured, stages.agreeing, stages.scored):
         assert PLACE in set(zip(rows.tolist(), cols.tolist(), strict=True))
+
+
+def test_without_a_find_the_anchor_that_came_closest_tells_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    image, sprite = scene()
+    image[23:32, 41:58] = 77  # the upper part is covered
+    searched, colours = alike(image, sprite)
+    pattern = pattern_of(colours, opaque_pixels(sprite, None))
+    every = exact_pixels.rare_pixels(searched, pattern, 0)
+
+    def best_of(anchors: list[tuple[int, int]]) -> float:
+        monkeypatch.setattr(exact_pixels, "rare_pixels", lambda *_: anchors)
+        found = exact_pixels.exact_positions(searched, pattern, 1.0, 0, lambda _: None)
+        return float(np.fmax.reduce(found.scores, initial=-1.0))
+
+    alone = [best_of([anchor]) for anchor in every]
+    assert max(alone) < 1 and alone[-1] < max(alone)
+    assert best_of(every) == max(alone)

@@ -30,7 +30,10 @@ class LeftRightCheck(Settings):
 
 
 class AmbiguityTest(Settings):
-    """A match must clearly beat any other."""
+    """A match must clearly beat any other.
+
+    The scores of the plain correlation have no bounds: beside them any lead is small, and the test refuses little.
+    """
 
     lead: float = Field(
         default=0.015,

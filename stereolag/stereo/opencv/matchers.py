@@ -216,7 +216,7 @@ class StereoSGBM(BlockMatcher):
     p1: int = Field(
         default=200,
         title="Small-step penalty",
-        description="Cost of a step of 1 px between neighbours (OpenCV's P1).",
+        description="Cost of a step of 1 px between neighbours; 0 leaves it to OpenCV, which takes 2 (P1).",
         ge=0,
         le=10_000,
         json_schema_extra={"step": 10},
@@ -233,7 +233,8 @@ class StereoSGBM(BlockMatcher):
     pre_filter_cap: int = Field(
         default=0,
         title="Pre-filter cap",
-        description="Gradients are clipped here before they are compared; 0 leaves it to OpenCV (preFilterCap).",
+        description="Gradients are clipped here before they are compared; OpenCV takes 15 for anything less, 0 too "
+        "(preFilterCap).",
         ge=0,
         le=255,
     )
