@@ -20,8 +20,7 @@ def test_the_paths_follow_the_recurrence(rows: int, cols: int, lags: int, seed: 
     costs = rng.integers(0, 251, (rows, cols, lags), dtype=np.uint8)
     guide = rng.integers(0, 256, (rows, cols), dtype=np.uint8)
     large = np.sort(rng.integers(10, 3000, 256)).astype(np.uint16)[::-1].copy()
-    first, second = path_sums(costs, guide, 10, large)
-    np.testing.assert_array_equal(first.astype(int) + second, path_sums_reference(costs, guide, 10, large))
+    np.testing.assert_array_equal(path_sums(costs, guide, 10, large), path_sums_reference(costs, guide, 10, large))
 
 
 @settings(max_examples=40)
@@ -30,9 +29,9 @@ def test_the_cheapest_lags_are_those_of_the_formula(
     rows: int, cols: int, lags: int, seed: int, smallest: int, few: bool
 ) -> None:
     rng = np.random.default_rng(seed)
-    sums = [rng.integers(0, 3 if few else 26_000, (rows, cols, lags)).astype(np.uint16) for _ in range(2)]
-    found = cheapest_lags(sums[0], sums[1], smallest)
-    for ours, plain in zip(found, cheapest_lags_reference(sums[0], sums[1], smallest), strict=True):
+    sums = rng.integers(0, 3 if few else 52_000, (rows, cols, lags)).astype(np.uint16)
+    found = cheapest_lags(sums, smallest)
+    for ours, plain in zip(found, cheapest_lags_reference(sums, smallest), strict=True):
         np.testing.assert_array_equal(ours, plain)
 
 
@@ -43,17 +42,17 @@ def test_the_sums_do_not_depend_on_how_often_progress_is_told(monkeypatch: pytes
     monkeypatch.setattr("stereolag.stereo.semi_global.paths.CELLS_AT_ONCE", 3 * 9 * 5)
     told: list[float] = []
     np.testing.assert_array_equal(optimise(costs, guide, SemiGlobal(), told.append), whole)
-    assert told == [3 / 7, 6 / 7, 1.0]
+    assert told == [1 / 7, 3 / 7, 5 / 7, 1.0]
 
 
 def test_the_highest_costs_and_penalties_fit_sixteen_bits() -> None:
     costs = np.full((4, 5, 3), 250, np.uint8)
     costs[::2, ::2, 1] = 0
-    first, second = optimise(
+    sums = optimise(
         costs, np.zeros((4, 5), np.uint8), SemiGlobal(penalty_small=250, penalty_large=3000, penalty_at_edges=3000)
     )
     plain = path_sums_reference(costs, np.zeros((4, 5), np.uint8), 250, np.full(256, 3000, np.uint16))
-    np.testing.assert_array_equal(first.astype(int) + second, plain)
+    np.testing.assert_array_equal(sums, plain)
 
 
 def test_a_smooth_surface_wins_over_a_lone_cheaper_pixel() -> None:
@@ -62,7 +61,7 @@ def test_a_smooth_surface_wins_over_a_lone_cheaper_pixel() -> None:
     costs[7, 7] = 100
     costs[7, 7, 6] = 10
     sums = optimise(costs, np.zeros((15, 15), np.uint8), SemiGlobal())
-    assert (cheapest_lags(*sums, 0).lag == 3).all()
+    assert (cheapest_lags(sums, 0).lag == 3).all()
 
 
 def test_a_jump_falls_on_the_edge_of_the_picture() -> None:
@@ -72,7 +71,7 @@ def test_a_jump_falls_on_the_edge_of_the_picture() -> None:
     costs = rng.integers(80, 120, (30, 40, 16), dtype=np.uint8)
     costs[:, :16, 3] -= 60
     costs[:, 24:, 11] -= 60
-    lag = cheapest_lags(*optimise(costs, guide, SemiGlobal()), 0).lag
+    lag = cheapest_lags(optimise(costs, guide, SemiGlobal()), 0).lag
     assert (np.abs(lag[:, :20] - 3) <= 2).mean() > 0.98
     assert (np.abs(lag[:, 20:] - 11) <= 2).mean() > 0.98
 

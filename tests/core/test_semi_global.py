@@ -101,8 +101,8 @@ def test_strips_give_nearly_what_the_whole_gives(monkeypatch: pytest.MonkeyPatch
     image = texture(120, 100)
     left, right = moved(image, 0), moved(image, 5.3)
     whole = matched(left, right)
-    monkeypatch.setattr(semi_global, "MOST_BYTES", 100 * 16 * 5 * 80)
-    assert len(list(strips(120, 100 * 16 * 5))) > 2
+    monkeypatch.setattr(semi_global, "MOST_BYTES", 100 * 16 * 3 * 80)
+    assert len(list(strips(120, 100 * 16 * 3))) > 2
     parts = matched(left, right)
     assert (parts.whole == whole.whole).mean() > 0.99
     assert np.abs(parts.disparity - whole.disparity)[parts.whole == whole.whole].mean() < 0.01

@@ -16,10 +16,10 @@ from stereolag.stereo.semi_global.costs import MatchingCost
 from stereolag.stereo.semi_global.paths import SemiGlobal, optimise
 from stereolag.stereo.semi_global.selection import cheapest_lags, valley_offset
 
-BYTES_OF_A_CELL = 5
-"""One of cost and twice two of path costs, for every pixel and lag."""
+BYTES_OF_A_CELL = 3
+"""One of cost and two of path costs, for every pixel and lag."""
 
-MOST_BYTES = 768 * 2**20
+MOST_BYTES = 460 * 2**20
 """A larger volume is worked on in strips of rows."""
 
 COST_SHARE, PATHS_SHARE = 0.3, 0.5
@@ -86,7 +86,7 @@ class Strip(NamedTuple):
 def match_semi_global(query: VolumeQuery, progress: Progress) -> VolumeMatches:
     """Match every pixel of the left image.
 
-    The volumes take 5 bytes per pixel and lag, of at most 768 MB: larger images are matched in overlapping strips.
+    The volumes take 3 bytes per pixel and lag, of at most 460 MB: larger images are matched in overlapping strips.
     """
     height, width = query.left.shape
     parts: list[VolumeMatches] = []
@@ -123,6 +123,6 @@ def _match_strip(query: VolumeQuery, rows: slice, progress: Progress) -> VolumeM
     )
     progress(COST_SHARE)
     sums = optimise(costs, left, query.optimisation, lambda done: progress(COST_SHARE + PATHS_SHARE * done))
-    found = cheapest_lags(*sums, query.min_disparity)
+    found = cheapest_lags(sums, query.min_disparity)
     progress(1.0)
     return VolumeMatches(found.lag, valley_offset(*found.around), found.around[1], found.runner_up, found.right_lag)

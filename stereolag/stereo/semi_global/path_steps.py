@@ -50,6 +50,7 @@ def advance(
     paths: Array,
     costs: Array,
     sums: Array,
+    adds: bool,
     place: np.uint64,
     lags: np.uint64,
     small: np.uint16,
@@ -58,9 +59,9 @@ def advance(
     second: PathStep,
     third: PathStep,
 ) -> tuple[np.uint16, np.uint16, np.uint16, np.uint16]:
-    """Carry four paths to the lags at `place` of the volume, whose sums it sets; return the least of each path.
+    """Carry four paths to the lags at `place` of the volume, and return the least of each path.
 
-    All four at once, so that a cost is read and a sum written once.
+    All four at once, so that a cost is read and a sum written once. The sums are set, or `adds` to the present ones.
     """
     strip = np.uint64(LANES)
     full = lags - lags % strip
@@ -74,7 +75,8 @@ def advance(
         cost_3 = _carry(paths, third, lag, cost, small_lanes)
         least_0, least_1 = smaller(least_0, cost_0), smaller(least_1, cost_1)
         least_2, least_3 = smaller(least_2, cost_2), smaller(least_3, cost_3)
-        store(sums, place + lag, (cost_0 + cost_1) + (cost_2 + cost_3))
+        four = (cost_0 + cost_1) + (cost_2 + cost_3)
+        store(sums, place + lag, four + load(sums, place + lag) if adds else four)
     low_0, low_1, low_2, low_3 = smallest(least_0), smallest(least_1), smallest(least_2), smallest(least_3)
     for lag in range(full, lags):
         one_cost = np.uint16(costs[place + lag])
@@ -83,5 +85,6 @@ def advance(
         one_2 = _carry_one(paths, second, lag, one_cost, small)
         one_3 = _carry_one(paths, third, lag, one_cost, small)
         low_0, low_1, low_2, low_3 = min(low_0, one_0), min(low_1, one_1), min(low_2, one_2), min(low_3, one_3)
-        sums[place + lag] = np.uint16(np.uint16(one_0 + one_1) + np.uint16(one_2 + one_3))
+        one_four = np.uint16(np.uint16(one_0 + one_1) + np.uint16(one_2 + one_3))
+        sums[place + lag] = np.uint16(one_four + sums[place + lag]) if adds else one_four
     return low_0, low_1, low_2, low_3

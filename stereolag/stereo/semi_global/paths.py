@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from stereolag.stereo.semi_global.path_steps import PathStep, advance
 Costs = npt.NDArray[np.uint8]
 Sums = npt.NDArray[np.uint16]
 Pixels = npt.NDArray[np.uint8]
+Span = tuple[int, int]
 
 PATHS = 8
 """How many paths reach a pixel."""
@@ -29,11 +31,14 @@ CELLS_AT_ONCE = 40_000_000
 """Pixels times lags between two calls of progress: some hundredths of a second."""
 
 
-def path_sums(costs: Costs, guide: Pixels, small: int, large: Array, progress: Progress = silent) -> tuple[Sums, Sums]:
-    """Return the path costs summed over the four paths from above and left, and over the four from below and right.
+def path_sums(costs: Costs, guide: Pixels, small: int, large: Array, progress: Progress = silent) -> Sums:
+    """Return the path costs summed over the eight paths that reach a pixel.
 
     Along a path with direction r the cost of pixel p at lag d is
     ``L(p, d) = C(p, d) + min(L(q, d), L(q, d ± 1) + small, min L(q) + large) - min L(q)``, where q = p - r.
+
+    Two sweeps carry four paths each, one downwards and one upwards, at the same time. Until they meet in the middle,
+    each sets the sums of its rows; from there on, each adds to those of the other, so that one volume is enough.
 
     Parameters
     ----------
@@ -51,24 +56,43 @@ def path_sums(costs: Costs, guide: Pixels, small: int, large: Array, progress: P
 
     Returns
     -------
-    tuple of ndarray
-        (H, W, D) uint16 each; their sum is what semi-global matching minimises.
+    ndarray
+        (H, W, D) uint16; semi-global matching minimises it.
     """
     height, width, lags = costs.shape
-    sums = np.empty(costs.shape, np.uint16), np.empty(costs.shape, np.uint16)
+    sums = np.empty(costs.shape, np.uint16)
     guide = np.ascontiguousarray(guide)
     fronts = _Front.before(width, lags), _Front.before(width, lags)
-    rows = max(1, CELLS_AT_ONCE // (width * lags))
-    for first in range(0, height, rows):
-        end = min(height, first + rows)
+    for spans, adds in _spans(height, max(1, CELLS_AT_ONCE // (width * lags))):
 
-        def directions(one: int, last: int, first: int = first, end: int = end) -> None:
+        def directions(one: int, last: int, spans: tuple[Span, Span] = spans, adds: bool = adds) -> None:
             for direction in range(one, last):
-                _sweep(costs, guide, small, large, direction == 1, first, end, fronts[direction], sums[direction])
+                _sweep(costs, guide, small, large, direction == 1, adds, *spans[direction], fronts[direction], sums)
 
         over_bands(directions, 2)
-        progress(end / height)
+        progress(spans[0][1] / height)
     return sums
+
+
+def _spans(height: int, rows: int) -> Iterator[tuple[tuple[Span, Span], bool]]:
+    """Give the rows that the two sweeps pass at the same time, at most `rows`, and whether they add to the sums.
+
+    Each sweep counts the rows from where it begins.
+    """
+    middle = height // 2
+    for down, up, adds in (
+        ((0, middle), (0, height - middle), False),
+        ((middle, height), (height - middle, height), True),
+    ):
+        steps = -(-max(down[1] - down[0], up[1] - up[0]) // rows)
+        for step in range(steps):
+            yield (_share(down, step, steps), _share(up, step, steps)), adds
+
+
+def _share(span: Span, step: int, steps: int) -> Span:
+    """Return one of `steps` nearly equal parts of a span."""
+    rows = span[1] - span[0]
+    return span[0] + rows * step // steps, span[0] + rows * (step + 1) // steps
 
 
 class _Front(NamedTuple):
@@ -101,6 +125,7 @@ def _sweep(
     small_penalty: int,
     large: Array,
     backwards: bool,
+    adds: bool,
     first: int,
     end: int,
     front: _Front,
@@ -108,7 +133,8 @@ def _sweep(
 ) -> None:
     """Sum the four paths that reach a pixel in reading order, or in its reverse, for the rows `first` to `end`.
 
-    One array holds the costs of all paths, in the row before and in this one.
+    The sums are set, or `adds` to those that are there. One array holds the costs of all paths, in the row before and
+    in this one.
     """
     costs, guide, sums = costs3.reshape(-1), guide2.reshape(-1), sums3.reshape(-1)
     paths, least = front.paths, front.least
@@ -156,7 +182,7 @@ def _sweep(
                 np.uint16(start + large[_step(guide, pixel, upper + ahead)]),
             )
             least_along, low_first, low_second, low_third = advance(
-                paths, costs, sums, place, lags, small, level, first_step, second_step, third_step
+                paths, costs, sums, adds, place, lags, small, level, first_step, second_step, third_step
             )
             least[low_next] = low_first
             least[low_next + row_least] = low_second
@@ -165,7 +191,7 @@ def _sweep(
 
 
 def path_sums_reference(costs: Costs, guide: Pixels, small: int, large: Array) -> npt.NDArray[np.int64]:
-    """Return the sum of both volumes of :func:`path_sums`, by the formula, pixel by pixel."""
+    """Return what :func:`path_sums` must equal, by the formula, pixel by pixel."""
     height, width, lags = costs.shape
     total = np.zeros(costs.shape, np.int64)
     for dy, dx in ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)):
@@ -228,10 +254,8 @@ class SemiGlobal(Settings):
         return self
 
 
-def optimise(
-    costs: Costs, guide: npt.NDArray[np.uint8], settings: SemiGlobal, progress: Progress = silent
-) -> tuple[Sums, Sums]:
-    """Return the costs of the best paths from eight sides, summed over four and four of them.
+def optimise(costs: Costs, guide: npt.NDArray[np.uint8], settings: SemiGlobal, progress: Progress = silent) -> Sums:
+    """Return the costs of the best paths from eight sides, summed.
 
     H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008. The penalty of a jump
     falls in a straight line with the step of grey level that the path crosses.
@@ -249,8 +273,8 @@ def optimise(
 
     Returns
     -------
-    tuple of ndarray
-        Two (H, W, D) uint16 volumes; the disparity of a pixel is where their sum is least.
+    ndarray
+        (H, W, D) uint16; the disparity of a pixel is where it is least.
     """
     fall = np.linspace(settings.penalty_large, settings.penalty_at_edges, settings.edge_contrast + 1)
     large = np.full(256, settings.penalty_at_edges, np.uint16)

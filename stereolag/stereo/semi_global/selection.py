@@ -30,41 +30,36 @@ class CheapestLags(NamedTuple):
     """(H, W) index of the cheapest lag of the right image's pixel; NO_RIGHT_MATCH where it has none."""
 
 
-def cheapest_lags(first_sums: Sums, second_sums: Sums, smallest: int) -> CheapestLags:
-    """Return the cheapest lags of the volume ``first_sums + second_sums``.
+def cheapest_lags(sums: Sums, smallest: int) -> CheapestLags:
+    """Return the cheapest lags of a volume.
 
     Parameters
     ----------
-    first_sums, second_sums
-        (H, W, D) uint16; their sum stays below 65536.
+    sums
+        (H, W, D) uint16 summed path costs.
     smallest
         Disparity of the first lag, px: lag k joins column x on the left and ``x - smallest - k`` on the right.
     """
-    height, width = first_sums.shape[:2]
+    height, width = sums.shape[:2]
     found = CheapestLags(
         lag=np.empty((height, width), np.int16),
         around=np.empty((3, height, width), np.int32),
         runner_up=np.empty((height, width), np.int32),
         right_lag=np.empty((height, width), np.int16),
     )
-    over_bands(
-        lambda first, end: _cheapest_rows(first_sums, second_sums, smallest, first, end, found),
-        height,
-    )
+    over_bands(lambda first, end: _cheapest_rows(sums, smallest, first, end, found), height)
     return found
 
 
 @compiled
-def _cheapest_rows(
-    first_sums: Sums, second_sums: Sums, smallest: int, first: int, end: int, found: CheapestLags
-) -> None:
+def _cheapest_rows(sums3: Sums, smallest: int, first: int, end: int, found: CheapestLags) -> None:
     """Find the cheapest lags of rows `first` to `end`.
 
     A key is the cost with the lag in its low bits: its minimum settles cost and tie in one comparison.
     """
-    width, count = first_sums.shape[1], first_sums.shape[2]
+    width, count = sums3.shape[1], sums3.shape[2]
     lags = np.uint64(count)
-    a, b = first_sums.reshape(-1), second_sums.reshape(-1)
+    sums = sums3.reshape(-1)
     keys = np.zeros(lags, np.uint32)
     # Right columns run backwards, so that larger lags lie at larger addresses, with room beyond the frame.
     before = max(0, -smallest)
@@ -75,7 +70,7 @@ def _cheapest_rows(
             place = (np.uint64(y) * np.uint64(width) + np.uint64(x)) * lags
             target = np.uint64(before + width - 1 - x + smallest)
             least = np.uint32(0xFFFFFFFF)
-            least = _keys(a, b, place, lags, keys)
+            least = _keys(sums, place, lags, keys)
             _see_from_right(keys, right, target, lags)
             best = int(least & np.uint32(4095))
             found.lag[y, x] = best
@@ -93,12 +88,11 @@ def _cheapest_rows(
 
 
 @compiled
-def _keys(first_sums: Array, second_sums: Array, place: Any, lags: Any, keys: Array) -> Any:
+def _keys(sums: Array, place: Any, lags: Any, keys: Array) -> Any:
     """Set the keys of one pixel and return the least."""
     least = np.uint32(0xFFFFFFFF)
     for lag in range(lags):
-        cost = np.uint32(np.uint32(first_sums[place + lag]) + np.uint32(second_sums[place + lag]))
-        key = np.uint32(np.uint32(cost << np.uint32(12)) | np.uint32(lag))
+        key = np.uint32(np.uint32(np.uint32(sums[place + lag]) << np.uint32(12)) | np.uint32(lag))
         keys[lag] = key
         least = min(least, key)
     return least
@@ -120,9 +114,9 @@ def _least(keys: Array, first: Any, end: Any) -> Any:
     return least
 
 
-def cheapest_lags_reference(first_sums: Sums, second_sums: Sums, smallest: int) -> CheapestLags:
+def cheapest_lags_reference(sums: Sums, smallest: int) -> CheapestLags:
     """Return what :func:`cheapest_lags` must equal, by plain NumPy."""
-    volume = first_sums.astype(np.int32) + second_sums
+    volume = sums.astype(np.int32)
     width, count = volume.shape[1:]
     lag = volume.argmin(axis=2)
     framed = np.pad(volume, ((0, 0), (0, 0), (1, 1)), constant_values=-1)
