@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pairs import shifted_pair
 
-from stereolag.arrays import Mask
 from stereolag.inputs import flat_energy, local_deviation
 from stereolag.stereo.finishing.checks import (
     TextureTest,
@@ -20,19 +19,12 @@ from stereolag.stereo.finishing.checks import (
 )
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.matches import LagMap
 from stereolag.stereo.windows.search import SearchArea
-
-
-def disagree_by_displacement(left: LagMap, right: LagMap, tolerance: int) -> Mask:
-    """Return where the displacements of both views, right minus left, disagree."""
-    col = np.arange(left.shape[1], dtype=np.int32)
-    return left_right_disagree(col + left, col - right.astype(np.int32), tolerance)
 
 
 def test_agreeing_displacements_pass_and_what_leaves_the_frame_does_not() -> None:
     dx = np.full((3, 10), -4, np.int16)
-    disagree = disagree_by_displacement(dx, dx, 0)
+    disagree = left_right_disagree(dx, dx, 0)
     assert disagree[:, :4].all()
     assert not disagree[:, 4:].any()
 
@@ -43,17 +35,15 @@ def test_a_right_pixel_without_a_match_disagrees() -> None:
     right[0, 2] = -32768
     expected = np.zeros((2, 5), bool)
     expected[0, 2] = True
-    np.testing.assert_array_equal(disagree_by_displacement(dx, right, 16), expected)
+    np.testing.assert_array_equal(left_right_disagree(dx, right, 16), expected)
 
 
 @given(st.integers(0, 99), st.integers(0, 3))
 def test_the_check_is_that_of_the_definition(seed: int, tolerance: int) -> None:
     rng = np.random.default_rng(seed)
     dx, right = rng.integers(-5, 6, (2, 4, 9)).astype(np.int16)
-    found = disagree_by_displacement(dx, right, tolerance)
-    col = np.arange(9, dtype=np.int32)
-    plain = left_right_disagree_reference(col + dx, col - right.astype(np.int32), tolerance)
-    np.testing.assert_array_equal(found, plain)
+    found = left_right_disagree(dx, right, tolerance)
+    np.testing.assert_array_equal(found, left_right_disagree_reference(dx, right, tolerance))
     for y in range(4):
         for x in range(9):
             there = x + int(dx[y, x])
@@ -66,7 +56,7 @@ def test_a_hidden_strip_fails_the_check() -> None:
     left[:, 10:15] = -4  # a near object of 5 px; the 4 px left of it are hidden from the right camera
     right = np.zeros((1, 20), np.int16)
     right[:, 6:11] = -4
-    np.testing.assert_array_equal(np.flatnonzero(disagree_by_displacement(left, right, 1)), [6, 7, 8, 9])
+    np.testing.assert_array_equal(np.flatnonzero(left_right_disagree(left, right, 1)), [6, 7, 8, 9])
 
 
 def test_the_margin_is_what_the_next_best_must_cost_more() -> None:
@@ -133,3 +123,15 @@ def test_no_window_of_whole_numbers_that_varies_is_flat(side: int, level: int) -
     assert window.var() * window.size <= flat_energy(window.size, 255, exact=True)
     window[0, 0] += 1 if level < 255 else -1
     assert window.var() * window.size > flat_energy(window.size, 255, exact=True)
+
+
+@given(st.integers(0, 99))
+def test_only_measured_pixels_are_rejected(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    disparity = rng.normal(size=(5, 7)).astype(np.float32)
+    reason = rng.integers(0, 3, (5, 7)).astype(np.uint8)
+    where = rng.random((5, 7)) < 0.5
+    lost = where & (reason == Reason.MEASURED)
+    kept, why = rejected(disparity, reason, where, Reason.SPECKLE)
+    np.testing.assert_array_equal(kept, np.where(lost, np.nan, disparity))
+    np.testing.assert_array_equal(why, np.where(lost, Reason.SPECKLE, reason))

@@ -15,6 +15,8 @@ from stereolag.loops.compilation import compiled
 from stereolag.settings import Settings
 from stereolag.stereo.reasons import Reason
 
+MEASURED = np.uint8(Reason.MEASURED)
+
 
 class LeftRightCheck(Settings):
     """A match must be the same, seen from the right image."""
@@ -77,20 +79,42 @@ def rejected(disparity: FloatMap, reason: ReasonMap, where: Mask, why: Reason) -
     why
         Their new reason.
     """
-    lost = where & (reason == Reason.MEASURED)
-    return np.where(lost, np.float32(np.nan), disparity), np.where(lost, np.uint8(why), reason)
+    kept, reasons = np.empty_like(disparity), np.empty_like(reason)
+    over_bands(
+        lambda first, end: _reject_rows(disparity, reason, where, np.uint8(why), first, end, kept, reasons), len(kept)
+    )
+    return kept, reasons
 
 
-def left_right_disagree(match: npt.NDArray[Any], back: npt.NDArray[Any], tolerance: int) -> Mask:
+@compiled
+def _reject_rows(
+    disparity: FloatMap,
+    reason: ReasonMap,
+    where: Mask,
+    why: np.uint8,
+    first: int,
+    end: int,
+    kept: FloatMap,
+    reasons: ReasonMap,
+) -> None:
+    """Do rows `first` to `end` of :func:`rejected`."""
+    for y in range(first, end):
+        for x in range(disparity.shape[1]):
+            lost = where[y, x] & (reason[y, x] == MEASURED)
+            kept[y, x] = np.float32(np.nan) if lost else disparity[y, x]
+            reasons[y, x] = why if lost else reason[y, x]
+
+
+def left_right_disagree(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int) -> Mask:
     """Return where the match of the left pixel, followed to the right image, does not lead back.
 
     Parameters
     ----------
-    match
-        (H, W) integer column of the right image to which each pixel of the left one is matched.
-    back
-        (H, W) integer column of the left image to which each pixel of the right one is matched; any number far out of
-        the frame says that there is none.
+    dx
+        (H, W) integer displacement of the match of each left pixel, right minus left, px.
+    right_dx
+        (H, W) integer displacement, of the same sign, at which each right pixel was matched; any number that leads far
+        out of the frame says that there is none.
     tolerance
         Largest difference that still agrees, px.
 
@@ -99,31 +123,33 @@ def left_right_disagree(match: npt.NDArray[Any], back: npt.NDArray[Any], toleran
     ndarray
         (H, W) bool; true as well where the match lies out of the frame.
     """
-    disagree = np.empty(match.shape, np.bool_)
-    over_bands(lambda first, end: _disagreeing_rows(match, back, tolerance, first, end, disagree), match.shape[0])
+    disagree = np.empty(dx.shape, np.bool_)
+    over_bands(lambda first, end: _disagreeing_rows(dx, right_dx, tolerance, first, end, disagree), dx.shape[0])
     return disagree
 
 
 @compiled
 def _disagreeing_rows(
-    match: npt.NDArray[Any], back: npt.NDArray[Any], tolerance: int, first: int, end: int, disagree: Mask
+    dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int, first: int, end: int, disagree: Mask
 ) -> None:
     """Do rows `first` to `end` of :func:`left_right_disagree`."""
-    width = np.int64(match.shape[1])
+    width = np.int64(dx.shape[1])
     for y in range(first, end):
         for x in range(width):
-            place = np.int64(match[y, x])
+            moved = np.int64(dx[y, x])
+            place = x + moved
             inside = (place >= 0) & (place < width)
-            apart = np.int64(back[y, place if inside else 0]) - x
+            apart = moved - np.int64(right_dx[y, place if inside else 0])
             disagree[y, x] = (not inside) | (abs(apart) > tolerance)
 
 
-def left_right_disagree_reference(match: npt.NDArray[Any], back: npt.NDArray[Any], tolerance: int) -> Mask:
+def left_right_disagree_reference(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int) -> Mask:
     """Return what :func:`left_right_disagree` must equal, by plain NumPy."""
-    width = match.shape[1]
-    inside = (match >= 0) & (match < width)
-    returned = np.take_along_axis(back, np.where(inside, match, 0).astype(np.intp), axis=1)
-    return np.asarray(~inside | (np.abs(returned.astype(np.int64) - np.arange(width)) > tolerance))
+    width = dx.shape[1]
+    place = np.arange(width) + dx
+    inside = (place >= 0) & (place < width)
+    returned = np.take_along_axis(right_dx, np.where(inside, place, 0), axis=1)
+    return np.asarray(~inside | (np.abs(returned.astype(np.int64) - dx) > tolerance))
 
 
 def ambiguous(lowest: npt.NDArray[Any], runner_up: npt.NDArray[Any], margin: int) -> Mask:

@@ -116,9 +116,11 @@ def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap
     known = np.flatnonzero(np.isfinite(filled[:, 0]))
     if known.size == 0:
         return disparity, reason
-    rows = np.arange(len(filled))
-    after = np.searchsorted(known, rows).clip(max=known.size - 1)
-    before = (after - 1).clip(min=0)
-    nearest = np.where(rows - known[before] <= np.abs(known[after] - rows), known[before], known[after])
-    nearest[known] = known
-    return filled[nearest], np.where(np.isnan(disparity), np.uint8(Reason.FILLED), reason)
+    if known.size < len(filled):
+        rows = np.arange(len(filled))
+        after = np.searchsorted(known, rows).clip(max=known.size - 1)
+        before = (after - 1).clip(min=0)
+        nearest = np.where(rows - known[before] <= np.abs(known[after] - rows), known[before], known[after])
+        nearest[known] = known
+        filled = filled[nearest]
+    return filled, np.where(np.isnan(disparity), np.uint8(Reason.FILLED), reason)

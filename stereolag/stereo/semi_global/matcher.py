@@ -134,15 +134,15 @@ class SemiGlobalMatcher(StereoMatcher):
         """Return which matches are believed, and why the others are not."""
         first, lag = self.min_disparity, matches.lag
         reason = np.full(lag.shape, Reason.MEASURED, dtype=np.uint8)
-        col = np.arange(lag.shape[1], dtype=np.int32) - first
-        match = col - lag
+        dx = np.int32(-first) - lag
         if self.left_right is not None:
-            back = col + 2 * first + matches.right_lag
-            reason[left_right_disagree(match, back, self.left_right.tolerance)] = Reason.LEFT_RIGHT
+            right_dx = np.int32(-first) - matches.right_lag
+            reason[left_right_disagree(dx, right_dx, self.left_right.tolerance)] = Reason.LEFT_RIGHT
         if self.ambiguity is not None:
             lead = round(self.ambiguity.lead * highest)
             reason[ambiguous(matches.lowest, matches.runner_up, lead)] = Reason.AMBIGUOUS
         # Disparity 0 is infinity: an end of the world and not of the search.
         reason[(lag == self.num_disparities - 1) | ((lag == 0) & (first != 0))] = Reason.AT_SEARCH_EDGE
+        match = np.arange(lag.shape[1], dtype=np.int32) + dx
         reason[(match < 0) | (match >= lag.shape[1])] = Reason.OUT_OF_FRAME
         return reason

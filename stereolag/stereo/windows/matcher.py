@@ -247,8 +247,7 @@ class CorrelationMatcher(StereoMatcher):
         measured = np.full(matches.score.shape, Reason.MEASURED, dtype=np.uint8)
         # np.where runs through noise at the speed of memory; an assignment under a mask guesses every pixel's branch.
         if self.left_right is not None and matches.right_dx is not None:
-            col = np.arange(matches.dx.shape[1], dtype=np.int32)
-            disagree = left_right_disagree(col + matches.dx, col - matches.right_dx, self.left_right.tolerance)
+            disagree = left_right_disagree(matches.dx, matches.right_dx, self.left_right.tolerance)
             reason = np.where(disagree, np.uint8(Reason.LEFT_RIGHT), measured)
         if self.ambiguity is not None and matches.runner_up is not None:
             level = matches.score - matches.runner_up < self.ambiguity.lead
