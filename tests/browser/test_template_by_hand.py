@@ -178,6 +178,7 @@ def test_he_is_found_by_hand_with_the_mouse_and_the_keys(search: Parts) -> None:
     screenshot(page, "rocketman-by-hand")
     page.locator(".by-hand .clear").click()
     expect(leaders).to_have_count(0)
+    expect(page.locator(".by-hand .said")).to_be_empty()  # in the frame that draws the score map
     assert painted(page) < 0.001
 
     score_map = page.locator(".by-hand .map")

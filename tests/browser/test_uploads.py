@@ -46,8 +46,8 @@ def test_a_refused_file_leaves_no_answer_of_an_example(own_page: Page) -> None:
     page = own_page
     give(page, 0, BROKEN)
     expect_visible(page.get_by_text(REFUSAL))
-    assert EXAMPLE not in page.inner_text("body").split("The source report")[0]
     expect(page.locator("[data-testid=stMetric]")).to_have_count(0)
+    assert EXAMPLE not in page.inner_text("body").split("The source report")[0]
 
 
 def test_a_broken_file_dropped_over_a_good_one_changes_nothing(own_page: Page) -> None:
