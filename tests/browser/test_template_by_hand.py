@@ -219,7 +219,7 @@ def test_the_score_map_is_read_under_the_pointer_and_compared_on_a_click(search:
 def test_it_can_be_done_in_dark_and_on_a_phone_by_touch(search: Parts) -> None:
     page = search.page
     turned_dark(page, width=420)
-    with redrawn(page.locator(".score-map canvas")), redrawn(page.locator(".by-hand .picture")):
+    with redrawn(page.locator(".score-map canvas")), redrawn(page.locator(".by-hand .window canvas")):
         search.hand_over(searched("maze_dulled"))
     page.locator(".by-hand .stage").scroll_into_view_if_needed()
     touch_to(page, 1048, 1707)
