@@ -129,15 +129,22 @@ class BrushPanel {
     this.count();
   }
 
-  // From a place to where the brush is now.
+  // From a place to where the brush is now. A line of no length has no caps, by the standard: a dot is a disc.
   stroke([row, col]) {
     const { context } = this;
+    const [toRow, toCol] = this.at;
+    const width = Number(this.size.value);
     context.globalCompositeOperation = this.mode === "erase" ? "destination-out" : "source-over";
-    Object.assign(context, { strokeStyle: `rgb(${INK})`, lineWidth: Number(this.size.value), lineCap: "round" });
+    Object.assign(context, { strokeStyle: `rgb(${INK})`, fillStyle: `rgb(${INK})`, lineWidth: width, lineCap: "round" });
     context.beginPath();
-    context.moveTo(col, row);
-    context.lineTo(this.at[1], this.at[0]);
-    context.stroke();
+    if (row === toRow && col === toCol) {
+      context.arc(col, row, width / 2, 0, 2 * Math.PI);
+      context.fill();
+    } else {
+      context.moveTo(col, row);
+      context.lineTo(toCol, toRow);
+      context.stroke();
+    }
     context.globalCompositeOperation = "source-over";
   }
 
