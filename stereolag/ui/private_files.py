@@ -9,15 +9,20 @@ from __future__ import annotations
 
 import hashlib
 import secrets
+import threading
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 import streamlit as st
+from streamlit import runtime
 
 from stereolag.export import wav
 
 SECRET_KEY = "private_files.secret"
+
+KEPT_S = 60
+"""How long a file that was made on demand can be fetched."""
 
 
 def show_player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> None:
@@ -39,11 +44,12 @@ def download_button(
     disabled: bool = False,
 ) -> None:
     """Offer a file; where `content` is a function, it is made when the visitor asks for it."""
+    private_type = _private_type(media_type, content)
     st.download_button(
         label,
-        content,
+        _kept_meanwhile(content, file_name, private_type) if callable(content) else content,
         file_name,
-        _private_type(media_type, content),
+        private_type,
         key=key,
         help=meaning,
         icon=icon,
@@ -51,6 +57,54 @@ def download_button(
         on_click="ignore",
         disabled=disabled,
     )
+
+
+class _RecentFiles:
+    """Files made on demand, each at coordinates of its own in Streamlit's store, which keeps what stands at some."""
+
+    def __init__(self) -> None:
+        self._free: list[str] = []
+        self._taken = 0
+        self._lock = threading.Lock()
+
+    def keep(self, content: bytes, file_name: str, media_type: str) -> None:
+        """Keep a file for `KEPT_S` seconds."""
+        with self._lock:
+            if not self._free:
+                self._taken += 1
+                self._free.append(f"private_files.{self._taken}")
+            coordinates = self._free.pop()
+        files = runtime.get_instance().media_file_mgr
+        files.add(content, media_type, coordinates, file_name, is_for_static_download=True)
+        timer = threading.Timer(KEPT_S, self._release, [coordinates])
+        timer.daemon = True
+        timer.start()
+
+    def _release(self, coordinates: str) -> None:
+        if runtime.exists():
+            # Another file at its coordinates is how the store is told that one is not needed any more.
+            runtime.get_instance().media_file_mgr.add(b"", "text/plain", coordinates, is_for_static_download=True)
+        with self._lock:
+            self._free.append(coordinates)
+
+
+_recent_files = _RecentFiles()
+
+
+def _kept_meanwhile(content: Callable[[], bytes | str], file_name: str, media_type: str) -> Callable[[], bytes]:
+    """Return a function that makes the same file and keeps it for `KEPT_S` seconds.
+
+    Streamlit takes a file made on demand for nobody's and deletes it when the second script run from then ends, of any
+    visitor: where others compute, before the browser has fetched it.
+    """
+
+    def made() -> bytes:
+        told = content()
+        data = told.encode() if isinstance(told, str) else told
+        _recent_files.keep(data, file_name, media_type)
+        return data
+
+    return made
 
 
 def _private_type(media_type: str, content: bytes | str | Callable[[], bytes | str]) -> str:

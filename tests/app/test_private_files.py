@@ -1,0 +1,94 @@
+"""Files that a button makes when it is pressed, until the browser has fetched them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+from unittest.mock import MagicMock
+
+import pytest
+from streamlit.runtime import Runtime
+from streamlit.runtime.media_file_manager import MediaFileManager
+from streamlit.runtime.memory_media_file_storage import MemoryMediaFileStorage
+
+from stereolag.ui import private_files, visits
+
+
+class Clock:
+    """Stands for the timers of `private_files`: what they wait for happens when it is told that the time has come."""
+
+    def __init__(self) -> None:
+        self.waiting: list[Callable[[], None]] = []
+
+    def timer(self, seconds: float, call: Callable[..., None], given: list[Any]) -> MagicMock:
+        assert seconds == private_files.KEPT_S
+        return MagicMock(start=lambda: self.waiting.append(lambda: call(*given)))
+
+    def pass_by(self) -> None:
+        for ended in self.waiting:
+            ended()
+        self.waiting.clear()
+
+
+@pytest.fixture
+def files(monkeypatch: pytest.MonkeyPatch) -> MediaFileManager:
+    """Return the store of files that a server has, with no server."""
+    store = MediaFileManager(MemoryMediaFileStorage("/media"))
+    monkeypatch.setattr(Runtime, "_instance", MagicMock(spec=Runtime, media_file_mgr=store))
+    return store
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr("threading.Timer", clock.timer)
+    return clock
+
+
+def made_file(files: MediaFileManager, text: str) -> str:
+    """Draw a button for a file of that text, press it, and return the name that the browser is told to fetch."""
+    before = set(files._deferred_callables)
+    private_files.download_button("Curve CSV", lambda: text, "curve.csv", "text/csv", key=text)
+    (pressed,) = set(files._deferred_callables) - before
+    return files.execute_deferred(pressed).rpartition("/")[2]
+
+
+def end_runs(files: MediaFileManager) -> None:
+    """End three script runs, as those of other visitors end."""
+    for _ in range(3):
+        files.remove_orphaned_files()
+
+
+def fetched(files: MediaFileManager, name: str) -> bytes | None:
+    found = files.read_file(name)
+    return found and found.content
+
+
+def test_a_file_can_be_fetched_after_the_runs_of_other_visitors_have_ended(
+    files: MediaFileManager, clock: Clock
+) -> None:
+    names = [made_file(files, text) for text in ("lag −3", "lag 4")]
+    end_runs(files)
+    assert [fetched(files, name) for name in names] == ["lag −3".encode(), b"lag 4"]
+
+
+def test_it_is_forgotten_when_its_time_is_over_and_its_coordinates_are_used_again(
+    files: MediaFileManager, clock: Clock
+) -> None:
+    for times in range(3):
+        name = made_file(files, f"lag {times}")
+        clock.pass_by()
+        end_runs(files)
+        assert fetched(files, name) is None
+    made_file(files, "lag 3")
+    kept = {at for one in files._files_by_session_and_coord.values() for at in one if at.startswith("private_files.")}
+    assert len(kept) == 1
+
+
+def test_it_is_given_back_with_the_memory_of_the_last_visitor(files: MediaFileManager, clock: Clock) -> None:
+    name = made_file(files, "lag 5")
+    clock.pass_by()
+    files.remove_orphaned_files()  # as their session ends
+    assert fetched(files, name)
+    visits._give_memory_back()
+    assert fetched(files, name) is None
