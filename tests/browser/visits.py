@@ -126,10 +126,13 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
 
 
 def new_window(browser: Browser) -> Page:
-    """Return an empty page in a window of its own: of a tab behind another Chromium draws little."""
+    """Return an empty page in a window of its own: of a tab behind another Chromium draws little.
+
+    All are opened by one page and so share a process, which compiles the scripts of Streamlit and Plotly once.
+    """
     (context, *_) = browser.contexts
     with context.expect_page() as opened:
-        context.pages[0].evaluate("open('about:blank', '_blank', 'popup, noopener')")
+        context.pages[0].evaluate("void open('about:blank', '_blank', 'popup')")
     return opened.value
 
 
