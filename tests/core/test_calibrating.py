@@ -24,7 +24,7 @@ CHESSBOARD = Board(9, 6)
 Pictures = list[tuple[np.ndarray, np.ndarray]]
 
 
-def rig(scale: float = 1.0) -> StereoRig:
+def rig(scale: float = 0.7) -> StereoRig:
     return StereoRig(
         left_matrix=np.array([[530, 0, 325], [0, 532, 237], [0, 0, 1.0]]),
         left_distortion=np.array([-0.28, 0.09, 0.0005, -0.0004, 0]),
@@ -110,7 +110,7 @@ def test_rows_match_and_depth_is_right_after_rectification(plain: StereoCalibrat
 )
 def test_a_charuco_board_seen_in_part_is_known_and_enough(board: Board) -> None:
     # An even number of rows of squares is where the old layout differs.
-    pairs = list(drawn_pairs(rig(1.4), board, 3, square_m=SQUARE_M, seed=1, partly=True))
+    pairs = list(drawn_pairs(rig(1.1), board, 3, square_m=SQUARE_M, seed=1, partly=True))
     views = find_boards(pairs)
     known = views.board
     assert known.markers is not None
@@ -119,25 +119,25 @@ def test_a_charuco_board_seen_in_part_is_known_and_enough(board: Board) -> None:
     assert (known.markers.dictionary, known.markers.legacy) == (board.markers.dictionary, board.markers.legacy)
     assert known.markers.share == pytest.approx(board.markers.share, abs=0.04)
     assert any(len(one) < board.corners for one in (*views.left, *views.right) if one is not None)
-    check_rig(calibrate_boards(views, SQUARE_M).calibration, rig(1.4), px=8, turn=3e-3)
+    check_rig(calibrate_boards(views, SQUARE_M).calibration, rig(1.1), px=8, turn=3e-3)
 
 
 @pytest.mark.parametrize("size", [(7, 7), (11, 8), (6, 4)])
 def test_the_size_of_a_chessboard_is_guessed(size: tuple[int, int]) -> None:
-    pairs = list(drawn_pairs(rig(), Board(*size), 3, square_m=SQUARE_M, seed=2))
+    pairs = list(drawn_pairs(rig(0.6), Board(*size), 3, square_m=SQUARE_M, seed=2))
     assert guess_board(pairs) == Board(*size)
 
 
 def test_large_pictures_in_colour_and_sixteen_bits_are_refined_in_full_size(
     pairs: Pictures, views: BoardViews, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(chessboards, "LARGEST_SIDE", 400)
+    monkeypatch.setattr(chessboards, "LARGEST_SIDE", 240)
     deep = [tuple(np.stack([one] * 3, axis=-1).astype(np.uint16) * 257 for one in pair) for pair in pairs[:2]]
     found = find_boards(deep, (9, 6))
     for large, small in zip((*found.left, *found.right), (*views.left[:2], *views.right[:2]), strict=True):
         assert large is not None
         assert small is not None
-        np.testing.assert_allclose(large.points, small.points, atol=0.02)
+        np.testing.assert_allclose(large.points, small.points, atol=0.03)
 
 
 def test_corners_are_exact_to_a_few_hundredths_of_a_pixel(views: BoardViews) -> None:
