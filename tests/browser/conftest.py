@@ -10,17 +10,23 @@ from playwright.sync_api import Browser, expect
 
 from tests.browser.depth_page import Given, OwnPair
 from tests.browser.parts import ShowParts, parts_alone
-from tests.browser.serving import CHROMIUM, chromium, chromium_path, served_app
+from tests.browser.serving import CHROMIUM, Server, chromium, chromium_path
 from tests.browser.visits import TIMEOUT_MS, OpenPage, faultless_pages
 
 expect.set_options(timeout=TIMEOUT_MS)
 
 
 @pytest.fixture(scope="session")
-def address() -> Iterator[str]:
-    """Start the app on a free port and return its address."""
-    with served_app() as url:
-        yield url
+def server() -> Iterator[Server]:
+    """Start the app on a free port."""
+    running = Server()
+    yield running
+    running.stop()
+
+
+@pytest.fixture(scope="session")
+def address(server: Server) -> str:
+    return server.address
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from playwright.sync_api import Browser, sync_playwright
@@ -65,6 +65,28 @@ def served_app(
     port = port or free_port()
     with served_process(script, port=port, environment=environment):
         yield f"http://localhost:{port}"
+
+
+class Server:
+    """The app on a free port, where it can be started anew.
+
+    Attributes
+    ----------
+    address
+        Where it listens, the same after a restart.
+    """
+
+    def __init__(self) -> None:
+        self._port = free_port()
+        self.address = f"http://localhost:{self._port}"
+        self._running = ExitStack()
+        self.start()
+
+    def start(self) -> None:
+        self._running.enter_context(served_process(port=self._port))
+
+    def stop(self) -> None:
+        self._running.close()
 
 
 def chromium_path() -> str | None:

@@ -6,12 +6,12 @@ import time
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from tests.browser.conftest import OpenPage
-from tests.browser.serving import free_port, served_app
+from tests.browser.serving import Server
 from tests.browser.sounds import wav_file
-from tests.browser.visits import TIMEOUT_MS, WATCH_ANSWERS, expect_visible, settled
+from tests.browser.visits import expect_visible, settled
 
 SOUND = 0.1 * np.random.default_rng(3).normal(size=9_000)
 EXAMPLE = "378.17 m"
@@ -80,25 +80,19 @@ def test_a_file_that_was_removed_is_forgotten(own_page: Page) -> None:
     expect(page.get_by_role("heading", name=OWN)).to_have_count(0)
 
 
-def test_after_a_restart_the_page_says_that_the_files_are_gone(browser: Browser) -> None:
-    port = free_port()
-    page = browser.new_context(reduced_motion="reduce").new_page()
-    page.set_default_timeout(TIMEOUT_MS)
-    page.add_init_script(WATCH_ANSWERS)
-    with served_app(port=port) as url:
-        page.goto(f"{url}/Sensor_lag")
-        settled(page)
-        give_both(on_own_files(page))
+def test_after_a_restart_the_page_says_that_the_files_are_gone(own_page: Page, server: Server) -> None:
+    page = own_page
+    give_both(page)
+    server.stop()
     time.sleep(1)
-    with served_app(port=port):
-        # Nobody touches the page: it finds out by itself.
-        expect_visible(page.get_by_text("The files you had here are gone"))
-        settled(page)
-        expect(page.get_by_role("heading", name=OWN)).to_have_count(0)
-        expect(page.get_by_text("Your own recordings.")).to_have_count(0)
-        page.get_by_test_id("stButtonGroup").get_by_text("Coast", exact=True).click()
-        settled(page)
-        expect_visible(page.get_by_role("heading", name=EXAMPLE))
-        on_own_files(page)
-        give_both(page)
-    page.context.close()
+    server.start()
+    # Nobody touches the page: it finds out by itself.
+    expect_visible(page.get_by_text("The files you had here are gone"))
+    settled(page)
+    expect(page.get_by_role("heading", name=OWN)).to_have_count(0)
+    expect(page.get_by_text("Your own recordings.")).to_have_count(0)
+    page.get_by_test_id("stButtonGroup").get_by_text("Coast", exact=True).click()
+    settled(page)
+    expect_visible(page.get_by_role("heading", name=EXAMPLE))
+    on_own_files(page)
+    give_both(page)
