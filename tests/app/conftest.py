@@ -27,6 +27,7 @@ from stereolag.ui.calibrate import examples, result
 from stereolag.ui.depth import maps
 from stereolag.ui.driving import frames
 from tests.app import keys
+from tests.app import uploads as uploaded
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -152,6 +153,39 @@ def short_drive() -> Iterator[None]:
     paths = {name: getattr(whole, name)[:8] for name in ("left", "right", "disparity", "occlusion", "objects")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(frames, "drives", lambda: {whole.name: replace(whole, **paths)})
+        st.cache_resource.clear()
+        yield
+        st.cache_resource.clear()
+
+
+@pytest.fixture(scope="session")
+def parts_of_pairs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, samples.StereoExample]:
+    """Return a sixth of each bundled pair, with all that is known of it."""
+    parts = {}
+    for name, whole in samples.stereo_pairs().items():
+        folder = tmp_path_factory.mktemp(f"{name}-part")
+        images = {one: read_image(getattr(whole, one)) for one in ("left", "right", "disparity", "occlusion")}
+        height, width = images["left"].shape[:2]
+        row, col = PART_OF_PAIR.get(name, ((height - 160) // 2, (width - 320) // 2))
+        for one, image in images.items():
+            (folder / f"{one}.png").write_bytes(uploaded.png(image[row : row + 160, col : col + 320]))
+        known = json.loads(whole.calibration.read_text())
+        known |= {"cx": known["cx"] - col, "cy": known["cy"] - row, "width": 320, "height": 160}
+        (folder / "calibration.json").write_text(json.dumps(known))
+        paths = {one: folder / f"{one}.png" for one in images}
+        parts[name] = replace(whole, calibration=folder / "calibration.json", **paths)
+    return parts
+
+
+PART_OF_PAIR = {"cube": (215, 120), "road": (10, 560)}
+"""The first row and column where it is not the middle: the cube before its wall, and the sky above the road."""
+
+
+@pytest.fixture(scope="module")
+def small_pairs(parts_of_pairs: dict[str, samples.StereoExample]) -> Iterator[None]:
+    """Let the depth page match a part of each example, all of which other tests of this folder and tests/core match."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(samples, "stereo_pairs", lambda: parts_of_pairs)
         st.cache_resource.clear()
         yield
         st.cache_resource.clear()
