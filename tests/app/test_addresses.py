@@ -14,6 +14,8 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.addresses import parameters_of, recalled_settings
 
+pytestmark = pytest.mark.usefixtures("small_pairs", "small_mazes")
+
 FIRST = CorrelationMatcher(search=SearchArea.rectified(64))
 FIRST_OF = {method: method() for method in METHODS}
 

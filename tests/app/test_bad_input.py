@@ -13,6 +13,8 @@ from stereolag.typography import typeset
 from tests.app import keys, uploads
 from tests.app.conftest import viewers
 
+pytestmark = pytest.mark.usefixtures("small_pairs", "small_mazes")
+
 OpenPage = Callable[..., AppTest]
 Shown = Callable[[AppTest], str]
 

@@ -10,6 +10,8 @@ from streamlit.testing.v1 import AppTest
 from tests.app import keys
 from tests.app.conftest import PROJECT, figures, viewers
 
+pytestmark = pytest.mark.usefixtures("small_pairs")
+
 OpenPage = Callable[..., AppTest]
 DEPTH = "pages/3_Depth_maps.py"
 

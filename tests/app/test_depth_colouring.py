@@ -13,6 +13,8 @@ from stereolag.stereo.matcher import StereoMatcher
 from tests.app import keys
 from tests.app.conftest import viewers
 
+pytestmark = pytest.mark.usefixtures("small_pairs")
+
 DEPTH = "pages/3_Depth_maps.py"
 NEAR, FAR = "depth.colours.range.pair cube.near", "depth.colours.range.pair cube.far"
 

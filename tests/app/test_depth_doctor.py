@@ -18,6 +18,8 @@ from stereolag.ui.navigation import PAGES
 from stereolag.ui.pairs import StereoPair, example_pair
 from tests.app import keys
 
+pytestmark = pytest.mark.usefixtures("small_pairs")
+
 
 def panel() -> None:
     import streamlit as st

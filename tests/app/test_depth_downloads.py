@@ -26,6 +26,8 @@ from stereolag.ui.pairs import StereoPair
 from tests.app import keys
 from tests.programs import run_program
 
+pytestmark = pytest.mark.usefixtures("small_pairs")
+
 BLOCK = StereoBM(num_disparities=16, block_size=9)
 CORRELATION = CorrelationMatcher(window_size=9, overlap=0.9, search=SearchArea.rectified(12))
 

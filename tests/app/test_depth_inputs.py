@@ -15,6 +15,8 @@ from stereolag.typography import typeset
 from stereolag.ui.pairs import StereoPair
 from tests.app import keys, uploads
 
+pytestmark = pytest.mark.usefixtures("small_pairs")
+
 SCENE = uploads.texture(120, 205)
 LEFT, RIGHT = SCENE[:, :-5], SCENE[:, 5:]
 TRUTH = np.full((120, 200), 5 * 256, dtype=np.uint16)

@@ -16,6 +16,8 @@ from stereolag.ui.pairs import example_pair
 from tests.app import keys
 from tests.app.conftest import outlines, viewers
 
+pytestmark = pytest.mark.usefixtures("small_pairs")
+
 DEPTH = "pages/3_Depth_maps.py"
 
 

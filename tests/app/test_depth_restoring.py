@@ -21,6 +21,8 @@ from stereolag.ui.depth.several import PairSet, read_bundle
 from stereolag.ui.pairs import StereoPair
 from tests.app import keys, uploads
 
+pytestmark = pytest.mark.usefixtures("small_pairs")
+
 SCENE = uploads.texture(120, 205)
 LEFT, RIGHT = SCENE[:, :-5], SCENE[:, 5:]
 

@@ -28,6 +28,8 @@ from tests.app import keys
 from tests.app.conftest import PROJECT, figures, viewers
 from tests.programs import run_program
 
+pytestmark = pytest.mark.usefixtures("small_pairs")
+
 DEPTH = "pages/3_Depth_maps.py"
 
 

@@ -27,6 +27,8 @@ from stereolag.ui.search import files as match_files
 from tests.app.uploads import noise, texture
 from tests.programs import run_program
 
+pytestmark = pytest.mark.usefixtures("small_mazes")
+
 OpenPage = Callable[..., AppTest]
 LAG, FIND = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py"
 

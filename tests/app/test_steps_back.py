@@ -17,7 +17,7 @@ HARBOUR = "recordings harbour"
 
 Step = Callable[..., None]
 
-pytestmark = pytest.mark.usefixtures("small_mazes")
+pytestmark = pytest.mark.usefixtures("small_mazes", "small_pairs")
 
 
 @pytest.fixture

@@ -23,6 +23,8 @@ from stereolag.ui.search.opencv_beside import differences, table
 from stereolag.ui.search.painting import PaintedMask
 from tests.app import uploads
 
+pytestmark = pytest.mark.usefixtures("small_mazes")
+
 OpenPage = Callable[..., AppTest]
 
 SEARCH = "pages/2_Rocketman_search.py"
@@ -42,11 +44,11 @@ def test_a_template_can_be_cut_from_the_example(open_page: OpenPage) -> None:
     app = open_page(SEARCH)
     app.button_group(key="pictures.from").set_value("cut").run()
     box = told(app, "stereolag.box")
-    assert (box["rows"], box["cols"]) == (1526, 2446)
-    assert box["box"] == {"row": 636, "col": 1070, "height": 254, "width": 305}
-    assert app.header[0].value == "Found at row 636, column 1070"
+    assert (box["rows"], box["cols"]) == (400, 600)
+    assert box["box"] == {"row": 167, "col": 262, "height": 66, "width": 75}
+    assert app.header[0].value == "Found at row 167, column 262"
     app.button_group(key="pictures.from").set_value("given").run()
-    assert app.header[0].value == "Found at row 528, column 982"
+    assert app.header[0].value == "Found at row 200, column 200"
 
 
 def of_the_address(app: AppTest) -> str:
@@ -68,8 +70,8 @@ def test_the_address_is_said_to_lack_what_was_cut_and_painted(open_page: OpenPag
     app.button_group(key="pictures.from").set_value("cut").run()
     cut = f"{held} The template you cut out is not in it: it opens the example’s template as it is."
     assert of_the_address(app) == cut
-    box = "maze maze cut 636 1070 254 305"
-    app.session_state["pictures.painted.mask"] = box, PaintedMask(np.eye(254, 305, dtype=np.uint8), "mask")
+    box = "maze maze cut 167 262 66 75"
+    app.session_state["pictures.painted.mask"] = box, PaintedMask(np.eye(66, 75, dtype=np.uint8), "mask")
     app.run()
     both = "The template you cut out and the mask you painted are not in it: it opens the example’s template as it is."
     assert of_the_address(app) == f"{held} {both}"
