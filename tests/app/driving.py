@@ -19,7 +19,7 @@ from tests.app import uploads
 PATH = "pages/5_Driving.py"
 
 
-def archive(pair: tuple[np.ndarray, np.ndarray], count: int = 3) -> bytes:
+def archive(pair: tuple[np.ndarray, np.ndarray], count: int = 2) -> bytes:
     """Return a ZIP of frames that are all alike."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as file:

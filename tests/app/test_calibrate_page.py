@@ -6,6 +6,7 @@ import io
 import time
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -23,12 +24,20 @@ from tests.app import uploads
 OpenPage = Callable[..., AppTest]
 PATH = "pages/4_Calibrate.py"
 
-pytestmark = pytest.mark.usefixtures("small_boards")
+pytestmark = pytest.mark.usefixtures("small_boards", "small_pairs", "small_mazes")
+
+
+@pytest.fixture(autouse=True)
+def a_new_visitor() -> None:
+    """Keep what was computed of a file for the tests that follow, as a visitor's session does."""
 
 
 @cache
 def files() -> dict[str, bytes]:
-    pairs = drawn_pairs(examples.drawn_rig(), Board(6, 4), 4, square_m=0.03, seed=4)
+    whole, smaller = examples.drawn_rig(), np.diag([0.75, 0.75, 1.0])
+    left, right = smaller @ whole.left_matrix, smaller @ whole.right_matrix
+    rig = replace(whole, left_matrix=left, right_matrix=right, width=336, height=252)
+    pairs = drawn_pairs(rig, Board(6, 4), 4, square_m=0.03, seed=4)
     return {
         f"{side}{number:02}.png": uploads.png(picture)
         for number, pair in enumerate(pairs, start=1)

@@ -17,6 +17,12 @@ from tests.app import keys, uploads
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
 
+
+@pytest.fixture(autouse=True)
+def a_new_visitor() -> None:
+    """Keep what was computed of a file for the tests that follow, as a visitor's session does."""
+
+
 SCENE = uploads.texture(120, 205)
 LEFT, RIGHT = SCENE[:, :-5], SCENE[:, 5:]
 TRUTH = np.full((120, 200), 5 * 256, dtype=np.uint16)

@@ -9,8 +9,6 @@ from stereolag.samples import stereo_pairs
 from stereolag.stereo.methods import METHODS, PRESETS
 from tests.app import keys
 
-pytestmark = pytest.mark.usefixtures("small_pairs")
-
 
 def page() -> None:
     import streamlit as st

@@ -122,6 +122,7 @@ def test_a_template_that_is_found_and_one_that_is_not(open_page: OpenPage) -> No
     assert_written(app)
 
 
+@pytest.mark.usefixtures("small_pairs")
 def test_maps_of_negative_disparities(open_page: OpenPage) -> None:
     app = open_page("pages/3_Depth_maps.py")
     assert_written(app)
