@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
@@ -24,6 +24,7 @@ def window(part: DegradedPart, shape: tuple[int, int] = SHAPE) -> np.ndarray:
     return part.pixels[part.row : part.row + shape[0], part.col : part.col + shape[1]]
 
 
+@settings(max_examples=40)
 @given(
     row=st.integers(0, 700 - 31), col=st.integers(0, 900 - 40), dtype=st.sampled_from(["uint8", "uint16", "float64"])
 )

@@ -94,7 +94,7 @@ def cases(draw):
 
 
 @given(cases())
-@settings(max_examples=250)
+@settings(max_examples=100)
 def test_equals_the_plain_formula(query):
     assert_equals_reference(query)
 
