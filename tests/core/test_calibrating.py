@@ -156,7 +156,7 @@ def test_corners_are_exact_to_a_few_hundredths_of_a_pixel(views: BoardViews) -> 
 def test_a_wide_lens_is_given_the_coefficients_it_needs(count: int) -> None:
     """By places alone, without drawing: 100° of view, whose distortion two coefficients do not describe."""
     wide = replace(
-        rig(),
+        rig(1.0),
         left_matrix=np.array([[270, 0, 322], [0, 271, 238], [0, 0, 1.0]]),
         right_matrix=np.array([[271, 0, 317], [0, 272, 242], [0, 0, 1.0]]),
         left_distortion=np.array([-0.3, 0.1, 0, 0, -0.015]),
@@ -269,17 +269,19 @@ def test_left_and_right_exchanged_are_recognised(views: BoardViews) -> None:
 
 
 def test_cameras_one_above_the_other_are_refused(views: BoardViews) -> None:
+    width, height = views.size
+
     def turned(corners: Corners | None) -> Corners | None:
         return (
             None
             if corners is None
-            else Corners(corners.numbers, corners.points[:, ::-1] * np.array([1, -1]) + np.array([0, 640]))
+            else Corners(corners.numbers, corners.points[:, ::-1] * np.array([1, -1]) + np.array([0, width]))
         )
 
     sideways = replace(
-        views, size=(480, 640), left=tuple(map(turned, views.left)), right=tuple(map(turned, views.right))
+        views, size=(height, width), left=tuple(map(turned, views.left)), right=tuple(map(turned, views.right))
     )
-    sideways = replace(sideways, sizes=tuple(((480, 640), (480, 640)) for _ in range(len(views))))
+    sideways = replace(sideways, sizes=(((height, width),) * 2,) * len(views))
     assert "above or below" in refusal(sideways)
 
 
@@ -291,7 +293,7 @@ def test_too_few_pairs_are_refused_with_their_number(views: BoardViews) -> None:
 def test_a_board_always_held_alike_is_refused() -> None:
     """Flat before the camera at one distance: any focal length would do."""
     poses = [(np.zeros(3), np.array([shift - 5, -2.5, 18.0])) for shift in (-2.0, 0.0, 1.5, 3.0)]
-    assert "tilt" in refusal(placed_views(rig(), poses, noise=0.3))
+    assert "tilt" in refusal(placed_views(rig(1.0), poses, noise=0.3))
 
 
 @pytest.mark.parametrize(

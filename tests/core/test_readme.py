@@ -51,7 +51,7 @@ def test_it_is_read_in_one_go() -> None:
     assert README.count("\n") < 200
 
 
-FRAMES = 6
+FRAMES = 4
 
 
 @pytest.fixture
