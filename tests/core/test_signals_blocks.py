@@ -31,7 +31,7 @@ def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("_small_blocks")
 @given(data=st.data())
-@settings(max_examples=40)
+@settings(max_examples=25)
 def test_the_curve_of_blocks_is_the_plain_formula(data: st.DataObject) -> None:
     size_1, size_2 = data.draw(st.integers(2, 90)), data.draw(st.integers(2, 90))
     first = data.draw(st.integers(1 - size_1, size_2 - 1))

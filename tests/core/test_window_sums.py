@@ -94,7 +94,7 @@ def cases(draw):
 
 
 @given(cases())
-@settings(max_examples=100)
+@settings(max_examples=150)
 def test_equals_the_plain_formula(query):
     assert_equals_reference(query)
 
