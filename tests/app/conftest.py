@@ -17,6 +17,7 @@ import streamlit as st
 from streamlit.components.v2 import manifest_scanner
 from streamlit.runtime.caching.cache_resource_api import clear_session_cache
 from streamlit.runtime.scriptrunner.script_cache import ScriptCache
+from streamlit.runtime.scriptrunner_utils import script_run_context
 from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 
 from stereolag import samples
@@ -43,6 +44,14 @@ def once_as_by_a_server() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(manifest_scanner, "scan_component_manifests", cache(manifest_scanner.scan_component_manifests))
         patch.setattr(app_test, "ScriptCache", cache(ScriptCache))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def nothing_sent_again() -> Iterator[None]:
+    """Make no digests of what is sent: by them a server finds what a browser has already, and here there is none."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(script_run_context, "populate_hash_if_needed", lambda message: None)
         yield
 
 
@@ -168,7 +177,7 @@ def parts_of_pairs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, sample
         height, width = images["left"].shape[:2]
         row, col = PART_OF_PAIR.get(name, ((height - 160) // 2, (width - 320) // 2))
         for one, image in images.items():
-            (folder / f"{one}.png").write_bytes(uploaded.png(image[row : row + 160, col : col + 320]))
+            (folder / f"{one}.png").write_bytes(uploaded.png(image[row : row + 160, col : col + 320], compress_level=1))
         known = json.loads(whole.calibration.read_text())
         known |= {"cx": known["cx"] - col, "cy": known["cy"] - row, "width": 320, "height": 160}
         (folder / "calibration.json").write_text(json.dumps(known))
@@ -191,17 +200,23 @@ def small_pairs(parts_of_pairs: dict[str, samples.StereoExample]) -> Iterator[No
         st.cache_resource.clear()
 
 
-@pytest.fixture(scope="module")
-def small_mazes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Let the page of templates search a sixteenth of each maze, he in it."""
-    folder, smaller = tmp_path_factory.mktemp("mazes"), {}
+@pytest.fixture(scope="session")
+def parts_of_mazes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, samples.MazeExample]:
+    """Return a sixteenth of each maze, he in it."""
+    folder, parts = tmp_path_factory.mktemp("mazes"), {}
     for name, whole in samples.mazes().items():
         row, col = whole.row - 200, whole.col - 200
         path = folder / f"{name}.png"
         path.write_bytes(png(as_rgb(read_image(whole.picture)[row : row + 400, col : col + 600])))
-        smaller[name] = replace(whole, picture=path, row=200, col=200)
+        parts[name] = replace(whole, picture=path, row=200, col=200)
+    return parts
+
+
+@pytest.fixture(scope="module")
+def small_mazes(parts_of_mazes: dict[str, samples.MazeExample]) -> Iterator[None]:
+    """Let the page of templates search a part of each maze."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(samples, "mazes", lambda: smaller)
+        patch.setattr(samples, "mazes", lambda: parts_of_mazes)
         st.cache_resource.clear()
         yield
         st.cache_resource.clear()
