@@ -53,3 +53,5 @@ html_theme_options = {
     "light_css_variables": {"color-brand-primary": "#5a4a9c", "color-brand-content": "#5a4a9c"},
     "dark_css_variables": {"color-brand-primary": "#b9aef0", "color-brand-content": "#b9aef0"},
 }
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]

@@ -80,8 +80,11 @@ def test_a_file_that_was_removed_is_forgotten(own_page: Page) -> None:
     expect(page.get_by_role("heading", name=OWN)).to_have_count(0)
 
 
-def test_after_a_restart_the_page_says_that_the_files_are_gone(own_page: Page, server: Server) -> None:
-    page = own_page
+def test_after_a_restart_the_page_says_that_the_files_are_gone(
+    own_page: Page, open_page: OpenPage, server: Server
+) -> None:
+    own_page.close()
+    page = on_own_files(open_page("Sensor_lag", loses_server=True))
     give_both(page)
     server.stop()
     time.sleep(1)

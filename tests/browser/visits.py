@@ -102,7 +102,9 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
         if message.type == "error" and "/_stcore/" not in message.location["url"]:
             errors.append(f"{message.text} ({message.location['url']})")
 
-    def opened(path: str = "", *, scheme: str = "light", width: int = 1280, moving: bool = False) -> Page:
+    def opened(
+        path: str = "", *, scheme: str = "light", width: int = 1280, moving: bool = False, loses_server: bool = False
+    ) -> Page:
         page = new_window(browser)
         pages.append(page)
         page.set_viewport_size({"width": width, "height": 900})
@@ -113,7 +115,8 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
         )
         page.set_default_timeout(TIMEOUT_MS)
         page.add_init_script(WATCH_ANSWERS)
-        page.on("console", note)
+        if not loses_server:  # which the console tells, as often as the page asks again
+            page.on("console", note)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"{address}/{path}")
         settled(page)

@@ -1,4 +1,4 @@
-"""The house, as ARCHITECTURE.md draws it: imports run down, no module leads to itself, the library knows no screen."""
+"""The layers, as ARCHITECTURE.md lists them: imports run down, none leads back, the library knows no screen."""
 
 from __future__ import annotations
 
@@ -18,20 +18,24 @@ ARCHITECTURE, CONTRIBUTING = (
     (PACKAGE.parent / name).read_text(encoding="utf-8") for name in ("ARCHITECTURE.md", "CONTRIBUTING.md")
 )
 
-FLOORS: dict[str, float] = {
-    room.replace("__init__", "stereolag"): int(floor)
-    for floor, rooms in re.findall(r"^\| (\d+) \| ([^|]+) \|", ARCHITECTURE, re.MULTILINE)
-    for room in re.findall(r"`(?:stereolag/)?(\w+)(?:/|\.py)?`", rooms)
+LAYERS: dict[str, float] = {
+    package.replace("__init__", "stereolag"): int(layer)
+    for layer, packages in re.findall(r"^\| (\d+) \| ([^|]+) \|", ARCHITECTURE, re.MULTILINE)
+    for package in re.findall(r"`(?:stereolag/)?(\w+)(?:/|\.py)?`", packages)
 }
-"""Of every room, from the table: a room imports from the floors below, and within itself."""
+"""Of every package, from the table: a package imports from the layers below, and within itself."""
 
 STAGES = ({"estimates", "reasons"}, {"matcher"}, {"finishing"})
-FLOORS |= {f"stereo.{room}": FLOORS["stereo"] + number / 10 for number, rooms in enumerate(STAGES) for room in rooms}
+LAYERS |= {
+    f"stereo.{package}": LAYERS["stereo"] + number / 10
+    for number, packages in enumerate(STAGES)
+    for package in packages
+}
 METHODS = {"stereo.windows", "stereo.semi_global", "stereo.opencv", "stereo.evaluation", "stereo"}
-FLOORS |= dict.fromkeys(METHODS, FLOORS["stereo"] + 0.3) | {"stereo.methods": FLOORS["stereo"] + 0.4}
+LAYERS |= dict.fromkeys(METHODS, LAYERS["stereo"] + 0.3) | {"stereo.methods": LAYERS["stereo"] + 0.4}
 """Within stereo the stages follow one another; each method, a new one too, knows those below and no other method."""
 
-FLOORS |= {"figures.pictures": 2, "figures.flow": 3, "figures.outlines": 3}
+LAYERS |= {"figures.pictures": 2, "figures.flow": 3, "figures.outlines": 3}
 """Of the figures some modules stand lower: coloured pictures, flows and outlines, which videos are made of too."""
 
 ALLOWED_BESIDE = {("export", "stereolag")}
@@ -47,11 +51,11 @@ def module_of(path: Path) -> str:
 MODULES = {module_of(path): path for path in PACKAGE.rglob("*.py") if "app" not in path.relative_to(PACKAGE).parts[:1]}
 
 
-def room_of(module: str) -> str:
+def package_of(module: str) -> str:
     names = (".".join(module.split(".")[:length]) for length in (2, 1))
-    room = next((name for name in names if name in FLOORS), None) if module else "stereolag"
-    assert room is not None, f"stereolag/{module} stands in no row of ARCHITECTURE.md's table of rooms"
-    return room
+    package = next((name for name in names if name in LAYERS), None) if module else "stereolag"
+    assert package is not None, f"stereolag/{module} stands in no row of ARCHITECTURE.md's table of packages"
+    return package
 
 
 @cache
@@ -82,11 +86,11 @@ def of_ours(module: str) -> set[str]:
 
 @pytest.mark.parametrize("module", sorted(set(MODULES) - {"stereo"}))
 def test_a_room_imports_from_the_floors_below(module: str) -> None:
-    room = room_of(module)
+    package = package_of(module)
     for name in of_ours(module) - {"stereo"}:
-        other = room_of(name)
-        below = FLOORS[other] < FLOORS[room] or other == room
-        assert below or (room, other) in ALLOWED_BESIDE, f"{module} imports {name}"
+        other = package_of(name)
+        below = LAYERS[other] < LAYERS[package] or other == package
+        assert below or (package, other) in ALLOWED_BESIDE, f"{module} imports {name}"
 
 
 def test_every_package_is_named() -> None:
@@ -130,7 +134,7 @@ def test_no_module_leads_back_to_itself() -> None:
 
 @pytest.mark.parametrize("screen", SCREENS)
 def test_only_the_upper_floors_know_the_screen(screen: str) -> None:
-    knowing = {room_of(module) for module in MODULES if f"other {screen}" in imports(module)}
+    knowing = {package_of(module) for module in MODULES if f"other {screen}" in imports(module)}
     assert knowing <= set(SCREENS[screen])
 
 
