@@ -10,7 +10,9 @@ from __future__ import annotations
 import hashlib
 import secrets
 import threading
+from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +25,8 @@ SECRET_KEY = "private_files.secret"
 
 KEPT_S = 60
 """How long a file that was made on demand can be fetched."""
+MOST_BYTES = 256 * 2**20
+"""Of all such files together; the newest is kept whatever its size."""
 
 
 def show_player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> None:
@@ -59,33 +63,47 @@ def download_button(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _KeptFile:
+    coordinates: str
+    size: int
+    timer: threading.Timer
+
+
 class _RecentFiles:
     """Files made on demand, each at coordinates of its own in Streamlit's store, which keeps what stands at some."""
 
     def __init__(self) -> None:
+        self._kept: deque[_KeptFile] = deque()
         self._free: list[str] = []
-        self._taken = 0
         self._lock = threading.Lock()
 
     def keep(self, content: bytes, file_name: str, media_type: str) -> None:
-        """Keep a file for `KEPT_S` seconds."""
+        """Keep a file for `KEPT_S` seconds; those made before it go sooner where all are larger than `MOST_BYTES`."""
         with self._lock:
-            if not self._free:
-                self._taken += 1
-                self._free.append(f"private_files.{self._taken}")
-            coordinates = self._free.pop()
-        files = runtime.get_instance().media_file_mgr
-        files.add(content, media_type, coordinates, file_name, is_for_static_download=True)
-        timer = threading.Timer(KEPT_S, self._release, [coordinates])
-        timer.daemon = True
-        timer.start()
+            while self._kept and sum(one.size for one in self._kept) + len(content) > MOST_BYTES:
+                self._forget(self._kept[0])
+            coordinates = self._free.pop() if self._free else f"private_files.{len(self._kept)}"
+            files = runtime.get_instance().media_file_mgr
+            files.add(content, media_type, coordinates, file_name, is_for_static_download=True)
+            timer = threading.Timer(KEPT_S, lambda: self._expire(kept))
+            timer.daemon = True
+            kept = _KeptFile(coordinates, len(content), timer)
+            self._kept.append(kept)
+            timer.start()
 
-    def _release(self, coordinates: str) -> None:
+    def _expire(self, kept: _KeptFile) -> None:
+        with self._lock:
+            if kept in self._kept:
+                self._forget(kept)
+
+    def _forget(self, kept: _KeptFile) -> None:
+        kept.timer.cancel()
+        self._kept.remove(kept)
+        self._free.append(kept.coordinates)
         if runtime.exists():
             # Another file at its coordinates is how the store is told that one is not needed any more.
-            runtime.get_instance().media_file_mgr.add(b"", "text/plain", coordinates, is_for_static_download=True)
-        with self._lock:
-            self._free.append(coordinates)
+            runtime.get_instance().media_file_mgr.add(b"", "text/plain", kept.coordinates, is_for_static_download=True)
 
 
 _recent_files = _RecentFiles()

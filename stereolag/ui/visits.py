@@ -77,9 +77,8 @@ def _give_memory_back_later() -> None:
 
 def _give_memory_back() -> None:
     _forget_ended_sessions()
-    if (
-        runtime.exists()
-    ):  # a file that a visitor had made goes when a second script has ended; there may be none any more
+    if runtime.exists():
+        # A file that a visitor had made would go when another script ends, which may be never.
         runtime.get_instance().media_file_mgr.remove_orphaned_files()
     # What was frozen at the first page held cycles of the session that opened it.
     gc.unfreeze()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
@@ -18,16 +17,18 @@ class Clock:
     """Stands for the timers of `private_files`: what they wait for happens when it is told that the time has come."""
 
     def __init__(self) -> None:
-        self.waiting: list[Callable[[], None]] = []
+        self.waiting: dict[object, Callable[[], None]] = {}
 
-    def timer(self, seconds: float, call: Callable[..., None], given: list[Any]) -> MagicMock:
+    def timer(self, seconds: float, call: Callable[[], None]) -> MagicMock:
         assert seconds == private_files.KEPT_S
-        return MagicMock(start=lambda: self.waiting.append(lambda: call(*given)))
+        timer = MagicMock()
+        timer.start.side_effect = lambda: self.waiting.update({timer: call})
+        timer.cancel.side_effect = lambda: self.waiting.pop(timer, None)
+        return timer
 
     def pass_by(self) -> None:
-        for ended in self.waiting:
+        for ended in [*self.waiting.values()]:
             ended()
-        self.waiting.clear()
 
 
 @pytest.fixture
@@ -35,6 +36,7 @@ def files(monkeypatch: pytest.MonkeyPatch) -> MediaFileManager:
     """Return the store of files that a server has, with no server."""
     store = MediaFileManager(MemoryMediaFileStorage("/media"))
     monkeypatch.setattr(Runtime, "_instance", MagicMock(spec=Runtime, media_file_mgr=store))
+    monkeypatch.setattr(private_files, "_recent_files", private_files._RecentFiles())
     return store
 
 
@@ -83,6 +85,21 @@ def test_it_is_forgotten_when_its_time_is_over_and_its_coordinates_are_used_agai
     made_file(files, "lag 3")
     kept = {at for one in files._files_by_session_and_coord.values() for at in one if at.startswith("private_files.")}
     assert len(kept) == 1
+
+
+def test_many_large_files_are_not_all_kept(
+    files: MediaFileManager, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(private_files, "MOST_BYTES", 100)
+    names = [made_file(files, text) for text in ("a" * 60, "b" * 30, "c" * 50, "d" * 300)]
+    end_runs(files)
+    assert [fetched(files, name) for name in names] == [None, None, None, b"d" * 300]
+    names = [made_file(files, text) for text in ("e" * 40, "f" * 40, "g" * 40)]
+    end_runs(files)
+    assert [fetched(files, name) for name in names] == [None, b"f" * 40, b"g" * 40]
+    clock.pass_by()
+    end_runs(files)
+    assert [fetched(files, name) for name in names] == [None, None, None]
 
 
 def test_it_is_given_back_with_the_memory_of_the_last_visitor(files: MediaFileManager, clock: Clock) -> None:
