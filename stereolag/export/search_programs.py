@@ -109,17 +109,20 @@ def find_script(query: TemplateQuery, image: str, template: str, mask: str | Non
 def _command(name: str, files: Sequence[str], settings: Settings) -> str:
     """Return a command with the flags of all settings that have a value."""
     flags = [
-        f"--{field.replace('_', '-')} {_flag_value(getattr(settings, field))}"
+        _flag(field.replace("_", "-"), getattr(settings, field))
         for field in type(settings).model_fields
         if getattr(settings, field) is not None
     ]
     return " ".join(["stereolag", name, *files, *flags])
 
 
-def _flag_value(value: object) -> str:
+def _flag(name: str, value: object) -> str:
+    if isinstance(value, bool):
+        return f"--{name}" if value else f"--no-{name}"
     if isinstance(value, list | tuple):
-        return ",".join(map(str, value))
-    return f"{value:.12g}" if isinstance(value, float) and float(f"{value:.12g}") == value else str(value)
+        return f"--{name} {','.join(map(str, value))}"
+    exact = isinstance(value, float) and float(f"{value:.12g}") == value
+    return f"--{name} {value:.12g}" if exact else f"--{name} {value}"
 
 
 def _written(arguments: Mapping[str, object]) -> str:

@@ -128,7 +128,7 @@ def _scaled(settings: Settings, factor: float) -> dict[str, Any]:
         value, length = getattr(settings, name), marker(field, Pixels)
         if isinstance(value, Settings):
             document[name] = _scaled(value, factor)
-        elif length is not None and value:
+        elif length is not None and value and settings.obstacle(name, settings) is None:
             document[name] = _rounded(value, value * factor**length.power, field, rounded_up=length.rounded_up)
         else:
             document[name] = value

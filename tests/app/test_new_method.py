@@ -33,11 +33,11 @@ pytestmark = pytest.mark.usefixtures("small_pairs")
 DEPTH = "pages/3_Depth_maps.py"
 
 
-class AbsoluteDifferences(StereoMatcher):
+class MadeUp(StereoMatcher):
     """The lag of the least sum of absolute differences over a block: everything that a method is, in one class."""
 
-    title = "Absolute differences"
-    short_name = "sad"
+    title = "Made up"
+    short_name = "madeup"
     first_shown = ("side", "num_disparities")
 
     side: Annotated[int, Pixels(), FitsImage()] = Field(default=9, title="Block side", ge=3, le=51)
@@ -67,9 +67,9 @@ class AbsoluteDifferences(StereoMatcher):
 
 @pytest.fixture
 def listed() -> Iterator[type[StereoMatcher]]:
-    METHODS.append(AbsoluteDifferences)
-    yield AbsoluteDifferences
-    METHODS.remove(AbsoluteDifferences)
+    METHODS.append(MadeUp)
+    yield MadeUp
+    METHODS.remove(MadeUp)
 
 
 def opened(**parameters: str) -> AppTest:
@@ -83,27 +83,27 @@ def opened(**parameters: str) -> AppTest:
 
 
 def sides(app: AppTest) -> object:
-    return app.slider(key=keys.setting("sad", "side"))
+    return app.slider(key=keys.setting("madeup", "side"))
 
 
 @pytest.mark.usefixtures("listed")
 def test_a_new_method_has_its_controls_and_its_address() -> None:
-    app = opened(maps="sad", sad__side="15")
-    assert app.button_group(key=keys.TAB).value == "sad"
-    assert list(figures(app)) == ["Absolute differences"]
+    app = opened(maps="madeup", madeup__side="15")
+    assert app.button_group(key=keys.TAB).value == "madeup"
+    assert list(figures(app)) == ["Made up"]
     assert sides(app).value == 15  # type: ignore[attr-defined]
-    assert app.slider(key=keys.setting("sad", "num_disparities", keys.CUBE)).value == 64
+    assert app.slider(key=keys.setting("madeup", "num_disparities", keys.CUBE)).value == 64
     assert not app.warning
     before = viewers(app)[0]["pictures"][0]["digest"]
     sides(app).set_value(5).run()  # type: ignore[attr-defined]
     assert viewers(app)[0]["pictures"][0]["digest"] != before
     address = {name: value if isinstance(value, str) else value[0] for name, value in app.query_params.items()}
-    assert address == {"maps": "sad", "sad.side": "5"}
-    app.session_state[keys.more("sad")] = True
+    assert address == {"maps": "madeup", "madeup.side": "5"}
+    app.session_state[keys.more("madeup")] = True
     app.run()
-    assert app.slider(key=keys.setting("sad", "slack")).disabled
-    app.toggle(key=keys.setting("sad", "strict")).set_value(True).run()
-    assert not app.slider(key=keys.setting("sad", "slack")).disabled
+    assert app.slider(key=keys.setting("madeup", "slack")).disabled
+    app.toggle(key=keys.setting("madeup", "strict")).set_value(True).run()
+    assert not app.slider(key=keys.setting("madeup", "slack")).disabled
     app.button(key=keys.preset_key("reset")).click().run()
     assert not app.exception
 
@@ -113,17 +113,17 @@ def test_a_new_method_joins_the_parts_below_the_maps() -> None:
     app = opened()
     app.button_group(key=keys.PART).set_value("Scoreboard").run()
     assert not app.exception
-    assert "Absolute differences" in app.dataframe[0].value.index
+    assert "Made up" in app.dataframe[0].value.index
     app.button_group(key=keys.PART).set_value("Sweep").run()
-    app.button_group(key="depth.sweep.method").set_value("Absolute differences").run()
+    app.button_group(key="depth.sweep.method").set_value("Made up").run()
     assert not app.exception
-    assert "Block side" in app.selectbox(key="depth.sweep.AbsoluteDifferences.Down").options
-    assert any("Absolute differences" in option for option in app.button_group(key="depth.sweep.method").options)
+    assert "Block side" in app.selectbox(key="depth.sweep.MadeUp.Down").options
+    assert any("Made up" in option for option in app.button_group(key="depth.sweep.method").options)
 
 
 @pytest.mark.usefixtures("listed")
 def test_a_new_method_goes_out_as_settings_and_as_a_program(tmp_path: Path) -> None:
-    matcher = AbsoluteDifferences(side=7, num_disparities=24)
+    matcher = MadeUp(side=7, num_disparities=24)
     assert read_matcher(settings_json(matcher).encode()) == matcher
     cv2.imwrite(str(tmp_path / "left.png"), np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8))
     cv2.imwrite(str(tmp_path / "right.png"), np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8))
@@ -139,10 +139,10 @@ def test_a_new_method_has_its_flags(tmp_path: Path, capsys: pytest.CaptureFixtur
     for side in ("left", "right"):
         cv2.imwrite(str(tmp_path / f"{side}.png"), np.random.default_rng(1).integers(0, 255, (40, 80), dtype=np.uint8))
     pair = str(tmp_path / "left.png"), str(tmp_path / "right.png")
-    assert main(["depth", *pair, "--method", "sad", "--side", "7", "--strict", "--out", str(tmp_path)]) == 0
-    assert read_matcher(tmp_path / "settings.json") == AbsoluteDifferences(side=7, strict=True)
+    assert main(["depth", *pair, "--method", "madeup", "--side", "7", "--strict", "--out", str(tmp_path)]) == 0
+    assert read_matcher(tmp_path / "settings.json") == MadeUp(side=7, strict=True)
     assert main(["depth", *pair, "--settings", str(tmp_path / "settings.json"), "--json"]) == 0
-    assert '"method": "AbsoluteDifferences"' in capsys.readouterr().out
+    assert '"method": "MadeUp"' in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("listed")
@@ -153,8 +153,8 @@ def test_a_new_method_is_a_column_of_the_benchmark(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(accuracy, "FAMILIES", {"Middlebury": ("shifted",)})
     monkeypatch.setattr(accuracy, "merit", lambda figures, ratio: 0.0)
     table, values = accuracy.accuracy_tables()
-    assert "| Absolute differences |" in table
-    assert values["pairs"]["shifted"]["maps"]["Absolute differences"]["bad"] < 20  # type: ignore[index]
+    assert "| Made up |" in table
+    assert values["pairs"]["shifted"]["maps"]["Made up"]["bad"] < 20  # type: ignore[index]
 
 
 def test_a_new_export_is_a_button_and_in_the_archive() -> None:

@@ -16,8 +16,11 @@ import pytest
 from commanded import ran
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import Field
 
 import stereolag as sl
+from stereolag.commands.flags import SettingsFlags
+from stereolag.commands.parsing import CommandParser
 from stereolag.export import (
     aligned_wav,
     curve_csv,
@@ -186,6 +189,22 @@ def test_the_lag_command_says_what_the_file_says(
     assert told == without_time(lag_json(measured(123, search), search))
     assert told["lag_samples"] == 123
     assert told["settings"] == search.model_dump()
+
+
+class MarkedSearch(LagSearch):
+    """A search with a setting that is yes or no."""
+
+    marked: bool = Field(default=False, title="Marked", description="Whether it is.")
+
+
+@pytest.mark.parametrize("marked", [False, True])
+def test_a_setting_that_is_yes_or_no_is_a_flag_the_command_knows(marked: bool) -> None:
+    search = MarkedSearch(marked=marked)
+    parser = CommandParser("lag", "A search that may be marked.", "FIRST SECOND")
+    parser.add_argument("files", nargs=2)
+    flags = SettingsFlags(parser, MarkedSearch(marked=not marked))
+    _, settings = flags.parsed(shlex.split(lag_command(search, "first.npy", "second.npy"))[2:])
+    assert settings == search
 
 
 @pytest.fixture

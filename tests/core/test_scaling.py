@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import Field
 
 from stereolag.geometry.scaling import as_deep, scaled_disparity, scaled_image
-from stereolag.settings import scaled_settings
+from stereolag.settings import Applies, Pixels, Settings, scaled_settings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
@@ -51,6 +54,20 @@ def test_settings_shrink_alike() -> None:
     assert block == StereoBM(num_disparities=48, block_size=11, uniqueness_ratio=7)
     tiny = scaled_settings(StereoSGBM(num_disparities=64, block_size=3, speckle_window_size=100), 0.1)
     assert tiny == StereoSGBM(num_disparities=16, block_size=1, speckle_window_size=1)
+
+
+class Smoothed(Settings):
+    """A length that has an effect only beside another setting."""
+
+    smoothed: bool = Field(default=False, title="Smoothed", description="Whether it is.")
+    radius: Annotated[int, Pixels(), Applies(lambda settings: settings.smoothed, "needs smoothed")] = Field(
+        default=8, title="Radius", description="How far, px.", ge=1, le=99
+    )
+
+
+def test_a_length_without_effect_stays_as_it_was() -> None:
+    assert scaled_settings(Smoothed(), 0.5) == Smoothed()
+    assert scaled_settings(Smoothed(smoothed=True), 0.5) == Smoothed(smoothed=True, radius=4)
 
 
 @given(st.sampled_from(METHODS), st.floats(0.2, 1))
