@@ -17,7 +17,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "core"))
 
 from hostile_cases import READ, READERS, HostileFile
 from hostile_files import hostile_files, valid_files
-from measured_reading import Reading, answer_of, in_own_process, measured, peak_mb, reset_peak, resident_mb
+from measured_reading import Reading, answer_of, in_own_process, measured
+
+from benchmarks.memory import peak_mb, reset_peak, resident_mb
 
 MOST_SECONDS = 5.0
 MOST_MB = 500.0

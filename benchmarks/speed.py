@@ -10,7 +10,8 @@ import numpy.typing as npt
 import scipy.signal
 from openpiv import pyprocess
 
-from benchmarks.timing import Row, interleaved, peak_extra_memory
+from benchmarks.memory import peak_extra_memory
+from benchmarks.timing import Row, interleaved
 from stereolag import (
     CorrelationMatcher,
     SearchArea,

@@ -6,12 +6,8 @@ import statistics
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 Job = Callable[[], object]
-
-CLEAR_REFS = Path("/proc/self/clear_refs")
-"""Where a process tells Linux to forget how much memory it had at the most."""
 
 
 def interleaved(jobs: Mapping[str, Job], *, runs: int = 15) -> dict[str, float]:
@@ -42,16 +38,3 @@ class Row:
     @property
     def ratio(self) -> float:
         return self.ours / self.peer
-
-
-def peak_extra_memory(job: Job) -> float:
-    """Return by how many MB the resident memory of this process rises at the most while `job` runs, as Linux counts."""
-    CLEAR_REFS.write_text("5")  # the highest so far is that of now
-    start = _highest_kb()
-    job()
-    return (_highest_kb() - start) * 1024 / 1e6
-
-
-def _highest_kb() -> int:
-    (line,) = (one for one in Path("/proc/self/status").read_text().splitlines() if one.startswith("VmHWM:"))
-    return int(line.split()[1])

@@ -10,7 +10,7 @@ import cv2
 import numba
 import numpy as np
 
-from benchmarks.timing import peak_extra_memory
+from benchmarks.memory import peak_extra_memory
 from stereolag.signals import estimate_lag, signal_lag
 from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import signal
 import sys
 import time
 import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import BinaryIO
 
 from hostile_cases import READERS, HostileFile
 from hostile_files import hostile_files
+
+from benchmarks.memory import peak_mb, reset_peak, resident_mb
 
 DEADLINE_S = 60
 
@@ -108,29 +108,6 @@ def answer_of(read: Callable[[bytes], object], data: bytes) -> tuple[str, bool]:
 def _shape(found: object) -> str:
     found = getattr(found, "channels", found)
     return f"{found.shape} {found.dtype}" if hasattr(found, "shape") else ""
-
-
-def resident_mb() -> float:
-    return _status("VmRSS")
-
-
-def peak_mb() -> float:
-    return max(_status("VmHWM"), 0.0)
-
-
-def reset_peak() -> None:
-    """Make the peak of this process its present memory; where the system cannot, it stays the highest ever."""
-    try:
-        Path("/proc/self/clear_refs").write_text("5")
-    except OSError:
-        resource.getrusage(resource.RUSAGE_SELF)
-
-
-def _status(name: str) -> float:
-    for line in Path("/proc/self/status").read_text().splitlines():
-        if line.startswith(name):
-            return int(line.split()[1]) * 1024 / 1e6
-    return 0.0
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.timing import CLEAR_REFS
+from benchmarks.memory import CLEAR_REFS
 from stereolag.doctor.diagnosis import diagnose
 from stereolag.estimates import Estimate, check_memory, largest_fitting, rounded_down
 from stereolag.limits import limits
