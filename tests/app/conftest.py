@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -155,16 +156,23 @@ def small_boards() -> Iterator[None]:
         st.cache_resource.clear()
 
 
+@contextmanager
+def examples_of(module: ModuleType, kind: str, parts: Mapping[str, Any]) -> Iterator[None]:
+    """Let a module have other examples of a kind, and nothing that was made of those before."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, kind, lambda: parts)
+        st.cache_resource.clear()
+        yield
+        st.cache_resource.clear()
+
+
 @pytest.fixture(scope="module")
 def short_drive() -> Iterator[None]:
     """Let the page of drives begin with the first frames of its example, all of which tests/core looks at."""
     (whole,) = samples.drives().values()
     paths = {name: getattr(whole, name)[:8] for name in ("left", "right", "disparity", "occlusion", "objects")}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(frames, "drives", lambda: {whole.name: replace(whole, **paths)})
-        st.cache_resource.clear()
+    with examples_of(frames, "drives", {whole.name: replace(whole, **paths)}):
         yield
-        st.cache_resource.clear()
 
 
 @pytest.fixture(scope="session")
@@ -193,11 +201,8 @@ PART_OF_PAIR = {"cube": (80, 100), "road": (10, 560)}
 @pytest.fixture(scope="module")
 def small_pairs(parts_of_pairs: dict[str, samples.StereoExample]) -> Iterator[None]:
     """Let the depth page match a part of each example, all of which other tests of this folder and tests/core match."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(samples, "stereo_pairs", lambda: parts_of_pairs)
-        st.cache_resource.clear()
+    with examples_of(samples, "stereo_pairs", parts_of_pairs):
         yield
-        st.cache_resource.clear()
 
 
 @pytest.fixture(scope="session")
@@ -215,11 +220,8 @@ def parts_of_mazes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, sample
 @pytest.fixture(scope="module")
 def small_mazes(parts_of_mazes: dict[str, samples.MazeExample]) -> Iterator[None]:
     """Let the page of templates search a part of each maze."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(samples, "mazes", lambda: parts_of_mazes)
-        st.cache_resource.clear()
+    with examples_of(samples, "mazes", parts_of_mazes):
         yield
-        st.cache_resource.clear()
 
 
 def viewers(app: AppTest) -> list[dict[str, Any]]:

@@ -85,7 +85,7 @@ def of_ours(module: str) -> set[str]:
 
 
 @pytest.mark.parametrize("module", sorted(set(MODULES) - {"stereo"}))
-def test_a_room_imports_from_the_floors_below(module: str) -> None:
+def test_a_package_imports_from_the_layers_below(module: str) -> None:
     package = package_of(module)
     for name in of_ours(module) - {"stereo"}:
         other = package_of(name)
@@ -133,7 +133,7 @@ def test_no_module_leads_back_to_itself() -> None:
 
 
 @pytest.mark.parametrize("screen", SCREENS)
-def test_only_the_upper_floors_know_the_screen(screen: str) -> None:
+def test_only_the_upper_layers_know_the_screen(screen: str) -> None:
     knowing = {package_of(module) for module in MODULES if f"other {screen}" in imports(module)}
     assert knowing <= set(SCREENS[screen])
 
