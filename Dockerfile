@@ -1,5 +1,5 @@
 # docker build --tag stereolag . && docker run --memory 4g --publish 8501:8501 stereolag
-# deployment/README.md tells the rest; tests/package/test_container.py runs the steps without Docker.
+# See deployment/README.md; tests/package/test_container.py runs the steps without Docker.
 FROM python:3.11-slim-bookworm
 
 WORKDIR /srv/stereolag
@@ -16,7 +16,7 @@ COPY pages pages
 COPY stereolag stereolag
 RUN python -m compileall -q stereolag
 
-# It can write to the folder of machine code, its home and /tmp alone.
+# This user can write only to the machine-code folder, its home and /tmp.
 USER 10001
 ENV NUMBA_CACHE_DIR=/var/cache/stereolag
 ENV PORT=8501

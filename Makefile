@@ -1,9 +1,9 @@
 # make run    start the app on http://localhost:$(PORT)
-# make test   lint, types and the whole suite
-# make docs   the pages of docs/ as HTML in docs/_build
-# make pictures the README's pictures, taken again of the app
-# make bench  every speed and accuracy table against the peers
-# make setup  the set-up alone; the others call it
+# make test   run lint, type checks and the whole test suite
+# make docs   build the pages of docs/ as HTML in docs/_build
+# make pictures retake the README's pictures from the app
+# make bench  measure every speed and accuracy table against the peers
+# make setup  set up only; the other targets call it
 
 PYTHON ?= python3
 PORT ?= 8501
@@ -54,7 +54,7 @@ $(VENV)/.dev-ready: requirements-dev.txt requirements.txt | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-dev.txt
 	@touch $@
 
-# Compiling here, once, spares the first visitor of the app the wait: the machine code is kept on disk.
+# Compiling once here spares the app's first visitor the wait: the machine code is kept on disk.
 $(VENV)/.loops-warm: $(VENV)/.run-ready $(LOOPS)
 	$(BIN)/python -m stereolag.warming
 	@touch $@

@@ -1,4 +1,4 @@
-"""Home: the three measurements, each with a picture of it made on the spot."""
+"""Home page: the three measurements, each with a picture computed on the spot."""
 
 from collections.abc import Callable
 
@@ -27,7 +27,7 @@ from stereolag.ui.searches import CURVES
 
 
 def show_lag() -> None:
-    """Show the correlation of the first example."""
+    """Show the correlation of the first example recordings."""
     pair = example_recordings("coast")
     result = computed(
         "lag",
@@ -46,7 +46,7 @@ def show_lag() -> None:
 
 
 def show_search() -> None:
-    """Show the place that was found in the first maze."""
+    """Show the match found in the first maze."""
     pictures = example_pictures("maze")
     result = computed(
         "template search",
@@ -66,7 +66,7 @@ def show_search() -> None:
 
 
 def show_depth() -> None:
-    """Show the depth map of an example."""
+    """Show the depth map of one example pair."""
     pair = example_pair("cube")
     matcher = first_settings(CorrelationMatcher, pair)
     result = computed(
@@ -81,8 +81,8 @@ def show_depth() -> None:
     alt = map_in_words(result.disparity, "A photograph of a puzzle cube that turns into its disparity map")
     show_png(image_into_map(pair.left, result.disparity, low, high), alt)
     prose.markdown(
-        f"Two cameras look at a puzzle cube. **{result.valid.sum():,} windows** were each found again: those that "
-        "shifted most, the bright ones, are the nearest."
+        f"Two cameras look at a puzzle cube. **{result.valid.sum():,} windows** of one image were found in the "
+        "other: those that shifted most, the bright ones, are the nearest."
     )
 
 
@@ -92,7 +92,7 @@ MEASUREMENTS: dict[str, tuple[Callable[[], None], str, str]] = {
     "How far away is everything?": (show_depth, "pages/3_Depth_maps.py", "Depth maps"),
 }
 
-# What else there is: file, name of the page, and a sentence.
+# The other pages: file, name, and a sentence about each.
 MORE = (
     (
         "pages/5_Driving.py",
@@ -108,7 +108,7 @@ MORE = (
 with page(
     "Slide, multiply, find the peak",
     "Lay one thing over another, multiply, add up; slide by one step and do it again. Where the sum is largest the two "
-    "agree, and how far you slid is the **lag**. **stereolag** measures three things by it.",
+    "agree, and the distance you slid is the **lag**. **stereolag** measures three things this way.",
 ):
     for column, (question, (show, path, name)) in zip(st.columns(3, gap="medium"), MEASUREMENTS.items(), strict=True):
         with column.container(border=True, height="stretch"):
@@ -121,7 +121,7 @@ with page(
             st.page_link(path, label=f"Open {name}", icon=":material/arrow_forward:")
     st.space("small")
     prose.markdown(
-        "Everything here was computed by this app. Each page comes with examples, takes files of your own, and lets "
-        "you move every setting. Your files stay in this session: nothing is written to disk or shown to anyone else.",
+        "Everything here was computed by this app. Each page comes with examples, takes your own files, and lets you "
+        "change every setting. Your files stay in this session: nothing is written to disk or shown to anyone else.",
         width=760,
     )

@@ -37,7 +37,7 @@ RESULTS = Path(__file__).parent / "results"
 
 
 def conditions() -> dict[str, str]:
-    """Return what the figures depend on besides the code."""
+    """Return the conditions that the figures depend on besides the code."""
     return {
         "Python": platform.python_version(),
         "NumPy": np.__version__,
@@ -50,7 +50,7 @@ def conditions() -> dict[str, str]:
 
 
 def spoken(value: float, unit: str) -> str:
-    """Return a figure with three digits in a unit that fits."""
+    """Return a value with three digits in a fitting unit."""
     for factor, name in ((1, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")):
         if unit == "s" and value * factor >= 1:
             return f"{value * factor:.3g} {name}"
@@ -75,7 +75,7 @@ def table(rows: list[Row]) -> str:
 
 
 def keep(name: str, title: str, body: str, values: object) -> None:
-    """Print a table and write it down with its conditions."""
+    """Print a table and save it with its conditions."""
     state = conditions()
     text = f"# {title}\n\n{body}\n\n" + ", ".join(f"{key} {value}" for key, value in state.items()) + ".\n"
     print(text, flush=True)
@@ -86,7 +86,7 @@ def keep(name: str, title: str, body: str, values: object) -> None:
 
 
 def main() -> None:
-    """Run the tables that are asked for, all by default."""
+    """Run the requested tables, or the usual ones."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument(
         "tables", nargs="*", choices=[*TABLES, []], help=f"which tables; {', '.join(USUAL)} unless named"

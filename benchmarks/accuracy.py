@@ -1,4 +1,4 @@
-"""How right: the presets against OpenCV's matchers over every pair with truth, by the figure of merit."""
+"""Accuracy of the presets against OpenCV's matchers on every pair with ground truth, by the figure of merit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SGBM, BLOCK_15 = StereoSGBM.title, "StereoBM(15)"
 
 @dataclass(frozen=True)
 class Judged:
-    """Bad % of one map at its pair's threshold: missing pixels counted wrong, of the measured alone, and density."""
+    """Bad % at the pair's threshold, with missing pixels counted wrong and of measured pixels alone; density."""
 
     bad: float
     bad_measured: float
@@ -31,15 +31,15 @@ class Judged:
 
 @dataclass(frozen=True)
 class PairFigures:
-    """Every method on one pair, by its title, and what the figures of merit need besides."""
+    """Every method on one pair, by title, with the variants that the figures of merit need."""
 
     pair: TruePair
     maps: dict[str, Judged]
-    """As each method delivers it."""
+    """As each method returns it."""
     measured: dict[str, Judged]
-    """Without what was filled in."""
+    """Without filled pixels."""
     filled: dict[str, Judged]
-    """With holes filled along the row."""
+    """With holes filled along rows."""
 
 
 def rows_filled(disparity: Disparity) -> Disparity:
@@ -59,20 +59,20 @@ def rows_filled(disparity: Disparity) -> Disparity:
 
 
 def contestants(num_disparities: int) -> dict[str, StereoMatcher]:
-    """Return every preset and every method as it comes, over one range."""
+    """Return every preset and every method with its defaults, over one range."""
     presets = {PRESETS[name].title: preset(name, num_disparities) for name in PRESETS if name != "report"}
     return presets | {method.title: method().with_search_range(0, num_disparities) for method in METHODS}
 
 
 def figures_of(pair: TruePair) -> PairFigures:
-    """Run every method on one pair; OpenCV's on grey, as it takes nothing else."""
+    """Run every method on one pair; OpenCV's run on grey images."""
     limit = pair.threshold
 
     def judged(disparity: Disparity) -> Judged:
         figures = evaluate(disparity, pair.truth, thresholds=(limit,))
         return Judged(figures.bad[limit], figures.bad_measured[limit], figures.density)
 
-    # OpenCV's own default block; 15 px is what its tuners come to on these pairs.
+    # OpenCV's default block, and 15 px, which tuning StereoBM on these pairs leads to.
     methods = contestants(pair.num_disparities) | {
         BLOCK_15: StereoBM(num_disparities=pair.num_disparities, block_size=15)
     }

@@ -1,4 +1,4 @@
-"""How fast it feels: from letting go of a slider to the new picture, in a real Chromium."""
+"""Latency from moving a slider to the new picture, in a real Chromium."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STAGE = """() => {
   const hosts = [...document.querySelectorAll('*')].filter((one) => one.shadowRoot);
   window.stage = hosts.map((one) => one.shadowRoot.querySelector('.stage')).find((one) => one);
 }"""
-"""The maps are drawn within a component of their own."""
+"""The maps are drawn inside a component."""
 
 WATCH = """(index) => new Promise((resolve) => {
   const shown = () => window.stage.children[index]?.querySelector('canvas')?.seen;
@@ -32,14 +32,14 @@ WATCH = """(index) => new Promise((resolve) => {
 def moved(page: Page, slider: Locator, key: str, image: int) -> float:
     """Move a focused slider by one step and return the milliseconds until its new map is drawn."""
     slider.focus()
-    # Not the promise itself: that would be waited for before the key is pressed.
+    # Does not return the promise, because Playwright would await it before the key is pressed.
     page.evaluate(f"() => {{ window.waiting = ({WATCH})({image}) }}")
     page.keyboard.press(key)
     return float(page.evaluate("window.waiting"))
 
 
 def latency_table() -> tuple[str, dict[str, float]] | None:
-    """Return the medians as Markdown and as figures; None where there is no Chromium."""
+    """Return the latencies as Markdown and as figures; None without Chromium."""
     path = chromium_path()
     if path is None:
         return None

@@ -1,4 +1,4 @@
-"""The input doctor on raw pairs, on rectified ones and on lenses that distort by a known amount."""
+"""The input doctor on raw pairs, on rectified pairs and on lenses with a known distortion."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Array = npt.NDArray[Any]
 BOARD = (9, 6)
 COEFFICIENTS = (-0.05, -0.1, -0.2, -0.3, 0.1)
 CORNER = 0.4
-"""Share of the image's diagonal from its centre from which on a point lies in a corner."""
+"""A point belongs to a corner beyond this fraction of the image's diagonal from its centre."""
 
 
 def doctor_tables() -> tuple[str, dict[str, object]]:
@@ -40,7 +40,7 @@ def doctor_tables() -> tuple[str, dict[str, object]]:
 
 
 def raw_rows() -> Iterator[dict[str, object]]:
-    """Yield what is found on each raw pair, judged by the corners of the board, which no feature was fitted to."""
+    """Yield the findings on each raw pair, judged by the board's corners, to which no feature was fitted."""
     for path in sorted((DATA / "calibration" / "opencv_chessboard").glob("left*.jpg")):
         views = read_image(path), read_image(path.with_name(path.name.replace("left", "right")))
         diagnosis, row = examined(path.stem, *views)
@@ -56,7 +56,7 @@ def raw_rows() -> Iterator[dict[str, object]]:
 
 
 def pair_rows() -> Iterator[dict[str, object]]:
-    """Yield what is found on each rectified pair, and how its range compares with the truth's."""
+    """Yield the findings on each rectified pair, and its suggested range compared with the true one."""
     for name, left, right, truth in rectified_pairs():
         diagnosis, row = examined(name, left, right)
         known = truth[np.isfinite(truth)]
@@ -69,7 +69,7 @@ def pair_rows() -> Iterator[dict[str, object]]:
 
 
 def lens_rows() -> Iterator[dict[str, object]]:
-    """Yield what is found where a lens of known k1 bends both images of a rectified pair."""
+    """Yield the findings on rectified pairs whose images were both distorted by a lens of known k1."""
     for name, left, right, truth in rectified_pairs():
         if name not in {"road", "cube", "giraffes", "motorcycle_q", "teddy", "kitti2015_000046"}:
             continue
@@ -89,7 +89,7 @@ def lens_rows() -> Iterator[dict[str, object]]:
 
 
 def examined(name: str, left: Array, right: Array) -> tuple[Diagnosis, dict[str, object]]:
-    """Return the diagnosis of a pair, and what it says in a few cells."""
+    """Return the diagnosis of a pair and its table cells."""
     began = time.process_time()
     diagnosis = diagnose(left, right)
     spent = time.process_time() - began
@@ -108,7 +108,7 @@ def examined(name: str, left: Array, right: Array) -> tuple[Diagnosis, dict[str,
 
 
 def rectified_pairs() -> Iterator[tuple[str, Array, Array, Array]]:
-    """Yield name, images and truth of every rectified pair with truth."""
+    """Yield the name, images and ground truth of every rectified pair."""
     for pair in true_pairs():
         yield pair.name, pair.left, pair.right, pair.truth
     for name, sample in stereo_pairs().items():
@@ -135,12 +135,12 @@ def covered(diagnosis: Diagnosis, disparities: Array) -> float:
 
 
 def rms(errors: Array) -> float:
-    """Return the root of the mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
 def through_lens(image: Array, k1: float) -> Array:
-    """Return an image as a lens with OpenCV's k1 and a focal length of one width sees it."""
+    """Return an image as seen through a lens with OpenCV's k1 and a focal length of one image width."""
     height, width = image.shape[:2]
     rows, cols = np.indices((height, width))
     centre = (np.array([width, height]) - 1) / 2
@@ -153,7 +153,7 @@ def through_lens(image: Array, k1: float) -> Array:
 
 
 def true_matches(truth: Array, k1: float) -> Correspondences:
-    """Return where that lens puts matching points of a rectified pair, drawn evenly from its truth."""
+    """Return matching points of a rectified pair as that lens displaces them, sampled evenly from the ground truth."""
     rows, cols = np.nonzero(np.isfinite(truth))
     drawn = np.random.default_rng(0).choice(len(rows), 4000, replace=False)
     left = np.column_stack([cols[drawn], rows[drawn]]).astype(np.float64)

@@ -1,4 +1,4 @@
-"""How right flow, own speed, outlines and speeds of cars are on the example drive, whose motion is known exactly."""
+"""Accuracy of flow, own speed, outlines and car speeds on the example drive, whose motion is known exactly."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from stereolag.reading.disparities import read_stored_disparity
 from stereolag.samples import DriveExample
 
 EVERY = 8
-"""Frames from one that is judged to the next."""
+"""Step between judged frames."""
 
 LEAST_PIXELS, FARTHEST_M = 800, 45.0
-"""What is smaller or farther away is not asked for, and not held against what is found."""
+"""Smaller or farther objects are neither required nor counted as wrong."""
 
 Flow = npt.NDArray[np.float32]
 Masks = npt.NDArray[np.uint8]
@@ -29,7 +29,7 @@ Masks = npt.NDArray[np.uint8]
 
 @dataclass
 class Judged:
-    """Figures over all frames: end-point errors by method, and what became of the cars."""
+    """Figures over all frames: end-point errors by method, and the results for the cars."""
 
     flow: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
     own_kmh: list[float] = field(default_factory=list)
@@ -46,7 +46,7 @@ def _truths(drive: DriveExample, number: int) -> tuple[npt.NDArray[np.float32], 
 
 
 def judged(drive: DriveExample, methods: Mapping[str, Callable[[Any, Any], Flow]]) -> Judged:
-    """Judge every method, and our scene flow, from frames back to those before them, as the page does."""
+    """Judge every method and our scene flow, each from a frame to the one before it, as the page does."""
     calibration, result = read_calibration(drive.calibration), Judged()
     poses = np.linalg.inv(_cameras(drive))
     matcher = preset("fast", num_disparities=drive.num_disparities)
@@ -55,7 +55,7 @@ def judged(drive: DriveExample, methods: Mapping[str, Callable[[Any, Any], Flow]
         motions = np.linalg.inv(drive.motions(number - 1))
         truth = rigid_motion(disparity, objects, motions, calibration)
         true = np.stack([truth.dy, truth.dx])
-        # Seams of the model through which a ray slips have no disparity: they are no sky where there is a road.
+        # Rays that slip through seams of the model give no disparity; below the horizon that is not sky.
         known = np.isfinite(true).all(axis=0) & (
             (disparity > 0) | (np.arange(len(disparity)) < len(disparity) // 2)[:, None]
         )

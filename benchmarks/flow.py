@@ -1,4 +1,4 @@
-"""How right and how fast the optical flow is, beside Farnebäck's and DIS of OpenCV, on motions known exactly."""
+"""Accuracy and speed of the optical flow beside OpenCV's Farnebäck and DIS, on exactly known motions."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ Picture: TypeAlias = npt.NDArray[np.uint8]
 Flow: TypeAlias = npt.NDArray[np.float32]
 """(2, H, W): dy, dx; px."""
 Motion: TypeAlias = Callable[[Any, Any], tuple[Any, Any]]
-"""From (row, col) of the second frame to the (dy, dx) by which it was moved."""
+"""Maps (row, col) in the second frame to the (dy, dx) by which that pixel moved."""
 
 OURS, FARNEBACK_15, FARNEBACK_21, DIS = "ours", "Farnebäck(15)", "Farnebäck(21)", "DIS medium"
 LARGEST, NOISE, WRONG = 30, 4.0, 3.0
-"""Px of the largest made motion; grey levels of noise; px from which on a pixel is wrong."""
+"""Largest synthetic motion, px; noise, grey levels; error from which a pixel counts as wrong, px."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """Two frames, the true flow from the first to the second (NaN: unknown), and where it can be seen in both."""
+    """Two frames, the true flow from the first to the second (NaN: unknown), and the pixels visible in both."""
 
     name: str
     kind: str
@@ -44,7 +44,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Judged:
-    """Mean end-point error, px, and % of pixels off by more than 3 px; the same where both frames see the pixel."""
+    """Mean end-point error, px; % of pixels off by more than 3 px; the mean error of pixels visible in both frames."""
 
     epe: float
     wrong: float
@@ -52,19 +52,19 @@ class Judged:
 
 
 def farneback(window: int, first: Picture, second: Picture) -> Flow:
-    """Return OpenCV's Farnebäck flow with the parameters that are usual."""
+    """Return OpenCV's Farnebäck flow with the usual parameters."""
     flow = cv2.calcOpticalFlowFarneback(as_grey(first), as_grey(second), None, 0.5, 5, window, 3, 7, 1.5, 0)  # type: ignore[call-overload]
     return np.asarray(np.moveaxis(flow, 2, 0)[::-1])
 
 
 def dis(first: Picture, second: Picture) -> Flow:
-    """Return OpenCV's dense inverse search."""
+    """Return OpenCV's dense inverse search flow."""
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM).calc(as_grey(first), as_grey(second), None)  # type: ignore[call-overload]
     return np.asarray(np.moveaxis(flow, 2, 0)[::-1])
 
 
 def ours(first: Picture, second: Picture) -> Flow:
-    """Return our flow as it comes, with gaps filled."""
+    """Return our flow with its defaults and gaps filled."""
     flow = optical_flow(first, second, filling=True)
     return np.stack([flow.dy, flow.dx])
 
@@ -78,7 +78,7 @@ METHODS: dict[str, Callable[[Picture, Picture], Flow]] = {
 
 
 def cases() -> Iterator[Case]:
-    """Yield every case: our pictures moved, our stereo pairs, and those of others where they are to be had."""
+    """Yield every case: our pictures moved, our stereo pairs, and the external pairs if present."""
     for number, (name, example) in enumerate(stereo_pairs().items()):
         left = read_image(example.left)
         yield moved(f"{name}, affine", left, affine(left.shape, 2 * number), 2 * number)
@@ -93,12 +93,12 @@ def cases() -> Iterator[Case]:
 def seen_as_motion(
     name: str, left: Picture, right: Picture, disparity: npt.NDArray[np.float32], seen: npt.NDArray[np.bool_] | None
 ) -> Case:
-    """Return a stereo pair as two frames: everything moves to the left by its disparity."""
+    """Return a stereo pair as two frames in which everything moves left by its disparity."""
     return Case(name, "stereo pair", left, right, np.stack([disparity * 0, -disparity]), seen)
 
 
 def affine(shape: tuple[int, ...], seed: int) -> Motion:
-    """Return a turn, growth and shear with a shift, at most some 30 px within the frame."""
+    """Return a rotation, scaling and shear with a shift, at most about 30 px within the frame."""
     random = np.random.default_rng(seed)
     rows, cols = shape[:2]
     matrix = random.uniform(-1, 1, (2, 2)) * LARGEST / math.hypot(rows, cols)
@@ -110,7 +110,7 @@ def affine(shape: tuple[int, ...], seed: int) -> Motion:
 
 
 def smooth(shape: tuple[int, ...], seed: int) -> Motion:
-    """Return waves as long as the picture with a shift, at most some 24 px."""
+    """Return waves about as long as the picture with a shift, at most about 24 px."""
     random = np.random.default_rng(seed)
     wave, phase = 2 * np.pi * 1.3 / math.hypot(*shape[:2]), random.uniform(0, 2 * np.pi, 4)
     shift = random.uniform(-0.3, 0.3, 2) * LARGEST
@@ -121,7 +121,7 @@ def smooth(shape: tuple[int, ...], seed: int) -> Motion:
 
 
 def moved(name: str, picture: Picture, motion: Motion, seed: int) -> Case:
-    """Return a picture and what a motion makes of it, three rectangles that move otherwise before it, and noise."""
+    """Return a picture and its moved version, with three rectangles moving independently in front, and noise."""
     random = np.random.default_rng(100 + seed)
     rows, cols = picture.shape[:2]
     row, col = np.mgrid[:rows, :cols].astype(np.float64)
@@ -131,7 +131,7 @@ def moved(name: str, picture: Picture, motion: Motion, seed: int) -> Case:
     second = np.asarray(cv2.remap(picture, *source, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101), np.uint8)
     truth = np.zeros((2, rows, cols))
     for _ in range(60):
-        # The motion is told where it ends: its start is found by going there again and again.
+        # The motion is given at its end point, so the flow at the start point is found by iteration.
         truth = np.stack(motion(row + truth[0], col + truth[1]))
     other = picture[::-1, ::-1]
     for _ in range(3):
@@ -149,7 +149,7 @@ def moved(name: str, picture: Picture, motion: Motion, seed: int) -> Case:
 
 
 def judged(flow: Flow, case: Case) -> Judged:
-    """Return the errors of a flow, over all pixels with truth and over those that both frames see."""
+    """Return the errors of a flow, over all pixels with ground truth and over those visible in both frames."""
     error = np.hypot(*(flow - case.truth))
     known = np.isfinite(case.truth[1])
     seen = None if case.seen is None else float(error[known & case.seen].mean())
@@ -208,6 +208,6 @@ def _drives() -> dict[str, DriveExample]:
 
 
 def merit(found: Any, peer: str) -> float:
-    """Return the geometric mean of our end-point error over a peer's."""
+    """Return the geometric mean of the ratio of our end-point error to a peer's."""
     ratios = [math.log(judgements[OURS].epe / judgements[peer].epe) for _, judgements, _ in found]
     return math.exp(math.fsum(ratios) / len(ratios))

@@ -26,11 +26,11 @@ MOST_MB = 500.0
 LARGE_COLOUR = re.compile("16-bit RGB|16 bits, colour|40 megapixels, 16 bits")
 MOST_MB_OF_LARGE_COLOUR = 800.0
 BATCH = 400
-"""Files of one process: one that dies takes no more with it."""
+"""Files per process, so that a crash loses no more than these."""
 
 
 def rows(files: Iterable[HostileFile]) -> list[tuple[Reading, str]]:
-    """Return the reading of every file, and what is wrong with it or nothing."""
+    """Return the reading of every file with its fault, empty if there is none."""
     found = []
     for file in files:
         reading = measured(file)
@@ -39,7 +39,7 @@ def rows(files: Iterable[HostileFile]) -> list[tuple[Reading, str]]:
 
 
 def wrong(reading: Reading, answer: str) -> str:
-    """Return what is wrong with a reading, nothing where all is well."""
+    """Return the fault of a reading, or an empty string."""
     allowed = MOST_MB_OF_LARGE_COLOUR if LARGE_COLOUR.search(reading.name) else MOST_MB
     if reading.fault:
         return "fault"
@@ -77,7 +77,7 @@ def hostile_table(pattern: str = "") -> tuple[str, list[dict[str, object]]]:
 
 
 def mutated(original: bytes, chance: random.Random) -> bytes:
-    """Return a valid file with some bytes changed, cut out, put in, doubled or cut off."""
+    """Return a valid file with some bytes changed, cut out, inserted, repeated or cut off."""
     data = bytearray(original)
     for _ in range(chance.choice([1, 1, 1, 2, 4])):
         place = chance.randint(0, min(len(data), chance.choice([40, 200, 10**6])))
@@ -99,7 +99,7 @@ def mutated(original: bytes, chance: random.Random) -> bytes:
 
 
 def fuzz_batch(seed: int) -> dict[str, object]:
-    """Return what came of a batch of mutated files."""
+    """Return the outcome of a batch of mutated files."""
     chance, valid = random.Random(seed), valid_files()
     counts: Counter[str] = Counter()
     faults: list[str] = []
@@ -122,7 +122,7 @@ def fuzz_batch(seed: int) -> dict[str, object]:
 
 
 def fuzz(minutes: float, seed: int) -> bool:
-    """Mutate files for some minutes, print what came of it, and return whether nothing went wrong."""
+    """Mutate files for some minutes, print the outcome, and return whether nothing went wrong."""
     end, first = time.monotonic() + 60 * minutes, seed
     counts: Counter[str] = Counter()
     faults: list[str] = []

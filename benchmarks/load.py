@@ -35,24 +35,24 @@ Figures = dict[str, float]
 
 
 class Server:
-    """The app in a process of its own: what it used of the processor and of the memory."""
+    """The app in its own process, with its processor time and memory."""
 
     def __init__(self, process: subprocess.Popen[bytes], port: int) -> None:
         self.process = process
         self.port = port
 
     def cpu_seconds(self) -> float:
-        """Return the seconds of processor time used so far."""
+        """Return the processor time used so far, s."""
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def megabytes(self) -> float:
-        """Return the resident memory."""
+        """Return the resident memory, MB."""
         return int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def machine_seconds() -> float:
-    """Return the seconds of processor time that the whole machine has worked."""
+    """Return the processor time used by the whole machine, s."""
     user, nice, system, _, _, interrupts, soft = map(int, Path("/proc/stat").read_text().split()[1:8])
     return (user + nice + system + interrupts + soft) / os.sysconf("SC_CLK_TCK")
 
@@ -66,7 +66,7 @@ def serving(environment: Mapping[str, str] | None = None) -> Iterator[Server]:
 
 
 def own_pair(seed: int, width: int = WIDTH, height: int = HEIGHT, largest: float = 48) -> dict[str, bytes]:
-    """Return the files of a pair of textured pictures whose disparity rises from 4 px at the left to `largest`."""
+    """Return the files of a textured pair whose disparity rises from 4 px at the left to `largest`."""
     random = np.random.default_rng(seed)
     texture = np.zeros((height, width + int(largest)), dtype=np.float32)
     for cells in (4, 2, 1):
@@ -92,7 +92,7 @@ async def with_own_pair(visitor: Visitor, files: dict[str, bytes]) -> None:
 
 
 async def move_on(visitor: Visitor, windows: Sequence[int], every: float, phase: float = 0) -> None:
-    """Move the slider of the window to each value when its time has come, whatever was answered so far."""
+    """Move the window slider to each value on schedule, whether or not earlier moves were answered."""
     start = time.perf_counter() + phase
     for number, window in enumerate(windows):
         due = start + number * every
@@ -102,17 +102,17 @@ async def move_on(visitor: Visitor, windows: Sequence[int], every: float, phase:
 
 
 def windows_of(moves: int) -> list[int]:
-    """Return as many sizes of the window, no two alike and none the one at first."""
+    """Return this many different window sizes, none equal to the initial one."""
     return [window for window in range(9, 102) if window != FIRST_WINDOW][:moves]
 
 
 def latencies(moves: Sequence[Move]) -> list[float]:
-    """Return the milliseconds until the map of every move that was answered."""
+    """Return the latency of every answered move, ms."""
     return [1000 * one.latency for one in moves if one.latency is not None]
 
 
 async def alone(server: Server) -> Figures:
-    """Return what one visitor waits, and costs, moving each time the map before has come."""
+    """Return the latencies and costs of a single visitor who moves again after each map."""
     async with Visitor(server.port) as visitor:
         await with_own_pair(visitor, own_pair(1_000_000))
         await visitor.move(WINDOW, 101)
@@ -132,7 +132,7 @@ async def alone(server: Server) -> Figures:
 
 
 async def together(server: Server, users: int, every: float, moves: int) -> Figures:
-    """Return what that many visitors wait, and cost, all moving their sliders."""
+    """Return the latencies and costs of this many visitors who all move their sliders."""
     visitors: list[Visitor] = []
     figures: Figures = {}
     try:
@@ -166,7 +166,7 @@ async def together(server: Server, users: int, every: float, moves: int) -> Figu
 
 
 async def bystander(server: Server, users: int) -> Figures:
-    """Return what a visitor of an example waits while others have large pairs of their own matched accurately."""
+    """Return the latencies of a visitor on an example while others run accurate matching on large pairs."""
     visitors = [Visitor(server.port) for _ in range(users)]
     onlooker = Visitor(server.port)
     peak = 0.0
@@ -223,12 +223,12 @@ async def measured(users: int, every: float, moves: int, stay_away: float) -> Fi
 
 
 def load_table(users: int = 20, every: float = 2.0, moves: int = 15, stay_away: float = 60) -> tuple[str, Figures]:
-    """Return the figures of the load as Markdown and as numbers."""
+    """Return the load figures as Markdown and as numbers."""
     return _table(asyncio.run(measured(users, every, moves, stay_away)))
 
 
 def bystander_table(users: int = 10) -> tuple[str, Figures]:
-    """Return the figures of the bystander as Markdown and as numbers."""
+    """Return the bystander figures as Markdown and as numbers."""
 
     async def run() -> Figures:
         with serving() as server:

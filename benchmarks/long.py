@@ -1,4 +1,4 @@
-"""Long recordings: seconds and memory from four seconds to an hour, each in a process of its own."""
+"""Long recordings: time and memory from four seconds to an hour, each in its own process."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PIECE = 2**20
 RATE = 44_100
 LENGTHS = {"4 s": 4, "1 min": 60, "10 min": 600, "1 h": 3600}
 MAX_LAG = 10 * RATE
-"""Samples: ten seconds; of the shortest recordings a tenth of their length."""
+"""Ten seconds, in samples; for the shortest recordings a tenth of their length is used."""
 
 NOTE = (
     "White noise at 0 dB, 44.1 kHz, float32; `max_lag` is ten seconds, of 4 s and 1 min a tenth. The peak is that of "
@@ -30,7 +30,7 @@ NOTE = (
 
 
 def noise(size: int, seed: int) -> Samples:
-    """Return white noise, made piece by piece in the memory that it takes."""
+    """Return white noise, generated piecewise to need no extra memory."""
     random, made = np.random.default_rng(seed), np.empty(size, dtype=np.float32)
     for start in range(0, size, PIECE):
         made[start : start + PIECE] = random.standard_normal(min(PIECE, size - start), dtype=np.float32)
@@ -38,7 +38,7 @@ def noise(size: int, seed: int) -> Samples:
 
 
 def pair(size: int, lag: int) -> tuple[Samples, Samples]:
-    """Return two recordings of one sound, each with noise of its own as loud as the sound, in no more memory."""
+    """Return two recordings of one sound, each with its own noise as loud as the sound, using no extra memory."""
     first, second = noise(size, 1), noise(size, 2)
     random = np.random.default_rng(0)
     for start in range(0, size + lag, PIECE):
@@ -51,7 +51,7 @@ def pair(size: int, lag: int) -> tuple[Samples, Samples]:
 
 
 def measured(seconds: int, limited: bool) -> dict[str, Any]:
-    """Return what one search took; called in a process of its own."""
+    """Return the time and memory of one search; called in its own process."""
     size = seconds * RATE
     max_lag = min(MAX_LAG, size // 10) if limited else None
     lag = (max_lag or size) // 4

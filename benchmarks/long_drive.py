@@ -1,4 +1,4 @@
-"""A long drive by the command: its time and memory, and that it goes on where it was ended."""
+"""A long drive run by the command: its time and memory, and resuming after an interruption."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from stereolag.loops.bands import available_cores
 CONSOLE = "import sys; from stereolag.commands import main; sys.exit(main())"
 PRESET = "fast"
 ENDED_AFTER = 40
-"""Frames, after each of which a short run is ended by a signal."""
+"""Frames from one signal that ends a short run to the next."""
 SHORT = 120
 LOOKS_S = 0.25
 
 
 def long_drive_table(frames: int) -> tuple[str, dict[str, Any]]:
-    """Return what came of a run over so many frames, of one that was ended twice, and of one that lost a worker."""
+    """Return the results of a run over this many frames, one interrupted twice, and one that lost a worker."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         sides = repeated_drive(folder / "drive", frames)
@@ -65,7 +65,7 @@ def long_drive_table(frames: int) -> tuple[str, dict[str, Any]]:
 
 
 def repeated_drive(folder: Path, frames: int) -> tuple[Path, Path]:
-    """Return two folders with so many frames: links to the drive's own, over and over."""
+    """Return two folders with this many frames, links that repeat the drive's own."""
     sides = folder / "left", folder / "right"
     for side in sides:
         side.mkdir(parents=True)
@@ -82,7 +82,7 @@ def begun(sides: tuple[Path, Path], out: Path, *flags: str) -> subprocess.Popen[
 
 
 def finished(process: subprocess.Popen[str]) -> dict[str, Any]:
-    """Return the line of JSON of a command that is to be done."""
+    """Wait for the command to end, and return its line of JSON."""
     said, _ = process.communicate()
     if process.returncode:
         raise RuntimeError(f"the command ended with {process.returncode}")
@@ -90,7 +90,7 @@ def finished(process: subprocess.Popen[str]) -> dict[str, Any]:
 
 
 def watched(sides: tuple[Path, Path], out: Path, *flags: str) -> tuple[dict[str, Any], list[float]]:
-    """Run the command; return what it told, and the memory of it and its children all the while, MB."""
+    """Run the command; return its output, and samples of the memory of it and its children, MB."""
     process, memory = begun(sides, out, *flags), list[float]()
     first = psutil.Process(process.pid)
     while process.poll() is None:
@@ -107,12 +107,12 @@ def contents(out: Path) -> dict[str, bytes]:
 
 
 def written(out: Path) -> dict[str, int]:
-    """Return when each map in a folder was written."""
+    """Return the modification time of each map in a folder."""
     return {path.name: path.stat().st_mtime_ns for path in out.glob(f"{PRESET}/*.png")}
 
 
 def ended_by(process: subprocess.Popen[str], ending: signal.Signals, out: Path, count: int) -> int:
-    """End the command once so many frames are done; return how many the table then knows."""
+    """Send a signal to the command once this many frames are done; return the number of frames in its table."""
     wait_for(lambda: len(written(out)) >= count)
     process.send_signal(ending)
     process.communicate()
@@ -120,7 +120,7 @@ def ended_by(process: subprocess.Popen[str], ending: signal.Signals, out: Path, 
 
 
 def interrupted(sides: tuple[Path, Path], out: Path) -> dict[str, Any]:
-    """Return what came of a run that was ended by SIGINT, gone on with, ended by SIGKILL, and gone on with."""
+    """Return the result of a run ended by SIGINT, resumed, ended by SIGKILL, and resumed."""
     after_sigint = ended_by(begun(sides, out), signal.SIGINT, out, ENDED_AFTER)
     after_sigkill = ended_by(begun(sides, out), signal.SIGKILL, out, 2 * ENDED_AFTER)
     before = written(out)
@@ -137,7 +137,7 @@ def interrupted(sides: tuple[Path, Path], out: Path) -> dict[str, Any]:
 
 
 def with_a_worker_killed(sides: tuple[Path, Path], out: Path) -> dict[str, Any]:
-    """Return what came of a run on a scheduler and two workers, one of which was killed midway."""
+    """Return the result of a run on a scheduler and two workers, one of which was killed midway."""
     with cluster() as (address, workers):
         process = begun(sides, out, "--scheduler", address)
         wait_for(lambda: len(written(out)) >= ENDED_AFTER)
@@ -149,7 +149,7 @@ def with_a_worker_killed(sides: tuple[Path, Path], out: Path) -> dict[str, Any]:
 
 @contextmanager
 def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Start a Dask scheduler and two workers without a nanny, each a process of its own."""
+    """Start a Dask scheduler and two workers without a nanny, each in its own process."""
     with TemporaryDirectory() as name:
         noted = Path(name) / "scheduler.json"
         dask, common = [sys.executable, "-m", "dask"], ["--scheduler-file", str(noted), "--no-dashboard"]
@@ -166,17 +166,17 @@ def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
 
 
 def quiet(command: list[str]) -> subprocess.Popen[bytes]:
-    """Start a process whose log nobody reads."""
+    """Start a process and discard its output."""
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def wait_for(ready: Callable[[], bool], patience_s: float = 300) -> None:
-    """Wait until something is so.
+    """Wait until a condition is true.
 
     Raises
     ------
     TimeoutError
-        It has not become so.
+        It is not true in time.
     """
     end = time.monotonic() + patience_s
     while not ready():

@@ -1,4 +1,4 @@
-"""The memory of this process as Linux counts it: looking now and then would miss its highest."""
+"""The memory of this process as counted by Linux: sampling would miss its peak."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from contextlib import suppress
 from pathlib import Path
 
 CLEAR_REFS = Path("/proc/self/clear_refs")
-"""Where a process tells Linux to forget how much memory it had at the most."""
+"""Writing to it makes Linux reset a process's peak memory."""
 
 
 def peak_extra_memory(job: Callable[[], object]) -> float:
-    """Return by how many MB the resident memory of this process rises at the most while `job` runs."""
+    """Return the rise of this process's resident memory to its peak while `job` runs, MB."""
     reset_peak()
     before = resident_mb()
     job()
@@ -24,12 +24,12 @@ def resident_mb() -> float:
 
 
 def peak_mb() -> float:
-    """Return its highest since it was reset, MB."""
+    """Return the peak of the resident memory since its reset, MB."""
     return _status("VmHWM")
 
 
 def reset_peak() -> None:
-    """Make the highest of this process that of now; where Linux does not allow it, it stays the highest ever."""
+    """Reset the peak to the current memory; where Linux does not allow that, it stays the highest ever."""
     with suppress(OSError):
         CLEAR_REFS.write_text("5")
 

@@ -1,4 +1,4 @@
-"""The pairs with truth that accuracy is measured on."""
+"""The pairs with ground truth on which accuracy is measured."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ THRESHOLDS = {"Middlebury": 1.0, "KITTI": 3.0, "DrivingStereo": 3.0}
 
 @dataclass(frozen=True)
 class TruePair:
-    """A stereo pair, its truth, and the range its truth asks for, rounded up to OpenCV's multiple of 16."""
+    """A stereo pair, its ground truth, and the range that this needs, rounded up to OpenCV's multiple of 16."""
 
     name: str
     family: str
@@ -40,7 +40,7 @@ class TruePair:
 
 
 def true_pairs() -> Iterator[TruePair]:
-    """Yield every pair with truth, one at a time."""
+    """Yield every pair with ground truth, one at a time."""
     for family, names in FAMILIES.items():
         for name in names:
             folder = DATA / "stereo" / name

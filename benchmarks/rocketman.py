@@ -1,4 +1,4 @@
-"""Rocketman resized and turned, and templates that are not there: how often he is found, and how often wrongly."""
+"""Rocketman resized and rotated, and templates that are not there: how often the answer is right or wrong."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ TRIALS = 20
 FINER = 4
 
 NEAR_PX, NEAR_SCALE, NEAR_DEGREES = 4.0, 0.03, 2.0
-"""How far off a right answer may be: its centre, its size, its angle."""
+"""Tolerances of a right answer: centre, size and angle."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A picture, a template, and where it lies: centre (row, col), scale and rotation; None where it is not there."""
+    """A picture, a template and its pose: centre (row, col), scale and rotation; None if it is not in the picture."""
 
     name: str
     picture: Array
@@ -38,12 +38,12 @@ class Scene:
     mask: Array | None = None
 
     def search(self) -> TemplateSearch:
-        """Search with sizes and angles where they are asked for."""
+        """Search, with sizes and angles if the scene has them."""
         ranges: dict[str, Any] = {"scales": SCALES, "rotations": ROTATIONS} if self.poses else {}
         return match_template(self.picture, self.template, mask=self.mask, **ranges)
 
     def right(self, result: TemplateSearch) -> bool:
-        """Return whether the answer is right: found where it is, not found where it is not."""
+        """Return whether the answer is right: found at the true pose, or not found if it is not there."""
         if self.truth is None or not result.found:
             return (self.truth is None) is not result.found
         row, col, scale, rotation = self.truth
@@ -63,7 +63,7 @@ def maze() -> tuple[Array, Array, int, int]:
 
 
 def painted_over(picture: Array, template: Array, row: int, col: int) -> Array:
-    """Return the picture without him: another part of it of his size, in his place."""
+    """Return the picture with Rocketman replaced by another part of it, of his size."""
     height, width = template.shape[:2]
     painted = picture.copy()
     painted[row : row + height, col : col + width] = picture[row : row + height, col + 300 : col + 300 + width]
@@ -71,7 +71,7 @@ def painted_over(picture: Array, template: Array, row: int, col: int) -> Array:
 
 
 def drawn(picture: Array, template: Array, row: float, col: float, scale: float, rotation: float) -> Array:
-    """Return the picture with the template drawn into it, centred at (row, col), from `FINER` times as many pixels."""
+    """Return the picture with the template drawn into it, centred at (row, col) and supersampled `FINER` times."""
     reach = int(np.hypot(*template.shape[:2]) * scale / 2) + 3
     top, left, side = round(row) - reach, round(col) - reach, 2 * reach
     matrix = cv2.getRotationMatrix2D(
@@ -91,7 +91,7 @@ def drawn(picture: Array, template: Array, row: float, col: float, scale: float,
 
 
 def posed_scenes(count: int = TRIALS) -> Iterator[Scene]:
-    """Give Rocketman in the maze, somewhere else, in random sizes and angles."""
+    """Yield scenes with Rocketman at random places, sizes and angles in the maze."""
     picture, template, row, col = maze()
     empty = painted_over(picture, template, row, col)
     random = np.random.default_rng(0)
@@ -103,7 +103,7 @@ def posed_scenes(count: int = TRIALS) -> Iterator[Scene]:
 
 
 def absent_scenes() -> Iterator[Scene]:
-    """Give 20 searches for what is not there."""
+    """Yield 20 searches for templates that are not there."""
     picture, template, row, col = maze()
     empty = painted_over(picture, template, row, col)
     mirrored = np.ascontiguousarray(template[:, ::-1])
@@ -129,7 +129,7 @@ def _negative(template: Array) -> Array:
 
 
 def shared_scenes(folder: Path = DATA / "template") -> Iterator[Scene]:
-    """Give the pictures of others, with and without sizes and angles."""
+    """Yield scenes from external pictures, with and without sizes and angles."""
     for scene, name, place, mask in (
         ("boofcv_desktop/scene.png", "template_paint.png", (222, 338), None),
         ("simplecv/scene.png", "template.png", (33, 363), None),
@@ -152,7 +152,7 @@ def shared_scenes(folder: Path = DATA / "template") -> Iterator[Scene]:
 def rocketman_table() -> tuple[str, dict[str, Any]]:
     """Return the answers as Markdown, and as figures."""
     first = next(posed_scenes(1))
-    first.search()  # compiled
+    first.search()  # compiles the loops
     figures: dict[str, Any] = {}
     lines = [
         "| search | answer | score | best rival | scale | angle | s | CPU s | right |",

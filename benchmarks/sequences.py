@@ -1,4 +1,4 @@
-"""Frames a second of a whole sequence, from files to files and video, beside the same by hand with OpenCV."""
+"""Frames per second of whole sequences, from files to maps and video, beside the same done by hand with OpenCV."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ OURS: dict[str, StereoMatcher] = {
     "sl.StereoSGBM": StereoSGBM(num_disparities=NUM_DISPARITIES),
 }
 ASKED = {'preset("fast")': ("≥ 10", "≥ 30", "≥ 0.5", "≥ 0.8"), 'preset("accurate")': ("≥ 5", "≥ 10", "", "")}
-"""Frames a second and their share of the peer's, each what must and what should be."""
+"""Frames per second and their ratio to the peer's, each as required and as aimed for."""
 OF_SGBM = ('preset("accurate")', "sl.StereoSGBM")
-"""Whose peer is SGBM by hand."""
+"""The pipelines whose peer is SGBM by hand; the others' peer is BM."""
 
 Grey = npt.NDArray[np.uint8]
 
 
 class Drive(NamedTuple):
-    """The frames of a drive, as the library opens them and as files."""
+    """The frames of a drive, opened by the library and as files."""
 
     name: str
     open: Callable[[], StereoSequence]
@@ -51,7 +51,7 @@ class Drive(NamedTuple):
 
 
 def drives() -> list[Drive]:
-    """Return the example, and KITTI's where it is at hand."""
+    """Return the example drive, and KITTI's if present."""
     found = []
     for name, example in example_drives().items():
         found.append(Drive(name, partial(example_sequence, example), [*zip(example.left, example.right, strict=True)]))
@@ -64,7 +64,7 @@ def drives() -> list[Drive]:
 def by_hand(
     compute: Callable[[Grey, Grey], npt.NDArray[np.int16]], files: list[tuple[Path, Path]], folder: Path
 ) -> None:
-    """Write the maps and the video of a drive with OpenCV and PyAV alone, one frame after the other."""
+    """Write the maps and the video of a drive with only OpenCV and PyAV, frame by frame."""
     stream: av.VideoStream | None = None
     with av.open(str(folder / "drive.mp4"), "w", options={"movflags": "faststart"}) as container:
         for paths in files:
@@ -91,7 +91,7 @@ def by_hand(
 
 
 def seconds_of(work: Callable[[Path], object]) -> float:
-    """Return how long a pipeline takes into an empty folder."""
+    """Return the seconds that a pipeline takes to write into an empty folder."""
     with TemporaryDirectory() as folder:
         start = time.perf_counter()
         work(Path(folder))
@@ -99,12 +99,12 @@ def seconds_of(work: Callable[[Path], object]) -> float:
 
 
 def pipelines(drive: Drive) -> dict[str, Callable[[Path], object]]:
-    """Return every pipeline over a drive by its name."""
+    """Return every pipeline over a drive, by name."""
     block = cv2.StereoBM.create(NUM_DISPARITIES, 21)
     semi_global = cv2.StereoSGBM.create(0, NUM_DISPARITIES, 5, 8 * 25, 32 * 25)
 
     def ours(matcher: StereoMatcher) -> Callable[[Path], object]:
-        # Opened anew in each round, as by hand the folder is listed anew.
+        # Opened in every round, because the pipelines by hand also read every file again.
         return lambda folder: run_sequence(drive.open(), matcher, folder / "maps", video=folder / "drive.mp4")
 
     found = {name: ours(matcher) for name, matcher in OURS.items()}
@@ -114,7 +114,7 @@ def pipelines(drive: Drive) -> dict[str, Callable[[Path], object]]:
 
 
 def sequence_table() -> tuple[str, dict[str, dict[str, dict[str, float]]]]:
-    """Return the table of frames a second as Markdown, and its figures by drive: the best of rounds in turn."""
+    """Return the table of frames per second as Markdown, and its figures by drive: the best of interleaved rounds."""
     lines = [
         "| drive | pipeline | frames a second | must | aim | × its peer by hand | must | aim | s for 1500 frames |",
         "|---|---|---|---|---|---|---|---|---|",
@@ -145,7 +145,7 @@ def sequence_table() -> tuple[str, dict[str, dict[str, dict[str, float]]]]:
 
 
 def rounds_in_turn(jobs: dict[str, Callable[[Path], object]]) -> dict[str, list[float]]:
-    """Return the seconds of every job in some rounds over all of them, after one that warms them up."""
+    """Return the seconds of every job in interleaved rounds, after one warm-up round."""
     times: dict[str, list[float]] = {name: [] for name in jobs}
     for round_number in range(ROUNDS + 1):
         for name, job in jobs.items():

@@ -1,4 +1,4 @@
-"""How fast: every timed task beside its peer, and beside the figure of the source report."""
+"""Speed: every timed task beside its peer and beside the source report's figure."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ REPORT = {
     "Rocketman, sampled": 0.49,
     "Rocketman, RGBA with mask, fft": 2.8,
 }
-"""Seconds, as the source report gives them for its own machine."""
+"""Seconds that the source report gives for its own machine."""
 
 
 def road() -> tuple[Grey, Grey]:
@@ -45,7 +45,7 @@ def road() -> tuple[Grey, Grey]:
 
 
 def enlarged(image: Grey, pixels: float) -> Grey:
-    """Return the image scaled to about so many pixels."""
+    """Return the image scaled to about this many pixels."""
     scale = (pixels / image.size) ** 0.5
     return np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC))
 
@@ -58,7 +58,7 @@ def dense(window_size: int = 20, num_disparities: int = 64) -> CorrelationMatche
 
 
 def stereo_rows() -> Iterator[Row]:
-    """Yield the tasks of the depth engine."""
+    """Yield the depth engine's tasks."""
     left, right = road()
     ours = dense()
     report = CorrelationMatcher(window_size=20, overlap=0.95, search=SearchArea.centred(40))
@@ -101,7 +101,7 @@ def stereo_rows() -> Iterator[Row]:
 
 
 def report_row(left: Grey, right: Grey, matcher: StereoMatcher) -> Row:
-    """Time the report's depth map against OpenPIV's equivalent, extrapolated from a strip: whole it needs 26 GB."""
+    """Time the report's depth map against OpenPIV's equivalent, extrapolated from a strip: in full it needs 26 GB."""
     strip = 60
 
     def openpiv() -> object:
@@ -131,14 +131,14 @@ def report_row(left: Grey, right: Grey, matcher: StereoMatcher) -> Row:
 
 
 def window_row(left: Grey, right: Grey) -> Row:
-    """Time window 41 against window 7: running sums do not care."""
+    """Time window 41 against window 7: running sums do not depend on the window."""
     small, large = dense(7), dense(41)
     seconds = interleaved({"7": lambda: small.compute(left, right), "41": lambda: large.compute(left, right)})
     return Row("dense, window 41", seconds["41"], "window 7", seconds["7"], "s", "≤ 1.25", "1.0")
 
 
 def size_row(left: Grey, right: Grey) -> Row:
-    """Time a pixel and lag at 6 MP against 0.35 MP."""
+    """Time per pixel and lag at 6 MP against 0.35 MP."""
     big = [enlarged(image, 6e6) for image in (left, right)]
     ours = dense()
     seconds = interleaved({"small": lambda: ours.compute(left, right), "big": lambda: ours.compute(*big)}, runs=7)
@@ -154,7 +154,7 @@ def size_row(left: Grey, right: Grey) -> Row:
 
 
 def memory_row(left: Grey, right: Grey) -> Row:
-    """Measure the memory of 6 MP × 256 lags beyond the images and the result."""
+    """Measure the peak memory of 6 MP × 256 lags beyond the images and the result."""
     big = [enlarged(image, 6e6) for image in (left, right)]
     ours = dense(20, 256)
     ours.compute(left, right)
@@ -171,7 +171,7 @@ def memory_row(left: Grey, right: Grey) -> Row:
 
 
 def signal_rows() -> Iterator[Row]:
-    """Yield the lag of two recordings."""
+    """Yield the tasks on the lag of two recordings."""
     example = recordings()["coast"]
     first, second = (read_signal(path).channels[0] for path in (example.signal_1, example.signal_2))
     seconds = interleaved(
@@ -194,7 +194,7 @@ def signal_rows() -> Iterator[Row]:
 
 
 def template_rows() -> Iterator[Row]:
-    """Yield Rocketman on the 3,732,596-pixel maze."""
+    """Yield the searches for Rocketman in the 3,732,596-pixel maze."""
     example = mazes()["maze"]
     picture, template = read_image(example.picture), read_image(example.template)
     grey, small = as_grey(picture), as_grey(template[:, :, :3])

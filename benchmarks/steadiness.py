@@ -1,4 +1,4 @@
-"""How much less maps flicker with the frame before in them, what that does to their errors, and what it takes."""
+"""How much less maps flicker when steadied with the previous frame, and the effect on errors and time."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ COLUMNS = ("flicker_px", "bad_2_percent", "epe_px")
 
 
 def matchers(count: int) -> dict[str, StereoMatcher]:
-    """Return the methods compared, over a number of disparities."""
+    """Return the compared methods over a number of disparities."""
     found = {"fast": preset("fast"), "accurate": preset("accurate"), "bm": StereoBM(), "sgbm": StereoSGBM()}
     return {name: one.with_search_range(0, count) for name, one in found.items()}
 
 
 def sequences() -> dict[str, tuple[StereoSequence, int]]:
-    """Return the drives there are, and how many disparities each holds."""
+    """Return the available drives, each with its number of disparities."""
     found: dict[str, tuple[StereoSequence, int]] = {}
     if KITTI.is_dir():
         found["KITTI, no truth"] = open_sequence(KITTI / "left", KITTI / "right"), 64
@@ -48,7 +48,7 @@ def sequences() -> dict[str, tuple[StereoSequence, int]]:
 def means(
     sequence: StereoSequence, methods: dict[str, StereoMatcher], steadiness: Steadiness | None
 ) -> dict[str, list[float]]:
-    """Return the mean of every figure over all frames, by method; NaN where there is none."""
+    """Return the mean of every figure over all frames, by method; NaN if a figure is missing."""
     kept = SequenceMemory()
     run_sequence(sequence, methods, kept, steadiness=steadiness)
     found = {}
@@ -60,7 +60,7 @@ def means(
 
 
 def milliseconds(sequence: StereoSequence, matcher: StereoMatcher, runs: int = 9) -> tuple[float, float]:
-    """Return what the motion of the picture takes, and then the map of each method: medians, ms."""
+    """Return the median times of estimating the picture's motion and of steadying one map, ms."""
     frames = [sequence.frame(number) for number in (0, 1)]
     maps = [matcher.compute(frame.left, frame.right) for frame in frames]
     times = []

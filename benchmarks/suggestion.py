@@ -1,4 +1,4 @@
-"""What suggested settings are worth: true bad-2 before, after, and of the best settings among those tried."""
+"""Worth of suggested settings: true bad-2 before and after, and of the best settings among those tried."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STARTS: dict[str, StereoMatcher] = {
 
 @dataclass(frozen=True)
 class Suggested:
-    """One search: true bad-2 in %, and what the search itself said."""
+    """One search: true bad-2, %, and the figures that the search itself reported."""
 
     pair: str
     start: str
@@ -43,7 +43,7 @@ class Suggested:
 
 
 def named_pairs() -> Iterator[tuple[str, TuningPair, int]]:
-    """Yield every pair with truth, those of others and the bundled ones: its name and how many disparities it needs."""
+    """Yield every pair with ground truth, external and bundled: its name and the number of disparities it needs."""
     for pair in true_pairs():
         yield pair.name, TuningPair.of(pair.left, pair.right, pair.truth), pair.num_disparities
     for name, example in samples.stereo_pairs().items():
@@ -53,7 +53,7 @@ def named_pairs() -> Iterator[tuple[str, TuningPair, int]]:
 
 
 def searches(name: str, pair: TuningPair, num_disparities: int) -> Iterator[Suggested]:
-    """Search from every start, blind and with the truth."""
+    """Search from every start, without and with the ground truth."""
     for title, method in STARTS.items():
         start = method.with_search_range(0, num_disparities)
         before = pair.judge(start).bad

@@ -1,4 +1,4 @@
-"""Times as ratios: ours and the peer in turn, in one run, so that a machine that drifts drifts for both."""
+"""Times as ratios: ours and the peer alternate in one run, so that a drifting machine affects both."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def interleaved(jobs: Mapping[str, Job], *, runs: int = 15) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Row:
-    """One line of a table: what was measured, ours, the peer's, their ratio, and what was asked."""
+    """One line of a table: the task, our figure, the peer's, their ratio, and the targets."""
 
     task: str
     ours: float

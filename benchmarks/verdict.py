@@ -1,4 +1,4 @@
-"""How often a lag is called sure that is none, and how often one that is: made recordings whose truth is known."""
+"""How often a lag is called sure, wrongly and rightly: synthetic recordings with known truth."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def noise(size: int, random: np.random.Generator) -> Vector:
 
 
 def rumble(size: int, random: np.random.Generator) -> Vector:
-    """Return noise that is louder the lower it is, by up to 40 dB."""
+    """Return noise whose level rises towards low frequencies, by up to 40 dB."""
     return coloured(size, random.uniform(0.5, 0.98), random)
 
 
@@ -39,7 +39,7 @@ def walk(size: int, random: np.random.Generator) -> Vector:
 
 
 def bangs(size: int, random: np.random.Generator) -> Vector:
-    """Return one to three bangs that die away, 40 dB above the noise between them."""
+    """Return one to three decaying bangs, 40 dB above the noise between them."""
     level = np.full(size, 0.01)
     for start in random.integers(0, size, random.integers(1, 4)):
         length = min(size - start, int(random.integers(50, size // 4)))
@@ -48,7 +48,7 @@ def bangs(size: int, random: np.random.Generator) -> Vector:
 
 
 def babble(size: int, random: np.random.Generator) -> Vector:
-    """Return buzzes of changing pitch and hisses, as syllables follow each other."""
+    """Return buzzes of changing pitch and hisses in succession, like syllables."""
     sound, start = np.zeros(size), 0
     while start < size:
         length = int(random.integers(400, 3000))
@@ -64,7 +64,7 @@ def babble(size: int, random: np.random.Generator) -> Vector:
 
 
 def clicks(size: int, random: np.random.Generator) -> Vector:
-    """Return five clicks of one pitch."""
+    """Return five clicks of different pitches."""
     sound, time = 0.003 * random.normal(size=size), np.arange(60)
     for start in random.integers(0, size - 60, 5):
         sound[start : start + 60] += np.exp(-time / 12) * np.sin(time * random.uniform(0.2, 1.5))
@@ -79,19 +79,19 @@ UNRELATED: dict[str, tuple[Callable[[int, np.random.Generator], Vector], ...]] =
 
 
 def coloured(size: int, colour: float, random: np.random.Generator) -> Vector:
-    """Return noise of which each sample holds `colour` of the one before it."""
+    """Return first-order autoregressive noise with coefficient `colour`."""
     return np.asarray(signal.lfilter([1.0], [1.0, -colour], random.normal(size=size + 500))[500:])
 
 
 def unrelated(kind: str, size: int, seed: int) -> Pair:
-    """Return two recordings that have nothing in common."""
+    """Return two recordings with nothing in common."""
     random = np.random.default_rng(seed)
     makers = UNRELATED[kind]
     return makers[seed % len(makers)](size, random), makers[(seed // len(makers)) % len(makers)](size, random)
 
 
 def common(size: int, lag: int, seed: int, *, colour: float = 0.8) -> Pair:
-    """Return two recordings of one sound, `lag` samples apart, with noise of their own as loud as the sound."""
+    """Return two recordings of one sound, `lag` samples apart, each with its own noise as loud as the sound."""
     random = np.random.default_rng(seed)
     whole = coloured(size + abs(lag), colour, random)
     early, late = whole[abs(lag) :], whole[:size]
@@ -101,7 +101,7 @@ def common(size: int, lag: int, seed: int, *, colour: float = 0.8) -> Pair:
 
 
 def tones(size: int, frequency: float, noise_level: float, seed: int) -> Pair:
-    """Return a tone, cycles per sample, in two phases, with noise of `noise_level` times its amplitude."""
+    """Return a tone (cycles per sample) at two phases, with noise of `noise_level` times its amplitude."""
     random = np.random.default_rng(seed)
     angle = 2 * np.pi * frequency * np.arange(size)
     phase = random.uniform(0, 2 * np.pi)
@@ -109,9 +109,9 @@ def tones(size: int, frequency: float, noise_level: float, seed: int) -> Pair:
 
 
 def drifting(size: int, lag: int, ppm: float, noise_level: float, seed: int) -> Pair:
-    """Return a sound and the same by a clock that is `ppm` faster, `lag` samples later at its start.
+    """Return a sound, and the same sound by a clock that is `ppm` faster, `lag` samples later at its start.
 
-    The sound is made of 8 times as many samples and read between them, which is exact to a few thousandths.
+    The sound is oversampled 8 times and interpolated, which is exact to a few thousandths.
     """
     random = np.random.default_rng(seed)
     margin = lag + int(abs(ppm) * 1e-6 * size) + 64

@@ -1,4 +1,4 @@
-"""A visitor of the running app without a browser: Streamlit's own protocol, as its page in the browser speaks it."""
+"""A visitor of the running app without a browser, speaking Streamlit's own protocol as its page does."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ XSRF_COOKIE = "_streamlit_xsrf"
 TIMEOUT_S = 240
 LARGEST_MESSAGE = 256 * 2**20
 PICTURE = "stereolag.picture"
-"""The component that brings a picture; the first map is the first of them."""
+"""The component that carries a picture; its first instance is the first map."""
 
 WIDGETS = ("slider", "button_group", "checkbox", "number_input", "file_uploader", "button", "selectbox", "text_input")
 
@@ -39,7 +39,7 @@ Path = tuple[int, ...]
 
 @dataclass
 class Drawn:
-    """An element on the page, the fragment that drew it, and the run in which it was drawn last."""
+    """An element on the page, the fragment that drew it, and the run that last drew it."""
 
     element: Element
     fragment: str
@@ -48,7 +48,7 @@ class Drawn:
 
 @dataclass
 class Move:
-    """A move of a slider: when it was due, when it was sent, and when the first map of it or of a later one came."""
+    """A slider move: when it was due, when it was sent, and when the first map of it or of a later move arrived."""
 
     value: float
     due: float
@@ -57,13 +57,13 @@ class Move:
 
     @property
     def latency(self) -> float | None:
-        """Return the seconds from when it was due until its map; None while there is none."""
+        """Return the seconds from the due time to its map; None until it has arrived."""
         return None if self.answered is None else self.answered - self.due
 
 
 @dataclass
 class _Run:
-    """What arrived of one run of the script."""
+    """Messages received for one run of the script."""
 
     name: str = ""
     fragments: tuple[str, ...] = ()
@@ -76,9 +76,9 @@ class Visitor:
     Parameters
     ----------
     port
-        Where the app listens on this machine.
+        The app's port on this machine.
     page
-        As in the address: ``Depth_maps``; empty for the home page.
+        Its name in the address, such as ``Depth_maps``; empty for the home page.
     """
 
     def __init__(self, port: int, page: str = "Depth_maps") -> None:
@@ -135,19 +135,19 @@ class Visitor:
             await self._reader
 
     def elements(self, kind: str) -> Iterator[tuple[Path, Element]]:
-        """Yield the elements of a kind in the order in which they stand on the page."""
+        """Yield the elements of a kind in page order."""
         for path in sorted(self._drawn):
             element = self._drawn[path].element
             if element.WhichOneof("type") == kind:
                 yield path, element
 
     def complaints(self) -> list[str]:
-        """Return what the page says in red: errors and exceptions."""
+        """Return the page's error messages and exceptions."""
         said = [one.exception.message for _, one in self.elements("exception")]
         return said + [one.alert.body for _, one in self.elements("alert") if one.alert.format == one.alert.ERROR]
 
     def keys(self, beginning: str) -> list[str]:
-        """Return the keys of the widgets on the page that begin so."""
+        """Return the keys of the page's widgets that begin with a prefix."""
         identities = [getattr(one.element, kind).id for one, kind in self._widgets()]
         return [key for key in (_key_of(one) for one in identities) if key.startswith(beginning)]
 
@@ -159,7 +159,7 @@ class Visitor:
         await self._set(state, drawn.fragment)
 
     async def upload(self, files: Mapping[str, bytes], ending: str = "png") -> None:
-        """Give a file to each of the uploaders of these keys, and wait until the script has run after each."""
+        """Upload a file to the uploader of each key, and wait until the script has run after each."""
         for key, content in files.items():
             drawn, widget = self._widget(key)
             name = f"{key}.{ending}"
@@ -179,27 +179,27 @@ class Visitor:
             await self._set(state, drawn.fragment)
 
     async def press(self, key: str) -> None:
-        """Press a button and wait until there is another map."""
+        """Press a button and wait for another map."""
         drawn, widget = self._widget(key)
         async with self.another_map():
             await self._set(WidgetState(id=widget, trigger_value=True), drawn.fragment)
 
     @asynccontextmanager
     async def another_map(self) -> AsyncIterator[None]:
-        """Wait, after what is done within, until there is another map: one run of the script may lead to the next."""
+        """Wait for another map after the enclosed actions: one run of the script may lead to the next."""
         maps = self._maps
         yield
         await self._until(lambda: self._maps > maps)
 
     async def slide(self, key: str, value: float) -> None:
-        """Move a slider that is not measured, and wait until the script has run."""
+        """Move a slider without measuring it, and wait until the script has run."""
         drawn, widget = self._widget(key)
         state = WidgetState(id=widget)
         state.double_array_value.data.append(value)
         await self._set(state, drawn.fragment)
 
     async def move(self, key: str, value: float, due: float | None = None) -> Move:
-        """Move a slider; do not wait. `due` is when it should have been, by the clock of ``time.perf_counter``."""
+        """Move a slider without waiting; `due` is its planned time on the clock of ``time.perf_counter``."""
         drawn, widget = self._widget(key)
         state = WidgetState(id=widget)
         state.double_array_value.data.append(value)
@@ -297,7 +297,7 @@ class Visitor:
         self._oldest = session.config.max_cached_message_age
 
     def _repeat(self, fragment: str, interval: float) -> None:
-        """Run a fragment again and again, as the script asked for."""
+        """Rerun a fragment at an interval, as the script requested."""
 
         async def repeat() -> None:
             while True:
@@ -338,14 +338,14 @@ class Visitor:
             self._note(element)
 
     def _note_block(self, block: Block) -> None:
-        """Note the state of a folded part whose opening the script wants to know."""
+        """Note the state of an expander that reports its opening to the script."""
         part = block.expandable
         if part.id:
             self._folded.add(part.id)
             self._states.setdefault(part.id, WidgetState(id=part.id, bool_value=part.expanded))
 
     def _note(self, element: Element) -> None:
-        """Note the state of a widget as the page sends it: what the visitor chose, else what the script set."""
+        """Note the state of a widget as the page would send it: the visitor's choice, or else the script's value."""
         kind = element.WhichOneof("type")
         assert kind is not None
         widget = getattr(element, kind)
@@ -398,13 +398,13 @@ class Visitor:
         self._finished += 1
 
     def _widgets(self) -> list[tuple[Drawn, str]]:
-        """Return the widgets on the page and their kinds, in the order in which they stand."""
+        """Return the page's widgets and their kinds, in page order."""
         drawn = [self._drawn[path] for path in sorted(self._drawn)]
         kinds = [(one, one.element.WhichOneof("type") or "") for one in drawn]
         return [(one, kind) for one, kind in kinds if kind in WIDGETS]
 
     def _widget(self, key: str) -> tuple[Drawn, str]:
-        """Return the widget of a key, and its identity."""
+        """Return the widget with a key, and its ID."""
         for drawn, kind in self._widgets():
             identity = str(getattr(drawn.element, kind).id)
             if _key_of(identity) == key:
@@ -412,7 +412,7 @@ class Visitor:
         raise LookupError(f"There is no widget of the key {key} on the page. {' '.join(self.complaints())}")
 
     def _fetched_cookie(self) -> str:
-        """Return the token that the app hands to every browser."""
+        """Return the token that the app gives every browser."""
         connection = http.client.HTTPConnection(HOST, self._port, timeout=TIMEOUT_S)
         try:
             for path in (f"/{self._page}", "/_stcore/health", "/_stcore/host-config"):
@@ -428,7 +428,7 @@ class Visitor:
         return ""
 
     def _put(self, address: str, name: str, content: bytes) -> None:
-        """Send a file as the form in the browser does."""
+        """Send a file as the browser's form does."""
         boundary = uuid.uuid4().hex
         head = f'--{boundary}\r\nContent-Disposition: form-data; name="{name}"; filename="{name}"\r\n'
         body = f"{head}Content-Type: image/png\r\n\r\n".encode() + content + f"\r\n--{boundary}--\r\n".encode()
@@ -449,15 +449,15 @@ class Visitor:
 
 
 def _key_of(identity: str) -> str:
-    """Return the key that the script gave a widget: what follows a fixed prefix and a digest."""
+    """Return the key that the script gave a widget: the part after a fixed prefix and a digest."""
     return identity.split("-", 2)[-1]
 
 
 def _is_picture(element: Element) -> bool:
-    """Return whether an element brings the picture of a map, or of an image, to the page."""
+    """Return whether an element carries a picture, of a map or an image."""
     return element.WhichOneof("type") == "bidi_component" and element.bidi_component.component_name == PICTURE
 
 
 def _source(element: Element) -> bytes:
-    """Return what tells one picture from another: the digest before its bytes."""
+    """Return the digest that identifies a picture, from the first bytes of its data."""
     return bytes(element.bidi_component.bytes[:64])

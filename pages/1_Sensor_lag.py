@@ -1,4 +1,4 @@
-"""The lag between two recordings: how much later one sensor hears it, and so how far apart they are."""
+"""The lag between two recordings: how much later the sound reaches one sensor, and how much longer its path is."""
 
 import streamlit as st
 
@@ -21,7 +21,7 @@ from stereolag.ui.states import show_refused
 
 
 def listen(pair: RecordingPair, search: LagSearch) -> None:
-    """Show both recordings and let them be heard."""
+    """Show both recordings, each with a player."""
     prose.header("The recordings", anchor=False)
     signals = pair.signal_1, pair.signal_2, search.sampling_rate
     st.plotly_chart(figures.waveforms(*signals), key="waveforms", alt=waveforms_in_words(*signals))
@@ -31,7 +31,7 @@ def listen(pair: RecordingPair, search: LagSearch) -> None:
 
 
 def ask(pair: RecordingPair) -> LagSearch | None:
-    """Return the settings of the search, or None where they are refused."""
+    """Return the search settings, or None if they are refused."""
     method = control(LagSearch, "method", key="lag.method", names=LAG_METHODS)
     prose.caption(LAG_METHODS_EXPLAINED[method])
     columns = st.columns(3, gap="medium")
@@ -49,7 +49,7 @@ def ask(pair: RecordingPair) -> LagSearch | None:
 
 
 def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
-    """Show the correlation, and both recordings with the lag undone."""
+    """Show the correlation, and both recordings with the lag removed."""
     left, right = st.columns(2, gap="large")
     with left:
         show_curve(pair, result, search)
@@ -69,7 +69,7 @@ def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
 
 
 def search_lag(pair: RecordingPair, search: LagSearch) -> SignalLag | None:
-    """Return the lag, or None while it is computed and where it is refused."""
+    """Return the lag, or None while it is being computed or if the search is refused."""
     try:
         return computed_in_turn(
             "lag",
@@ -87,7 +87,7 @@ def search_lag(pair: RecordingPair, search: LagSearch) -> SignalLag | None:
 
 @fragment
 def measure(pair: RecordingPair) -> None:
-    """Ask, compute, show and explain; moving a control reruns this part alone."""
+    """Draw the controls, compute, show and explain; moving a control reruns only this fragment."""
     search = ask(pair)
     result = search_lag(pair, search) if search else None
     if search:
@@ -113,7 +113,7 @@ with page(
     measure(recordings)
     with st.expander("The source report"):
         prose.markdown(
-            "Its two recordings hold 176,401 samples each, at 44.1 kHz, and lie 50,082 samples apart. "
+            "Its two recordings have 176,401 samples each, at 44.1 kHz, and a lag of 50,082 samples. "
             "At 333 m/s that is 50,082 ÷ 44,100 × 333 = **378.17 m**; the report’s 378.19 m is a slip. "
             "Its sliding correlation took 1.5 to 3.5 s, its FFT 1.71 s."
         )

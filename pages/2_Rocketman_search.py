@@ -1,4 +1,4 @@
-"""Template search: where in a picture a smaller picture lies."""
+"""Template search: find a smaller picture in a larger one."""
 
 import streamlit as st
 
@@ -27,7 +27,7 @@ SEE_WHY = ("Search by hand", "Step by step", "Damage it")
 
 
 def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
-    """Return what to search for, or None where the settings are refused."""
+    """Return the query, or None if the settings are refused."""
     template, controls = st.columns([1, 4], gap="large")
     with template:
         show_png(figures.what_counts(inputs.template, inputs.mask), "The template", "Look for this", stretch=False)
@@ -46,7 +46,7 @@ def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
 
 
 def show_scores(result: TemplateSearch, inputs: PictureAndTemplate, query: TemplateQuery) -> None:
-    """Show the score of every place."""
+    """Show the map of scores, one for every position of the template."""
     score_map = result.score_map
     if score_map is None:
         prose.caption(why_no_score_map(query))
@@ -63,7 +63,7 @@ def show_scores(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
 
 @fragment
 def find(inputs: PictureAndTemplate) -> None:
-    """Ask, compute and show; moving a control reruns this part alone."""
+    """Draw the controls, compute and show; moving a control reruns only this fragment."""
     query = ask(inputs)
     if query is None:
         return
@@ -119,7 +119,7 @@ with page(
     find(pictures)
     with st.expander("The source report"):
         prose.markdown(
-            "In its maze of 2,446 × 1,526 pixels Rocketman’s top-left corner lies at row **528**, column **982**. The "
+            "In its maze of 2,446 × 1,526 pixels Rocketman’s top-left corner is at row **528**, column **982**. The "
             "report’s (651, 982) is 123 rows further down: just below his last row, 650. It took 0.49 s with its "
             "sampled NCC and 2.8 s with its FFT."
         )

@@ -1,4 +1,4 @@
-"""Depth from two eyes: windowed correlation beside OpenCV's matchers, and everything to ask about the maps."""
+"""Depth from a stereo pair: windowed correlation beside OpenCV's matchers, and tools to examine the maps."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ PARTS = {
 
 @fragment
 def workspace(pair: StereoPair) -> None:
-    """Ask, compute and show; moving a control reruns this part alone, and the maps come before all the rest."""
+    """Draw the controls, compute and show; moving a control reruns only this fragment, and the maps come first."""
     matchers = {method: matcher_as_set(method, pair) for method in METHODS}
     shown = shown_methods()
     sent = send_ahead(pair, [matchers[method] for method in shown])
@@ -97,6 +97,6 @@ with page("Depth maps"):
         prose.markdown(
             "Near things have the **large** lag, and the report’s cameras run at 10 Hz, not 10 kHz. With a window of "
             "20 px and an overlap of 0.95 its depth map took 111 s, and StereoBM 0.28 s: that is 400 times, not 1000. "
-            "The report’s preset makes the maps of its figures; ZNCC, the default here, also takes out how bright and "
-            "how contrasty each window is."
+            "The report’s preset reproduces the maps in its figures; ZNCC, the default here, also removes each "
+            "window’s brightness and contrast."
         )

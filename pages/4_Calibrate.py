@@ -1,4 +1,4 @@
-"""A stereo camera calibrated from pictures of a chessboard or ChArUco board."""
+"""Calibration of a stereo camera from pictures of a chessboard or ChArUco board."""
 
 import streamlit as st
 
@@ -13,7 +13,7 @@ from stereolag.ui.navigation import fragment, page
 
 @fragment
 def workspace(pictures: BoardPictures) -> None:
-    """Ask for the board, find it, calibrate and show; moving a control reruns this part alone."""
+    """Ask for the board, find it, calibrate and show; moving a control reruns only this fragment."""
     asked = ask_board(pictures)
     if asked is None:
         return
@@ -45,19 +45,19 @@ def workspace(pictures: BoardPictures) -> None:
 with page(
     "Calibrate",
     "Hold a chessboard or ChArUco board before both cameras, near and far, tilted and in every corner, and take 8 to "
-    "40 pairs of pictures. Where its corners appear tells the lenses, and where the cameras stand.",
-    "leave out a pair by a click, and see what becomes of the errors.",
+    "40 pairs of pictures. The positions of its corners give the lens parameters and the pose of the cameras.",
+    "leave out a pair with a click, and see how the errors change.",
 ):
     chosen = choose_board_pictures()
     prose.caption(chosen.description)
     workspace(chosen)
-    with st.expander("How it works, and what makes it good"):
+    with st.expander("How it works, and how to get a good result"):
         prose.markdown(
             "- Print the board large, glue it to something flat, and measure a square: every distance depends on it.\n"
             "- Corners are found by OpenCV’s detectors and refined to a few hundredths of a pixel; each camera is "
             "calibrated alone, then both together (`cv2.stereoCalibrate`).\n"
-            "- Pairs that do not agree with the others on where the right camera stands are left out. Leave out "
-            "others by a click, where their bars stand out.\n"
-            "- The lens model is the simplest that foretells pictures it was not fitted to.\n"
-            "- Focus, zoom and the way both cameras are mounted must stay as they were."
+            "- Pairs that contradict the others about the right camera’s position are left out. If the bars of others "
+            "stand out, leave them out with a click.\n"
+            "- The lens model is the simplest that predicts pictures it was not fitted to.\n"
+            "- Focus, zoom and the mounting of both cameras must not change afterwards."
         )

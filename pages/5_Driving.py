@@ -1,4 +1,4 @@
-"""Depth maps of whole sequences: played beside each other while they are still being computed."""
+"""Depth maps of whole sequences, played side by side while they are still being computed."""
 
 from stereolag.ui import prose
 from stereolag.ui.driving.frames import Drive, ask_drive
@@ -10,7 +10,7 @@ from stereolag.ui.navigation import fragment, page
 
 @fragment
 def workspace(drive: Drive) -> None:
-    """Ask for the methods, compute and play; moving a control reruns this part alone."""
+    """Ask for the methods, compute and play; moving a control reruns only this fragment."""
     asked = ask_methods(drive)
     if not asked.matchers:
         prose.info("Choose a method, and its maps are computed.", icon=":material/touch_app:")
@@ -22,8 +22,8 @@ def workspace(drive: Drive) -> None:
 
 with page(
     "Driving",
-    "Depth maps of a whole drive, one method beside the other. Near is bright, and the colours "
-    "mean the same from the first frame to the last.",
+    "Depth maps of a whole drive, methods side by side. Near is bright, and the colours mean the "
+    "same from the first frame to the last.",
     "play it, and drag along the curves below the pictures.",
 ):
     chosen = ask_drive()

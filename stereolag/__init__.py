@@ -1,7 +1,7 @@
-"""Lag by correlation: between two recordings, of a template in an image, between the two images of a stereo camera.
+"""Lag by correlation between two recordings, a template and an image, or the two images of a stereo camera.
 
-A tour over the bundled examples. Two sensors hear the surf: how much later does the second one hear it, and by how much
-is its path longer?
+A tour of the bundled examples. Two sensors hear the surf: how much later does the second one hear it, and how much
+longer is its path?
 
 >>> import stereolag as sl
 >>> from stereolag import samples
@@ -17,7 +17,7 @@ Where in the maze is Rocketman? The transparent pixels of his picture do not cou
 >>> search.found, search.matches[0].row, search.matches[0].col  # px, of the top-left pixel
 (True, 528, 982)
 
-How far away is what two cameras see? Large disparity is near.
+How far away is an object that two cameras see? A large disparity means near.
 
 >>> cube = samples.stereo_pairs()["cube"]
 >>> result = sl.preset("fast", num_disparities=64).compute(sl.read_image(cube.left), sl.read_image(cube.right))
@@ -32,18 +32,18 @@ files
     `write_matcher`
 matchers
     `CorrelationMatcher` over a `SearchArea`, `SemiGlobalMatcher`, `StereoBM`, `StereoSGBM`; `preset` makes one;
-    `suggest` finds better settings for a pair: a `Suggestion`
+    `suggest` finds better settings for a pair and returns a `Suggestion`
 results
-    `SignalLag`; `TemplateSearch`, whose places are each a `TemplateMatch`; `DisparityMap`, with a `Reason` for every
-    pixel
+    `SignalLag`; `TemplateSearch`, with a `TemplateMatch` for every place found; `DisparityMap`, with a `Reason` for
+    every pixel
 accuracy
-    `evaluate` a map against ground truth: an `Evaluation`; `diagnose` a pair before it is matched: a `Diagnosis`
+    `evaluate` a map against ground truth: an `Evaluation`; `diagnose` a pair before matching: a `Diagnosis`
 metres
-    `calibrate` a camera from pictures of a board: a `Calibration`; `rectify` a raw pair: a `Rectified` one
+    `calibrate` a camera from pictures of a board: a `Calibration`; `rectify` a raw pair into a `Rectified` one
 motion
     `optical_flow` between two frames: a `FlowMap`; `scene_flow` in metres: a `SceneFlow`
 
-The names are listed in ``__init__.pyi``; each is imported when it is first used.
+The names are listed in ``__init__.pyi``; each is imported on first use.
 """
 
 import lazy_loader

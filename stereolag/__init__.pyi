@@ -1,4 +1,4 @@
-"""The public names, and where each comes from: the one list of both, for ``__init__.py`` and for type checkers."""
+"""The public names and their modules: the only list of them, for ``__init__.py`` and for type checkers."""
 
 from .doctor import Diagnosis, diagnose
 from .export import write_disparity, write_matcher

@@ -1,4 +1,4 @@
-"""The types of arrays that several rooms share."""
+"""Array types shared by several subpackages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Array: TypeAlias = npt.NDArray[Any]
 """An array of any type."""
 
 FloatMap: TypeAlias = npt.NDArray[np.float32]
-"""(H, W) float32; NaN where there is nothing."""
+"""(H, W) float32; NaN for missing values."""
 
 DoubleMap: TypeAlias = npt.NDArray[np.float64]
 """(H, W) float64."""

@@ -1,4 +1,4 @@
-"""What a job will take, told before it starts."""
+"""Estimates of the memory and time of a job, made before it starts."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from dataclasses import dataclass
 from stereolag.limits import limits
 
 OVERHEAD = 16 * 2**20
-"""Bytes that a job takes whatever its size: stacks and workspaces of threads, plans, tables."""
+"""Bytes that a job takes regardless of its size: thread stacks and workspaces, plans, tables."""
 
 HEAP_BLOCK = 32 * 2**20
-"""The C library's allocator (glibc) gives a freed block back at once only if it is larger than this."""
+"""The C library's allocator (glibc) returns a freed block at once only if it is larger than this."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a job will take at the most.
+    """Upper estimate of the memory and time of a job.
 
     Attributes
     ----------
     memory
-        Bytes beyond its inputs, its result included.
+        Bytes in addition to the inputs, including the result.
     seconds
-        How long it will roughly take on two cores of which nobody else asks anything, its loops compiled already.
+        Rough run time on two otherwise idle cores, with the loops already compiled.
     """
 
     memory: int
@@ -31,20 +31,20 @@ class Estimate:
 
 
 def check_memory(estimate: Estimate, what_fits: str | Callable[[int], str]) -> None:
-    """Refuse a job before it starts where it would take more memory than one job may (:mod:`stereolag.limits`).
+    """Refuse a job before it starts if it would take more memory than one job may (:mod:`stereolag.limits`).
 
     Parameters
     ----------
     estimate
-        What the job will take.
+        Estimate for the job.
     what_fits
-        A sentence that tells what would fit, or a function that makes it of the bytes allowed; it is called only
-        where the job is refused.
+        A sentence about a job that would fit, or a function that returns it for the bytes allowed, called only if the
+        job is refused.
 
     Raises
     ------
     ValueError
-        It would; the sentence names the estimate, the limit and what would fit.
+        The job is refused; the message states the estimate and the limit, followed by `what_fits`.
     """
     most = limits().job_memory
     if estimate.memory > most:
@@ -57,8 +57,7 @@ def check_memory(estimate: Estimate, what_fits: str | Callable[[int], str]) -> N
 def largest_fitting(estimate: Callable[[int], Estimate], most: int, allowed: int) -> int:
     """Return the largest size from 0 to `most` whose estimate stays within the bytes allowed, found by bisection.
 
-    0 stands for nothing at all and is not estimated. What is returned fits even where the estimate does not grow
-    with every step of the size.
+    0 means nothing at all and is not estimated. The returned size fits even if the estimate is not monotonic.
     """
     fits, too_large = 0, most + 1
     while too_large - fits > 1:
@@ -71,16 +70,16 @@ def largest_fitting(estimate: Callable[[int], Estimate], most: int, allowed: int
 
 
 def kept_blocks(size: int, count: int) -> int:
-    """Return how many bytes of `count` freed blocks of `size` bytes the allocator may still hold."""
+    """Return how many bytes of `count` freed blocks of `size` bytes the allocator may keep."""
     return count * min(size, HEAP_BLOCK)
 
 
 def rounded_down(number: int) -> int:
-    """Return a number of which only the first two digits are not 0, for a sentence."""
+    """Return a number rounded down to two significant digits, for a sentence."""
     unit = int(10 ** max(0, len(str(number)) - 2))
     return number // unit * unit
 
 
 def spoken(size: float) -> str:
-    """Return a size in bytes with the unit that suits it."""
+    """Return a size in bytes as text in a suitable unit."""
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"

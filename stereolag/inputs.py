@@ -1,4 +1,4 @@
-"""Checks on arrays, made once, where they enter the library."""
+"""Checks on arrays, made once, when they enter the library."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ LARGEST_ORDINARY = 1e9
 """Floats up to this, and down to its inverse, can be squared and summed over a window in either float type."""
 
 DEPTHS = (8, 10, 12, 14, 16)
-"""Bits that cameras use of the 16 in which their images are stored."""
+"""Bits used by cameras whose images are stored in 16."""
 
 OUTLIERS = 0.001
-"""Share of the brightest pixels, and of the darkest, that do not count for the range of an image."""
+"""Share of the brightest and of the darkest pixels that are ignored for the range of an image."""
 
 SAMPLED_PIXELS = 2**16
-"""How many pixels of an image tell the range that it uses."""
+"""Number of pixels sampled to find the range of an image."""
 
 
 def as_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
@@ -39,7 +39,7 @@ def as_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
 
 
 def checked_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
-    """Return `value` as :func:`as_signal` does, but integers and floats in the type they have: nothing is copied.
+    """Return `value` as :func:`as_signal` does, but keep the type of integers and floats, without a copy.
 
     Raises
     ------
@@ -69,12 +69,12 @@ def as_image(value: npt.ArrayLike, name: str) -> Image:
     """Return `value` as a (rows, cols) or (rows, cols, 3 | 4) array of uint8, uint16 or float, all finite.
 
     Booleans become uint8 0/255; other integers that fit become uint8 or uint16; float16 becomes float32, and longer
-    floats float64. A single trailing channel is dropped, and the alpha of a grey image with alpha too.
+    floats become float64. A single trailing channel axis and the alpha of a grey image are dropped.
 
     Raises
     ------
     ValueError
-        Another shape, no pixels, a type that is not an image's, or NaN and infinite pixels.
+        Another shape, no pixels, a type not used for images, or NaN or infinite pixels.
     """
     image = np.asarray(value)
     if image.ndim == 3 and image.shape[2] in (1, 2):
@@ -100,7 +100,7 @@ def _as_pixel_type(image: Image, name: str) -> Image:
         return image.astype(np.uint8 if high < 256 else np.uint16)
     if np.issubdtype(image.dtype, np.floating):
         if image.dtype not in (np.float32, np.float64):
-            with np.errstate(over="ignore"):  # what is too large for float64 is counted below
+            with np.errstate(over="ignore"):  # values too large for float64 are counted below
                 image = image.astype(np.float32 if image.dtype == np.float16 else np.float64)
         bad = image.size - int(np.isfinite(image).sum())
         if bad:
@@ -120,23 +120,23 @@ def as_grey(image: Image) -> Image:
 
 
 def as_stereo_pair(left: npt.ArrayLike, right: npt.ArrayLike) -> tuple[Image, Image]:
-    """Return both images of a stereo pair, checked, in one dtype and of one size.
+    """Return both images of a stereo pair, checked, with one dtype and one size.
 
     Raises
     ------
     ValueError
-        An image that :func:`as_image` refuses, images of different size, or integer beside float images.
+        An image that :func:`as_image` refuses, images of different sizes, or an integer and a float image.
     """
     return as_image_pair(left, right, ("left", "right"))
 
 
 def as_image_pair(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) -> tuple[Image, Image]:
-    """Return two images, checked, in one dtype and of one size; `names` are what a refusal calls them.
+    """Return two images, checked, with one dtype and one size; `names` are their names in errors.
 
     Raises
     ------
     ValueError
-        An image that :func:`as_image` refuses, images of different size, or integer beside float images.
+        An image that :func:`as_image` refuses, images of different sizes, or an integer and a float image.
     """
     a, b = names
     images = as_images(one, other, names)
@@ -154,7 +154,7 @@ def as_image_pair(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, st
 
 
 def as_images(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) -> tuple[Image, Image]:
-    """Return two images, checked; of one type if they are given in one, however bright each is.
+    """Return two images, checked; with one type if they are given in one, regardless of their brightness.
 
     Raises
     ------
@@ -164,24 +164,24 @@ def as_images(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) 
     given = np.asarray(one), np.asarray(other)
     first, second = as_image(given[0], names[0]), as_image(given[1], names[1])
     if given[0].dtype == given[1].dtype and first.dtype != second.dtype:
-        # Integers of any other type are uint8 where none is above 255, else uint16.
+        # `as_image` converts other integer types to uint8 if no value is above 255, else to uint16.
         return first.astype(np.uint16), second.astype(np.uint16)
     return first, second
 
 
 def grey_level(left: Image, right: Image) -> float:
-    """Return how much one grey level of 255 is in the units of two checked images of one type.
+    """Return one grey level of 255 in the units of two checked images of one type.
 
-    1 for uint8. Of uint16, a 255th of the brightest value of 8, 10, 12, 14 or 16 bits, the fewest that hold the images:
-    cameras leave the upper ones empty. Of floats, whose range no type tells, a 255th of the range they use. The 0.1 %
-    of brightest and, of floats, of darkest pixels do not count: a hot pixel makes nothing else darker.
+    1 for uint8. For uint16, a 255th of the largest value of 8, 10, 12, 14 or 16 bits, the fewest that hold the images,
+    since cameras leave the upper bits empty. For floats, whose type implies no range, a 255th of the range in use. The
+    0.1 % brightest and, for floats, darkest pixels are ignored, so that a hot pixel has no influence.
     """
     if left.dtype == np.uint8:
         return 1.0
     images = left, right
     if left.dtype == np.uint16:
         most, bits = OUTLIERS * (left.size + right.size), DEPTHS[-1]
-        # Most images use all 16 bits: from there down, one look at the pixels tells.
+        # Most images use all 16 bits, so counting down usually ends after one pass over the pixels.
         for fewer in reversed(DEPTHS[:-1]):
             if sum(np.count_nonzero(one >= 2**fewer) for one in images) > most:
                 break
@@ -197,9 +197,9 @@ def grey_level(left: Image, right: Image) -> float:
 
 
 def of_ordinary_size(left: Image, right: Image) -> tuple[Image, Image]:
-    """Return float images scaled by a power of two where the squares of their pixels would overflow or vanish.
+    """Return float images, scaled by a power of two if the squares of their pixels would overflow or vanish.
 
-    Nothing but the unit changes; other images are returned as they are.
+    Only the unit changes; other images are returned unchanged.
     """
     if left.dtype.kind != "f":
         return left, right
@@ -212,7 +212,7 @@ def of_ordinary_size(left: Image, right: Image) -> tuple[Image, Image]:
 
 
 def as_eight_bit(left: Image, right: Image) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """Return both images as uint8: as they are, or their common range, less 0.1 % at each end, spread over 0..255."""
+    """Return both images as uint8: unchanged, or their common range, less 0.1 % at each end, stretched to 0..255."""
     if left.dtype == np.uint8:
         return left, right
     low, high = np.percentile(np.stack([left, right]), (100 * OUTLIERS, 100 - 100 * OUTLIERS))
@@ -226,15 +226,15 @@ def as_eight_bit(left: Image, right: Image) -> tuple[npt.NDArray[np.uint8], npt.
 def local_deviation(image: Image, size: int) -> DoubleMap:
     """Return the standard deviation of the `size` × `size` window around every pixel, in the image's own units.
 
-    Float64 sums about the mean of the whole image; a window whose pixels are all equal has exactly 0, whatever rounding
-    leaves of its sums. The image is mirrored at its borders.
+    Computed from float64 sums about the mean of the whole image; a window of equal pixels has exactly 0, despite
+    rounding in its sums. The image is mirrored at its borders.
 
     Parameters
     ----------
     image
         (H, W) uint8, uint16 or float.
     size
-        Side of the window, px; of an even one the larger half lies above and to the left of the pixel.
+        Side of the window, px; if it is even, the larger half is above and to the left of the pixel.
     """
     centred: DoubleMap = image.astype(np.float64)
     centred = centred - np.rint(centred.mean())
@@ -248,13 +248,13 @@ def local_deviation(image: Image, size: int) -> DoubleMap:
 
 
 FLAT_TEXTURE = 1e-6
-"""Standard deviation, grey levels of 255, up to which a window holds nothing to correlate, tested or not."""
+"""Standard deviation, grey levels of 255, up to which a window has nothing to correlate, tested or not."""
 
 FLAT_WHOLE = 0.25
-"""Energy about the mean up to which a window of whole numbers is flat: the least that is not 0 is a half."""
+"""Energy about the mean up to which a window of whole numbers is flat: the smallest non-zero energy is a half."""
 
 FLAT_SHARE = 1e-11
-"""Energy per pixel, as a share of the largest pixel squared, that float64 sums cannot tell from none."""
+"""Energy per pixel, as a share of the largest pixel squared, that float64 sums cannot distinguish from 0."""
 
 
 def flat_energy(count: int, brightest: float, *, exact: bool) -> float:
@@ -263,10 +263,10 @@ def flat_energy(count: int, brightest: float, *, exact: bool) -> float:
     Parameters
     ----------
     count
-        How many pixels.
+        Number of pixels.
     brightest
-        The largest absolute value of the images.
+        Largest absolute value of the images.
     exact
-        Whether the sums are of whole numbers, and none is rounded.
+        Whether the sums are of whole numbers, without rounding.
     """
     return FLAT_WHOLE if exact else FLAT_SHARE * count * brightest**2

@@ -1,4 +1,4 @@
-"""How much one file and one job may take: set by whoever runs the app, in the environment."""
+"""Limits on one file and one job, set in the environment by the operator of the app."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ PREFIX = "STEREOLAG_"
 
 _MOUNTED = Path("/sys/fs/cgroup")
 _JOINED = Path("/proc/self/cgroup")
-"""Where Linux keeps control groups, and tells a process which ones it is in."""
+"""Linux's control groups, and the list of those that a process is in."""
 
 
 class Limits(Settings):
-    """What is accepted; each can be set by an environment variable, ``STEREOLAG_MAX_MEGAPIXELS`` and so on."""
+    """The limits; each can be set by an environment variable, ``STEREOLAG_MAX_MEGAPIXELS`` and so on."""
 
-    # No less than the bundled examples take.
+    # The lower bounds admit the bundled examples.
     max_megapixels: int = Field(default=50, description="Pixels of one image, millions.", ge=4, le=1000)
     max_megasamples: int = Field(
         default=320, description="Samples of one recording, all channels, millions.", ge=1, le=10_000
@@ -30,23 +30,23 @@ class Limits(Settings):
     max_video_s: int = Field(default=100_000, description="Length of one video, seconds.", ge=1, le=100_000_000)
     job_memory_mb: int | None = Field(
         default=None,
-        description="Memory of one job, MB; unless set, and at the most, half of what the machine has.",
+        description="Memory of one job, MB; by default, and at most, half of the machine's.",
         ge=64,
     )
 
     @property
     def max_pixels(self) -> int:
-        """Return the most pixels of one image."""
+        """Return the largest number of pixels of one image."""
         return self.max_megapixels * 1_000_000
 
     @property
     def max_samples(self) -> int:
-        """Return the most samples of one recording, over all channels."""
+        """Return the largest number of samples of one recording, over all channels."""
         return self.max_megasamples * 1_000_000
 
     @property
     def job_memory(self) -> int:
-        """Return how many bytes one job may take."""
+        """Return the memory that one job may take, bytes."""
         half = machine_memory() // 2
         return half if self.job_memory_mb is None else min(half, self.job_memory_mb * 2**20)
 
@@ -55,7 +55,7 @@ _defaults: dict[str, int] = {}
 
 
 def set_defaults(**values: int) -> None:
-    """Set what holds where the environment says nothing: a server is stricter than a script on its owner's machine."""
+    """Set the limits for variables missing in the environment: a server is stricter than a script of its own user."""
     _defaults.update(values)
     limits.cache_clear()
 
@@ -67,7 +67,7 @@ def limits() -> Limits:
     Raises
     ------
     ValueError
-        A variable that holds no number, or one out of its bounds; the error names it.
+        A variable that is not a number or is out of bounds; the error names it.
     """
     given: dict[str, int | str] = _defaults | {
         name: os.environ[variable]
@@ -78,14 +78,14 @@ def limits() -> Limits:
         return Limits.model_validate(given)
     except SettingsError as error:
         name, sentence = error.problems[0]
-        # A variable cannot hold None: it is left unset.
+        # A variable cannot be None, only unset.
         said = sentence.removeprefix(name).replace(" or None", "")
         raise ValueError(f"The environment variable {PREFIX}{name.upper()}{said}") from error
 
 
 @cache
 def machine_memory() -> int:
-    """Return the memory of this machine, or less where a container or a service is allowed less, bytes."""
+    """Return the memory of this machine, or the lower limit of a container or service, bytes."""
     total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 8 * 2**30
     for file in _limit_files():
         try:
@@ -96,10 +96,10 @@ def machine_memory() -> int:
 
 
 def _limit_files() -> Iterator[Path]:
-    """Give the files with the memory limits of the control groups, versions 1 and 2, that this process is in.
+    """Yield the files with the memory limits of this process's control groups, versions 1 and 2.
 
-    The limit of a container stands at the root of what it sees, that of a systemd service in a group below; the groups
-    around a group limit it too.
+    A container's limit is at the root of its own view, a systemd service's in a group below; enclosing groups apply
+    their limits too.
     """
     try:
         lines = _JOINED.read_text(encoding="utf-8").splitlines()

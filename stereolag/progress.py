@@ -1,4 +1,4 @@
-"""How a long job tells how far it is."""
+"""Progress reports of long jobs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Progress: TypeAlias = Callable[[float], None]
 
 
 def silent(fraction: float) -> None:
-    """Ignore the progress: what a job calls when nobody asked."""
+    """Ignore the progress; the default if nobody listens."""
 
 
 def part(progress: Progress, number: int, count: int) -> Progress:
@@ -20,18 +20,18 @@ def part(progress: Progress, number: int, count: int) -> Progress:
 
 
 class Pulse:
-    """A progress that is told again while a job reads on without a step: whoever hears it can end the job there."""
+    """A progress callback that can repeat its last fraction during a long step, so that the listener can cancel it."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._done, self._told = 0.0, time.monotonic()
 
     def __call__(self, done: float) -> None:
-        """Tell a new fraction."""
+        """Report a new fraction."""
         self._done, self._told = done, time.monotonic()
         self._progress(done)
 
     def again(self) -> None:
-        """Tell the last fraction again, at most twenty times a second."""
+        """Report the last fraction again, at most twenty times a second."""
         if time.monotonic() - self._told > 0.05:
             self(self._done)

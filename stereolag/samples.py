@@ -1,7 +1,7 @@
-"""The bundled examples: which there are, where their files lie, and what is true of them.
+"""The bundled examples: the paths of their files, and their ground truth.
 
 Nothing is decoded here: `stereolag.reading` reads the paths. The examples were made by the scripts in ``tools/``, so
-the ground truth is exact. Every function gives its examples by name, always in the same order.
+the ground truth is exact. Every function returns its examples by name, always in the same order.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Float64Array = npt.NDArray[np.float64]
 PACKAGE = Path(__file__).resolve().parent
 INSTALLED = PACKAGE / "assets"
 ASSETS = INSTALLED if INSTALLED.is_dir() else PACKAGE.parent / "assets"
-"""Within the installed package, or beside it in a checkout."""
+"""Inside the installed package, or beside it in a checkout."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ class RecordingExample:
     name, title, description
         The key, a heading, and a sentence or two.
     signal_1, signal_2
-        FLAC files of one channel and of the same length.
+        FLAC files with one channel each and the same length.
     lag
         Samples; positive: `signal_2` hears the scene later.
     sampling_rate
         Hz.
     speed
-        The speed of sound where it was recorded, m/s.
+        Speed of sound at the place of recording, m/s.
     """
 
     name: str
@@ -61,7 +61,7 @@ class MazeExample:
     picture, template
         An RGB PNG, and an RGBA PNG whose alpha is its mask.
     row, col
-        Where the top-left pixel of the template lies in the image.
+        Position of the template's top-left pixel in the image.
     """
 
     name: str
@@ -75,7 +75,7 @@ class MazeExample:
 
 @dataclass(frozen=True)
 class StereoExample:
-    """A rectified stereo pair with its exact truth.
+    """A rectified stereo pair with exact ground truth.
 
     Attributes
     ----------
@@ -84,9 +84,9 @@ class StereoExample:
     left, right
         RGB PNGs of the same size.
     disparity
-        The truth in the left view: a 16-bit PNG of px × 256, 0 where there is none.
+        Ground truth in the left view: a 16-bit PNG of px × 256, 0 for unknown.
     occlusion
-        A PNG, not zero where the right view cannot see what the left view sees.
+        A PNG, non-zero for pixels of the left view that are hidden from the right one.
     calibration
         A JSON file with focal length, baseline and principal point.
     num_disparities
@@ -113,19 +113,19 @@ class DriveExample:
     name, title, description
         The key, a heading, and a sentence or two.
     left, right
-        RGB pictures, one for each frame, all of the same size.
+        RGB pictures, one per frame, all of the same size.
     disparity
-        The truth in the left view: 16-bit PNGs of px × 256, 0 where it is infinitely far.
+        Ground truth in the left view: 16-bit PNGs of px × 256, 0 at infinity.
     occlusion
-        PNGs, not zero where the right view cannot see what the left view sees.
+        PNGs, non-zero for pixels of the left view that are hidden from the right one.
     objects
-        8-bit PNGs: the number of the body that each left pixel shows, 0 for all that stands still.
+        8-bit PNGs: the number of the body that each left pixel shows, 0 for everything stationary.
     object_names
-        Of each number; the first stands for the world.
+        Names of the bodies by number; the first is the world.
     calibration
         A JSON file with focal length, baseline and principal point.
     poses
-        A JSON file: where the left camera and every body are in each frame.
+        A JSON file: the poses of the left camera and of every body in each frame.
     frame_rate
         Frames per second.
     num_disparities
@@ -147,25 +147,25 @@ class DriveExample:
     num_disparities: int
 
     def __len__(self) -> int:
-        """How many frames there are."""
+        """Return the number of frames."""
         return len(self.left)
 
     def read_poses(self) -> Any:
-        """Return what `poses` holds: of each frame the camera and all objects, 4 × 4 to the world."""
+        """Return the parsed `poses`, with the 4 × 4 to-world matrices of camera and objects for every frame."""
         return _read(self.poses)
 
     def motions(self, frame: int) -> Float64Array:
-        """Return how every body moves from `frame` to the next, as the left camera sees it.
+        """Return the motion of every body from `frame` to the next, relative to the left camera.
 
         Returns
         -------
         motions
-            ``(bodies, 4, 4)``, for `stereolag.geometry.rigid_motion`, which makes exact flow of them.
+            ``(bodies, 4, 4)``, for `stereolag.geometry.rigid_motion`, which turns them into exact flow.
 
         Raises
         ------
         ValueError
-            There is no such frame, or none after it.
+            There is no such frame, or no next one.
         """
         if not 0 <= frame < len(self) - 1:
             raise ValueError(f"frame is {frame}; allowed are 0 to {len(self) - 2}, which have one after them.")
@@ -182,7 +182,7 @@ def recordings() -> dict[str, RecordingExample]:
     Raises
     ------
     FileNotFoundError
-        The examples are neither within the package nor beside it.
+        The examples are neither inside the package nor beside it.
     """
     folder = _folder("signals")
     examples = [
@@ -207,7 +207,7 @@ def mazes() -> dict[str, MazeExample]:
     Raises
     ------
     FileNotFoundError
-        The examples are neither within the package nor beside it.
+        The examples are neither inside the package nor beside it.
     """
     folder = _folder("maze")
     examples = [
@@ -218,19 +218,19 @@ def mazes() -> dict[str, MazeExample]:
 
 
 def stereo_pairs() -> dict[str, StereoExample]:
-    """Return the stereo pairs by name, in the order of the alphabet.
+    """Return the stereo pairs by name, in alphabetical order.
 
     Raises
     ------
     FileNotFoundError
-        The examples are neither within the package nor beside it.
+        The examples are neither inside the package nor beside it.
     """
     calibrations = sorted(_folder("stereo").glob("*/calibration.json"))
     return {path.parent.name: _stereo_example(path) for path in calibrations}
 
 
 def drives() -> dict[str, DriveExample]:
-    """Return the drives by name; absent examples are a FileNotFoundError."""
+    """Return the drives by name; FileNotFoundError if the examples are missing."""
     folder = _folder("drive")
     return {path.parent.name: _drive_example(path) for path in sorted(folder.glob("*/poses.json"))}
 

@@ -1,4 +1,4 @@
-"""What can be set for a lag and for a template search, declared once for controls, flags, checks and JSON."""
+"""Settings of a lag and of a template search, declared once for controls, flags, validation and JSON."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ TemplateMethod: TypeAlias = Literal["fft", "sampled", "direct"]
 
 
 class LagSearch(Settings):
-    """What :func:`stereolag.signals.signal_lag` is called with."""
+    """Settings of :func:`stereolag.signals.signal_lag`."""
 
     method: SignalMethod = Field(default="fft", title="Method", description="How the lag is looked for.")
     sampling_rate: float = Field(
         default=44_100.0,
         title="Sampling rate, Hz",
-        description="Samples a second, of both recordings.",
+        description="Samples per second of both recordings.",
         gt=0,
         allow_inf_nan=False,
     )
     speed: float = Field(
         default=333.0,
         title="Speed of the wave, m/s",
-        description="How fast the wave travels, m/s; sound in the report 333.",
+        description="How fast the wave travels, m/s; the report takes 333 for sound.",
         gt=0,
         allow_inf_nan=False,
     )
@@ -44,7 +44,7 @@ RESIZABLE = Applies(lambda query: query.method == "fft", "needs method 'fft'")
 
 
 class TemplateArguments(TypedDict):
-    """The arguments of :func:`stereolag.templates.match_template` that settings give."""
+    """The arguments of :func:`stereolag.templates.match_template` that come from settings."""
 
     method: TemplateMethod
     min_score: float
@@ -54,19 +54,19 @@ class TemplateArguments(TypedDict):
 
 
 class TemplateQuery(Settings):
-    """What :func:`stereolag.templates.match_template` is called with: its `arguments`."""
+    """Settings of :func:`stereolag.templates.match_template`; `arguments` converts them."""
 
     method: TemplateMethod = Field(default="fft", title="Method", description="How the template is looked for.")
     min_score: float = Field(
         default=0.5,
         title="Minimum score",
-        description="Places that score lower are no match: 1 is an exact copy, 0 has nothing in common.",
+        description="Places that score lower are not matches: 1 is an exact copy, 0 has nothing in common.",
         ge=0,
         le=1,
         json_schema_extra={"step": 0.05},
     )
     max_matches: int = Field(
-        default=1, title="Matches wanted", description="At most so many places are given.", ge=1, le=20
+        default=1, title="Matches wanted", description="Largest number of matches to return.", ge=1, le=20
     )
     min_scale: Annotated[float, RESIZABLE] = Field(
         default=1.0,
@@ -87,7 +87,7 @@ class TemplateQuery(Settings):
     max_rotation: Annotated[float, RESIZABLE] = Field(
         default=0.0,
         title="Turned by up to, °",
-        description="By how much the template may be turned in the image, to either side, degrees.",
+        description="How far the template may be turned in the image, to either side, degrees.",
         ge=0,
         le=180,
         json_schema_extra={"step": 5},
@@ -95,12 +95,12 @@ class TemplateQuery(Settings):
 
     @property
     def resized(self) -> bool:
-        """Whether other sizes or angles than the template's own are searched."""
+        """Whether sizes or angles other than the template's own are searched."""
         return self.min_scale < 1 or self.max_scale > 1 or self.max_rotation > 0
 
     @property
     def arguments(self) -> TemplateArguments:
-        """What to call the search with."""
+        """The arguments of the search."""
         return {
             "method": self.method,
             "min_score": self.min_score,

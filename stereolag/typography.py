@@ -1,4 +1,4 @@
-"""Numbers as they are set for readers: a true minus sign, and a unit that no line break parts from its number."""
+"""Typesetting of numbers for readers: a true minus sign, and no line break between a number and its unit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MINUS = "\N{MINUS SIGN}"
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 UNITS = "px·m|px|km/h|m/s|ms|mm|cm|m|s|kB|MB|GB|kHz|Hz|dB|ppm|%|σ"
-"""Symbols that a space parts from their number; words such as "samples" may begin a line, and ° has no space."""
+"""Symbols separated from their number by a space; words such as "samples" may begin a line, and ° has no space."""
 
 _CODE = re.compile(r"(`[^`]*`)")
 _HYPHEN = re.compile(r"(?<![\w.,)\]`=“'-])-(?=\.?\d)")
@@ -21,9 +21,9 @@ _PLUS_MINUS = re.compile(r"± (?=\d)")
 
 
 def typeset(text: str) -> str:
-    """Return a text as it is shown: "-3 px" with a minus sign and a no-break space. Code and what is quoted stay.
+    """Return a text typeset for display: "-3 px" gets a minus sign and a no-break space; code and quotations stay.
 
-    For whatever a person reads; files, flags and what is typed in keep the hyphen.
+    For text that people read; files, flags and typed input keep the hyphen.
     """
     parts = _CODE.split(text)
     parts[::2] = (_set(part) for part in parts[::2])
@@ -34,7 +34,7 @@ P = ParamSpec("P")
 
 
 def typesets(words: Callable[P, str]) -> Callable[P, str]:
-    """Make a function typeset the text that it returns, for texts that go to readers as they are."""
+    """Decorate a function so that the text it returns is typeset for readers."""
 
     @functools.wraps(words)
     def readable(*args: P.args, **kwargs: P.kwargs) -> str:

@@ -1,3 +1,3 @@
-"""Which release of the library this is: what an exported file says it was made by."""
+"""The release of the library, as recorded in exported files."""
 
 VERSION = "0.1.0"

@@ -1,7 +1,7 @@
-"""``python -m stereolag.warming``: make every measurement once, on little, for every type of image and recording.
+"""``python -m stereolag.warming``: run every measurement once on small inputs, for every type of image and recording.
 
-A loop that was never compiled is compiled by that, and its machine code kept on disk; one that was is loaded. Who comes
-afterwards waits for neither, and the times that are shown are those of the computation.
+This compiles loops that were never compiled, keeping their machine code on disk, and loads the others. Later
+measurements wait for neither, and the times shown are those of the computation alone.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ IMAGE_TYPES = (np.uint8, np.uint16, np.float32, np.float64)
 
 @cache
 def warm() -> None:
-    """Make every measurement once, on images and recordings of a few samples; once in a process is enough."""
+    """Run every measurement once on small images and recordings; once per process is enough."""
     random = np.random.default_rng(0)
     _warm_recordings(random)
     _warm_templates(random)

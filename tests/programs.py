@@ -1,4 +1,4 @@
-"""Exported programs, run as they stand."""
+"""Helpers that run exported programs unmodified."""
 
 from __future__ import annotations
 
@@ -14,15 +14,14 @@ PROJECT = Path(__file__).resolve().parents[1]
 
 
 def run_program(program: Path) -> str:
-    """Run a program from the folder above its own, in this process, which has imported all it needs; return what it
-    prints."""
+    """Run a program from its grandparent folder and return its output; the imports of this process are reused."""
     with chdir(program.parent.parent), redirect_stdout(io.StringIO()) as printed:
         runpy.run_path(str(program), run_name="__main__")
     return printed.getvalue()
 
 
 def run_program_alone(program: Path) -> str:
-    """Run a program as :func:`run_program` does, in a process of its own: seconds go into its imports."""
+    """Run a program as :func:`run_program` does, but in its own process, which spends seconds on imports."""
     environment = os.environ | {"PYTHONPATH": str(PROJECT), "PYTHONWARNINGS": "error::FutureWarning"}
     command = [sys.executable, str(program)]
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""A page as the server sends it, in Streamlit's own protocol."""
+"""A page as the server sends it, read over Streamlit's own protocol."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PATIENCE_S = 120
 
 
 def visit(address: str, page_name: str = "") -> list[ForwardMsg]:
-    """Open a page as a browser does, the home page unless named, and return all that the server sends for it."""
+    """Open a page as a browser does (by default the home page) and return all messages that the server sends for it."""
     messages = []
     with connect(f"{address.replace('http', 'ws')}/_stcore/stream", max_size=None) as page:
         page.send(BackMsg(rerun_script=ClientState(page_name=page_name)).SerializeToString())

@@ -25,7 +25,7 @@ SPIN = "while True: pass"
 
 @contextmanager
 def busy_processes(number: int) -> Iterator[None]:
-    """Keep as many cores busy meanwhile."""
+    """Keep this many cores busy in the meantime."""
     spinning = [subprocess.Popen([sys.executable, "-c", SPIN]) for _ in range(number)]
     try:
         yield
@@ -36,7 +36,7 @@ def busy_processes(number: int) -> Iterator[None]:
 
 
 def failures_in(report: Path) -> list[str]:
-    """Return the names of the tests that failed, of a report in the XML of JUnit."""
+    """Return the names of the failed tests in a JUnit XML report."""
     cases = ElementTree.parse(report).getroot().iter("testcase")
     return [
         f"{case.get('classname')}::{case.get('name')}"
@@ -46,7 +46,7 @@ def failures_in(report: Path) -> list[str]:
 
 
 def run_once(arguments: list[str], log: Path) -> list[str]:
-    """Run pytest, write down what it prints, and return what failed: the run itself, where it made no report."""
+    """Run pytest, log its output, and return the failed tests, or the run itself if it failed without a report."""
     with TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junitxml={report}", *arguments]

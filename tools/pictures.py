@@ -1,4 +1,4 @@
-"""The pictures of docs/, made of bundled examples and drawn boards: ``python -m tools.pictures``."""
+"""The pictures of docs/, made from bundled examples and drawn boards: ``python -m tools.pictures``."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ GAP = 12
 
 BOARD, PAIRS, SQUARE_M = Board(9, 6), 20, 0.03
 SHOWN = 4
-"""The pair of the board that is shown."""
+"""Index of the board pair that is shown."""
 
 
 def rig() -> StereoRig:
-    """Return two cameras whose lenses bend lines enough to be seen, and which look a little inwards."""
+    """Return two cameras that toe in slightly and whose lenses bend lines visibly."""
     return StereoRig(
         left_matrix=np.array([[530, 0, 325], [0, 532, 237], [0, 0, 1.0]]),
         left_distortion=np.array([-0.28, 0.09, 0, 0, 0]),
@@ -45,14 +45,14 @@ def rig() -> StereoRig:
 
 
 def beside(*pictures: Rgb) -> Rgb:
-    """Return pictures of one height side by side."""
+    """Return pictures of equal height side by side."""
     gap = np.full((pictures[0].shape[0], GAP, 3), 255, np.uint8)
     parts = [part for picture in pictures for part in (gap, picture)]
     return np.concatenate(parts[1:], axis=1)
 
 
 def below(*pictures: Rgb) -> Rgb:
-    """Return pictures of one width one below the other."""
+    """Return pictures of equal width stacked vertically."""
     return np.asarray(beside(*(picture.swapaxes(0, 1) for picture in pictures)).swapaxes(0, 1))
 
 
@@ -74,7 +74,7 @@ def board_pictures() -> dict[str, Rgb]:
 
 
 def map_pictures() -> dict[str, Rgb]:
-    """Return what the presets make of the road, by name."""
+    """Return the maps of the road by a plain matcher and the presets, by name."""
     road = stereo_pairs()["road"]
     left, right = sl.read_image(road.left), sl.read_image(road.right)
     maps = {name: sl.preset(name, road.num_disparities).compute(left, right) for name in ("fast", "accurate")}
@@ -93,7 +93,7 @@ def map_pictures() -> dict[str, Rgb]:
 
 
 def main() -> None:
-    """Write them all."""
+    """Write all pictures."""
     FOLDER.mkdir(exist_ok=True)
     for name, picture in (board_pictures() | map_pictures()).items():
         Image.fromarray(picture).save(FOLDER / f"{name}.webp", quality=80, method=6)

@@ -53,7 +53,7 @@ def rms(signal: Signal) -> float:
 
 
 def shaped_noise(samples: int, rng: np.random.Generator, gain: Callable[[Signal], Signal]) -> Signal:
-    """Gaussian noise of unit RMS whose amplitude spectrum follows ``gain(frequency in Hz)``."""
+    """Return Gaussian noise of unit RMS whose amplitude spectrum follows ``gain(frequency in Hz)``."""
     frequency = np.fft.rfftfreq(samples, 1 / SAMPLING_RATE)
     spectrum = np.fft.rfft(rng.standard_normal(samples)) * gain(frequency)
     noise = np.fft.irfft(spectrum, samples)
@@ -61,18 +61,18 @@ def shaped_noise(samples: int, rng: np.random.Generator, gain: Callable[[Signal]
 
 
 def band(low: float, high: float) -> Callable[[Signal], Signal]:
-    """A smooth band-pass between two frequencies in Hz."""
+    """Return a smooth band-pass between two frequencies in Hz."""
     return lambda frequency: 1 / np.sqrt((1 + (low / np.maximum(frequency, 1e-3)) ** 4) * (1 + (frequency / high) ** 4))
 
 
 def swell(time: Signal, crest: float, rise: float, fall: float) -> Signal:
-    """A bump of height 1 at ``crest``, with its own widths (s) before and after it."""
+    """Return a bump of height 1 at ``crest``, with separate widths (s) before and after it."""
     width = np.where(time < crest, rise, fall)
     return np.exp(-(((time - crest) / width) ** 2))
 
 
 def surf(samples: int, crests: list[float], rng: np.random.Generator) -> Signal:
-    """Waves that roar as they rise, and hiss as they run up the beach a little later."""
+    """Return waves that roar as they rise, and hiss as they run up the beach a little later."""
     time = seconds(samples)
     roar = shaped_noise(samples, rng, band(90, 700))
     hiss = shaped_noise(samples, rng, band(1200, 6000))
@@ -84,7 +84,7 @@ def surf(samples: int, crests: list[float], rng: np.random.Generator) -> Signal:
 
 
 def gull(start: float, length: float, pitch: float, samples: int) -> Signal:
-    """One "kee-ow": the pitch (Hz) leaps up, then sags; a rough voice of ten harmonics."""
+    """Return one "kee-ow": the pitch (Hz) leaps up, then sags; a rough voice of ten harmonics."""
     time = seconds(samples) - start
     sounding = (time >= 0) & (time < length)
     progress = time[sounding] / length
@@ -99,7 +99,7 @@ def gull(start: float, length: float, pitch: float, samples: int) -> Signal:
 
 
 def speedboat(samples: int, closest: float, rng: np.random.Generator) -> Signal:
-    """An outboard that revs up while it passes: heard late, loudest and falling in pitch (Doppler).
+    """Return an outboard that revs up while it passes: heard late, loudest and falling in pitch (Doppler).
 
     Every stroke fires a little differently, as real cylinders do, so no stretch repeats.
     """
@@ -118,7 +118,7 @@ def speedboat(samples: int, closest: float, rng: np.random.Generator) -> Signal:
 
 
 def bell(samples: int, start: float, pitch: float, rng: np.random.Generator) -> Signal:
-    """A bell buoy, struck once: inharmonic partials, the high ones dying first, and the clack."""
+    """Return a bell buoy struck once: inharmonic partials, the high ones dying first, and the clack."""
     time = seconds(samples) - start
     ringing = time >= 0
     heard = time[ringing]
@@ -136,7 +136,7 @@ def bell(samples: int, start: float, pitch: float, rng: np.random.Generator) -> 
 
 
 def horn(pitches: tuple[float, float], rng: np.random.Generator) -> Signal:
-    """One blast of 0.34 s: two brassy notes (Hz) that slide in, with breath. Unit energy."""
+    """Return one blast of 0.34 s: two brassy notes (Hz) that slide in, with breath. Unit energy."""
     samples = int(0.34 * SAMPLING_RATE)
     time = seconds(samples)
     notes = sum(
@@ -163,7 +163,7 @@ def coast_scene(rng: np.random.Generator) -> Signal:
 
 
 def harbour_scene(rng: np.random.Generator) -> Signal:
-    """Quiet water, a boat and two gulls under five blasts of two horns (see the module's docstring).
+    """Return quiet water, a boat and two gulls under five blasts of two horns (see the module's docstring).
 
     With the energy of one soft blast as the unit, the true peak of a linear correlation is
     4 blasts + 0.5 of the quiet scene = 4.5; the loud blasts reach 2 + 2 = 4 at HORN_SPACING,
@@ -185,13 +185,13 @@ def harbour_scene(rng: np.random.Generator) -> Signal:
 
 
 def hear(scene: Signal, lag: int) -> tuple[Signal, Signal]:
-    """Cut the windows of the two sensors out of one scene: positive where sensor 2 hears it later."""
+    """Cut both sensors' windows out of one scene; a positive lag means that sensor 2 hears it later."""
     early, late = scene[:SAMPLES], scene[abs(lag) : abs(lag) + SAMPLES]
     return (late, early) if lag > 0 else (early, late)
 
 
 def add_noise(signal: Signal, level: float, rng: np.random.Generator) -> Signal:
-    """Add the noise of a sensor, ``level`` dB relative to the signal; wind makes it fall with f."""
+    """Add sensor noise, ``level`` dB relative to the signal; like wind noise it falls with frequency."""
     noise = shaped_noise(signal.size, rng, lambda frequency: 1 / np.sqrt(40 + frequency))
     return signal + noise * rms(signal) * decibels(level)
 

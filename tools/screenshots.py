@@ -1,6 +1,6 @@
-"""The pictures of the README, taken of the app on its bundled examples: ``python -m tools.screenshots [name ...]``.
+"""The pictures of the README, taken from the app with its bundled examples: ``python -m tools.screenshots [name ...]``.
 
-Each is the part of a page that matters, once light and once dark, in a browser of fixed size.
+Each shows the relevant part of a page, once light and once dark, in a browser of fixed size.
 """
 
 from __future__ import annotations
@@ -23,38 +23,38 @@ FOLDER = Path(__file__).resolve().parents[1] / "docs" / "screens"
 SCHEMES = ("light", "dark")
 
 WIDTH = 1660
-"""Px of a picture: GitHub shows it half as wide, to dense screens in full."""
+"""Width of a picture, px: GitHub shows it at half that size, and on dense screens at full resolution."""
 
 SCALE = 2
-"""Of the browser's px; then reduced to `WIDTH`."""
+"""Device pixels per CSS pixel; the picture is then reduced to `WIDTH`."""
 
 MARGIN = 14
-"""CSS px of the page around what is shown."""
+"""Margin around the shown part of the page, CSS px."""
 
 FADING_MS = 500
-"""What was of the run before is dim for as long after it is there again."""
+"""Elements from the previous run stay dim for this long after they are current again."""
 
 LARGEST = 140_000
-"""Bytes of a file."""
+"""Largest file, bytes."""
 
 QUALITIES = range(82, 30, -6)
-"""From the best: the first that is small enough is taken."""
+"""Qualities from best to worst; the first with a small enough file is used."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """What a picture shows.
+    """A picture to take.
 
     Attributes
     ----------
     path
         The page with its settings, below the app's address.
     width, height
-        Of the window, CSS px: nothing that is shown may have to be scrolled to.
+        Size of the window, CSS px: everything shown must fit without scrolling.
     shown
-        Brings the open page to what is to be seen, and returns it: all that lies between these elements.
+        Brings the open page into the wanted state, and returns elements: the picture spans all of them.
     kept
-        Px of the picture in width; fewer where it is full of detail.
+        Width of the picture, px; less if it is full of detail.
     """
 
     path: str
@@ -65,7 +65,7 @@ class Shot:
 
 
 def bench(page: Page) -> Sequence[Locator]:
-    """Four maps of one pair, each read under the one crosshair."""
+    """Show four maps of one pair, all read at one crosshair."""
     visit = DepthPage(page)
     for preset in ("Fast", "Accurate"):
         visit.press(preset)
@@ -74,19 +74,19 @@ def bench(page: Page) -> Sequence[Locator]:
 
 
 def lag(page: Page) -> Sequence[Locator]:
-    """The verdict on two recordings, its numbers, the curve, and the recordings shifted to line up."""
+    """Show the verdict on two recordings, its numbers, the curve, and the recordings shifted into alignment."""
     charts = page.get_by_test_id("stPlotlyChart")
     return page.get_by_role("heading", name="hears it"), charts.nth(0), charts.nth(1)
 
 
 def search(page: Page) -> Sequence[Locator]:
-    """Rocketman framed in the maze and enlarged beside it."""
+    """Show Rocketman framed in the maze and enlarged beside it."""
     found = page.get_by_role("heading", name="Found at")
     return found, page.get_by_test_id("stImage").nth(1), page.get_by_test_id("stImage").nth(2)
 
 
 def match(page: Page) -> Sequence[Locator]:
-    """Why a window was matched where it was."""
+    """Show why a window was matched at its place."""
     visit = DepthPage(page)
     visit.choose("Why this match?")
     visit.press("A pattern that repeats")
@@ -94,7 +94,7 @@ def match(page: Page) -> Sequence[Locator]:
 
 
 def driving(page: Page) -> Sequence[Locator]:
-    """Maps of a drive by two methods beside the truth, in the middle of it."""
+    """Show maps of a drive by two methods beside the ground truth, in the middle of the drive."""
     page.get_by_text("True disparity", exact=True).first.click()
     settled(page)
     expect(page.get_by_text("decoded, matched, coloured")).to_be_visible()
@@ -108,7 +108,7 @@ def driving(page: Page) -> Sequence[Locator]:
 
 
 def calibrating(page: Page) -> Sequence[Locator]:
-    """The error of every pair, the corners found in one, and where the board has been."""
+    """Show the error of every pair, the corners found in one, and the board's coverage."""
     pairs = page.get_by_role("heading", name="Pair by pair")
     expect_visible(pairs)
     settled(page)
@@ -148,7 +148,7 @@ def taken(open_page: OpenPage, shot: Shot, scheme: str) -> Image.Image:
 
 
 def encoded(picture: Image.Image) -> bytes:
-    """Return a picture as WEBP of the best quality that is small enough."""
+    """Return a picture as WebP at the best quality that is small enough."""
     for quality in QUALITIES:
         file = io.BytesIO()
         picture.save(file, "WEBP", quality=quality, method=6)
@@ -158,12 +158,12 @@ def encoded(picture: Image.Image) -> bytes:
 
 
 def main(names: Sequence[str]) -> None:
-    """Take the pictures of these names, or all."""
+    """Take the named pictures, or all."""
     path = chromium_path()
     if path is None:
         raise SystemExit(f"There is no Chromium at $CHROMIUM nor at {CHROMIUM[-1]}.")
     FOLDER.mkdir(exist_ok=True)
-    expect.set_options(timeout=4 * TIMEOUT_MS)  # as long as computing a whole drive may take
+    expect.set_options(timeout=4 * TIMEOUT_MS)  # enough for computing a whole drive
     with (
         served_app() as address,
         chromium(path, scale=SCALE) as browser,

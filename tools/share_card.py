@@ -1,7 +1,7 @@
-"""Draw the picture that stands for a link to the project: ``python -m tools.share_card`` writes it to ``deployment``.
+"""Draw the preview picture of links to the project: ``python -m tools.share_card`` writes it to ``deployment``.
 
-The proxy names it for links to the app; GitHub takes its 1280 × 640 px under Settings, Social preview. All that it
-shows is measured while it is drawn.
+The proxy refers to it in links to the app; GitHub takes its 1280 × 640 px under Settings, Social preview. All data in
+it is measured while it is drawn.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ WIDTH, HEIGHT = 1280, 640
 MARGIN = 64
 SEAM = 610
 FINER = 3
-"""Lines and letters are drawn this much larger, and then reduced: PIL's lines have no soft edges."""
+"""Lines and letters are drawn this much larger and then reduced, because PIL's lines are not anti-aliased."""
 
 BACKGROUND, TEXT, LINK = "#fcfbf9", "#17151d", "#4a3c8c"
 QUESTIONS = ("How far apart are two sensors?", "Where is this template?", "How far away is everything?")
@@ -34,7 +34,7 @@ Point = tuple[float, float]
 
 
 def depth() -> Rgb:
-    """Return a picture, as high as the card, that turns into its disparity map."""
+    """Return a picture of the card's height: a photograph that turns into its disparity map."""
     pair = stereo_pairs()["giraffes"]
     left = sl.read_image(pair.left)
     disparity = (
@@ -51,13 +51,13 @@ def depth() -> Rgb:
 
 
 def curve(width: int, height: int, columns: int = 400) -> tuple[list[Point], Point]:
-    """Return the correlation of two recordings about their lag as points of a picture, and its peak."""
+    """Return the correlation of two recordings around their lag as points of a picture, and its peak."""
     example = recordings()["coast"]
     found = sl.signal_lag(sl.read_signal(example.signal_1), sl.read_signal(example.signal_2))
     assert found.correlation is not None
     peak = found.lag - found.lags[0]
     around = found.correlation[peak - 40_000 : peak + 40_000]
-    # Of every column the value that reaches furthest: peaks are narrower than a pixel.
+    # The most extreme value of each column, because peaks are narrower than a pixel.
     parts = around.reshape(columns, -1)
     furthest = parts[np.arange(columns), np.abs(parts).argmax(axis=1)]
     heights = height * (furthest.max() - furthest) / np.ptp(furthest)
@@ -66,7 +66,7 @@ def curve(width: int, height: int, columns: int = 400) -> tuple[list[Point], Poi
 
 
 def icon() -> tuple[str, str, list[Point]]:
-    """Return the colours of the app's icon and its line, of a square of 64 units."""
+    """Return the colours of the app's icon and its line, on a square of 64 units."""
     square, line = ElementTree.parse(ICON).getroot()
     steps = line.attrib["d"].replace("M", "").replace("h", "|h").replace("l", "|l").split("|")
     x, y = map(float, steps[0].split())
@@ -81,7 +81,7 @@ def icon() -> tuple[str, str, list[Point]]:
 
 
 def placed(points: Sequence[Point], left: float, top: float, scale: float = 1.0) -> list[Point]:
-    """Return points at a place of the finer card."""
+    """Return points scaled and moved on the finer card."""
     return [(FINER * (left + scale * x), FINER * (top + scale * y)) for x, y in points]
 
 

@@ -1,7 +1,7 @@
-"""The console command ``stereolag``: one subcommand a module of this package.
+"""The console command ``stereolag``: each subcommand is a module of this package.
 
-The module of a measuring command has `run`, which takes its arguments and returns the code to exit with. It is
-imported when it is asked for: none waits for what another one needs.
+The module of a measuring command has `run`, which takes its arguments and returns the exit code. It is imported on
+demand, so that no command waits for the imports of another.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ MEASURING = {
     "sequence": "the depth maps of every frame that a stereo camera took",
     "calibrate": "the calibration of a stereo camera from pictures of a board",
 }
-"""Each command that measures, a module of this package, and what it gives: a new one is listed here."""
+"""The measuring commands, each a module of this package, and their results; new ones are listed here."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,12 +30,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments
-        Those of the command line unless given.
+        Those of the command line by default.
 
     Returns
     -------
     int
-        The code to exit with.
+        The exit code.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given and given[0] in MEASURING:
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="stereolag", description="Lag by correlation.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=VERSION)
     commands = parser.add_subparsers(dest="command", required=True, metavar="command")
-    serving.add_options(commands.add_parser("app", help="start the app in a browser's reach", allow_abbrev=False))
+    serving.add_options(commands.add_parser("app", help="start the app, for use in a browser", allow_abbrev=False))
     for name, gives in MEASURING.items():
         commands.add_parser(name, help=gives)
     options, others = parser.parse_known_args(given)

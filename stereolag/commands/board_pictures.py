@@ -1,4 +1,4 @@
-"""The pairs of pictures that a command is given: two patterns, a folder, a ZIP, or files told apart by their names."""
+"""The pairs of pictures given to a command: two patterns, a folder, a ZIP, or files matched by their names."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ WHAT = "picture"
 
 
 def board_pictures(given: Sequence[str]) -> tuple[list[str], PicturesOfFiles]:
-    """Return what pairs are called, and the pairs, decoded when they are asked for.
+    """Return the names of the pairs, and the pairs, decoded on demand.
 
     Raises
     ------
     ValueError
-        No pairs, too many, patterns that match nothing or unlike numbers of files, or a damaged ZIP.
+        No pairs, too many, patterns that match nothing or different numbers of files, or a damaged ZIP.
     OSError
         A file or folder that cannot be read.
     """
@@ -36,23 +36,25 @@ def _is_pattern(text: str) -> bool:
 
 
 def _two_patterns(given: Sequence[str]) -> tuple[list[PairFiles], Callable[[str], bytes]]:
-    """Return the files of two patterns side by side, in the order of their numbers."""
+    """Return the files of two patterns in pairs, in the order of their numbers."""
     left, right = map(_matching, given)
     for pattern, files in zip(given, (left, right), strict=True):
         if not files:
             raise ValueError(f"{pattern}: no file matches.")
     if len(left) != len(right):
-        raise ValueError(f"{given[0]} matches {len(left)} files and {given[1]} {len(right)}; they must be as many.")
+        raise ValueError(
+            f"{given[0]} matches {len(left)} files and {given[1]} {len(right)}; the numbers must be equal."
+        )
     return [PairFiles(Path(one).stem, one, other) for one, other in zip(left, right, strict=True)], _read_file
 
 
 def _by_names(given: Sequence[str]) -> tuple[list[PairFiles], Callable[[str], bytes]]:
-    """Return the pairs among files, those in folders, or those in one ZIP, by their names."""
+    """Return the pairs among files, in folders or in one ZIP, matched by their names."""
     first = Path(given[0])
     if len(given) == 1 and first.is_file():
         data = read_bytes(first, "archive")
         if not is_archive(data):
-            raise ValueError(f"{first} is one file and no ZIP; give a folder, a ZIP, or the files of both cameras.")
+            raise ValueError(f"{first} is one file but not a ZIP; give a folder, a ZIP, or the files of both cameras.")
         archive = read_archive(data)
         names: list[str] = list(archive.names)
         read = archive.read
@@ -61,14 +63,14 @@ def _by_names(given: Sequence[str]) -> tuple[list[PairFiles], Callable[[str], by
     pairs = matched_pairs(names)
     if not pairs:
         raise ValueError(
-            f"Among {len(names)} files no left and right pictures belong together by their names; name them left01 and "
-            "right01, or give two patterns in quotes."
+            f"No left and right pictures match by name (files given: {len(names)}); name them left01 and right01, or "
+            "give two patterns in quotes."
         )
     return pairs, read
 
 
 def _files(text: str) -> list[str]:
-    """Return a file, the pictures in a folder and below it, or what a pattern matches."""
+    """Return a file, the pictures in a folder and below it, or the files that match a pattern."""
     path = Path(text)
     if path.is_dir():
         found = (one for one in path.rglob("*") if one.suffix.removeprefix(".").lower() in PICTURE_ENDINGS)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Calibrate from the pictures that the arguments name, write and print it, and return the code to exit with."""
+    """Calibrate from the pictures named by the arguments, write and print the result, and return the exit code."""
     parser = CommandParser(
         "calibrate",
         "Calibrate a stereo camera from 8 to 40 pairs of pictures of a chessboard or ChArUco board. Pairs that "
@@ -34,7 +34,7 @@ def run(arguments: Sequence[str]) -> int:
         "--board",
         type=_board,
         metavar="COLUMNSxROWS",
-        help="inner corners of the board, where four squares meet, as 9x6: 2 to 50 each; found unless given",
+        help="inner corners of the board, where four squares meet, as 9x6: 2 to 50 each; detected unless given",
     )
     parser.add_argument(
         "--square", type=_length, required=True, metavar="METRES", help="side of a square, above 0: it sets all lengths"
@@ -42,13 +42,13 @@ def run(arguments: Sequence[str]) -> int:
     parser.add_argument(
         "--out",
         metavar="DIR",
-        help="write the calibration there, as stereo.yml (OpenCV), left.yaml and right.yaml (ROS) and "
+        help="write the calibration to this folder, as stereo.yml (OpenCV), left.yaml and right.yaml (ROS) and "
         "calibration.json; nothing is written unless given",
     )
     add_output(parser)
     options = parser.parse_args(arguments)
 
-    # Once it is known that there is something to do: --help does not wait for them.
+    # Imported only now, so that --help does not wait for them.
     from stereolag.commands.board_pictures import board_pictures
     from stereolag.geometry.board_views import find_boards
     from stereolag.geometry.calibrating import calibrate_boards
@@ -69,7 +69,9 @@ def _board(text: str) -> Board:
 
     found = re.fullmatch(r"(\d{1,3})[x×,](\d{1,3})", text)
     if found is None:
-        raise argparse.ArgumentTypeError(f"{text!r} is no board; give inner corners as COLUMNSxROWS, for example 9x6")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a board; give inner corners as COLUMNSxROWS, for example 9x6"
+        )
     try:
         return Board(int(found[1]), int(found[2]))
     except ValueError as error:
@@ -82,7 +84,7 @@ def _length(text: str) -> float:
     except ValueError:
         metres = -1.0
     if not 0 < metres < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text!r} is no length; allowed are metres above 0, for example 0.025")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a length; allowed are metres above 0, for example 0.025")
     return metres
 
 

@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     from stereolag.commands.depth_pair import DepthPair
 
 FIGURES = ("bad_2_percent", "epe_px", "d1_all_percent", "density", "truth_pixels")
-"""What is told of a map beside its ground truth."""
+"""Figures of a map with ground truth."""
 
 ROWS_TO_LOAD = 16
-"""Beside those of a window."""
+"""Rows matched to load the loops, in addition to those of a window."""
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Make the map that the arguments ask for, write and print it, and return the code to exit with."""
+    """Make the map that the arguments ask for, write and print it, and return the exit code."""
     start = chosen_matcher("depth", arguments)
     parser = CommandParser(
         "depth",
-        "Match a rectified stereo pair; with the calibration of both cameras, a raw one too. The flags of single "
-        "settings are those of the method in use: give --help beside another --preset, --method or --settings to see "
-        "its own.",
+        "Match a rectified stereo pair; with the calibration of both cameras, a raw one too. Flags of single "
+        "settings depend on the method: to see those of another one, give --help with its --preset, --method or "
+        "--settings.",
         "LEFT RIGHT [--out DIR] [--preset NAME] [--calibration FILE] [--truth FILE] [--json] [settings]",
     )
     add_pair(parser)
@@ -41,7 +41,7 @@ def run(arguments: Sequence[str]) -> int:
     flags = SettingsFlags(parser, start, shortcuts_of(start), elsewhere)
     options, matcher = flags.parsed(arguments)
 
-    # Once it is known that there is something to do: --help does not wait for them.
+    # Imported only now, so that --help does not wait for them.
     from stereolag.commands.depth_files import written_files
     from stereolag.commands.depth_pair import read_pair
 
@@ -61,10 +61,10 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _load_loops(matcher: StereoMatcher, pair: DepthPair) -> None:
-    """Match a few rows: loading or compiling the loops is not to be read as the time of the map."""
+    """Match a few rows, so that loading or compiling the loops does not count towards the time of the map."""
     sides = [int(value) for name, value in matcher if marker(type(matcher).model_fields[name], FitsImage)]
     rows = max(sides, default=0) + ROWS_TO_LOAD
-    with suppress(ValueError):  # what is refused, the map itself will be too
+    with suppress(ValueError):  # the map itself will be refused too
         matcher.compute(pair.left[:rows], pair.right[:rows])
 
 

@@ -1,4 +1,4 @@
-"""The files of a depth command: those that the page offers to take away, under the same names."""
+"""The files of the depth command: those of the page section "Take it away", under the same names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from stereolag.stereo.matcher import DisparityMap
 
 
 class DepthFile(NamedTuple):
-    """A file about a map: its name, what makes it, and whether it is made for a pair."""
+    """A file for a map: its name, its encoder, and whether it is made for a pair."""
 
     name: str
     make: Callable[[DepthPair, DisparityMap], bytes]
@@ -42,7 +42,7 @@ FILES = (
     DepthFile("settings.json", lambda pair, it: settings_json(it.settings).encode()),
     DepthFile("calibration.json", _calibration, lambda pair: pair.rectified_here),
 )
-"""All but the coloured map, whose colours are asked for, and rectified images, whose endings depend on them."""
+"""All but the coloured map, whose palette is an argument, and rectified images, whose suffix depends on their type."""
 
 
 def written_files(
@@ -53,18 +53,18 @@ def written_files(
     Parameters
     ----------
     folder
-        It is there.
+        An existing folder.
     pair, result
         The pair and its map.
     far_is_bright
-        As the source report colours its maps.
+        Whether to colour far points bright, as the source report does.
 
     Returns
     -------
     names
-        Of the files.
+        Names of the files written.
     left_out
-        Why a format cannot hold the map, by the name of the file.
+        Error of each format that cannot store the map, by file name.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The pair of a depth command: its images, its calibration and its ground truth, brought together as on the page."""
+"""The pair of the depth command: images, calibration and ground truth, combined as on the page."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from stereolag.reading.disparities import read_stored_disparity
 
 @dataclass(frozen=True, eq=False)
 class DepthPair:
-    """Two images that are matched as they are, and what is known about them.
+    """Two images ready for matching, with their ground truth and calibration.
 
     Attributes
     ----------
     left, right
-        Of one size and type.
+        The images, of one size and type.
     truth
-        (rows, cols) px; None where it is not known.
+        (rows, cols) px; None if unknown.
     calibration
-        Of the rectified pair, in its size; None where it is not known.
+        Calibration of the rectified pair at its size; None if unknown.
     rectified_here
-        Whether the images were rectified with it.
+        Whether the images were rectified with the calibration.
     said
-        What was done to them, in sentences.
+        Sentences about the processing of the images.
     """
 
     left: Image
@@ -43,7 +43,7 @@ class DepthPair:
 
 
 def read_pair(options: argparse.Namespace) -> DepthPair:
-    """Return the pair that arguments name.
+    """Return the pair named by the arguments.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def _read_truth(path: str, left: Image, right: Image) -> FloatMap:
 
 
 def _calibrated(pair: DepthPair, calibration: Calibration, wanted: str) -> DepthPair:
-    """Return the pair with its calibration, rectified if it is raw: as its rows tell, or as is wanted."""
+    """Return the pair with its calibration, rectified if it is raw, as decided by its rows or by `wanted`."""
     found = fitted(calibration, pair.left, pair.right, wanted)
     if found.straight is None:
         said = (f"The pair is rectified already ({found.rows}).",) if found.rows else ()

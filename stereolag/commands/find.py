@@ -1,4 +1,4 @@
-"""``stereolag find``: where in an image a smaller one is."""
+"""``stereolag find``: the place of a template in an image."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from stereolag.searches import TemplateQuery
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Search as the arguments ask, print what is found, and return the code to exit with."""
+    """Search as the arguments ask, print the result, and return the exit code."""
     parser = CommandParser(
         "find",
-        "Tell where in an image a template is: row and column of its top-left pixel, best first. It is found where it "
-        "fits clearly better than anywhere else. Transparent pixels of the template do not count.",
+        "Find a template in an image: row and column of its top-left pixel, best first. It is found where it fits "
+        "clearly better than anywhere else. Transparent pixels of the template do not count.",
         "IMAGE TEMPLATE [--min-score 0..1] [--max-matches N] [--json] [further settings]",
         f"; {NOT_FOUND} nothing is found",
     )
@@ -38,7 +38,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _told(result: sl.TemplateSearch, query: TemplateQuery) -> list[str]:
-    """Return what was found, a line for each place that can be relied on; why, where nothing was."""
+    """Return a line for each place that can be relied on; if nothing was found, the reason."""
     if result.found:
         return [_place(one) for one in result.matches[: result.clear]]
     if result.reason == "look_alikes":

@@ -1,4 +1,4 @@
-"""A calibration beside images: in their size, and whether they have to be rectified with it."""
+"""A calibration fitted to images: scaled to their size, and used to rectify them if they are raw."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Fitted(NamedTuple):
     Attributes
     ----------
     calibration
-        Of the rectified pair, in its size.
+        Calibration of the rectified pair at its size.
     straight
-        The pair rectified with it; None where it was so already.
+        The pair rectified with it; None if it was rectified already.
     rows
-        How that is known; "" of a calibration that holds no cameras.
+        Evidence for that; "" for a calibration without cameras.
     """
 
     calibration: Calibration
@@ -31,12 +31,12 @@ class Fitted(NamedTuple):
 
 
 def fitted(calibration: Calibration, left: Image, right: Image, wanted: str) -> Fitted:
-    """Return the calibration for a pair, which is rectified if it is raw: as its rows tell, or as is wanted.
+    """Return the calibration for a pair, rectified if it is raw, as decided by its rows or by `wanted`.
 
     Raises
     ------
     ValueError
-        Images of another shape than it was made for, or rectification wanted without the cameras it needs.
+        Images of another shape than the calibration's, or rectification wanted without the cameras it needs.
     """
     calibration = calibration_for(calibration, left.shape[1], left.shape[0])
     if calibration.rig is None:

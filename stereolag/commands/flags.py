@@ -1,7 +1,7 @@
-"""Settings as flags: each field of a settings class is a flag, and what was given goes on top of settings.
+"""Settings as flags: each field of a settings class is a flag, and the flags given change the settings.
 
-pydantic-settings makes the flags; what they hold is put into a document that the settings themselves validate, so that
-a flag is refused in the words of :class:`~stereolag.settings.SettingsError`, as a control or a file is.
+pydantic-settings makes the flags; their values go into a document that the settings themselves validate, so that a
+flag is refused with the same :class:`~stereolag.settings.SettingsError` as a control or a file.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from stereolag.settings.refusals import Problem, allowed_values, unknown_setting
 S = TypeVar("S", bound=Settings)
 
 NOTHING = "none"
-"""What a flag is given to say that a setting has no value."""
+"""The value of a flag for a setting without a value."""
 
 ON = "{}"
-"""What pydantic-settings takes the flag of a stage for that stands alone: settings that are all left as they are."""
+"""The value that pydantic-settings gives to a stage's flag without one: all settings of the stage are unchanged."""
 
 
 class SettingsFlags(Generic[S]):
@@ -36,14 +36,14 @@ class SettingsFlags(Generic[S]):
     Parameters
     ----------
     parser
-        Gets a flag for every field, with its bounds and the value that holds unless the flag is given. The flag of a
-        stage that may be missing switches it on, or with "none" off, and so does any of the stage's own.
+        Gets a flag for every field, with its bounds and default. The flag of an optional stage switches it on, or off
+        with "none"; any flag of the stage's settings also switches it on.
     settings
-        What flags change.
+        The settings to change.
     shortcuts
         Other flags of fields: {"search.num-disparities": "num-disparities"}.
     hint
-        Returns what else is to be said of a flag that does not exist, by the name of its setting.
+        Returns a further sentence about an unknown flag, by the name of its setting.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class SettingsFlags(Generic[S]):
         )
 
     def parsed(self, arguments: Sequence[str]) -> tuple[argparse.Namespace, S]:
-        """Return the arguments, and the settings with what flags say; what is wrong with them the parser says.
+        """Return the arguments, and the settings changed by the flags; the parser reports errors.
 
         Raises
         ------
@@ -87,7 +87,7 @@ class SettingsFlags(Generic[S]):
             self._parser.error(str(error))
 
     def applied(self, options: argparse.Namespace) -> S:
-        """Return the settings with what flags say, of the same class.
+        """Return the settings changed by the flags, of the same class.
 
         Raises
         ------
@@ -101,7 +101,7 @@ class SettingsFlags(Generic[S]):
 
 
 def _contradictions(given: Mapping[str, Any], kind: type[BaseModel]) -> Iterator[tuple[str, str]]:
-    """Give the stages that are neither switched on nor off by their own flag, or off although they are set."""
+    """Yield the stages whose own flag is neither on nor off, or is off although their settings are given."""
     for name, field in kind.model_fields.items():
         state = given.get(name)
         if state is None or not nested(field):
@@ -118,9 +118,9 @@ def _contradictions(given: Mapping[str, Any], kind: type[BaseModel]) -> Iterator
 
 
 def _flag_model(kinds: Sequence[type[BaseModel]], values: BaseModel | None) -> type[BaseModel]:
-    """Return a model with the fields of all kinds, those of the values first: each becomes a flag, none is validated.
+    """Return a model with the fields of all kinds, those of `values` first: each becomes a flag, none is validated.
 
-    Of a field that may hold one of several kinds, flags for the settings of each are wanted.
+    A field that allows several kinds of settings needs flags for each of them.
     """
     ordered = sorted(kinds, key=lambda kind: not isinstance(values, kind))
     fields: dict[str, Any] = {}
@@ -141,7 +141,7 @@ def _flag_model(kinds: Sequence[type[BaseModel]], values: BaseModel | None) -> t
 
 
 def _described(field: FieldInfo) -> str:
-    """Return what a field says of itself and what it allows, in one or two sentences."""
+    """Return the description of a field and its allowed values, in one or two sentences."""
     said = field.description or f"{field.title}."
     if choices(field) or nested(field) or base_type(field) is bool:
         return said
@@ -154,7 +154,7 @@ def _flag(name: str) -> str:
 
 
 def _switched(name: str, field: FieldInfo, value: Any) -> str:
-    """Return what a stage says of itself, whether it is on, and what turns it on or off."""
+    """Return the description of a stage, whether it is on, and how to switch it on or off."""
     flag = f"--{_flag(name)}"
     state = (
         f"Off: {flag}, or any of these, switches it on" if value is None else f"On: {flag} {NOTHING} switches it off"
@@ -163,7 +163,7 @@ def _switched(name: str, field: FieldInfo, value: Any) -> str:
 
 
 def _merged(document: dict[str, Any], given: Mapping[str, Any], kind: type[BaseModel]) -> dict[str, Any]:
-    """Return a document of settings with what was given on top, both nested."""
+    """Return a document of settings changed by the given values, both nested."""
     merged = dict(document)
     for name, value in given.items():
         field = kind.model_fields[name]
@@ -183,7 +183,7 @@ def _merged(document: dict[str, Any], given: Mapping[str, Any], kind: type[BaseM
 def _chosen_kind(
     kinds: Sequence[type[BaseModel]], holder: Mapping[str, Any], given: Mapping[str, Any]
 ) -> type[BaseModel]:
-    """Return which of several kinds is meant: the one named, the one there is, or another that has all that was given.
+    """Return which of several kinds is meant: the one named, the current one, or another that has all given settings.
 
     A contradiction is left to the validation.
     """
@@ -198,7 +198,7 @@ def _chosen_kind(
 
 
 def _value(text: Any, field: FieldInfo) -> Any:
-    """Return a number where a number is written; what else is written is refused by the settings, in their words."""
+    """Return a flag's text as a number or None if it is one; other texts are left for the settings to refuse."""
     if not isinstance(text, str) or choices(field):
         return text
     if text == NOTHING:

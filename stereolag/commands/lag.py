@@ -1,4 +1,4 @@
-"""``stereolag lag``: how much later the second of two recordings hears it."""
+"""``stereolag lag``: the lag between two recordings."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Measure the lag that the arguments ask for, print it, and return the code to exit with."""
+    """Measure the lag that the arguments ask for, print it, and return the exit code."""
     parser = CommandParser(
         "lag",
-        "Tell by how many samples the second recording lags behind the first: positive where it hears the event later. "
+        "Measure how many samples the second recording lags behind the first: positive where it hears the event later. "
         "Recordings are WAV, FLAC, OGG, MP3, AIFF, NPY or columns of numbers; one file with two channels is enough. "
-        "The sampling rate is that of the files, if they state one and no other is given; of two rates the lower.",
+        "The sampling rate is that of the files, unless they state none or another is given; of two rates, the lower.",
         "FIRST [SECOND] [--speed M/S] [--method NAME] [--json] [further settings]",
     )
     parser.add_argument("first", metavar="FIRST", help="the first recording, or one of both channels")
@@ -58,7 +58,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _channel(recording: Recording, number: int, name: str) -> Recording:
-    """Return a channel, counted from 1; ValueError where there is none."""
+    """Return a channel, counted from 1; ValueError if there is no such channel."""
     count = len(recording.channels)
     if not 1 <= number <= count:
         raise ValueError(
@@ -68,7 +68,7 @@ def _channel(recording: Recording, number: int, name: str) -> Recording:
 
 
 def _facts(recording: Recording, name: str, number: int, count: int, rate: float) -> dict[str, Any]:
-    """Return what is compared: one channel of `count`, at the `rate` that holds for both."""
+    """Return the facts about one of `count` channels of a recording, at the common `rate`."""
     samples = recording.channels.shape[1]
     return {
         "file": name,
@@ -100,7 +100,7 @@ _REASONS = {
     "drift": "a clear peak that drifts",
     "repeats": "it repeats",
     "rivals": "other lags fit as well",
-    "chance": "the highest point is what chance gives",
+    "chance": "the highest point is at chance level",
     "too_little": "too few samples stand out",
     "few_votes": "hardly two samples vote for the same lag",
     "opposite_sign": "the opposite sign fits: one microphone is reversed",
@@ -122,7 +122,7 @@ def _in_words(result: sl.SignalLag, settings: LagSearch, facts: list[dict[str, A
         if judgement.rivals:
             lines.append("as good   " + ", ".join(map(str, judgement.rivals)))
         if judgement.opposite_lag is not None:
-            lines.append(f"opposite  {judgement.opposite_lag} samples, with the sign of one recording turned")
+            lines.append(f"opposite  {judgement.opposite_lag} samples, with the sign of one recording reversed")
     if judgement is not None:
         lines.append(f"verdict   {judgement.verdict}: {_REASONS[judgement.reason]}")
         if judgement.drift is not None:

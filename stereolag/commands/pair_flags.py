@@ -7,11 +7,11 @@ import argparse
 from stereolag.export.writing import DISPARITY_FORMATS
 
 AUTO, YES, NO = "auto", "yes", "no"
-"""Whether the images are to be rectified."""
+"""Values of ``--rectify``: whether the images are to be rectified."""
 
 
 def add_pair(parser: argparse.ArgumentParser) -> None:
-    """Tell a parser of the files of a pair, and of where its map goes."""
+    """Add the arguments for the files of a pair and the output of its map to a parser."""
     parser.add_argument("left", metavar="LEFT", help="the left image: PNG, JPEG, WEBP, BMP, TIFF, PPM, PGM or GIF")
     parser.add_argument("right", metavar="RIGHT", help="the right image, of the same size")
     files = parser.add_argument_group("files")
@@ -20,33 +20,33 @@ def add_pair(parser: argparse.ArgumentParser) -> None:
     files.add_argument(
         "--out",
         metavar="DIR",
-        help="write the map there: disparity as .pfm, .npy, _kitti.png (16 bits, × 256) and _coloured.png, "
+        help="write the map to this folder: disparity as .pfm, .npy, _kitti.png (16 bits, × 256) and _coloured.png, "
         "settings.json, and with a calibration cloud.ply; nothing is written unless given",
     )
 
 
 def add_frames(parser: argparse.ArgumentParser) -> None:
-    """Tell a parser of the files of a sequence, and of where its maps go."""
+    """Add the arguments for the files of a sequence and the output of its maps to a parser."""
     parser.add_argument(
         "left",
         metavar="LEFT",
         help="left pictures, as a folder or a pattern in quotes, or the left video; alone: a ZIP of both sides, or a "
         "video of both side by side",
     )
-    parser.add_argument("right", metavar="RIGHT", nargs="?", help="the same of the right")
+    parser.add_argument("right", metavar="RIGHT", nargs="?", help="the same for the right")
     files = parser.add_argument_group("files")
     files.add_argument(
         "--out",
         metavar="DIR",
         required=True,
-        help="write the maps there, METHOD/FRAME.png (disparity × 256 in 16 bits), frames.csv with figures of every "
-        "frame, and sequence.json; frames that are finished there are not matched again",
+        help="write the maps to this folder: METHOD/FRAME.png (disparity × 256 in 16 bits), frames.csv with figures of "
+        "every frame, and sequence.json; frames that are finished there are not matched again",
     )
     files.add_argument(
         "--disparity-format",
         choices=[*DISPARITY_FORMATS],
         default=".png",
-        help="of the maps; .pfm and .npy hold any disparity, .png 0 to 255 px (default: %(default)s)",
+        help="format of the maps; .pfm and .npy hold any disparity, .png 0 to 255 px (default: %(default)s)",
     )
     files.add_argument(
         "--video",
@@ -55,7 +55,9 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
     )
     files.add_argument("--truth", metavar="FILES", help="a folder or pattern of true disparities to judge the maps by")
     _add_calibration(files, "; gives the nearest obstacle in metres")
-    files.add_argument("--frame-rate", type=float, metavar="HZ", help="that of the video unless given, of pictures 10")
+    files.add_argument(
+        "--frame-rate", type=float, metavar="HZ", help="frames a second (default: that of the video; 10 for pictures)"
+    )
 
 
 def _add_calibration(files: argparse._ArgumentGroup, further: str) -> None:
@@ -63,11 +65,11 @@ def _add_calibration(files: argparse._ArgumentGroup, further: str) -> None:
         "--calibration",
         metavar="FILE",
         nargs="+",
-        help=f"of OpenCV, ROS, Kalibr, Middlebury, KITTI or JSON, in one file or two{further}",
+        help=f"calibration of OpenCV, ROS, Kalibr, Middlebury, KITTI or JSON, in one file or two{further}",
     )
     files.add_argument(
         "--rectify",
         choices=[AUTO, YES, NO],
         default=AUTO,
-        help="with a calibration of both cameras: whether the images are raw (default: auto, as their rows tell)",
+        help="with a calibration of both cameras: whether the images are raw (default: auto, judged by their rows)",
     )

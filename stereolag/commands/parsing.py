@@ -1,4 +1,4 @@
-"""How every command reads its arguments, and how it ends: codes, and errors of one sentence."""
+"""Parsing of arguments for every command, exit codes, and errors of one sentence."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, NoReturn, TypeVar
 T = TypeVar("T")
 
 DONE, FAILED, WRONG_USAGE, NOT_FOUND, DAMAGED, INTERRUPTED = 0, 1, 2, 3, 4, 130
-"""What a command exits with."""
+"""The exit codes of a command."""
 
 CODES = (
     f"exit codes: {DONE} done; {FAILED} an input is refused, or a file cannot be read or written, said in one "
@@ -19,14 +19,14 @@ CODES = (
 
 
 class CommandParser(argparse.ArgumentParser):
-    """A parser that says what is wrong in one line.
+    """A parser that reports errors in one line.
 
     Parameters
     ----------
     command
         The name after ``stereolag``.
     description
-        What it does.
+        What the command does.
     usage
         Its arguments in one line.
     codes
@@ -48,25 +48,25 @@ class CommandParser(argparse.ArgumentParser):
         )
 
     def error(self, message: str) -> NoReturn:
-        """Say it and exit."""
+        """Print the message and exit."""
         self.exit(WRONG_USAGE, f"{self.prog}: {one_line(message)} (See {self.prog} --help.)\n")
 
 
 def one_line(text: str) -> str:
-    """Return a message as one line that ends as a sentence does."""
+    """Return a message as one line that ends like a sentence."""
     line = " ".join(text.split())
     return line if line.endswith((".", "!", "?")) else f"{line}."
 
 
 def guarded(command: str, work: Callable[[], int]) -> int:
-    """Return the code of some work; where an input is refused, after a sentence on the standard error.
+    """Return the exit code of some work; if an input is refused, print a sentence on the standard error.
 
     Parameters
     ----------
     command
-        Who speaks.
+        The command named in that sentence.
     work
-        Returns the code where it is done.
+        Returns the exit code when it is done.
     """
     try:
         return work()
@@ -83,7 +83,7 @@ def guarded(command: str, work: Callable[[], int]) -> int:
 
 
 def read(reader: Callable[..., T], *paths: str, **options: Any) -> T:
-    """Return what a reader makes of files; its refusals name them."""
+    """Return the result of a reader for some files; its errors name them."""
     try:
         return reader(*paths, **options)
     except ValueError as error:
@@ -91,12 +91,12 @@ def read(reader: Callable[..., T], *paths: str, **options: Any) -> T:
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
-    """Tell a parser of the flag for a line of JSON."""
+    """Add the flag for a line of JSON to a parser."""
     parser.add_argument("--json", action="store_true", help="print one line of JSON, and nothing else")
 
 
 def tell(figures: Mapping[str, Any], sentences: str, *, as_json: bool) -> None:
-    """Print the figures as one line of JSON, NaN and infinity as null, or else the sentences."""
+    """Print the figures as one line of JSON, with NaN and infinity as null, or else the sentences."""
     if as_json:
         from stereolag.export.documents import figures_json
 

@@ -1,4 +1,4 @@
-"""Ask an app that runs for its home page, as a browser does: the health check of a container."""
+"""Request the home page of a running app, as a browser does: the health check of a container."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ PATIENCE_S = 60
 
 
 def served_fault(port: int) -> str | None:
-    """Return in one line why the app on a port of this machine does not serve its home page, or None where it does.
+    """Return in one line why the app on a local port does not serve its home page, or None if it does.
 
-    Unlike ``/_stcore/health`` this runs the page in the process of the app.
+    Unlike ``/_stcore/health``, this runs the page in the process of the app.
     """
     end = time.monotonic() + PATIENCE_S
     address = f"ws://localhost:{port}/_stcore/stream"
     try:
-        # A proxy in the environment is not for this machine.
+        # A proxy in the environment does not apply to this machine.
         with connect(address, proxy=None, open_timeout=PATIENCE_S, max_size=None) as page:
             page.send(BackMsg(rerun_script=ClientState()).SerializeToString())
             while True:
@@ -42,7 +42,7 @@ def served_fault(port: int) -> str | None:
 
 
 def _fault(element: Element) -> str | None:
-    """Return in one line what an element says of a failure, or None where it does not."""
+    """Return the failure that an element reports, in one line, or None if it reports none."""
     if element.WhichOneof("type") == "exception":
         return " ".join(f"{element.exception.type}: {element.exception.message}".split())
     if element.WhichOneof("type") == "alert" and element.alert.format == Alert.ERROR:

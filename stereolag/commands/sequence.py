@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from stereolag.sequences import SequenceResult, SequenceState
 
 PRESET: PresetName = "fast"
-"""Unless another is asked for: it keeps up with the camera."""
+"""The default preset: it keeps up with the camera."""
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Match the frames that the arguments name, tell how far it is, and return the code to exit with."""
+    """Match the frames named by the arguments, show the progress, and return the exit code."""
     start = chosen_matcher("sequence", arguments, PRESET)
     parser = CommandParser(
         "sequence",
-        "Match every frame of a stereo camera. A run that was interrupted goes on where it was; a damaged frame is "
-        "left out, and tried again by the next run. The flags of single settings are those of the method in use: give "
-        "--help beside another --preset, --method or --settings to see its own.",
+        "Match every frame of a stereo camera. An interrupted run continues where it stopped; a damaged frame is left "
+        "out, and tried again by the next run. Flags of single settings depend on the method: to see those of another "
+        "one, give --help with its --preset, --method or --settings.",
         "LEFT [RIGHT] --out DIR [--preset NAME] [--calibration FILE] [--video FILE.mp4] [--scheduler ADDRESS|local] "
         "[--json] [settings]",
-        f"; {DAMAGED} done, but for frames that are damaged; {INTERRUPTED} stopped by Ctrl-C",
+        f"; {DAMAGED} done, except for damaged frames; {INTERRUPTED} stopped by Ctrl-C",
     )
     add_frames(parser)
     add_output(parser)
@@ -45,7 +45,7 @@ def run(arguments: Sequence[str]) -> int:
     options, matcher = flags.parsed(arguments)
     beyond = over_frames.parsed(arguments)[1]
 
-    # Once it is known that there is something to do: --help does not wait for them.
+    # Imported only now, so that --help does not wait for them.
     from stereolag.commands.sequence_frames import read_drive
     from stereolag.sequences import run_sequence
     from stereolag.sequences.motion import motion_watch
@@ -72,7 +72,7 @@ def run(arguments: Sequence[str]) -> int:
         )
     except KeyboardInterrupt:
         bar.close()
-        print("stereolag sequence: Stopped; the same command goes on where it was.", file=sys.stderr)
+        print("stereolag sequence: Stopped; the same command continues where it stopped.", file=sys.stderr)
         return INTERRUPTED
     finally:
         bar.close()
@@ -95,14 +95,14 @@ def _add_job(parser: argparse.ArgumentParser) -> None:
     job.add_argument(
         "--scheduler",
         metavar="ADDRESS|local",
-        help="of a Dask cluster that does the work, tcp://HOST:PORT; local: processes of this machine; threads of this "
-        "process unless given",
+        help="address of a Dask cluster that does the work, tcp://HOST:PORT; local: processes of this machine; unless "
+        "given, threads of this process",
     )
-    job.add_argument("--again", action="store_true", help="match everything anew, also with other settings")
+    job.add_argument("--again", action="store_true", help="match everything again, also with other settings")
 
 
 def _matchers(matcher: StereoMatcher, options: argparse.Namespace) -> dict[str, StereoMatcher]:
-    """Return the methods by the names of their folders: what is asked for, and those to compare it with."""
+    """Return the matchers by the names of their folders: the chosen one, and those to compare it with."""
     own = type(matcher).short_name if options.method or options.settings else options.preset or PRESET
     found = {own: matcher}
     searched = matcher.search_range()
@@ -114,7 +114,7 @@ def _matchers(matcher: StereoMatcher, options: argparse.Namespace) -> dict[str, 
 
 
 class _Bar:
-    """A line that tells how far the job is."""
+    """A progress bar on one line."""
 
     def __init__(self, *, hidden: bool) -> None:
         from tqdm import tqdm
@@ -125,13 +125,13 @@ class _Bar:
         """Move the bar."""
         if self._bar.total is None:
             self._bar.reset(state.total)
-            self._bar.initial = self._bar.n = state.done  # what was finished before tells nothing of the speed
+            self._bar.initial = self._bar.n = state.done  # frames finished before must not count towards the speed
         if state.done > self._bar.n:
             self._bar.set_postfix({"damaged": state.damaged} if state.damaged else {}, refresh=False)
             self._bar.update(state.done - self._bar.n)
 
     def close(self) -> None:
-        """Leave the line as it is."""
+        """Close the bar and leave its line as it is."""
         self._bar.close()
 
 

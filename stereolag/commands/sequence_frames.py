@@ -1,4 +1,4 @@
-"""The frames of a sequence command, with what is known of the camera, brought together as those of a pair are."""
+"""The frames of the sequence command and their calibration, combined as for a pair."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from stereolag.sequences import RectifiedSequence, StereoSequence, open_sequence
 
 
 class Drive(NamedTuple):
-    """Frames that are matched as they are.
+    """Frames ready for matching, with their calibration.
 
     Attributes
     ----------
     sequence
         The frames.
     calibration
-        Of the rectified frames, in their size; None where it is not known.
+        Calibration of the rectified frames at their size; None if unknown.
     said
-        What is done to them, in sentences.
+        Sentences about the processing of the frames.
     """
 
     sequence: StereoSequence
@@ -31,7 +31,7 @@ class Drive(NamedTuple):
 
 
 def read_drive(options: argparse.Namespace) -> Drive:
-    """Return the sequence that arguments name; the first frame that can be read tells whether it is raw.
+    """Return the sequence named by the arguments; its first readable frame shows whether it is raw.
 
     Raises
     ------

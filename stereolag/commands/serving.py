@@ -1,8 +1,8 @@
 """Start the app if it can serve a page, and say why if it cannot.
 
-``stereolag app``, or ``python -P stereolag/commands/serving.py``: run as a file it imports nothing of the library, and
-can still tell that the library cannot be imported. The health address of Streamlit knows nothing of the pages:
-``--check`` opens one before there is a server, ``--probe`` asks a server for one.
+``stereolag app``, or ``python -P stereolag/commands/serving.py``: run as a file, it imports nothing from the library,
+and can therefore report that the library cannot be imported. Streamlit's health address says nothing about the pages:
+``--check`` opens one without a server, ``--probe`` requests one from a running server.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[1]
 INSTALLED = PACKAGE / "app" / "app.py"
 APP = INSTALLED if INSTALLED.is_file() else PACKAGE.parent / "app.py"
-"""The home page: within the installed package, or beside it in a checkout."""
+"""The home page: inside the installed package, or beside it in a checkout."""
 
-DESCRIPTION = """Start the app. Whatever else is given goes to "streamlit run", for example --server.address 127.0.0.1;
+DESCRIPTION = """Start the app. Any other arguments go to "streamlit run", for example --server.address 127.0.0.1;
 a path in it is absolute, since the app runs in its own folder."""
 
 PATIENCE_S = 300
-"""How long the first page may take: without machine code on disk all of its loops are compiled."""
+"""Time limit for the first page: without machine code on disk, all of its loops are compiled."""
 
 
 def check_page() -> None:
@@ -35,13 +35,13 @@ def check_page() -> None:
     Raises
     ------
     SystemExit
-        The page shows an error; the message is what it says.
+        The page shows an error, which is the message.
     """
-    logging.disable()  # the server says the same again
+    logging.disable()  # the server will log the same again
     from streamlit import config
     from streamlit.testing.v1 import AppTest
 
-    config.set_option("client.showErrorDetails", "full")  # visitors may be told less
+    config.set_option("client.showErrorDetails", "full")  # visitors may see fewer details
     page = AppTest.from_file(APP, default_timeout=PATIENCE_S).run()
     faults = [f"{one.proto.type}: {one.message}" for one in page.exception] + [one.value for one in page.error]
     if faults:
@@ -49,12 +49,12 @@ def check_page() -> None:
 
 
 def page_fault() -> str | None:
-    """Return in one line why the home page cannot be served, or None where it can.
+    """Return in one line why the home page cannot be served, or None if it can.
 
-    It is opened in a process of its own, which may fail in any way, and leaves the server none of its memory.
+    It is opened in a process of its own, which may fail in any way and leaves none of its memory to the server.
     """
     command = [sys.executable, "-P", __file__, "--check"]
-    # What the server will import from: Streamlit puts the app's folder first.
+    # The import path of the server: Streamlit puts the app's folder first.
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(APP.parent), *sys.path])}
     ran = subprocess.run(command, cwd=APP.parent, env=environment, capture_output=True, text=True, check=False)
     if ran.returncode == 0:
@@ -64,49 +64,49 @@ def page_fault() -> str | None:
 
 
 def port_fault(port: int, remedy: str) -> str | None:
-    """Return in one line why a port cannot be listened on, and how to name another; None where it can be."""
+    """Return in one line why a port cannot be listened on, and how to name another; None if it can."""
     both = socket.has_dualstack_ipv6()
     family = socket.AF_INET6 if both else socket.AF_INET
     try:
         with closing(socket.create_server(("", port), family=family, dualstack_ipv6=both)):
             return None
     except OverflowError:
-        return f"{port} is no port: it goes up to 65535."
+        return f"{port} is not a port: ports go up to 65535."
     except OSError as error:
         reason = os.strerror(error.errno or 0)
         return f"Port {port} cannot be used ({reason}): name another, for example {remedy}."
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Tell a parser which options there are besides those of Streamlit."""
+    """Add the options that are not Streamlit's to a parser."""
     parser.description = DESCRIPTION
-    parser.add_argument("--port", type=int, default=8501, help="where it listens; 8501 unless given")
+    parser.add_argument("--port", type=int, default=8501, help="port to listen on; 8501 unless given")
     parser.add_argument("--check", action="store_true", help="open the home page once instead, without a server")
     parser.add_argument("--probe", action="store_true", help="ask the app on the port for the home page instead")
 
 
 def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) -> int:
-    """Start the app and return when it was stopped.
+    """Start the app and return when it is stopped.
 
     Parameters
     ----------
     options
         Those of `add_options`.
     others
-        What else was given: options of ``streamlit run``.
+        All other arguments: options of ``streamlit run``.
     remedy
-        A command that takes another port, for who must be told that this one is taken.
+        A command that uses another port, suggested if this one is taken.
 
     Returns
     -------
     int
-        The code to exit with: 1 where the app cannot be started, or serves no page, after one line that says why.
+        The exit code: 1 if the app cannot be started or serves no page, after one line that says why.
     """
     try:
         Path.home()
-    except RuntimeError:  # Streamlit asks for it only to look for settings there
+    except RuntimeError:  # Streamlit needs it only to look for settings there
         os.environ["HOME"] = str(APP.parent)
-    # Streamlit reads .streamlit/config.toml of the current folder too: no other app's settings are to apply here.
+    # Streamlit also reads .streamlit/config.toml of the current folder, where another app's settings must not apply.
     os.chdir(APP.parent)
     if options.check:
         check_page()
@@ -121,11 +121,11 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
         sys.path.insert(0, str(APP.parent))  # as Streamlit will
         from stereolag.warming import warm
 
-        warm()  # the first visitor is not to wait for it, nor to read its time as that of a map
+        warm()  # so that the first visitor neither waits for it nor takes its time for that of a map
         from streamlit.web import cli
 
         cli.main(["run", str(APP), "--server.port", str(options.port), *others], prog_name="streamlit")
-    except KeyboardInterrupt:  # before the server minds it
+    except KeyboardInterrupt:  # before the server handles it
         return 130
     return 0
 
@@ -146,12 +146,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments
-        Those of the command line unless given.
+        Those of the command line by default.
 
     Returns
     -------
     int
-        The code to exit with.
+        The exit code.
     """
     parser = argparse.ArgumentParser(allow_abbrev=False)
     add_options(parser)

@@ -1,4 +1,4 @@
-"""The input doctor: problems of a stereo pair, in numbers, found before it is matched, and their remedies."""
+"""The input doctor: problems of a stereo pair, measured before it is matched, and their remedies."""
 
 from stereolag.doctor.diagnosis import Diagnosis, diagnose, estimate_diagnosis, judge_range
 from stereolag.doctor.findings import Finding, FindingCode, Remedy

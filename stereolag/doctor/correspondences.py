@@ -1,4 +1,4 @@
-"""Reliable matches between two views: correspondences that agree on how the views lie, rectified or not."""
+"""Reliable feature matches between two views, rectified or not: those that agree on one relative orientation."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ from stereolag.doctor.uncalibrated import NOISE_PX, UncalibratedRectification, f
 from stereolag.inputs import Image
 
 EPIPOLAR_PX = 1.0
-"""How far from its epipolar line a match may lie, px of the size in which it was matched."""
+"""Largest distance of a match from its epipolar line, px at the size at which it was matched."""
 
 ENOUGH, EASY_SHARE, EVEN_PX = 100, 0.4, 0.4
-"""Of an easy pair: how many matches agree, what share of all, and how much their rows scatter, px."""
+"""Thresholds for an easy pair: number of agreeing matches, their share of all matches, scatter of their rows (px)."""
 
 UNBENT_PX = 0.3
-"""Bend of an easy pair from which on its matches are looked for again where a lens takes them, px."""
+"""Row bend of an easy pair above which its matches are selected again with a lens model, px."""
 
 AGREEMENT = 2.5
-"""On an easy pair a match is dropped whose dy is off by more than this many standard deviations."""
+"""On an easy pair, a match whose dy is off by more than this many standard deviations is dropped."""
 
 CHANCE_SHARE = 0.15
-"""Matches that agree are no evidence below this share of the distinct ones: chance finds some too."""
+"""Agreeing matches are no evidence below this share of the distinct ones: some agree by chance."""
 
 PLANES, PLANE_SHARE, STEEPEST = 2000, 0.012, 0.2
-"""Planes of dy tried, how far from one a match may lie as a share of the rows, and the largest slope of one."""
+"""Planes of dy tried, largest distance of a match from its plane as a share of the rows, and steepest slope allowed."""
 
 TOLERANCES_PX = (7.0, 4.0, 2.0, 1.5, 1.5)
-"""Row errors up to which matches are kept while the model of the views is fitted to them again and again."""
+"""Largest row error of the matches kept in each round of refitting the model of the views."""
 
 
 def find_correspondences(left: Image, right: Image) -> Correspondences:
-    """Match features, and keep those that agree on how the views lie to each other.
+    """Match features and keep the matches that agree on the relative orientation of the views.
 
-    On a pair that is nearly rectified, mutual ORB matches whose dy is what small turns and a lens make of it, begun
-    from those on the epipolar lines of one fundamental matrix (MAGSAC++, Barath et al. 2020). Where those are few, SIFT
-    matches are added, and those are kept that agree on two turned cameras with one lens coefficient.
+    On a nearly rectified pair these are mutual ORB matches whose dy fits small rotations and a lens distortion,
+    starting from those on the epipolar lines of one fundamental matrix (MAGSAC++, Barath et al. 2020). If there are few
+    of them, SIFT matches are added, and those consistent with two rotated cameras and one lens coefficient are kept.
 
-    Their ``dy`` are the differences of rows: about 0 on a rectified pair.
+    Their ``dy`` are the row differences: about 0 on a rectified pair.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     Returns
     -------
     Correspondences
-        Possibly none: matches that chance could have brought about are no evidence.
+        Possibly empty: matches that could have arisen by chance are no evidence.
     """
     pair = reduced_pair(left, right)
     quick = binary_candidates(pair)
@@ -72,7 +72,7 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
 
 
 def _epipolar(points: Correspondences) -> Chosen:
-    """Return which matches lie on the epipolar lines of the best fundamental matrix."""
+    """Return the mask of matches on the epipolar lines of the best fundamental matrix."""
     if len(points) < 8:
         return np.zeros(len(points), dtype=np.bool_)
     _, agreeing = cv2.findFundamentalMat(
@@ -82,7 +82,7 @@ def _epipolar(points: Correspondences) -> Chosen:
 
 
 def _nearly_rectified(points: Correspondences) -> Correspondences:
-    """Return the matches of an easy pair, whose dy is what turns and a lens make of it; none of another pair."""
+    """Return the matches of an easy pair whose dy fits small rotations and a lens; none for any other pair."""
     agreeing = _epipolar(points)
     for _ in range(3):
         if agreeing.sum() < ENOUGH:
@@ -96,9 +96,9 @@ def _nearly_rectified(points: Correspondences) -> Correspondences:
 
 
 def _on_a_plane(points: Correspondences) -> Chosen:
-    """Return which matches lie near the best plane of dy over the image (RANSAC): two cameras nearly side by side.
+    """Return the mask of matches near the best plane of dy over the image (RANSAC), for cameras nearly side by side.
 
-    Where a pattern repeats, more matches may agree on an epipolar geometry that no such cameras have.
+    On a repeating pattern, more matches may agree on an epipolar geometry that such cameras cannot have.
     """
     if len(points) < 8:
         return np.zeros(len(points), dtype=np.bool_)
@@ -116,7 +116,7 @@ def _on_a_plane(points: Correspondences) -> Chosen:
 
 
 def _settled(points: Correspondences, agreeing: Chosen) -> UncalibratedRectification | None:
-    """Return the model of the views that the most matches agree on, from some that should; None without enough."""
+    """Return the model of the views that most matches agree on, starting from a subset; None with too few."""
     model = None
     for tolerance in TOLERANCES_PX:
         if agreeing.sum() < 8:
@@ -127,11 +127,11 @@ def _settled(points: Correspondences, agreeing: Chosen) -> UncalibratedRectifica
 
 
 def _followed(every: Correspondences, agreeing: Correspondences) -> Correspondences:
-    """Return all matches that agree on the turns and the lens of some: in the corners a lens takes them far."""
+    """Return all matches that fit the rotations and lens of a subset: in the corners a lens moves matches far."""
     for _ in range(2):
         model = fit_rectification(agreeing, lens=True)
         errors = np.abs(model.row_errors(agreeing)) * every.scale
-        # Wrong matches lie on the right rows by chance, the fewer the closer one looks.
+        # Wrong matches are on the right rows only by chance, so a tight tolerance keeps fewer of them.
         tolerance = max(2 * NOISE_PX, AGREEMENT * 1.4826 * float(np.median(errors)))
         agreeing = every.chosen(np.abs(model.row_errors(every)) * every.scale < tolerance)
     return agreeing

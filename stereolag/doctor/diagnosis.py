@@ -1,4 +1,4 @@
-"""One question after the other about a pair, and what the answers come to."""
+"""The diagnosis of a stereo pair: one finding per question, and the search range they suggest."""
 
 from __future__ import annotations
 
@@ -34,40 +34,40 @@ from stereolag.inputs import Image, as_grey, as_stereo_pair, local_deviation
 from stereolag.stereo.estimates import fitting_pair
 
 TEXTURE_WINDOW = 11
-"""Side of the windows whose texture is judged, px."""
+"""Side of the windows in which texture is judged, px."""
 
 FLAT_DEVIATION = 0.01
-"""Standard deviation of such a window, as a share of the image's range of grey levels: less is hardly any texture."""
+"""A window has hardly any texture if its standard deviation is below this share of the image's grey-level range."""
 
 EXPOSED, TEXTURE = 9, 42
-"""Bytes per value of the image while its exposure is fitted, and per pixel while its texture is judged."""
+"""Bytes per image value while the exposure is fitted, and per pixel while the texture is judged."""
 
 COARSE_SECONDS, VALUE_SECONDS = 0.4, 4e-8
-"""Seconds of the features and the coarse search, and per value of the image."""
+"""Seconds for the features and the coarse search, and per image value."""
 
 DOUBTED_PX = 0.5
-"""Spread of rows from which it is asked whether they bend, px of the size in which features were matched."""
+"""Spread of the rows above which they are tested for bending, px at the size at which features were matched."""
 
 SURELY = 2.0
-"""Standard deviations by which a disparity is surely on one side of 0."""
+"""Standard deviations from 0 at which the sign of a disparity is certain."""
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The findings of the doctor on a pair.
+    """The findings of the input doctor on a pair.
 
     Attributes
     ----------
     findings
         One per question, in the order in which they should be fixed. The geometry (SWAPPED, ROWS, ROTATION, BENT_ROWS)
-        is left out with too few matched features, and with the range on a pair of identical pictures; the range also on
-        a pair whose sides are swapped or where nothing tells it.
+        is omitted with too few matched features. Geometry and range are omitted for identical pictures, and the range
+        also if the sides are swapped or it cannot be determined.
     disparities
-        The range of disparities in the pair as it is, px, from a coarse semi-global search over 40 % of the width and
-        from the matched features; None where nothing tells it.
+        The range of disparities in the pair as given, px, from a coarse semi-global search over 40 % of the width and
+        from the matched features; None if it cannot be determined.
     suggested_range
-        First disparity and their number, a multiple of 16, of a search that covers them with a modest margin; None
-        where nothing tells it.
+        First disparity and number of disparities, a multiple of 16, of a search that covers them with a modest margin;
+        None if it cannot be determined.
 
     Examples
     --------
@@ -91,14 +91,14 @@ class Diagnosis:
         return all(finding.healthy for finding in self.findings)
 
     def finding(self, code: FindingCode) -> Finding | None:
-        """Return the finding on one question; None where it could not be judged."""
+        """Return the finding on one question; None if it could not be judged."""
         return next((finding for finding in self.findings if finding.code == code), None)
 
 
 def diagnose(
     left: npt.ArrayLike, right: npt.ArrayLike, *, min_disparity: int = 0, num_disparities: int = 64
 ) -> Diagnosis:
-    """Examine a stereo pair and the range in which it is about to be searched.
+    """Examine a stereo pair and the disparity range about to be searched.
 
     Parameters
     ----------
@@ -116,18 +116,17 @@ def diagnose(
     Raises
     ------
     ValueError
-        Images that are not a pair, or that need more memory than one job may take (:func:`estimate_diagnosis`).
+        If the images are not a pair, or need more memory than one job may take (:func:`estimate_diagnosis`).
 
     Notes
     -----
-    The geometry rests on sparse feature matches, found without assuming rectified rows: on a rectified pair ``dy`` is 0
-    and every disparity positive. A rotation of the right view shows as a ``dy`` that grows across the image, a
-    difference in scale as one that grows down it; cameras turned towards each other and lenses that distort show as one
-    that bends.
+    The geometry is judged from sparse feature matches, found without assuming rectified rows: on a rectified pair
+    ``dy`` is 0 and every disparity is positive. A rotation of the right view makes ``dy`` grow across the image, a
+    difference in scale makes it grow down the image, and converging cameras or distorting lenses make it bend.
 
     Examples
     --------
-    Left and right exchanged, every disparity is negative:
+    With left and right exchanged, every disparity is negative:
 
     >>> import numpy as np
     >>> import stereolag as sl
@@ -165,10 +164,10 @@ def diagnose(
 
 
 def estimate_diagnosis(shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
-    """Return the memory and time that :func:`diagnose` needs for two images of a shape, channels included, and dtype.
+    """Return the memory and time of :func:`diagnose` for two images of a shape, channels included, and dtype.
 
-    The right image is fitted to the left one's exposure in float64, every channel; the share without texture takes
-    maps in float64. The features and the coarse search take the same for all sizes.
+    Every channel of the right image is fitted to the left one's exposure in float64; measuring texture takes maps in
+    float64. Features and coarse search cost the same at any size.
     """
     pixels, values, pixel = shape[0] * shape[1], int(np.prod(shape)), np.dtype(dtype).itemsize
     memory = max(EXPOSED * values, TEXTURE * pixels) + pixel * values
@@ -178,7 +177,7 @@ def estimate_diagnosis(shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) 
 
 
 def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) -> Finding | None:
-    """Judge another search range of a pair that was examined.
+    """Judge another search range for a pair that has been examined.
 
     Parameters
     ----------
@@ -190,7 +189,7 @@ def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) 
     Returns
     -------
     finding
-        None where nothing tells the range of the pair, or its sides are swapped.
+        None if the range of the pair could not be determined, or its sides are swapped.
     """
     if diagnosis.disparities is None or diagnosis.suggested_range is None:
         return None
@@ -207,7 +206,7 @@ def _judge_identity(images: tuple[Image, Image], points: Correspondences | None,
 
 
 def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
-    """Judge how the views lie to each other."""
+    """Judge the relative orientation of the views."""
     offset = float(np.median(points.dy))
     spread = 1.4826 * float(np.median(np.abs(points.dy - offset)))
     _, sine, growth = vertical_plane(points)
@@ -227,13 +226,13 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
     if straight is None or rows.remedy is None:
         sides = judge_sides(*disparities_of(points))
         return sides, judge_rows(offset, spread), judge_rotation(*turned), rows
-    # The one remedy of bent rows takes offset and rotation too.
+    # The remedy for bent rows also corrects offset and rotation.
     sides = _judge_raw_sides(straight.model, points)
     return sides, judge_rows(offset, spread, remedy=None), judge_rotation(*turned, remedy=None), rows
 
 
 def _judge_raw_sides(model: UncalibratedRectification, points: Correspondences) -> Finding:
-    """Judge whether left is left where the cameras are turned: by the disparities once they are turned back."""
+    """Judge whether the sides of an unrectified pair are swapped, from its disparities after rectification."""
     disparities, deviations = model.disparities(points)
     lowest, highest = np.percentile(disparities, (2, 98))
     in_front, behind = (float(np.mean(side * disparities > SURELY * deviations)) for side in (1, -1))
@@ -241,7 +240,7 @@ def _judge_raw_sides(model: UncalibratedRectification, points: Correspondences) 
 
 
 def _flat_share(image: Image, range_of_greys: float) -> float:
-    """Return the share of the windows with hardly any texture, against the image's range of grey levels."""
+    """Return the share of windows with hardly any texture relative to the image's grey-level range."""
     return float(np.mean(local_deviation(as_grey(image), TEXTURE_WINDOW) < FLAT_DEVIATION * range_of_greys))
 
 

@@ -1,10 +1,10 @@
-"""The disparities in a pair, rectified or not, and the range to search for them."""
+"""The disparities in a pair, rectified or not, and the search range that covers them."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-import scipy  # its spatial.* is not loaded before it is used
+import scipy  # scipy.spatial is loaded on first use
 
 from stereolag.arrays import DoubleMap
 from stereolag.doctor.features import Chosen, Correspondences, Points
@@ -14,43 +14,44 @@ from stereolag.inputs import Image
 from stereolag.stereo.opencv import StereoSGBM
 
 COARSE_WIDTH = 320
-"""Width to which a pair is reduced to look for its range of disparities, px."""
+"""Width to which a pair is reduced for the coarse search, px."""
 
 FARTHEST, NEAREST = 0.12, 0.28
-"""Ends of the coarse search, as shares of the width: behind infinity and in front of it."""
+"""Reach of the coarse search behind and in front of infinity, as shares of the width."""
 
 COARSE_ROW_PX = 0.5
-"""Rows that are no farther off than this in the coarse images are left alone."""
+"""Row errors up to this size in the coarse images are left uncorrected."""
 
 FEWEST_MEASURED = 0.02
-"""Share of the coarse pixels without which nothing was measured."""
+"""Share of coarse pixels that must be matched for the search to count."""
 
 LEAST_TAIL, FAR_TAIL, NEAR_TAIL = 0.5, 10.0, 5.0
-"""Percentage of the disparities left out at each end, and how it grows with the share that was not measured: where much
-cannot be matched, more of what is matched is wrong. Near objects that are missed hurt more."""
+"""Least percentage of disparities trimmed at each end, and how it grows at the far and near ends with the share not
+measured: the less can be matched, the more matches are wrong. Missing near objects hurts more."""
 
 FEATURE_TAIL, FEATURES_LEFT_OUT = 2.0, 3
-"""Percentage of the features left out at each end, and how many at least."""
+"""Percentage of features trimmed at each end, and their least number."""
 
 NEIGHBOURS, LEAST_ALIKE, ALIKE = 8, 3, 0.01
-"""Of so many nearest features so many must have the same disparity, but for this share of the width."""
+"""Nearest features compared, number that must have the same disparity, and the tolerance as a share of the width."""
 
 RANGE_MARGIN = 0.15
-"""How far beyond the disparities seen the suggested range reaches, as a share of their span."""
+"""Margin of the suggested range beyond the disparities seen, as a share of their span."""
 
 
 def disparities_seen(left: Image, right: Image, points: Correspondences) -> tuple[float, float] | None:
-    """Return the range of disparities in a pair, px; None where neither pixels nor features tell.
+    """Return the range of disparities in a pair, px; None if neither pixels nor features reveal it.
 
-    A coarse semi-global search far wider than any pair should need, for sparse matches would miss near objects, which
-    fill few but important pixels; and the features, where that search is not wide enough or rows are too far off.
+    Combines a coarse semi-global search, far wider than any pair should need, with the matched features. Features alone
+    would miss near objects, which fill few but important pixels; they help if the search is too narrow or rows are too
+    far off.
 
     Parameters
     ----------
     left, right
-        Checked images of one size, exposed alike.
+        Checked images of one size, with matched exposure.
     points
-        Matches between them; where there are enough, rows are aligned by them first.
+        Matches between them; if there are enough, they are used to align the rows first.
     """
     scale = min(1.0, COARSE_WIDTH / left.shape[1])
     height, width = (max(1, round(side * scale)) for side in left.shape[:2])
@@ -79,10 +80,10 @@ def disparities_seen(left: Image, right: Image, points: Correspondences) -> tupl
 
 
 def disparities_of(points: Correspondences) -> tuple[float, float]:
-    """Return the range of the disparities of matched features, px, but for a few of them.
+    """Return the range of the disparities of matched features, px, without a few outliers.
 
-    Features with few neighbours of their disparity do not count: matches with another picket of a fence lie along the
-    row as right ones do, but at all distances.
+    Features with few neighbours of similar disparity do not count: a match with the wrong picket of a fence is on the
+    same row as the right one, but can have any disparity.
     """
     disparities = -points.dx
     known = disparities[_supported(points)]
@@ -94,7 +95,7 @@ def disparities_of(points: Correspondences) -> tuple[float, float]:
 
 
 def _supported(points: Correspondences) -> Chosen:
-    """Return which features have enough neighbours with about their disparity."""
+    """Return the mask of features that have enough neighbours of similar disparity."""
     _, found = scipy.spatial.cKDTree(points.left).query(points.left, k=min(NEIGHBOURS + 1, len(points)))
     near = np.asarray(found)[:, 1:]  # the first is the feature itself
     apart = np.abs(points.dx[near] - points.dx[:, np.newaxis])
@@ -102,7 +103,7 @@ def _supported(points: Correspondences) -> Chosen:
 
 
 def range_for(low: float, high: float) -> tuple[int, int]:
-    """Return the range to search for the disparities seen, with a margin; from 0 (infinity) if they begin near it."""
+    """Return the search range for the disparities seen, with a margin; from 0 (infinity) if they begin near it."""
     margin = RANGE_MARGIN * max(high - low, 8.0)
     first = 0 if -INFINITY_SLACK_PX <= low - margin <= 16 or -INFINITY_SLACK_PX <= low <= 16 else int(low - margin)
     count = int(np.ceil(high + margin)) - first + 1
@@ -110,9 +111,9 @@ def range_for(low: float, high: float) -> tuple[int, int]:
 
 
 def _rows_aligned(right: Image, points: Correspondences, scale: float) -> Image:
-    """Return the coarse right image with its rows moved to those of the left one; columns stay.
+    """Return the coarse right image with its rows moved to match the left one; columns stay.
 
-    A surface of the second degree takes the offset, the rotation and the turn of a raw pair, and most of a lens.
+    A quadratic surface corrects the offset, roll and yaw of a raw pair, and most of the lens distortion.
     """
     size = points.shape[1]
     seen = np.column_stack([points.right[:, 0], points.left[:, 1]]) / size

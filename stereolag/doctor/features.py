@@ -1,4 +1,4 @@
-"""Candidate matches of features between two views, found without any assumption about rows, range or exposure."""
+"""Candidate feature matches between two views, found without assumptions about rows, range or exposure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Eight = npt.NDArray[np.uint8]
 Chosen = npt.NDArray[np.bool_]
 
 LARGEST_SIDE = 1000
-"""Side to which larger images are reduced before features are looked for, px."""
+"""Longer side to which larger images are reduced before features are detected, px."""
 
 FEATURES = 2000
 FAST_THRESHOLD = 8
@@ -27,14 +27,14 @@ DISTINCT = 0.8
 """A SIFT feature is matched if its best candidate is closer than this share of the next one's distance (Lowe 2004)."""
 
 LONELY = 0.85
-"""A match is distinct if it is closer than this share of the distance to any other feature of its own image: those on a
-repeated pattern, which may be matched one repetition off, are not."""
+"""A match is distinct if it is closer than this share of the distance to any other feature of its own image; on a
+repeating pattern, where it may be one repetition off, it is not."""
 
 APART_PX = 5.0
-"""Features nearer to each other than this show the same thing."""
+"""Features closer together than this show the same point."""
 
 PATCH = 15
-"""Side of the window whose flow refines a match, px."""
+"""Side of the optical-flow window that refines a match, px."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Correspondences:
     shape
         (rows, cols) of the images.
     scale
-        By what the images were reduced before features were matched, at most 1: positions are only as fine.
+        Factor by which the images were reduced before features were matched, at most 1; it limits the precision.
     """
 
     left: Points
@@ -70,18 +70,18 @@ class Correspondences:
         return len(self.left)
 
     def chosen(self, which: Chosen | npt.NDArray[np.intp]) -> Correspondences:
-        """Return some of them, by a mask or by their numbers."""
+        """Return the matches selected by a mask or by indices."""
         return Correspondences(self.left[which], self.right[which], self.shape, self.scale)
 
     def joined(self, other: Correspondences) -> Correspondences:
-        """Return these and others of the same pair."""
+        """Return these matches together with others of the same pair."""
         left, right = np.concatenate([self.left, other.left]), np.concatenate([self.right, other.right])
         return Correspondences(left, right, self.shape, self.scale)
 
 
 @dataclass(frozen=True)
 class ReducedPair:
-    """Both views in 8-bit grey, reduced to the size in which features are matched."""
+    """Both views in 8-bit grey, reduced to the size at which features are matched."""
 
     left: Eight
     right: Eight
@@ -90,7 +90,7 @@ class ReducedPair:
 
 
 def reduced_pair(left: Image, right: Image) -> ReducedPair:
-    """Return two checked images of one size as features are matched on them."""
+    """Return two checked images of one size, prepared for feature matching."""
     shape = left.shape[0], left.shape[1]
     scale = min(1.0, LARGEST_SIDE / max(shape))
     return ReducedPair(_stretched(left, scale), _stretched(right, scale), shape, scale)
@@ -98,7 +98,7 @@ def reduced_pair(left: Image, right: Image) -> ReducedPair:
 
 @dataclass(frozen=True)
 class View:
-    """The features of one view: where, what they look like, and how such looks are compared."""
+    """The features of one view: positions, descriptors, and the norm that compares descriptors."""
 
     places: Points
     codes: npt.NDArray[np.integer[Any] | np.floating[Any]]
@@ -108,7 +108,7 @@ class View:
         return len(self.places)
 
     def lonely(self, which: npt.NDArray[np.intp], distances: npt.NDArray[np.float64]) -> Chosen:
-        """Return whose match is closer than any other feature of this very view."""
+        """Return the mask of features whose match is closer than any other feature of this view."""
         ranked = cv2.BFMatcher(self.norm).knnMatch(self.codes[which], self.codes, k=4)
         others = np.full(len(which), np.inf)
         for number, (own, near) in enumerate(zip(which, ranked, strict=True)):
@@ -122,23 +122,23 @@ class View:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Matched features of a reduced pair, most of them right on an easy pair, most of them wrong on a hard one."""
+    """Feature matches of a reduced pair: mostly right on an easy pair, mostly wrong on a hard one."""
 
     pair: ReducedPair
     left: View
     right: View
     found: tuple[cv2.DMatch, ...]
     must_converge: bool = field(kw_only=True)
-    """Whether a match that no flow refines is dropped; otherwise it stays where it was found."""
+    """Whether a match that optical flow cannot refine is dropped; otherwise it keeps its unrefined position."""
 
     @cached_property
     def points(self) -> Correspondences:
-        """Return the matches, refined to a fraction of a pixel by Lucas-Kanade flow."""
+        """Return the matches, refined to sub-pixel precision by Lucas-Kanade flow."""
         return self._matched(np.ones(len(self.found), dtype=np.bool_))
 
     @cached_property
     def distinct(self) -> Correspondences:
-        """Return those whose features look like no other of their own image."""
+        """Return the matches whose features resemble no other feature of their own image."""
         if not self.found:
             return self.points
         distances = np.array([match.distance for match in self.found])
@@ -152,7 +152,7 @@ class Candidates:
             start, end = start[near], end[near]
         else:
             end = np.where(near[:, None], end, guess)
-        # A pixel of the small image is the centre of a block of the large one.
+        # A pixel of the small image stands for the centre of a block of the large one.
         ends = [np.asarray((points + 0.5) / self.pair.scale - 0.5, dtype=np.float32) for points in (start, end)]
         return Correspondences(ends[0], ends[1], self.pair.shape, self.pair.scale)
 
@@ -163,7 +163,7 @@ class Candidates:
 
     @cached_property
     def _refined(self) -> tuple[Points, Chosen]:
-        """Return the ends refined, and whose flow converged near the guess."""
+        """Return the refined end points, and the mask of those whose flow converged near the guess."""
         start, guess = self._places
         if not len(start):
             return guess, np.zeros(0, dtype=np.bool_)
@@ -180,7 +180,7 @@ class Candidates:
 
 
 def binary_candidates(pair: ReducedPair) -> Candidates:
-    """Match ORB features (Rublee et al. 2011), mutual best ones: fast."""
+    """Return the mutual best matches of ORB features (Rublee et al. 2011): fast."""
     detector = cv2.ORB.create(FEATURES, fastThreshold=FAST_THRESHOLD)
     left, right = _views(pair, detector, cv2.NORM_HAMMING, smallest=detector.getPatchSize())
     found = cv2.BFMatcher(left.norm, crossCheck=True).match(left.codes, right.codes) if len(left) and len(right) else ()
@@ -188,7 +188,7 @@ def binary_candidates(pair: ReducedPair) -> Candidates:
 
 
 def gradient_candidates(pair: ReducedPair) -> Candidates:
-    """Match SIFT features that are distinct (Lowe 2004): several times slower, and more survive where views differ."""
+    """Return SIFT matches that pass the ratio test (Lowe 2004): several times slower, but robust to differing views."""
     detector = cv2.SIFT.create(FEATURES, contrastThreshold=LOWEST_CONTRAST)
     left, right = _views(pair, detector, cv2.NORM_L2, smallest=PATCH)
     if not len(left) or len(right) < 2:
@@ -199,7 +199,7 @@ def gradient_candidates(pair: ReducedPair) -> Candidates:
 
 
 def _views(pair: ReducedPair, detector: cv2.Feature2D, norm: int, *, smallest: int) -> tuple[View, View]:
-    """Return the features of both views; none on images with a side below the smallest."""
+    """Return the features of both views; none if a side of the image is below `smallest`."""
     found = []
     for image in (pair.left, pair.right):
         keys, codes = detector.detectAndCompute(image, None) if min(image.shape) >= smallest else ((), None)
@@ -209,7 +209,7 @@ def _views(pair: ReducedPair, detector: cv2.Feature2D, norm: int, *, smallest: i
 
 
 def _stretched(image: Image, scale: float) -> Eight:
-    """Return scaled 8-bit grey over the image's own range, so that exposure does not affect the features."""
+    """Return the image scaled, in 8-bit grey stretched over its own range so that exposure does not affect matching."""
     size = max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale))
     grey = np.asarray(cv2.resize(as_grey(image), size, interpolation=cv2.INTER_AREA), np.float32)
     low, high = np.percentile(grey[::4, ::4], (1, 99))

@@ -1,4 +1,4 @@
-"""The questions of the input doctor, and the limits of a healthy pair: codes and numbers, no sentences."""
+"""The questions of the input doctor and the limits of a healthy pair, as codes and numbers rather than sentences."""
 
 from __future__ import annotations
 
@@ -10,32 +10,33 @@ from types import MappingProxyType
 from typing import Any
 
 FEWEST_MATCHES = 25
-"""With fewer matched features the geometry of a pair is not judged."""
+"""Fewest matched features for which the geometry of a pair is judged."""
 
 ROW_OFFSET_PX = 0.75
 ROTATION_DEG = 0.15
 SCALE_DIFFERENCE = 0.004
 BENT_PX = 0.5
-"""Beyond noise, of the size in which features were matched: finer is not measured."""
+"""Beyond noise, at the size at which features were matched, which limits the precision."""
 SAME_GREYS = 0.002
-"""Mean difference of two pictures that are one, as a share of the image's range of grey levels."""
+"""Mean difference up to which two pictures count as identical, as a share of the image's grey-level range."""
 SAME_PLACE_PX = 0.35
-"""How far features of one view lie apart at most, of the size in which they were matched."""
+"""Largest displacement of features between identical views, at the size at which they were matched."""
 GAIN_DIFFERENCE = 0.10
 OFFSET_SHARE = 0.04
-"""Of the image's range of grey levels."""
+"""Share of the image's grey-level range."""
 FLAT_SHARE = 0.25
-"""Of the pixels."""
+"""Share of the pixels."""
 
 SURE_SHARE, UNSURE_SHARE = 0.7, 0.1
-"""The sides of a raw pair are told by more than this share of its features, and less than that against it."""
+"""The sides of a raw pair are known if more than the first share of its features agree and less than the second
+disagree."""
 
 INFINITY_SLACK_PX = 4.0
-"""Disparities no farther below 0 than this still count as infinity on a rectified pair."""
+"""Disparities no more than this below 0 still count as infinity on a rectified pair."""
 
 
 class FindingCode(StrEnum):
-    """The questions that the doctor asks of a pair."""
+    """The questions that the input doctor asks about a pair."""
 
     MATCHES = "matches"
     IDENTICAL = "identical"
@@ -49,18 +50,18 @@ class FindingCode(StrEnum):
 
 
 class Remedy(StrEnum):
-    """The fix of a finding: another pair of images (:func:`stereolag.doctor.apply_remedy`), or another search range."""
+    """The fix for a finding: a corrected pair (:func:`stereolag.doctor.apply_remedy`), or another search range."""
 
     SWAP_SIDES = "swap_sides"
     ALIGN_ROWS = "align_rows"
     LEVEL = "level"
     """Rotate and scale the right image until its rows match; depth becomes relative."""
     RECTIFY = "rectify"
-    """Turn both images, and free them of a lens distortion where that helps, until rows match; depth becomes relative.
-    It is no substitute for a calibration."""
+    """Rotate both views, and undo a lens distortion if that helps, until rows match; depth becomes relative.
+    This is no substitute for a calibration."""
     MATCH_EXPOSURE = "match_exposure"
     SET_RANGE = "set_range"
-    """Search the range that the finding suggests: settings change, not the images."""
+    """Search the range that the finding suggests: changes the settings, not the images."""
 
 
 @dataclass(frozen=True)
@@ -78,24 +79,24 @@ class Finding:
 
         =========  =========================================================================================
         MATCHES    ``count`` of features matched between the images, ``needed`` to judge the geometry
-        IDENTICAL  ``difference``: mean of the pixels' differences, as a share of the range of grey levels;
-                   ``moved_px``: how far 95 % of the matched features lie apart at most, with enough of them
+        IDENTICAL  ``difference``: mean pixel difference, as a share of the grey-level range;
+                   ``moved_px``: 95th percentile of the displacement of matched features, if there are enough
         SWAPPED    ``lowest_px``, ``highest_px``: 2nd and 98th percentile of the disparities of matched features, after
-                   an uncalibrated rectification where rows bend; ``known``: 0 where they do not tell the sides
+                   an uncalibrated rectification if rows bend; ``known``: 0 if they do not determine the sides
         ROWS       ``offset_px``, ``spread_px``: median and robust standard deviation of dy, right minus left
-        ROTATION   ``rotation_deg``, ``scale`` of the right image against the left one
-        BENT_ROWS  ``spread_px``: robust standard deviation of dy that offset, rotation and scale leave; ``noise_px`` of
-                   the matches; ``lowest_px``, ``highest_px``: 2nd and 98th percentile of that dy; where there is a
-                   remedy, ``rectified_px``: the spread after it, of matches it was not fitted to, and its ``lens``
-                   coefficient, 0 where none helps
+        ROTATION   ``rotation_deg``, ``scale`` of the right image relative to the left one
+        BENT_ROWS  ``spread_px``: robust standard deviation of dy after removing offset, rotation and scale;
+                   ``noise_px`` of the matches; ``lowest_px``, ``highest_px``: 2nd and 98th percentile of that dy; if
+                   there is a remedy, ``rectified_px``: the spread after it, for matches it was not fitted to, and its
+                   ``lens`` coefficient, 0 if none helps
         EXPOSURE   ``gain``, ``offset`` in grey levels: ``right ≈ gain * left + offset``
         TEXTURE    ``flat_share`` of the pixels whose surroundings have hardly any texture, 0..1
         RANGE      ``lowest_px``, ``highest_px``: disparities seen; ``min_disparity``, ``num_disparities``: searched;
-                   ``missing_px``: how far those seen reach beyond those searched, 0 where they do not;
+                   ``missing_px``: how far the disparities seen extend beyond those searched, 0 if they do not;
                    ``suggested_min_disparity``, ``suggested_num_disparities``
         =========  =========================================================================================
     remedy
-        The fix; None where there is nothing to fix, or no fix.
+        The fix; None if there is nothing to fix, or no fix.
     """
 
     code: FindingCode
@@ -107,12 +108,12 @@ class Finding:
         object.__setattr__(self, "numbers", MappingProxyType(dict(self.numbers)))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled; pairs may be diagnosed in other processes.
+        # A mapping proxy cannot be pickled, and pairs may be diagnosed in other processes.
         return type(self), (self.code, self.healthy, dict(self.numbers), self.remedy)
 
 
 def judge_matches(count: int) -> Finding:
-    """Judge how many features were matched between the images."""
+    """Judge the number of features matched between the images."""
     return Finding(FindingCode.MATCHES, count >= FEWEST_MATCHES, {"count": count, "needed": FEWEST_MATCHES})
 
 
@@ -122,11 +123,11 @@ def judge_identical(difference: float, moved: float | None, scale: float) -> Fin
     Parameters
     ----------
     difference
-        Mean difference of their pixels, as a share of the range of grey levels.
+        Mean pixel difference, as a share of the grey-level range.
     moved
-        How far nearly all features lie apart at most, px; None with too few of them.
+        Largest displacement of nearly all features, px; None with too few of them.
     scale
-        At which the features were matched.
+        Scale at which the features were matched.
     """
     same = difference < SAME_GREYS or (moved is not None and moved * scale < SAME_PLACE_PX)
     numbers = {} if moved is None else {"moved_px": moved}
@@ -134,20 +135,20 @@ def judge_identical(difference: float, moved: float | None, scale: float) -> Fin
 
 
 def judge_sides(lowest: float, highest: float) -> Finding:
-    """Judge whether left is left on a rectified pair, by the ends of the disparities, px."""
+    """Judge whether the sides of a rectified pair are swapped, from the ends of its disparity range, px."""
     swapped = highest <= 0 or (lowest < 0 and -lowest > 4 * max(highest, 1.0))
     return _found(FindingCode.SWAPPED, swapped, Remedy.SWAP_SIDES, lowest_px=lowest, highest_px=highest, known=1)
 
 
 def judge_raw_sides(lowest: float, highest: float, in_front: float, behind: float) -> Finding:
-    """Judge whether left is left on a pair that is not rectified.
+    """Judge whether the sides of an unrectified pair are swapped.
 
     Parameters
     ----------
     lowest, highest
-        Ends of the disparities after an uncalibrated rectification, px.
+        Ends of the disparity range after an uncalibrated rectification, px.
     in_front, behind
-        Shares of the features whose disparity is surely above 0, and surely below, as it is with swapped sides.
+        Shares of the features whose disparity is certainly above 0, and certainly below 0, as with swapped sides.
     """
     swapped, known = behind > in_front, max(in_front, behind) > SURE_SHARE > UNSURE_SHARE > min(in_front, behind)
     numbers = {"lowest_px": lowest, "highest_px": highest, "known": float(known)}
@@ -161,7 +162,7 @@ def judge_rows(offset: float, spread: float, remedy: Remedy | None = Remedy.ALIG
 
 
 def judge_rotation(degrees: float, scale: float, remedy: Remedy | None = Remedy.LEVEL) -> Finding:
-    """Judge the rotation, degrees, and the scale of the right image against the left one."""
+    """Judge the rotation, degrees, and the scale of the right image relative to the left one."""
     unrectified = abs(degrees) > ROTATION_DEG or abs(scale - 1) > SCALE_DIFFERENCE
     return _found(FindingCode.ROTATION, unrectified, remedy, rotation_deg=degrees, scale=scale)
 
@@ -169,18 +170,18 @@ def judge_rotation(degrees: float, scale: float, remedy: Remedy | None = Remedy.
 def judge_bent_rows(
     spread: float, noise: float, ends: tuple[float, float], scale: float, rectified: tuple[float, float] | None
 ) -> Finding:
-    """Judge what offset, rotation and scale leave of dy.
+    """Judge the dy that remains after removing offset, rotation and scale.
 
     Parameters
     ----------
     spread, noise
-        Robust standard deviation of it, and what noise has in it, px.
+        Its robust standard deviation, and the contribution of noise, px.
     ends
-        Lowest and highest of it, but for a few, px.
+        Its lowest and highest values without a few outliers, px.
     scale
-        At which features were matched.
+        Scale at which the features were matched.
     rectified
-        The spread after an uncalibrated rectification, px, and its lens coefficient; None where none helps.
+        The spread after an uncalibrated rectification, px, and its lens coefficient; None if none helps.
     """
     bent = math.sqrt(max(spread**2 - noise**2, 0.0)) * scale > BENT_PX
     numbers = {"spread_px": spread, "noise_px": noise, "lowest_px": ends[0], "highest_px": ends[1]}
@@ -191,7 +192,7 @@ def judge_bent_rows(
 
 
 def judge_exposure(gain: float, offset: float, range_of_greys: float) -> Finding:
-    """Judge ``right ≈ gain * left + offset`` against the image's range of grey levels."""
+    """Judge ``right ≈ gain * left + offset`` relative to the image's grey-level range."""
     unlike = abs(gain - 1) > GAIN_DIFFERENCE or abs(offset) > OFFSET_SHARE * range_of_greys
     return _found(FindingCode.EXPOSURE, unlike, Remedy.MATCH_EXPOSURE, gain=gain, offset=offset)
 
@@ -209,7 +210,7 @@ def judge_searched(seen: tuple[float, float], searched: tuple[int, int], suggest
     seen
         Lowest and highest disparity in the pair, px.
     searched, suggested
-        First disparity, px, and how many.
+        First disparity, px, and number of disparities.
     """
     (lowest, highest), (first, count) = seen, searched
     missing = max(0.0, first - INFINITY_SLACK_PX - lowest, highest - (first + count))

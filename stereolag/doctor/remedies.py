@@ -1,4 +1,4 @@
-"""Remedies: another pair of images for one on which the input doctor found something wrong."""
+"""Remedies: corrected images for a pair in which the input doctor found a problem."""
 
 from __future__ import annotations
 
@@ -14,28 +14,29 @@ from stereolag.inputs import Image, as_grey, as_stereo_pair
 
 
 def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> tuple[Image, Image]:
-    """Return the pair after one remedy.
+    """Apply one remedy to a pair.
 
-    The left image stays as it is, so that everything known about its pixels still holds; but swapped sides change
-    places, and ``Remedy.RECTIFY`` warps both. That and ``Remedy.LEVEL`` make depth relative, for they know no cameras.
+    The left image is unchanged, so that everything known about its pixels remains valid, except that swapping exchanges
+    the images and ``Remedy.RECTIFY`` warps both. That and ``Remedy.LEVEL`` make depth relative, as the cameras are
+    unknown.
 
     Parameters
     ----------
     left, right
         (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
     remedy
-        That of a :class:`~stereolag.doctor.findings.Finding`.
+        The remedy of a :class:`~stereolag.doctor.findings.Finding`.
 
     Returns
     -------
     left, right
-        Of the same size and type.
+        The corrected images, of the same size and type.
 
     Raises
     ------
     ValueError
-        ``Remedy.SET_RANGE``, which changes the settings of a matcher and no image; too few matched features to tell
-        how the views lie; or rows that no rectification from the images alone brings much closer.
+        If the remedy is ``Remedy.SET_RANGE``, which changes matcher settings rather than images; if too few features
+        are matched to find the geometry; or if no rectification from the images alone brings the rows much closer.
     """
     images = as_stereo_pair(left, right)
     match Remedy(remedy):
@@ -49,16 +50,16 @@ def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> t
             return rectified(*images)
         case Remedy.MATCH_EXPOSURE:
             return images[0], exposed_alike(*images)
-    raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher and no image.")
+    raise ValueError(f"remedy is '{remedy}', which changes the search range of a matcher, not an image.")
 
 
 def rows_aligned(left: Image, right: Image) -> Image:
-    """Return the right image moved up or down, by a fraction of a row if need be, until its rows match the left ones.
+    """Return the right image shifted vertically, by a fraction of a row if need be, so that its rows match the left's.
 
     Raises
     ------
     ValueError
-        Too few matched features to tell how the views lie.
+        If too few features are matched to find the geometry.
     """
     offset = float(np.median(_enough_matches(left, right).dy))
     return _warped(right, np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -offset]]))
@@ -67,17 +68,17 @@ def rows_aligned(left: Image, right: Image) -> Image:
 def levelled(left: Image, right: Image) -> Image:
     """Return the right image rotated, scaled and moved so that its rows match those of the left one.
 
-    The similarity that removes dy is fitted to sparse matches and applied about the image's centre; dx there stays as
-    it was. Depth from such a pair is relative: how the cameras stood is not known.
+    The similarity transform that removes dy is fitted to sparse matches and applied about the image centre, where dx
+    stays unchanged. Depth from such a pair is relative: the pose of the cameras is unknown.
 
     Raises
     ------
     ValueError
-        Too few matched features to tell how the views lie.
+        If too few features are matched to find the geometry.
     """
     points = _enough_matches(left, right)
     centre = centre_of(points)
-    # Rows of the left image as a plane over the right one: y_left = p * x + q * y + t about the centre.
+    # The left image's rows as a plane over the right image: y_left = p * x + q * y + t about the centre.
     plane = np.column_stack([points.right - centre, np.ones(len(points))])
     p, q, t = robust_fit(plane, points.left[:, 1] - centre[1])
     turn = np.array([[q, -p, 0.0], [p, q, t]])
@@ -86,21 +87,21 @@ def levelled(left: Image, right: Image) -> Image:
 
 
 def rectified(left: Image, right: Image) -> tuple[Image, Image]:
-    """Return both images turned, and freed of a lens distortion where that helps, so that their rows match.
+    """Return both views rotated, and with lens distortion removed if that helps, so that their rows match.
 
-    Fitted to sparse matches, and taken only where it brings matches that it was not fitted to much closer: see
-    :class:`~stereolag.doctor.uncalibrated.UncalibratedRectification`. Depth from such a pair is relative.
+    The model (:class:`~stereolag.doctor.uncalibrated.UncalibratedRectification`) is fitted to sparse matches and used
+    only if it brings the rows of held-out matches much closer. Depth from such a pair is relative.
 
     Raises
     ------
     ValueError
-        Too few matched features, or rows that do not come much closer.
+        If too few features are matched, or the rows do not come much closer.
     """
     found = straightened(_enough_matches(left, right))
     if found is None:
         raise ValueError(
-            "Turning the images and freeing them of one lens distortion brings their rows not much closer than moving, "
-            "rotating and scaling one of them; calibrate the camera."
+            "Rotating the images and removing one lens distortion from both aligns their rows hardly better than "
+            "moving, rotating and scaling one of them; calibrate the camera."
         )
     return found.model.applied(left, right)
 
@@ -121,14 +122,14 @@ def _warped(image: Image, transform: npt.NDArray[np.float64]) -> Image:
 
 
 def exposure(left: Image, right: Image, points: Correspondences | None = None) -> tuple[float, float]:
-    """Return gain and offset, in grey levels, of ``right = gain * left + offset``.
+    """Return the gain, and the offset in grey levels, of ``right = gain * left + offset``.
 
     Parameters
     ----------
     left, right
         (H, W), (H, W, 3) or (H, W, 4) images of one type.
     points
-        Where both show the same; without any, the two images are compared as a whole.
+        Matches at which to compare the images; by default they are compared as a whole.
     """
     greys: list[Image] = [as_grey(image).astype(np.float32) for image in (left, right)]
     if points is None:
@@ -144,7 +145,7 @@ def exposure(left: Image, right: Image, points: Correspondences | None = None) -
 
 
 def exposed_alike(left: Image, right: Image) -> Image:
-    """Return the right image with its brightness and contrast fitted to the left one's, in its own dtype."""
+    """Return the right image with its brightness and contrast fitted to the left image's, in its own dtype."""
     gain, offset = exposure(left, right)
     fitted = (right.astype(np.float64) - offset) / gain
     if right.ndim == 3 and right.shape[2] == 4:

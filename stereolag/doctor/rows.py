@@ -1,11 +1,11 @@
-"""How the rows of two views lie to each other, measured by matches: offset, rotation and scale, and what is left."""
+"""Row geometry of two views measured from matches: offset, rotation and scale, and the residual."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # its spatial.* is not loaded before it is used
+import scipy  # scipy.spatial is loaded on first use
 
 from stereolag.arrays import DoubleMap
 from stereolag.doctor.features import Correspondences
@@ -14,21 +14,21 @@ from stereolag.doctor.uncalibrated import UncalibratedRectification, fit_rectifi
 ROUNDS = 10
 LEAST_NOISE_PX = 0.1
 CELLS, NEIGHBOURS = 100, 3
-"""Cells across the image of which each gives one match, and neighbours it is compared with."""
+"""Cells across the image that contribute one match each, and neighbours each match is compared with."""
 
 GRID, GRID_NEIGHBOURS = 16, 5
-"""Cells of the image, across and down, in which its bend is told, and matches that tell the disparity of each."""
+"""Grid cells across and down in which row bend is evaluated, and nearest matches that give each cell's disparity."""
 
 EVIDENCE = 20.0
-"""By how much the sum of the logarithms of the row errors must fall for more parameters to be believed."""
+"""Decrease in the summed logarithms of the row errors that justifies more parameters."""
 
 RECTIFIED_GAIN = 0.6
-"""To what share a rectification must bring held-out row errors to be worth it."""
+"""Share of the original row residuals below which a rectification must bring held-out row errors to be worthwhile."""
 
 
 @dataclass(frozen=True)
 class Straightened:
-    """A rectification from the images alone, and how well it does on matches that it was not fitted to.
+    """A rectification from the images alone, and its error on held-out matches.
 
     Attributes
     ----------
@@ -43,12 +43,12 @@ class Straightened:
 
 
 def centre_of(points: Correspondences) -> DoubleMap:
-    """Return the (x, y) of the images' centre, px."""
+    """Return the (x, y) of the image centre, px."""
     return (np.array(points.shape[::-1], dtype=np.float64) - 1) / 2
 
 
 def robust_fit(terms: DoubleMap, values: DoubleMap) -> DoubleMap:
-    """Return the (k,) coefficients of ``values = terms @ coefficients`` by least squares, reweighted after Cauchy.
+    """Return the (k,) coefficients of ``values = terms @ coefficients`` by Cauchy-reweighted least squares.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def robust_fit(terms: DoubleMap, values: DoubleMap) -> DoubleMap:
 def vertical_plane(points: Correspondences) -> tuple[float, float, float]:
     """Return (a, b, c) of ``right.y = a + b * (x - cx) + (1 + c) * (y - cy) + cy``, fitted robustly to the matches.
 
-    a is the row offset at the centre (px), b the sine of the rotation and c the difference of scale between the views.
+    a is the row offset at the centre (px), b the sine of the rotation and c the difference in scale between the views.
     """
     terms = np.column_stack([np.ones(len(points)), points.left - centre_of(points)])
     offset, rotation, growth = robust_fit(terms, points.dy.astype(np.float64))
@@ -76,25 +76,25 @@ def vertical_plane(points: Correspondences) -> tuple[float, float, float]:
 
 
 def row_residuals(points: Correspondences) -> DoubleMap:
-    """Return what is left of dy once the best offset, rotation and scale are taken off, px."""
+    """Return dy minus its best-fitting offset, rotation and scale, px."""
     offset, *slopes = vertical_plane(points)
     return np.asarray(points.dy - (offset + (points.left - centre_of(points)) @ np.array(slopes)), dtype=np.float64)
 
 
 def row_spread(residuals: DoubleMap) -> float:
-    """Return a standard deviation that a few wrong matches do not raise, but bent corners do, px.
+    """Return a standard deviation that bent corners raise but a few wrong matches do not, px.
 
-    The median tells of the middle of the image, where a lens bends nothing, and the 90th percentile of its corners.
+    The median reflects the middle of the image, where a lens bends nothing; the 90th percentile reflects its corners.
     """
     middle, outer = np.percentile(np.abs(residuals), (50, 90))
     return max(1.4826 * float(middle), float(outer) / 1.645)
 
 
 def row_terms(points: Correspondences) -> DoubleMap:
-    """Return the (n, 7) effects on dy of two cameras that are turned a little and of a lens that distorts.
+    """Return the (n, 7) effects on dy of two slightly rotated cameras and a distorting lens.
 
-    To first order: offset, rotation, scale; yaw of the left and of the right camera, their pitch; and the radial
-    distortion, which moves a point by the cube of its distance from the centre.
+    To first order: offset, rotation, scale; the yaws of the left and right cameras and their pitch; and radial
+    distortion, which moves a point in proportion to the cube of its distance from the centre.
     """
     width, centre = points.shape[1], centre_of(points)
     left, right = ((places - centre) / width for places in (points.left, points.right))
@@ -104,10 +104,10 @@ def row_terms(points: Correspondences) -> DoubleMap:
 
 
 def bend_of(points: Correspondences) -> DoubleMap:
-    """Return how far rows bend at each cell of a grid over the image, px: 0 where nothing but noise bends them.
+    """Return the bend of the rows in each cell of a grid over the image, px; 0 everywhere if it is only noise.
 
-    What turns and lens do to dy, less the best offset, rotation and scale. Matches lie where there is texture, seldom
-    in the corners, where rows bend most.
+    It is the dy due to rotations and lens, minus the best offset, rotation and scale; on a grid, because matches follow
+    texture and are rare in the corners, where rows bend most.
     """
     dy, terms = points.dy.astype(np.float64), row_terms(points)
     bent, straight = robust_fit(terms, dy), robust_fit(terms[:, :3], dy)
@@ -127,8 +127,8 @@ def bend_of(points: Correspondences) -> DoubleMap:
 
 
 def match_noise(points: Correspondences, residuals: DoubleMap) -> float:
-    """Return the robust standard deviation of row residuals between neighbours, which no lens or turn explains, px."""
-    # Several features on one corner err alike: of each small cell one match tells of the noise.
+    """Return the robust standard deviation of row residuals between neighbours, px: no lens or rotation explains it."""
+    # Features on the same corner have correlated errors, so each small cell contributes only one match.
     _, cells = np.unique((points.left * (CELLS / points.shape[1])).astype(np.intp), axis=0, return_index=True)
     if len(cells) <= NEIGHBOURS:
         return 0.0
@@ -138,9 +138,9 @@ def match_noise(points: Correspondences, residuals: DoubleMap) -> float:
 
 
 def straightened(points: Correspondences) -> Straightened | None:
-    """Return the rectification from matches alone that does best on matches held out; None if none helps much.
+    """Return the rectification from matches alone that does best on held-out matches; None if none helps much.
 
-    The lens coefficient is part of it where it helps.
+    It includes a lens coefficient only if that helps.
     """
     turned = fit_rectification(points, lens=False)
     freed = fit_rectification(points, lens=True, start=turned)

@@ -1,4 +1,4 @@
-"""By what a ground truth of 8 bits was multiplied, which such files do not say: told from the pair itself."""
+"""The scale factor of an 8-bit ground truth, which such files do not record, estimated from the pair itself."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ from stereolag.inputs import Image
 from stereolag.stereo.opencv import StereoSGBM
 
 DIVISORS = (1, 2, 4, 8, 16)
-"""By what data sets multiplied their disparities to use the 8 bits: Middlebury 1, 2, 4 and 8, Tsukuba 16."""
+"""Factors by which data sets scale disparities to use the 8 bits: Middlebury 1, 2, 4 and 8, Tsukuba 16."""
 
 LARGEST_STORED = 255
 QUICK_WIDTH = 480
-"""Px; a map this wide tells the divisor, and takes some hundredths of a second."""
+"""Px; a map this wide is enough to find the divisor, and takes a few hundredths of a second."""
 SEARCHED_SHARE = 0.5
-"""Of the width."""
+"""Share of the width."""
 AGREEMENT_PX, AGREEMENT_SHARE = 1.0, 0.05
-"""Two disparities agree that differ by less than the one, or by less than this share; neighbouring divisors differ by
-half."""
+"""Two disparities agree if they differ by no more than the larger of this distance and this share; neighbouring
+divisors differ by a factor of two."""
 
 
 def likely_divisor(stored: npt.ArrayLike, left: Image, right: Image) -> int:
-    """Return by which of :data:`DIVISORS` the stored values become px, so that they agree best with a quick map.
+    """Return the divisor, one of :data:`DIVISORS`, that makes the stored values agree best with a quick map.
 
     Parameters
     ----------
     stored
-        (H, W) values as the file holds them, NaN where unknown; of the left image's size.
+        (H, W) values as stored in the file, NaN where unknown; the size of the left image.
     left, right
-        The pair, in any size that :func:`stereolag.geometry.scaling.cropped_alike` allows; its rows must match.
+        The pair, of any sizes that :func:`stereolag.geometry.scaling.cropped_alike` allows; its rows must match.
 
     Returns
     -------
     divisor
-        The one on which most pixels agree; of several alike, and where none agree, the smallest.
+        The divisor with the most agreeing pixels; the smallest if there is a tie or no agreement.
     """
     left, right = cropped_alike(left, right)
     rows, cols = left.shape[:2]
@@ -50,7 +50,7 @@ def likely_divisor(stored: npt.ArrayLike, left: Image, right: Image) -> int:
 
 
 def _quick_map(left: Image, right: Image) -> npt.NDArray[np.float32]:
-    """Return disparities, NaN where there are none; none at all of images too narrow for a search."""
+    """Return disparities, NaN where unmatched; all NaN if the images are too narrow for a search."""
     cols = left.shape[1]
     reach = min(LARGEST_STORED, int(SEARCHED_SHARE * cols))
     matcher = StereoSGBM(num_disparities=max(16, reach // 16 * 16))

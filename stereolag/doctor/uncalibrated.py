@@ -1,4 +1,4 @@
-"""Rectification from matches alone: two turned cameras of one kind, and one coefficient for their lenses."""
+"""Rectification from matches alone: two rotated cameras of one kind, with one coefficient for their lenses."""
 
 from __future__ import annotations
 
@@ -15,54 +15,54 @@ from stereolag.doctor.features import Correspondences
 from stereolag.inputs import Image
 
 USUAL = np.array([0.2, 0.1, 0.2, 0.1, 0.1, 0.3, 0.02, 0.3, 0.5])
-"""How far the parameters usually lie from 0: turns in radians, logarithms of focal lengths, and the lens
-coefficient with its shape.
+"""Typical magnitudes of the parameters: rotations in radians, logarithms of focal lengths, and the lens coefficient
+with its shape.
 
-It only decides what the matches leave open: a scene in one plane, or views too narrow to tell a turn from a shift.
+This prior only resolves ambiguities in the matches: a planar scene, or views too narrow to tell rotation from shift.
 """
 
 LENS, SHAPE = 7, 8
-"""Places of the lens coefficient and of its shape among the parameters."""
+"""Indices of the lens coefficient and its shape among the parameters."""
 
 NOISE_PX = 0.3
-"""Usual error of a match, px of the size in which it was matched."""
+"""Typical error of a match, px at the size at which it was matched."""
 
 MOST_STEPS, MOST_POINTS = 30, 400
-"""More matches than these cost more time than they add."""
+"""Limits on fitting steps and on matches; more matches cost more time than they are worth."""
 DIFFERENCE = 1e-6
-"""Step of the parameters by which derivatives are taken."""
+"""Step of the parameters for numerical derivatives."""
 
 GRID_PX = 8
-"""Step of the grid at which a warp is computed; between its nodes it is straight to a hundredth of a pixel."""
+"""Spacing of the grid on which a warp is computed; between its nodes the warp is linear to a hundredth of a pixel."""
 
 NEWTON_STEPS, FLATTEST = 5, 0.1
-"""Steps in which a distortion is undone, and the least by which it may still spread points there."""
+"""Newton steps to undo a distortion, and the least slope of the distortion used in them."""
 
 PARTS = 4
-"""Parts into which matches are dealt to judge a model by those it was not fitted to."""
+"""Number of parts into which matches are split for cross-validation."""
 
 
 @dataclass(frozen=True, eq=False)
 class UncalibratedRectification:
-    """What makes the rows of two views match: each is freed of its lens's distortion, and turned as a camera would be.
+    """The model that makes the rows of two views match: each is undistorted, and rotated as a camera would be.
 
     Attributes
     ----------
     parameters
         (9,) Yaw and roll of the left camera and of the right one, and the pitch between them, radians; the logarithms
-        of the left focal length over the width, and of the right one over the left; the lens coefficient k and its
-        shape s of ``distorted = undistorted * (1 + k r² + (1 + 2 s) k² r⁴)``, r in image widths from the centre. k is
-        OpenCV's k1 for a focal length of one width, below 0 for a barrel; s is -1/2 where there is no more than that,
-        and near 1/2 for the division model of Fitzgibbon (2001), which is closer to most lenses.
+        of the left focal length over the width, and of the right focal length over the left; the lens coefficient k and
+        its shape s in ``distorted = undistorted * (1 + k r² + (1 + 2 s) k² r⁴)``, r in image widths from the centre. k
+        is OpenCV's k1 for a focal length of one width, negative for barrel distortion; s is -1/2 if there is no r⁴
+        term, and near 1/2 for the division model of Fitzgibbon (2001), which is closer to most lenses.
     covariance
-        (9, 9) of the parameters.
+        (9, 9) covariance of the parameters.
     shape
         (rows, cols) of the images.
 
     Notes
     -----
-    Fusiello, Irsara (2008), Quasi-Euclidean uncalibrated rectification: turns about a guessed focal length distort
-    far less than any two homographies that fit.
+    Fusiello, Irsara (2008), Quasi-Euclidean uncalibrated rectification: rotations with a guessed focal length distort
+    far less than two arbitrary homographies that fit.
     """
 
     parameters: DoubleMap
@@ -71,15 +71,15 @@ class UncalibratedRectification:
 
     @property
     def lens(self) -> float:
-        """Return the lens coefficient; 0 where none was fitted."""
+        """Return the lens coefficient; 0 if none was fitted."""
         return float(self.parameters[LENS])
 
     def row_errors(self, points: Correspondences) -> DoubleMap:
-        """Return the differences of rows that are left between matches, right minus left, px."""
+        """Return the remaining row differences of matches, right minus left, px."""
         return _row_errors(self.parameters, points)
 
     def places(self, points: Correspondences) -> tuple[DoubleMap, DoubleMap]:
-        """Return where matched points lie in the rectified images: (n, 2) (x, y) each, px."""
+        """Return the positions of matched points in the rectified images: (n, 2) (x, y) each, px."""
         left, right = _rectified(self.parameters, self.shape, points.left, points.right)
         return left + self._shift, right + self._shift
 
@@ -95,7 +95,7 @@ class UncalibratedRectification:
         return here, np.sqrt(np.einsum("ij,jk,ik->i", slopes, self.covariance, slopes))
 
     def applied(self, left: Image, right: Image) -> tuple[Image, Image]:
-        """Return both images rectified, of the same size and type; what lies outside repeats the border."""
+        """Return both images rectified, of the same size and type; pixels from outside repeat the border."""
         rows, cols = (np.arange(0, side + GRID_PX, GRID_PX) for side in self.shape)
         grid = np.stack(np.meshgrid(cols, rows), axis=-1)
         nodes = np.diag([1.0 / GRID_PX, 1.0 / GRID_PX, 1.0])[:2]
@@ -108,7 +108,7 @@ class UncalibratedRectification:
         return done[0], done[1]
 
     def _sources(self, target: npt.NDArray[np.intp]) -> list[DoubleMap]:
-        """Return the points of the left and right images that come to lie at points of the rectified ones."""
+        """Return the points of the left and right images that map to given points of the rectified ones."""
         width, centre = self.shape[1], _centre(self.shape)
         focal, cameras = _cameras(self.parameters)
         rays = np.column_stack([(target - self._shift - centre) / (width * focal), np.ones(len(target))])
@@ -121,7 +121,7 @@ class UncalibratedRectification:
 
     @cached_property
     def _shift(self) -> DoubleMap:
-        """Return the (x, y) by which both rectified images are moved, alike, to lie centred in the frame, px."""
+        """Return the common (x, y) shift that centres both rectified images in the frame, px."""
         centre = _centre(self.shape)[None]
         left, right = _rectified(self.parameters, self.shape, centre, centre)
         return np.asarray((centre - (left + right) / 2)[0])
@@ -130,16 +130,16 @@ class UncalibratedRectification:
 def fit_rectification(
     points: Correspondences, *, lens: bool, start: UncalibratedRectification | None = None
 ) -> UncalibratedRectification:
-    """Fit the model to matches, robustly: damped least squares of the differences of rows, reweighted after Cauchy.
+    """Fit the model to matches robustly, by damped least squares of the row differences with Cauchy weights.
 
     Parameters
     ----------
     points
-        Matches, most of them right.
+        Matches, mostly right.
     lens
-        Whether the lens coefficient is fitted too; otherwise it is 0.
+        Whether to fit the lens coefficient too; otherwise it is 0.
     start
-        From where; by default from cameras side by side.
+        Model to start from; by default, cameras side by side.
     """
     if len(points) > MOST_POINTS:
         points = points.chosen(np.random.default_rng(0).choice(len(points), MOST_POINTS, replace=False))
@@ -176,12 +176,12 @@ def fit_rectification(
 
 
 def robust_cost(model: UncalibratedRectification, points: Correspondences) -> float:
-    """Return how badly a model explains matches, wrong ones among them, and how unusual its cameras are."""
+    """Return the cost of a model: its misfit to matches, some of them wrong, plus a penalty for unusual cameras."""
     return _cost(np.clip(model.row_errors(points) * points.scale, -4, 4), 2 * NOISE_PX, model.parameters)
 
 
 def held_out_errors(points: Correspondences, *, lens: bool, start: UncalibratedRectification) -> DoubleMap:
-    """Return the row error of every match, px, by a model that was fitted to others only."""
+    """Return the row error of every match, px, under a model fitted only to other matches."""
     errors = np.zeros(len(points))
     dealt = np.random.default_rng(0).permutation(len(points)) % PARTS
     for part in range(PARTS):
@@ -200,7 +200,7 @@ def _row_errors(parameters: DoubleMap, points: Correspondences) -> DoubleMap:
 
 
 def _slopes(function: Callable[[DoubleMap], DoubleMap], at: DoubleMap, here: DoubleMap) -> DoubleMap:
-    """Return the derivatives of a function by each parameter, (n, 9), from its values there."""
+    """Return the (n, 9) derivatives of a function by each parameter; `here` is its value at `at`."""
     steps = DIFFERENCE * np.eye(len(at))
     return np.column_stack([(function(at + step) - here) / DIFFERENCE for step in steps])
 
@@ -210,7 +210,7 @@ def _centre(shape: tuple[int, int]) -> DoubleMap:
 
 
 def _cameras(parameters: DoubleMap) -> tuple[float, tuple[tuple[DoubleMap, float], tuple[DoubleMap, float]]]:
-    """Return the focal length of the rectified images, and the turn and focal length of each camera, in widths."""
+    """Return the focal length of the rectified images, and the rotation and focal length of each camera, in widths."""
     left_yaw, left_roll, right_yaw, right_roll, pitch, focal, ratio = parameters[:LENS]
     left_turn, right_turn = (
         np.asarray(cv2.Rodrigues(np.array(turn))[0], dtype=np.float64)
@@ -223,7 +223,7 @@ def _cameras(parameters: DoubleMap) -> tuple[float, tuple[tuple[DoubleMap, float
 def _rectified(
     parameters: DoubleMap, shape: tuple[int, int], *views: npt.NDArray[np.floating]
 ) -> tuple[DoubleMap, DoubleMap]:
-    """Return where points of the left and of the right image come to lie, before both are moved into the frame."""
+    """Return the rectified positions of points of the left and right images, before both are moved into the frame."""
     width, centre = shape[1], _centre(shape)
     focal, cameras = _cameras(parameters)
     done = []
@@ -242,7 +242,7 @@ def _radial(parameters: DoubleMap) -> tuple[float, float]:
 
 
 def _distorted(straight: DoubleMap, parameters: DoubleMap) -> DoubleMap:
-    """Return where a lens puts points, in widths from the centre; beyond what it can show, at the edge of that."""
+    """Return the distorted positions of points, in widths from the centre, at most the model's largest radius."""
     second, fourth = _radial(parameters)
     square = (straight**2).sum(axis=1, keepdims=True)
     turning_back = [root.real for root in np.roots([5 * fourth, 3 * second, 1]) if root.real > 0 and root.imag == 0]
@@ -251,7 +251,7 @@ def _distorted(straight: DoubleMap, parameters: DoubleMap) -> DoubleMap:
 
 
 def _undistorted(seen: DoubleMap, parameters: DoubleMap) -> DoubleMap:
-    """Return where points, in widths from the centre, would lie without the lens's distortion, by Newton's method."""
+    """Return the undistorted positions of points, in widths from the centre, by Newton's method."""
     second, fourth = _radial(parameters)
     far = np.sqrt((seen**2).sum(axis=1, keepdims=True))
     straight = far

@@ -1,1 +1,1 @@
-"""Why a pixel was matched as it was, and why it was not."""
+"""Explanations of why a pixel was matched as it was, or left blank."""

@@ -1,4 +1,4 @@
-"""Why OpenCV's matchers left a pixel blank: they do not give reasons themselves."""
+"""Reasons for pixels left blank by OpenCV's matchers, which do not record any themselves."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from stereolag.stereo.reasons import Reason
 
 FILTERS: tuple[tuple[Reason, str, int], ...] = (
     (Reason.SPECKLE, "speckle_window_size", 0),
-    # StereoSGBM takes a tolerance of -1 or 0 for 1; only one that no two disparities exceed switches the check off.
+    # StereoSGBM reads a tolerance of -1 or 0 as 1; only a tolerance that no two disparities exceed disables the check.
     (Reason.LEFT_RIGHT, "disp12_max_diff", 1 << 20),
     (Reason.AMBIGUOUS, "uniqueness_ratio", 0),
     (Reason.LOW_TEXTURE, "texture_threshold", 0),
 )
-"""OpenCV's filters, the last to act first: its reason, its setting, and the value that switches it off."""
+"""OpenCV's filters, last to run first: the reason each gives, its setting, and the value that switches it off."""
 
 
 def blank_reasons(
     result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike, *, progress: Progress = silent
 ) -> ReasonMap:
-    """Return the reason of every pixel of a map, with those of blank pixels found for OpenCV's matchers.
+    """Return the reason of every pixel of a map, inferring those of blank pixels for OpenCV's matchers.
 
-    This library's own matchers record their reasons. For OpenCV's the pair is matched again with one filter after
-    another switched off, from the last to the first: the filter whose absence brings a pixel back had blanked it. A
-    pixel that no filter blanked lies too close to the border for the search.
+    This library's own matchers record their reasons. For OpenCV's, the pair is matched again with the filters switched
+    off one after another, from the last to the first: the filter whose absence brings a pixel back had blanked it. A
+    pixel that no filter blanked is too close to the border for the search.
 
     Parameters
     ----------
     result
-        The map that its ``settings`` gave for the pair.
+        The map computed from the pair with its ``settings``.
     left, right
         The pair.
     progress
@@ -50,7 +50,7 @@ def blank_reasons(
     unexplained = ~result.valid
     switches = [one for one in FILTERS if one[1] in type(matcher).model_fields]
     for done, (cause, setting, switched_off) in enumerate(switches, start=1):
-        # Not validated: the value that switches the left-right check off lies outside what the setting allows.
+        # Not validated: the value that disables the left-right check is outside the setting's range.
         matcher = matcher.model_copy(update={setting: switched_off})
         returned = unexplained & matcher.compute(left, right).valid
         reason[returned] = cause

@@ -1,4 +1,4 @@
-"""Example pixels of a pair: one for each kind of match, found by the scores of its window."""
+"""Example pixels of a pair: one for each kind of match, found from the scores of its window."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ class ExampleKind(StrEnum):
     BARE = "bare"
     """A window without texture."""
     HIDDEN = "hidden"
-    """A place that something nearer hides from the right camera."""
+    """A point that a nearer object hides from the right camera."""
 
 
 LOOKED_AT = 150
-"""How many promising windows are examined, the most promising first."""
+"""Number of candidate windows examined, the most promising first."""
 
 CONFUSABLE = 0.1
-"""Windows whose two best scores differ by a smaller share may be repeating patterns."""
+"""Windows whose two best scores differ by less than this share may show a repeating pattern."""
 
 DEEP_VALLEY = 0.5
-"""Of a pattern that repeats, the scores sink at least half the way down between one place and the next."""
+"""In a repeating pattern the scores fall at least half the way to their lowest between one repetition and the next."""
 
 FLANK_FALL = 1.5
-"""On the flank of a parabola the best score farther than 1 px away is at least 2 times as far below the peak as its
-neighbours are on average; a second peak need not be."""
+"""On the flank of a parabola, the best score more than 1 px away is at least twice as far below the peak as the peak's
+neighbours are on average; a second peak can be closer to it."""
 
 NARROWEST_HIDDEN = 3
-"""Px; a hidden area is a strip beside a near object, and narrower holes are rounding."""
+"""Width of a hidden strip beside a near object, px; narrower holes come from rounding."""
 
 
 def example_pixel(
@@ -58,14 +58,14 @@ def example_pixel(
     *,
     progress: Progress = silent,
 ) -> Pixel | None:
-    """Return the (row, col) of the left image that is the best example of a kind; None where the pair has none.
+    """Return the (row, col) in the left image that best shows a kind of match; None if the pair has no example.
 
     Parameters
     ----------
     kind
-        What to look for.
+        The kind to look for.
     matcher
-        Its window, search area and score decide.
+        Provides window, search area and score.
     left, right
         The pair: (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
     progress
@@ -104,7 +104,7 @@ def _matches(matcher: CorrelationMatcher, left: Image, right: Image, step: int, 
 
 
 def _searched_whole(matcher: CorrelationMatcher, width: int, step: int) -> npt.NDArray[np.bool_]:
-    """Return for every column of windows whether the search along the row lies within an image of that width."""
+    """Return for every column of windows whether its search along the row stays within the image width."""
     lags, size = matcher.search.lags(matcher.window_size), matcher.window_size
     start = np.arange(0, width - size + 1, step)
     return (start + lags.dx_first >= 0) & (start + size + lags.dx_last <= width)
@@ -115,7 +115,7 @@ def _surest(matches: WindowMatches) -> Iterator[int]:
 
 
 def _most_confusable(matches: WindowMatches) -> Iterator[int]:
-    """Yield windows of much texture and two equal places first, among those whose second place is not on a flank."""
+    """Yield textured windows with two equal peaks first, skipping those whose runner-up is on the peak's flank."""
     behind = matches.score - _runner_up(matches)
     middle = len(matches.around) // 2
     falls = [matches.score - matches.around[middle, [0, 2]].mean(axis=0)]
@@ -127,7 +127,7 @@ def _most_confusable(matches: WindowMatches) -> Iterator[int]:
 
 
 def _barest(matches: WindowMatches, deviation: float) -> Iterator[int]:
-    """Yield bare windows, those that fit nowhere before those of a smooth sky, and then others of little texture."""
+    """Yield bare windows, those without any match before those of a smooth sky, then others with little texture."""
     bare = matches.texture < BARE_CONTRAST * deviation
     yield from _highest_first(np.where(bare, -np.nan_to_num(matches.score, nan=-1.0), np.nan))
     yield from _highest_first(np.where(bare, np.nan, -matches.texture))
@@ -144,7 +144,7 @@ def _highest_first(merit: npt.NDArray[np.floating]) -> Iterator[int]:
 
 def _hidden(matcher: CorrelationMatcher, left: Image, right: Image, progress: Progress) -> Pixel | None:
     """Return the middle of the widest strip that a nearer object hides from the right camera."""
-    # Mirrored, the right image is a left one; its map, mirrored back, belongs to the pixels of the right image.
+    # Mirrored, the right image plays the left one; mirrored back, its map belongs to the right image's pixels.
     mirrored = matcher.compute(
         np.ascontiguousarray(right[:, ::-1]), np.ascontiguousarray(left[:, ::-1]), progress=progress
     )
@@ -158,7 +158,7 @@ def _hidden(matcher: CorrelationMatcher, left: Image, right: Image, progress: Pr
 def _hidden_strips(right_disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
     """Return the (H, W) pixels of the left image that the right camera cannot see, from the right image's map.
 
-    No pixel of the right image is matched to them, and the gap is as wide as the disparity grows across it: a nearer
+    No pixel of the right image is matched to them, and the gap is as wide as the rise in disparity across it: a nearer
     object hides exactly that much of the background. Other gaps are mismatches.
     """
     left_disparity = np.full_like(right_disparity, -np.inf)
@@ -166,7 +166,7 @@ def _hidden_strips(right_disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.b
     there = np.rint(cols + right_disparity[rows, cols]).astype(np.intp)
     inside = (there >= 0) & (there < right_disparity.shape[1])
     rows, cols, there = rows[inside], cols[inside], there[inside]
-    np.maximum.at(left_disparity, (rows, there), right_disparity[rows, cols])  # the nearer one is the one seen
+    np.maximum.at(left_disparity, (rows, there), right_disparity[rows, cols])  # the nearer one occludes
 
     gap = np.isneginf(left_disparity)
     left_disparity[gap] = np.nan

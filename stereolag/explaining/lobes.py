@@ -1,4 +1,4 @@
-"""The lobe of a peak: the places whose scores are high because the peak's is, and those beyond it."""
+"""The lobe of a peak: the lags whose scores are high because of that peak, as opposed to those beyond it."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
 def passes(scores: Surface, peak: tuple[int, int], *, wrapped: bool = False) -> Surface:
-    """Return for every place the lowest score on the best way there from the peak: the height of the pass between.
+    """Return, for every lag, the height of the pass to it: the lowest score on the best path from the peak.
 
-    It is the place's own score wherever one can walk there from the peak without climbing. Where one cannot, the place
-    lies on another hill, which rises above the pass by the difference. This is the greyscale reconstruction of `scores`
-    from the peak (Vincent 1993), along rows as well as in both directions.
+    It equals the lag's own score where the path from the peak never climbs. Elsewhere the lag is on another hill, which
+    rises above the pass by the difference. This is the greyscale reconstruction of `scores` from the peak (Vincent
+    1993), for searches along the row as well as in both directions.
 
     Parameters
     ----------
     scores
-        (n_dy, n_dx); NaN = no candidate, which no way crosses.
+        (n_dy, n_dx); NaN = no candidate, which no path crosses.
     peak
         Its indices (row, col).
     wrapped
-        Whether the first row and column follow the last ones, as in a circular correlation.
+        Whether the last row and column wrap around to the first, as in a circular correlation.
 
     Returns
     -------
     ndarray
-        (n_dy, n_dx) float64; NaN where there is no candidate, and the lowest score of all where no way leads.
+        (n_dy, n_dx) float64; NaN where there is no candidate, and the lowest score of all where no path leads.
     """
     known = np.isfinite(scores)
     ground = np.where(known, scores, -np.inf)
@@ -48,10 +48,10 @@ def passes(scores: Surface, peak: tuple[int, int], *, wrapped: bool = False) -> 
 
 
 def lobe(scores: Surface, heights_of_passes: Surface, dip: float) -> npt.NDArray[np.bool_]:
-    """Return (n_dy, n_dx) whether a place belongs to the lobe of the peak.
+    """Return the (n_dy, n_dx) mask of the lags in the lobe of the peak.
 
-    It does unless every way there sinks by more than `dip` below the place's own score: what rises less than that above
-    a pass is a ripple on the slope.
+    A lag is outside if every path to it drops more than `dip` below its own score; a smaller rise above the pass is
+    only a ripple on the slope.
     """
     return np.isfinite(scores) & (scores - heights_of_passes <= dip)
 
@@ -59,14 +59,14 @@ def lobe(scores: Surface, heights_of_passes: Surface, dip: float) -> npt.NDArray
 def beyond_lobe(
     surface: Surface, lags: LagRange, peak: Lag | None, dip: float, *, wrapped: bool
 ) -> tuple[Lag | None, float, float]:
-    """Return what lies beyond the lobe of a peak and what on its flank.
+    """Return the runner-up beyond the lobe of a peak and the best score on its flank.
 
     Parameters
     ----------
     surface, lags
         The scores and the lags they belong to.
     peak
-        (dy, dx) of the best score; None where there is none.
+        (dy, dx) of the best score; None if no lag was scored.
     dip, wrapped
         As for :func:`lobe` and :func:`passes`.
 
@@ -75,9 +75,9 @@ def beyond_lobe(
     (dy, dx) or None
         The best lag outside the lobe.
     float
-        The height of the pass before it; NaN where there is none.
+        The height of the pass to it; NaN without such a lag.
     float
-        The best score in the lobe farther than 1 px from the peak; NaN where there is none.
+        The best score in the lobe more than 1 px from the peak; NaN if the lobe is no wider.
     """
     if peak is None:
         return None, float("nan"), float("nan")

@@ -1,4 +1,4 @@
-"""Why this match? Every score that the window around one pixel got, and the match that the map took from them."""
+"""Explanation of one match: all scores of the window around a pixel, and the match that the map takes from them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from stereolag.stereo.windows.window_fft import score_surface
 
 
 class MatchKind(StrEnum):
-    """The kinds of match that a window can have."""
+    """The kinds of match."""
 
     CLEAR = "clear"
     """One peak, well above every other score."""
@@ -31,11 +31,11 @@ class MatchKind(StrEnum):
     BARE = "bare"
     """A low score in a window with little contrast."""
     UNLIKE = "unlike"
-    """A low score in a window with contrast: nothing there looks like it."""
+    """A low score in a window with contrast: nothing in the search area looks like it."""
     AT_EDGE = "at_edge"
-    """The best score lies on the edge of the search area or of the image: there may be a better one beyond."""
+    """The best score is at the edge of the search area or of the image: there may be a better one beyond."""
     NOTHING = "nothing"
-    """No place could be scored."""
+    """No lag could be scored."""
 
 
 @dataclass(frozen=True)
@@ -57,37 +57,37 @@ class MatchExplanation:
     window
         The window in the left image.
     search
-        The part of the right image that was searched, cut to the frame.
+        The part of the right image that was searched, clipped to the frame.
     found
-        The window's place in the right image; None where nothing could be scored.
+        The matching window in the right image; None if no lag could be scored.
     surface
-        (n_dy, n_dx) float64 scores of the search area; NaN = no candidate.
+        (n_dy, n_dx) float64 scores over the search area; NaN = no candidate.
     dy, dx
         The displacements of its rows and columns, right minus left, px.
     peak, runner_up
-        (dy, dx) of the best score, and of the best one outside the peak's own lobe
-        (:func:`stereolag.explaining.lobes.lobe`); None where there is none.
+        (dy, dx) of the best score, and of the best score outside the peak's lobe
+        (:func:`stereolag.explaining.lobes.lobe`); None if there is none.
     peak_score, runner_up_score
-        Their scores; NaN where there is none.
+        Their scores; NaN if there is none.
     valley
-        The lowest score on the best way from the peak to the runner-up; NaN without a runner-up.
+        The lowest score on the best path from the peak to the runner-up; NaN without a runner-up.
     flank_score
-        The best score in the peak's own lobe farther than 1 px from it; NaN where there is none.
+        The best score in the peak's lobe more than 1 px from it; NaN if there is none.
     as_good
-        Two scores that differ by less are as good as equal, and a valley that is less deep is none.
+        Scores that differ by less count as equal, and a shallower valley does not count as one.
     at_edge
-        Whether the map refuses the peak: one pixel beyond the search area scores higher, or the window found touches
-        the frame of the right image.
+        Whether the map rejects the peak: a lag one pixel outside the search area scores higher, or the matching window
+        touches the border of the right image.
     around
-        (3, 3) float32 scores around the peak, or (1, 3) of a search along the row, as the matcher fits them. A search
-        has one more lag at each end, so that its own all have neighbours; NaN = no candidate.
+        (3, 3) float32 scores around the peak, or (1, 3) for a search along the row, as the matcher fits them. One extra
+        lag is scored at each end of the search, so that every searched lag has neighbours; NaN = no candidate.
     offset
-        (dy, dx) of the sub-pixel peak from the peak, px, as :func:`~stereolag.stereo.windows.peak_fits.fit_peaks`
-        gives it; 0 at the edge.
+        (dy, dx) from the peak to the sub-pixel peak, px, from :func:`~stereolag.stereo.windows.peak_fits.fit_peaks`; 0
+        at the edge.
     contrast
         Standard deviation of the grey levels in the window, as a share of the whole image's.
     score
-        How the windows were compared.
+        The score by which windows were compared.
     """
 
     window: Box
@@ -111,51 +111,51 @@ class MatchExplanation:
 
     @property
     def row(self) -> Surface:
-        """Return the (n_dx,) scores along the row of the peak; of dy nearest 0 where there is no peak."""
+        """Return the (n_dx,) scores along the peak's row, or along the row of the dy nearest 0 without a peak."""
         dy = self.peak[0] if self.peak else int(self.dy[np.argmin(np.abs(self.dy))])
         scores: Surface = self.surface[dy - int(self.dy[0])]
         return scores
 
     def score_at(self, lag: Lag) -> float:
-        """Return the score of a (dy, dx); NaN where it is not searched or is no candidate."""
+        """Return the score at a (dy, dx); NaN if it was not searched or is not a candidate."""
         row, col = lag[0] - int(self.dy[0]), lag[1] - int(self.dx[0])
         inside = 0 <= row < self.dy.size and 0 <= col < self.dx.size
         return float(self.surface[row, col]) if inside else float("nan")
 
     @property
     def disparity(self) -> float:
-        """Return the disparity that the map takes from this window, px; NaN where it takes none."""
+        """Return the disparity that the map takes from this window, px; NaN if it takes none."""
         return float("nan") if self.peak is None or self.at_edge else -(self.peak[1] + self.offset[1])
 
     def fit(self, offsets: npt.ArrayLike) -> Surface:
-        """Return the fitted curve along dx whose top is the sub-pixel peak.
+        """Return the fitted curve along dx whose maximum is the sub-pixel peak.
 
-        After a search along the row it is the Gaussian through the peak and its two neighbours; after a square search
-        the section through the two-dimensional Gaussian fitted to the nine scores, at the dy of its top. Where a score
-        is not positive, a parabola or paraboloid is fitted instead.
+        For a search along the row it is the Gaussian through the peak and its two neighbours; for a square search, the
+        section of the two-dimensional Gaussian fitted to the nine scores, at the dy of its maximum. If a score is not
+        positive, a parabola or paraboloid is fitted instead.
 
         Parameters
         ----------
         offsets
-            (n,) px from the peak in dx.
+            (n,) dx from the peak, px.
 
         Returns
         -------
         ndarray
-            (n,) float64 scores; NaN where a neighbour is missing.
+            (n,) float64 scores; NaN if a neighbour is missing.
         """
         at = np.asarray(offsets, dtype=np.float64)
         return np.full(at.shape, np.nan) if self.at_edge else fitted_curve(self.around, self.offset, at)
 
     @property
     def valley_depth(self) -> float:
-        """Return how deep the valley before the runner-up is, 1 for down to the lowest score; NaN without one."""
+        """Return the depth of the valley before the runner-up, 1 if it reaches the lowest score; NaN without one."""
         drop = self.peak_score - self.valley
         return float("nan") if np.isnan(drop) else drop / max(self.peak_score - float(np.nanmin(self.surface)), 1e-30)
 
     @property
     def kind(self) -> MatchKind:
-        """Return what kind of match the scores show."""
+        """Return the kind of match that the scores show."""
         if self.peak is None:
             return MatchKind.NOTHING
         if self.at_edge:
@@ -168,16 +168,16 @@ class MatchExplanation:
 
 
 AMBIGUOUS_MARGIN = 0.03
-"""Two scores that differ by a smaller share are as good as equal; of "ncc", a share of what is not the mean's."""
+"""Scores that differ by a smaller share count as equal; for "ncc", a share of the part not due to the mean."""
 
 RIVAL_SHARE = 0.1
-"""A second peak is as good as the first if it falls short of it by a smaller share of the valley's depth."""
+"""A second peak counts as equal to the first if it is lower by less than this share of the valley's depth."""
 
 BARE_CONTRAST = 0.1
-"""A window with a smaller share of the image's contrast is a bare wall."""
+"""A window with less than this share of the image's contrast counts as bare."""
 
 POOR_SCORE = 0.6
-"""Below this a ZNCC peak is hardly better than chance on a window of some hundred pixels."""
+"""A lower ZNCC peak is hardly better than chance for a window of a hundred pixels or so."""
 
 
 def explain_match(
@@ -188,16 +188,16 @@ def explain_match(
     Parameters
     ----------
     matcher
-        Gives window, search area, score and engine.
+        Provides window, search area, score and engine.
     left, right
         (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
     row, col
-        The pixel; the window is the one from which the matcher takes its disparity.
+        The pixel; its window is the one that the matcher takes its disparity from.
 
     Raises
     ------
     ValueError
-        Images that are not a pair or are smaller than the window, or a pixel outside them.
+        If the images are not a pair or are smaller than the window, or the pixel is outside them.
     """
     images = as_stereo_pair(left, right)
     height, width = images[0].shape[:2]
@@ -254,7 +254,7 @@ def explain_match(
 
 
 def with_rows_around(matcher: CorrelationMatcher, rows: int) -> CorrelationMatcher:
-    """Return the matcher with a vertical reach of at least `rows` px, to see the scores around a one-row search."""
+    """Return the matcher with a vertical reach of at least `rows` px, to show the scores around a one-row search."""
     lags = matcher.search.lags(matcher.window_size)
     if matcher.search.circular(matcher.window_size) or lags.dy_last >= rows:
         return matcher
@@ -262,13 +262,13 @@ def with_rows_around(matcher: CorrelationMatcher, rows: int) -> CorrelationMatch
 
 
 def _touches_frame(found: Box, shape: tuple[int, int], lags: LagRange) -> bool:
-    """Return whether a neighbour of the place found lies outside the right image, in a direction that is searched."""
+    """Return whether the matching window has a neighbour outside the right image in a searched direction."""
     across = found.col in (0, shape[1] - found.width)
     return across or (lags.rows > 1 and found.row in (0, shape[0] - found.height))
 
 
 def _reached(top: int, start: int, size: int, lags: LagRange, shape: tuple[int, int]) -> Box:
-    """Return the part of the right image that a window can be found in."""
+    """Return the part of the right image that a window is searched in."""
     first_row, end_row = max(0, top + lags.dy_first), min(shape[0], top + size + lags.dy_last)
     first_col, end_col = max(0, start + lags.dx_first), min(shape[1], start + size + lags.dx_last)
     return Box(first_row, first_col, end_row - first_row, max(0, end_col - first_col))

@@ -1,4 +1,4 @@
-"""One window of a map: its best match as its matcher takes it, and the curve that is fitted there."""
+"""One window of a map: its best match as the matcher finds it, and the curve fitted through the scores there."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ Lag: TypeAlias = tuple[int, int]
 """(dy, dx), right minus left, px."""
 
 SAME_TOP = 0.02
-"""Twice the px by which two tops may differ and still be one: the compiled fit approximates its logarithms."""
+"""Twice the distance, px, up to which two maxima count as the same: the compiled fit approximates its logarithms."""
 
 
 def window_start(at: int, end: int, size: int, step: int) -> int:
-    """Return where the window begins whose cell holds the pixel; near the border, the nearest whole window."""
+    """Return the start of the window whose cell contains the pixel; near the border, of the nearest whole window."""
     return int(np.clip((at - (size - step) // 2) // step, 0, (end - size) // step)) * step
 
 
 def best_match(surface: Surface, query: WindowQuery) -> tuple[Lag | None, FloatMap]:
-    """Return the lag of the highest score, of equal ones the shortest, and the scores around it."""
+    """Return the lag of the highest score, the shortest if several are equal, and the scores around it."""
     lags, vertical = query.lags, int(query.lags.rows > 1)
     nothing = np.full((1 + 2 * vertical, 3), np.nan, np.float32)
     if np.isnan(surface).all():
@@ -42,7 +42,7 @@ def best_match(surface: Surface, query: WindowQuery) -> tuple[Lag | None, FloatM
 
 
 def highest(surface: Surface, lags: LagRange) -> Lag | None:
-    """Return the first lag of the highest score; None where there is no candidate."""
+    """Return the first lag with the highest score; None without a candidate."""
     if np.isnan(surface).all():
         return None
     row, col = divmod(int(np.nanargmax(surface)), surface.shape[1])
@@ -50,26 +50,26 @@ def highest(surface: Surface, lags: LagRange) -> Lag | None:
 
 
 def score_at(surface: Surface, lags: LagRange, lag: Lag | None) -> float:
-    """Return the score of a lag of the search; NaN for none."""
+    """Return the score of a lag of the search; NaN if the lag is None."""
     return float("nan") if lag is None else float(surface[lag[0] - lags.dy_first, lag[1] - lags.dx_first])
 
 
 def fitted_curve(around: FloatMap, offset: tuple[float, float], at: npt.NDArray[np.float64]) -> Surface:
-    """Return the curve along dx whose top is a sub-pixel peak: a Gaussian, or a parabola where a score is not positive.
+    """Return the curve along dx through a sub-pixel peak: a Gaussian, or a parabola if a score is not positive.
 
     Parameters
     ----------
     around
         (3, 3) or (1, 3) scores around the peak; NaN = no candidate.
     offset
-        (dy, dx) of the sub-pixel peak, px.
+        (dy, dx) from the peak to the sub-pixel peak, px.
     at
-        (n,) px from the peak in dx.
+        (n,) dx from the peak, px.
 
     Returns
     -------
     ndarray
-        (n,) float64 scores; NaN where the neighbours along the row are missing.
+        (n,) float64 scores; NaN if a neighbour along the row is missing.
     """
     scores = around.astype(np.float64)
     middle = scores[len(scores) // 2]
@@ -86,15 +86,15 @@ def fitted_curve(around: FloatMap, offset: tuple[float, float], at: npt.NDArray[
 
 
 def _through_three(values: Surface) -> tuple[float, float, float]:
-    """Return height, slope and bend of the parabola through the values at -1, 0 and 1."""
+    """Return the constant, linear and quadratic coefficients of the parabola through the values at -1, 0 and 1."""
     low, top, high = values
     return top, (high - low) / 2, (low - 2 * top + high) / 2
 
 
 def _section(values: Surface, offset: tuple[float, float]) -> tuple[float, float, float] | None:
-    """Return height, slope and bend along dx of the paraboloid fitted to (3, 3) values, at the dy of its top.
+    """Return the same coefficients along dx for the paraboloid fitted to (3, 3) values, at the dy of its maximum.
 
-    None where it has another top than `offset`, which was then fitted to the row alone, or where there is one row.
+    None if its maximum differs from `offset`, which was then fitted to the row alone, or if there is only one row.
     """
     if len(values) == 1 or not np.isfinite(values).all():
         return None

@@ -1,7 +1,7 @@
-"""Results, settings and the program that reproduces them, as files that other programs read.
+"""Results, settings and programs that reproduce them, as files for other programs.
 
-All but :mod:`stereolag.export.writing` returns bytes or text and touches no disk. :mod:`stereolag.reading` reads
-disparity maps and settings back.
+Everything but :mod:`stereolag.export.writing` returns bytes or text without touching the disk.
+:mod:`stereolag.reading` reads disparity maps and settings back.
 """
 
 from stereolag.export.archives import bundle, file_name

@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 
 LONGEST_STEM, LONGEST_SUFFIX = 50, 10
 EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""The earliest date that a ZIP can hold: the time of the export would make every archive differ."""
+"""The earliest date that a ZIP can store: the time of the export would make every archive differ."""
 
 READABLE = 0o644 << 16
 UNIX = 3
@@ -34,15 +34,15 @@ def bundle(files: Mapping[str, bytes | str]) -> bytes:
     if not files:
         raise ValueError("files is empty; an archive needs at least one.")
     names = [file_name(name) for name in files]
-    # Windows and macOS do not tell A from a.
+    # Windows and macOS do not distinguish A from a.
     twins = sorted({name for name in names if [other.casefold() for other in names].count(name.casefold()) > 1})
     if twins:
-        raise ValueError(f"files holds several that become {', '.join(twins)}; give each a name of its own.")
+        raise ValueError(f"files holds several that become {', '.join(twins)}; give each its own name.")
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, data in zip(names, files.values(), strict=True):
             entry = zipfile.ZipInfo(name, EARLIEST)
-            # A PNG is packed already.
+            # A PNG is compressed already.
             entry.compress_type = zipfile.ZIP_STORED if name.endswith(".png") else zipfile.ZIP_DEFLATED
             entry.external_attr, entry.create_system = READABLE, UNIX
             archive.writestr(entry, data)
@@ -52,7 +52,8 @@ def bundle(files: Mapping[str, bytes | str]) -> bytes:
 def file_name(name: str) -> str:
     """Return a name that is safe as a file name on any system and as text on a page: no folders, no Markdown.
 
-    Letters and digits of any script, and dots, underscores and hyphens within, stay; all else becomes a hyphen.
+    Letters and digits of any script, and dots, underscores and hyphens between them, are kept; all else becomes a
+    hyphen.
     """
     last = unicodedata.normalize("NFC", re.split(r"[/\\]", name)[-1])
     harmless = PurePosixPath(re.sub(r"[^\w.]+", "-", last).strip("-_."))

@@ -1,4 +1,4 @@
-"""Calibrations of stereo cameras as OpenCV, ROS and this library write them; lengths are in metres."""
+"""Calibrations of stereo cameras in the formats of OpenCV, ROS and this library; lengths are in metres."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from stereolag.geometry.rig import StereoRig
 from stereolag.version import VERSION
 
 _COEFFICIENTS = {"plumb_bob": 5, "rational_polynomial": 8}
-"""Of the distortion models of ROS."""
+"""Number of coefficients of the distortion models of ROS."""
 
 
 def opencv_calibration(calibration: Calibration) -> str:
-    """Return both cameras and how to rectify their pictures as the YAML of OpenCV's ``FileStorage``.
+    """Return both cameras and their rectification as the YAML of OpenCV's ``FileStorage``.
 
-    Under the names of OpenCV's own sample: M1, D1, M2, D2, R, T (metres), R1, R2, P1, P2, Q, and the size.
+    The names are those of OpenCV's own sample: M1, D1, M2, D2, R, T (metres), R1, R2, P1, P2, Q, and the size.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def opencv_calibration(calibration: Calibration) -> str:
 
 
 def ros_calibration(calibration: Calibration) -> tuple[str, str]:
-    """Return ``camera_info`` YAML of the left and of the right camera, as ROS's camera_calibration_parsers write it.
+    """Return ``camera_info`` YAML of the left and the right camera, in the format of ROS's camera_calibration_parsers.
 
     Raises
     ------
@@ -56,7 +56,8 @@ def ros_calibration(calibration: Calibration) -> tuple[str, str]:
 def calibration_json(calibration: Calibration) -> str:
     """Return a calibration as JSON, which :func:`stereolag.read_calibration` reads back.
 
-    Of both cameras the matrices, under OpenCV's names; of a rectified pair ``focal_px``, ``baseline_m`` and so on.
+    It has the matrices of both cameras, under OpenCV's names; or for a rectified pair ``focal_px``, ``baseline_m`` and
+    so on.
     """
     document: dict[str, object]
     if calibration.rig is None:
@@ -76,7 +77,7 @@ def calibration_json(calibration: Calibration) -> str:
 def _rig(calibration: Calibration) -> tuple[StereoRig, tuple[int, int]]:
     rig = calibration.rig
     if rig is None:
-        raise ValueError("calibration has no rig: of a pair that is rectified already there are no cameras to write.")
+        raise ValueError("calibration has no rig: a pair that is already rectified has no cameras to write.")
     if rig.width is None or rig.height is None:
         raise ValueError("The rig of the calibration has no width and height; they are needed to rectify.")
     return rig, (rig.width, rig.height)
@@ -100,7 +101,7 @@ def _matrices(rig: StereoRig, size: tuple[int, int]) -> dict[str, npt.NDArray[np
 
 
 def _reprojection(left: npt.NDArray[np.float64], right: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return the (4, 4) matrix Q of OpenCV's ``stereoRectify`` of two projections."""
+    """Return the (4, 4) matrix Q of OpenCV's ``stereoRectify`` for two projections."""
     focal, baseline = left[0, 0], -right[0, 3] / right[0, 0]
     q = np.eye(4)
     q[0, 3], q[1, 3], q[2, 3] = -left[0, 2], -left[1, 2], focal

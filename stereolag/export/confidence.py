@@ -1,4 +1,4 @@
-"""How far each disparity of a map can be trusted, as one number from 0 to 1 for every method."""
+"""The confidence of each disparity of a map, a number from 0 to 1 for every method."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.reasons import Reason
 
 PATCH = 7
-"""Side of the patches that are compared where a method gives no score, px."""
+"""Side of the patches that are compared if a method gives no score, px."""
 FLAT = 1e-5
-"""Of the image's variance: a patch that varies less cannot be correlated."""
+"""A patch whose variance is below this share of the image's cannot be correlated."""
 _BAND_PIXELS = 2**20
-"""Patches are compared in bands of rows: whole maps in between are a lot of memory."""
+"""Patches are compared in bands of rows, since whole intermediate maps take a lot of memory."""
 
 
 def confidence(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) -> FloatMap:
-    """Return (H, W) float32, 0..1, how sure every measured disparity is; NaN where none was measured, or it was filled.
+    """Return the confidence of every measured disparity, (H, W) float32, 0..1; NaN where it is missing or filled.
 
     Parameters
     ----------
     result
-        Where its scores lie within -1..1 (ZNCC, NCC, phase: how alike the windows are; semi-global: 1 less the cost of
-        the paths as a share of the highest), they are the confidence, those below 0 as 0. Of a method without scores
-        (StereoBM, StereoSGBM), or with others (the plain correlation), it is the ZNCC of the 7 × 7 px around the pixel
-        with those around its match in the right image, 0 of flat ones.
+        If its scores are within -1..1 (ZNCC, NCC, phase: similarity of the windows; semi-global: 1 minus the cost of
+        the paths as a share of the highest), they are the confidence, with those below 0 as 0. For a method without
+        scores (StereoBM, StereoSGBM), or with others (the plain correlation), it is the ZNCC of the 7 × 7 px around the
+        pixel with those around its match in the right image, 0 for flat ones.
     left, right
-        The pair of which it was made.
+        The pair from which it was made.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def has_scores(result: DisparityMap) -> bool:
 
 
 def confidence_png(sure: npt.ArrayLike) -> bytes:
-    """Return a confidence, 0..1, as a 16-bit grey PNG: × 65535, at least 1; 0 where there is none (NaN)."""
+    """Return a confidence, 0..1, as a 16-bit grey PNG: × 65535, at least 1; 0 for NaN."""
     values = np.asarray(sure)
     known = np.isfinite(values)
     pixels = np.zeros(values.shape, np.uint16)
@@ -63,12 +63,12 @@ def confidence_png(sure: npt.ArrayLike) -> bytes:
 
 
 def measured_mask_png(result: DisparityMap) -> bytes:
-    """Return an 8-bit grey PNG of a result: 255 where the disparity was measured, and 0 where filled in, or none."""
+    """Return an 8-bit grey PNG of a result: 255 where the disparity was measured, 0 where it is filled or missing."""
     return image_png(np.asarray(result.reason == Reason.MEASURED) & result.valid)
 
 
 def _likeness(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) -> FloatMap:
-    """Return (H, W) ZNCC of the patch around each pixel with that around its match; 0 where either is flat."""
+    """Return the (H, W) ZNCC of the patches around each pixel and around its match; 0 where either is flat."""
     first, second = (as_grey(image).astype(np.float32) for image in as_stereo_pair(left, right))
     height, width = first.shape
     mean, variance = float(first.mean()), float(first.var())
@@ -87,7 +87,7 @@ def _likeness(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) -
 
 
 def _patch_correlation(first: FloatMap, second: FloatMap, variance: float) -> FloatMap:
-    """Return the ZNCC of the patches of two images of one size; 0 where either varies by a trace of `variance`."""
+    """Return the ZNCC of the patches of two images of one size; 0 where either varies by only a trace of `variance`."""
 
     def blurred(image: FloatMap) -> FloatMap:
         return np.asarray(cv2.blur(image, (PATCH, PATCH)))

@@ -1,4 +1,4 @@
-"""Figures as JSON that any program reads."""
+"""Figures as JSON that any program can read."""
 
 from __future__ import annotations
 

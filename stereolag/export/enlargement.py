@@ -1,4 +1,4 @@
-"""A map of a pair that was made smaller, for the pair in its own size."""
+"""The map of a downscaled pair, enlarged to the pair's own size."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 def enlarged(result: DisparityMap, rows: int, cols: int, settings: StereoMatcher) -> DisparityMap:
     """Return a map for images of (rows, cols): every pixel has the disparity of the nearest one, in px of that size.
 
-    Nothing is interpolated: the mean of a near and a far disparity belongs to neither surface. What was measured on the
-    smaller images is no more exact for that: an error of 1 px there is one of `cols` / width px here.
+    Nothing is interpolated, since the mean of a near and a far disparity belongs to neither surface. This makes the
+    measurement no more exact: an error of 1 px in the smaller images is one of `cols` / width px here.
 
     Parameters
     ----------
     result
-        A map of the pair in a smaller size.
+        A map of the pair at a smaller size.
     rows, cols
         The size of the pair.
     settings
-        Those of `result` for images of that size (:func:`stereolag.settings.scaled_settings`).
+        The settings of `result` for images of that size (:func:`stereolag.settings.scaled_settings`).
 
     Raises
     ------

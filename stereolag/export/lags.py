@@ -1,4 +1,4 @@
-"""The lag between two recordings as files: its figures, its curve, and the recordings with the lag undone."""
+"""The lag between two recordings as files: its figures, its curve, and the recordings with the lag removed."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from stereolag.signals import SignalLag
 from stereolag.signals.alignment import aligned, aligned_length
 
 BLOCK = 2**20
-"""Samples that are aligned and written at once."""
+"""Samples aligned and written at a time."""
 
 WAV_BYTES = 2**32
-"""A WAV file counts its bytes in 32 bits, of which two channels of 32-bit floats take 8 a sample."""
+"""A WAV file counts its bytes in 32 bits; two channels of 32-bit floats take 8 bytes per sample."""
 
 WAV_RATES = (1, 500_000_000)
-"""Samples a second, whole, for which it can also hold its bytes a second."""
+"""Whole sampling rates, Hz, for which a WAV file can also store its bytes per second."""
 
 
 def lag_figures(result: SignalLag, search: LagSearch) -> dict[str, Any]:
-    """Return what ``stereolag lag --json`` prints of a lag: its figures by name, and the settings it was found with.
+    """Return the figures of a lag by name, as printed by ``stereolag lag --json``, and the settings of the search.
 
-    The command adds ``recordings``: what it read of its files.
+    The command adds ``recordings``: the facts about its files.
     """
     return {
         "command": "lag",
@@ -63,11 +63,11 @@ def curve_csv(result: SignalLag, sampling_rate: float, most: int | None = None) 
     Parameters
     ----------
     result
-        What :func:`stereolag.signal_lag` returned.
+        The result of :func:`stereolag.signal_lag`.
     sampling_rate
         Samples per second.
     most
-        Lags wanted at the most, those around the lag found; all unless given.
+        Largest number of lags, taken around the lag found; all by default.
     """
     if result.lags is not None and result.correlation is not None:
         name, lags, heights = "correlation", np.asarray(result.lags), result.correlation
@@ -85,10 +85,10 @@ def curve_csv(result: SignalLag, sampling_rate: float, most: int | None = None) 
 
 
 def aligned_wav(signal_1: npt.ArrayLike, signal_2: npt.ArrayLike, lag: int, sampling_rate: float) -> bytes:
-    """Return both recordings as one stereo WAV of 32-bit floats, sensor 1 left, the lag between them undone.
+    """Return both recordings as one stereo WAV of 32-bit floats, sensor 1 on the left, with the lag removed.
 
-    Nothing is cut off: where a recording has not begun or is over, its mean stands. Values are kept, unless one lies
-    outside -1..1, where players would clip it: then both recordings are divided by the largest.
+    Nothing is cut off: before a recording begins and after it ends, its mean takes its place. Values are kept unless
+    one is outside -1..1, where players would clip it: then both recordings are divided by the largest.
 
     Parameters
     ----------
@@ -97,14 +97,14 @@ def aligned_wav(signal_1: npt.ArrayLike, signal_2: npt.ArrayLike, lag: int, samp
     lag
         Samples, positive where signal 2 hears the event later.
     sampling_rate
-        Samples per second; rounded, for a WAV file holds a whole number.
+        Samples per second, rounded, since a WAV file stores a whole number.
 
     Raises
     ------
     ValueError
         As :func:`check_aligned_wav` does.
     """
-    # In the type they have: a copy of an hour would take a gigabyte.
+    # They keep their type: a converted copy of an hour would take a gigabyte.
     first, second = np.asarray(signal_1), np.asarray(signal_2)
     check_aligned_wav(first.size, second.size, lag, sampling_rate)
     length = aligned_length(first.size, second.size, lag)
@@ -119,12 +119,12 @@ def aligned_wav(signal_1: npt.ArrayLike, signal_2: npt.ArrayLike, lag: int, samp
 
 
 def check_aligned_wav(size_1: int, size_2: int, lag: int, sampling_rate: float) -> None:
-    """Refuse what :func:`aligned_wav` cannot hold; far quicker than trying.
+    """Refuse recordings that :func:`aligned_wav` cannot store; far quicker than trying.
 
     Raises
     ------
     ValueError
-        A sampling rate that a WAV file cannot hold, or recordings too long for one.
+        A sampling rate that a WAV file cannot store, or recordings too long for one.
     """
     lowest, highest = WAV_RATES
     if not lowest <= sampling_rate <= highest:

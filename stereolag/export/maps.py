@@ -1,4 +1,4 @@
-"""Disparity maps in the files that stereo benchmarks and programs exchange."""
+"""Disparity maps in the file formats of stereo benchmarks and programs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stereolag.stereo.matcher import DisparityMap
 KITTI_SCALE = 256
 LARGEST_UINT16 = 65535
 BEHIND_INFINITY = -0.5
-"""Px; how far below 0 the sub-pixel fit may put a point at infinity."""
+"""Lowest disparity that the sub-pixel fit may give to a point at infinity, px."""
 
 
 def pfm(disparity: npt.ArrayLike) -> bytes:
@@ -25,7 +25,7 @@ def pfm(disparity: npt.ArrayLike) -> bytes:
     Parameters
     ----------
     disparity
-        (rows, cols), px; NaN or infinite where there is none, written as +infinity, as in Middlebury's files.
+        (rows, cols), px; NaN or infinite for pixels without one, written as +infinity, as in Middlebury's files.
 
     Raises
     ------
@@ -34,9 +34,9 @@ def pfm(disparity: npt.ArrayLike) -> bytes:
 
     Notes
     -----
-    The header's scale is exactly -1.0. Its sign is the byte order; its size has no agreed meaning, and OpenCV divides
-    by it: of a Middlebury file with the scale 0.003922 (1/255) it makes disparities 255 times too large. At -1.0 all
-    readers agree. Format: https://www.pauldebevec.com/Research/HDR/PFM/
+    The header's scale is exactly -1.0. Its sign gives the byte order; its magnitude has no agreed meaning, and OpenCV
+    divides by it: from a Middlebury file with the scale 0.003922 (1/255) it reads disparities 255 times too large. At
+    -1.0 all readers agree. Format: https://www.pauldebevec.com/Research/HDR/PFM/
     """
     values = _as_map(disparity)
     stored = np.where(np.isfinite(values), values, np.inf).astype("<f4")
@@ -44,19 +44,19 @@ def pfm(disparity: npt.ArrayLike) -> bytes:
 
 
 def kitti_png(disparity: npt.ArrayLike) -> bytes:
-    """Return a disparity map as KITTI stores it: a 16-bit grey PNG of the disparity × 256, 0 where there is none.
+    """Return a disparity map as KITTI stores it: a 16-bit grey PNG of the disparity × 256, 0 for pixels without one.
 
     Parameters
     ----------
     disparity
-        (rows, cols), px, from -0.5 to 255.99; NaN or infinite where there is none. It is rounded to 1/256 px. Values
+        (rows, cols), px, from -0.5 to 255.99; NaN or infinite for pixels without one. It is rounded to 1/256 px. Values
         that would become 0, and those that the sub-pixel fit put up to half a pixel behind infinity, become
         1/256 px.
 
     Raises
     ------
     ValueError
-        A disparity that the format cannot hold, or an array that is not (rows, cols).
+        A disparity that the format cannot store, or an array that is not (rows, cols).
 
     Notes
     -----
@@ -71,7 +71,7 @@ def kitti_png(disparity: npt.ArrayLike) -> bytes:
 
 
 def check_kitti(disparity: npt.ArrayLike) -> None:
-    """Refuse a disparity map that :func:`kitti_png` cannot hold; far quicker than trying.
+    """Refuse a disparity map that :func:`kitti_png` cannot store; far quicker than trying.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def check_kitti(disparity: npt.ArrayLike) -> None:
 
 
 def npy(array: npt.ArrayLike) -> bytes:
-    """Return an array of numbers as the bytes of an ``.npy`` file, every bit kept."""
+    """Return an array of numbers as the bytes of an ``.npy`` file, bit for bit."""
     stream = io.BytesIO()
     np.save(stream, np.asarray(array), allow_pickle=False)
     return stream.getvalue()
@@ -116,7 +116,7 @@ def image_png(image: npt.ArrayLike) -> bytes:
     Raises
     ------
     ValueError
-        Floats, which a PNG cannot hold, or another shape.
+        Floats, which a PNG cannot store, or another shape.
     """
     pixels = as_image(image, "image")
     if pixels.dtype not in (np.uint8, np.uint16):
@@ -129,7 +129,7 @@ def image_png(image: npt.ArrayLike) -> bytes:
 
 
 def image_tiff(image: npt.ArrayLike) -> bytes:
-    """Return a grey image of floats as a TIFF of 32 bits per pixel: a PNG holds integers only.
+    """Return a grey image of floats as a TIFF with 32 bits per pixel, since a PNG stores integers only.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def ply(points: npt.ArrayLike, colours: npt.ArrayLike) -> bytes:
     Parameters
     ----------
     points
-        (n, 3), metres, as :meth:`~stereolag.geometry.calibration.Calibration.point_cloud` gives them; stored as
+        (n, 3), metres, as returned by :meth:`~stereolag.geometry.calibration.Calibration.point_cloud`; stored as
         float32.
     colours
         (n, 3) uint8 RGB.

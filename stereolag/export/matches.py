@@ -1,4 +1,4 @@
-"""The places that a template search found, as files."""
+"""The places found by a template search, as files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stereolag.templates import TemplateMatch, TemplateSearch
 
 
 def search_figures(result: TemplateSearch, query: TemplateQuery) -> dict[str, Any]:
-    """Return what ``stereolag find --json`` prints of a search: all it found but the score map, and its settings."""
+    """Return the figures printed by ``stereolag find --json``: all results but the score map, and the settings."""
     found = {field.name: getattr(result, field.name) for field in fields(result)}
     figures = {name: _figures_of(value) for name, value in found.items() if not isinstance(value, np.ndarray)}
     figures.pop("score_map", None)
@@ -28,9 +28,9 @@ def matches_json(result: TemplateSearch, query: TemplateQuery) -> str:
 
 
 def matches_csv(result: TemplateSearch) -> str:
-    """Return the matches as CSV, best first: one line per match below a line of the names of its fields.
+    """Return the matches as CSV, best first: one line per match below a line with the names of its fields.
 
-    Last stands ``clear``, 1 where a match fits clearly better than every other place and can be relied on, else 0.
+    The last field is ``clear``: 1 if a match fits clearly better than every other place and can be relied on, else 0.
     """
     text = io.StringIO()
     table = csv.DictWriter(text, [*(field.name for field in fields(TemplateMatch)), "clear"], lineterminator="\n")
@@ -41,7 +41,7 @@ def matches_csv(result: TemplateSearch) -> str:
 
 
 def _figures_of(value: Any) -> Any:
-    """Return dictionaries in place of matches, whatever holds them."""
+    """Return a value with dictionaries in place of matches, also inside lists and tuples."""
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
     if isinstance(value, list | tuple):

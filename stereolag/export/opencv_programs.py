@@ -1,4 +1,4 @@
-"""A result of StereoBM or StereoSGBM as a program of OpenCV alone."""
+"""The program that reproduces a result of StereoBM or StereoSGBM with OpenCV alone."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ print(f"{{np.isfinite(disparity).mean():.1%}} of the pixels have a disparity")
 def opencv_script(matcher: BlockMatcher, left_name: str, right_name: str) -> str:
     """Return a Python program that measures the same disparities with ``cv2`` and ``numpy`` alone, bit for bit.
 
-    It reads the two images beside it, and writes ``disparity.npy`` there.
+    The program reads the two images beside it, and writes ``disparity.npy`` there.
 
     Parameters
     ----------
     matcher
         StereoBM or StereoSGBM; every setting is written out under OpenCV's name.
     left_name, right_name
-        The names of the two files, PNG, or TIFF of grey floats; folders in them are left out.
+        The names of the two files, PNG, or TIFF with grey floats; folders in them are dropped.
     """
     return _PROGRAM.format(
         version=VERSION,

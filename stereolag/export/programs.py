@@ -1,4 +1,4 @@
-"""A result as the short program that makes it again."""
+"""The short program that reproduces a result."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ def script(
 ) -> str:
     """Return a Python program that measures the same disparities again, bit for bit.
 
-    It reads the two images beside it, and writes ``disparity.npy`` and ``disparity.pfm`` there.
+    The program reads the two images beside it, and writes ``disparity.npy`` and ``disparity.pfm`` there.
 
     Parameters
     ----------
     matcher
-        Every setting is written out, so that a later release with other defaults gives the same.
+        Every setting is written out, so that a later release with other defaults gives the same result.
     left_name, right_name
-        The names of the two files, for example ``left.png``; folders in them are left out.
+        The names of the two files, for example ``left.png``; folders in them are dropped.
     crop
-        (rows, cols) that were kept of both images, from the top left; None: all.
+        (rows, cols) kept of both images, from the top left; None: all.
     scale
         The factor by which the images were resized after that, by ``cv2.resize`` with ``INTER_AREA``.
 
@@ -101,7 +101,7 @@ def _images(left_name: str, right_name: str, crop: tuple[int, int] | None, scale
 
 
 def file_literal(name: str) -> str:
-    """Return a file's name without folders, as a literal that cannot be anything but a text."""
+    """Return a file's name without folders as a string literal, safe for any name."""
     return text_literal(re.split(r"[/\\]", name)[-1])
 
 
@@ -112,13 +112,13 @@ INDENT = 4
 def constructor(settings: Settings, *, before: str = "") -> str:
     """Return the call that makes equal settings: every number and choice, and every nested setting that was changed.
 
-    Classes of the public API are called ``sl.Name``, others ``Name``: :func:`imports` gives what that needs. A call
-    too long for a line has one argument a line.
+    Classes of the public API are written ``sl.Name``, others ``Name``: :func:`imports` returns their imports. A call
+    too long for a line has one argument per line.
 
     Parameters
     ----------
     settings
-        Fields that hold settings, numbers, texts, booleans, None, and lists and tuples of these.
+        Their fields may be settings, numbers, texts, booleans, None, and lists and tuples of these.
     before
         Text before the call on its line, for example ``"matcher = "``; it is part of the result.
     """
@@ -126,7 +126,7 @@ def constructor(settings: Settings, *, before: str = "") -> str:
 
 
 def imports(settings: Settings) -> list[str]:
-    """Return the import lines for the classes that the call of :func:`constructor` takes from inside the library."""
+    """Return the import lines for the classes in the call of :func:`constructor` that are not public."""
     modules: dict[str, set[str]] = {}
     for kind in _classes(settings):
         if not _is_public(kind):
@@ -135,13 +135,13 @@ def imports(settings: Settings) -> list[str]:
 
 
 def text_literal(text: str) -> str:
-    """Return a text as a Python literal, in double quotes where these need no escapes."""
+    """Return a text as a Python literal, in double quotes if these need no escapes."""
     literal = repr(text)
     return literal if '"' in literal else f'"{literal[1:-1]}"'
 
 
 def _written(value: Any, before: str, column: int) -> str:
-    """Return `before` and the value on one line, or over several where that is too long from `column` on."""
+    """Return `before` and the value on one line, or on several if that is too long from `column` on."""
     line = before + _on_one_line(value)
     start, arguments, end = _parts(value)
     if column + len(line) < LINE_LENGTH or not arguments:
@@ -162,7 +162,7 @@ def _on_one_line(value: Any) -> str:
 
 
 def _parts(value: Any) -> tuple[str, list[tuple[str, Any]], str]:
-    """Return the opening bracket, what is between with its ``name=``, and the closing one; nothing of a plain value."""
+    """Return the opening bracket, the items with their ``name=``, and the closing bracket; empty for a plain value."""
     if isinstance(value, Settings):
         kind = type(value)
         name = f"sl.{kind.__name__}" if _is_public(kind) else kind.__name__
@@ -177,8 +177,8 @@ def _parts(value: Any) -> tuple[str, list[tuple[str, Any]], str]:
 def _fields(settings: Settings) -> Iterator[tuple[str, Any]]:
     """Yield the fields worth writing.
 
-    The mark that tells the kinds of a union apart can have only one value; stages that are off, and nested settings
-    left as they come, would hide what was chosen among what was not.
+    The tag of a kind in a union can have only one value; stages that are off, and nested settings at their defaults,
+    would obscure the actual choices.
     """
     for name, field in type(settings).model_fields.items():
         value = getattr(settings, name)

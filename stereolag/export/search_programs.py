@@ -1,4 +1,4 @@
-"""A lag or a template search as the command, or the short program, that makes it again."""
+"""The command or the short program that reproduces a lag or a template search."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ if not result.found:
 
 
 def lag_command(search: LagSearch, first: str, second: str) -> str:
-    """Return the command that measures the same lag, for two files of one recording each."""
+    """Return the command that measures the same lag, for two files with one recording each."""
     return _command("lag", [first, second], search)
 
 
@@ -72,7 +72,7 @@ def lag_script(search: LagSearch, first: str, second: str) -> str:
     search
         The settings.
     first, second
-        The names of the two files, which lie beside the program; folders in them are left out.
+        The names of the two files beside the program; folders in them are dropped.
     """
     return _LAG.format(
         version=VERSION, first=file_literal(first), second=file_literal(second), settings=_written(search.model_dump())
@@ -92,8 +92,8 @@ def find_script(query: TemplateQuery, image: str, template: str, mask: str | Non
     query
         The settings.
     image, template, mask
-        The names of the files, which lie beside the program; folders in them are left out. A mask is brighter than 0
-        where the template counts; None: there is none.
+        The names of the files beside the program; folders in them are dropped. A mask is above 0 where the template
+        counts; None for no mask.
     """
     masked = "" if mask is None else f"mask = sl.read_image(FOLDER / {file_literal(mask)})\n"
     settings = _written(query.arguments)
@@ -107,7 +107,7 @@ def find_script(query: TemplateQuery, image: str, template: str, mask: str | Non
 
 
 def _command(name: str, files: Sequence[str], settings: Settings) -> str:
-    """Return a command with the flags of all settings that have a value."""
+    """Return a command with flags for all settings that have a value."""
     flags = [
         _flag(field.replace("_", "-"), getattr(settings, field))
         for field in type(settings).model_fields
@@ -126,7 +126,7 @@ def _flag(name: str, value: object) -> str:
 
 
 def _written(arguments: Mapping[str, object]) -> str:
-    """Return the arguments of a call, and the seed, one a line."""
+    """Return the arguments of a call, and the seed, one per line."""
     return "\n".join(f"    {name}={_literal(value)}," for name, value in [*arguments.items(), ("seed", 0)])
 
 

@@ -1,4 +1,4 @@
-"""What a page was set to, as JSON beside the files of its pair: :mod:`stereolag.reading.sessions` reads it back."""
+"""The settings of a page as JSON, beside the files of its pair; :mod:`stereolag.reading.sessions` reads it back."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ def session_json(
     Parameters
     ----------
     files
-        The names of the pair's files beside it, by what they are: "left", "right", and where they are known "truth",
-        "visible" and "calibration".
+        The names of the pair's files beside it, by role: "left", "right", and if known "truth", "visible" and
+        "calibration".
     matchers
         The settings of all methods, for the images as they are in these files.
     shown
-        The short names of the methods that are shown.
+        The short names of the methods shown.
     size
-        In which the pair is shown: a name of :data:`stereolag.ui.pairs.SIZES`.
+        Size at which the pair is shown: a name in :data:`stereolag.ui.pairs.SIZES`.
     colours
-        "low" and "high", px of disparity in these images, or neither where the page chooses them; "palette", its name;
+        "low" and "high", px of disparity in these images, or neither if the page chooses them; "palette", its name;
         "inverted"; "outlined".
     description, history
-        What is said of the pair, and what was done to it.
+        Description of the pair and of its processing.
     num_disparities, min_disparity
-        The range that the pair needs, px, where known.
+        The range that the pair needs, px, if known.
     """
     document = {
         "stereolag": VERSION,

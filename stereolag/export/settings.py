@@ -15,20 +15,20 @@ from stereolag.version import VERSION
 def settings_json(matcher: StereoMatcher) -> str:
     """Return a matcher as JSON: its method, all its settings, and the version of this library.
 
-    :func:`stereolag.read_matcher` reads the same matcher from it.
+    :func:`stereolag.read_matcher` reads it back.
     """
     return json.dumps(settings_document(matcher) | {"stereolag": VERSION}, indent=2) + "\n"
 
 
 def settings_document(matcher: StereoMatcher) -> dict[str, Any]:
-    """Return what :func:`settings_json` writes of a matcher: its method and all its settings."""
+    """Return the document that :func:`settings_json` writes for a matcher: its method and all its settings."""
     return {"method": type(matcher).__name__, "settings": matcher.model_dump(mode="json")}
 
 
 def opencv_yaml(matcher: BlockMatcher) -> str:
-    """Return the settings of StereoBM or StereoSGBM as OpenCV's own ``Algorithm::save`` lays them out.
+    """Return the settings of StereoBM or StereoSGBM in the layout of OpenCV's own ``Algorithm::save``.
 
-    OpenCV then matches 8-bit grey images as this library does: it returns the disparity × 16, as int16.
+    With them, OpenCV matches 8-bit grey images as this library does, and returns the disparity × 16 as int16.
 
     In C++ ``Algorithm::load<cv::StereoBM>(path)`` reads the file. In Python, which has no ``load``::
 

@@ -25,14 +25,12 @@ def metrics_csv(
     Parameters
     ----------
     evaluations
-        Against the ground truth, by the name of the method. A figure that a method lacks, or that is NaN, is left
-        empty.
+        Evaluations against the ground truth, by the name of the method. Figures that are missing or NaN are left empty.
     maps
-        By the name of the method: then every line also tells what no ground truth is needed for, the share of pixels
-        that have a disparity, the share that was measured, and the seconds of the computation. Methods that have a map
-        alone come last.
+        Maps by the name of the method. They add the figures that need no ground truth: the share of pixels with a
+        disparity, the share of measured pixels, and the computation time, seconds. Methods with only a map come last.
     estimated_bad
-        By the name of the method, % of pixels that are probably off by more than 2 px.
+        Percentage of pixels that are probably off by more than 2 px, by the name of the method.
     """
     maps, estimated = maps or {}, estimated_bad or {}
     thresholds = sorted({threshold for evaluation in evaluations.values() for threshold in evaluation.bad})
@@ -60,7 +58,7 @@ def metrics_csv(
 
 
 def figures_of(evaluation: Evaluation) -> dict[str, float]:
-    """Return the figures of an evaluation by name, the thresholds and the unit within it: ``bad_2_percent``."""
+    """Return the figures of an evaluation by name, with threshold and unit in the name: ``bad_2_percent``."""
     figures = {
         "truth_pixels": evaluation.truth_pixels,
         "density": evaluation.density,
@@ -81,7 +79,7 @@ def wav(signal: npt.ArrayLike, sampling_rate: float) -> bytes:
     signal
         (samples,) finite numbers.
     sampling_rate
-        Samples per second; rounded, for a WAV file holds a whole number.
+        Samples per second, rounded, since a WAV file stores a whole number.
     """
     samples = np.asarray(signal, dtype=np.float64)
     loudest = float(np.abs(samples).max(initial=0.0)) or 1.0

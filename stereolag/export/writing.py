@@ -1,4 +1,4 @@
-"""Results as files on disk: whole or not at all."""
+"""Results as files on disk, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> N
     Parameters
     ----------
     path
-        Its suffix chooses the format: ``.pfm`` and ``.npy`` hold any disparity as float32, ``.png`` holds 0 to
-        255.99 px in steps of 1/256 px (16 bits, as KITTI stores it: :func:`stereolag.export.kitti_png`). A file that
-        is there already is replaced.
+        Its suffix selects the format: ``.pfm`` and ``.npy`` store any disparity as float32, ``.png`` stores 0 to
+        255.99 px in steps of 1/256 px (16 bits, as in KITTI: :func:`stereolag.export.kitti_png`). An existing file is
+        replaced.
     disparity
-        (rows, cols), px; NaN or infinite where there is none.
+        (rows, cols), px; NaN or infinite for pixels without one.
 
     Raises
     ------
     ValueError
-        Another suffix, an array that is not (rows, cols), or a disparity that the format cannot hold; nothing is
+        Another suffix, an array that is not (rows, cols), or a disparity that the format cannot store; nothing is
         written then.
     OSError
-        The folder does not exist, the disk is full, and so on; a file that was there before is left as it was.
+        The folder does not exist, the disk is full, and so on; an existing file is left unchanged.
 
     Examples
     --------
@@ -57,7 +57,7 @@ def write_matcher(path: str | os.PathLike[str], matcher: StereoMatcher) -> None:
     Raises
     ------
     OSError
-        The folder does not exist, the disk is full, and so on; a file that was there before is left as it was.
+        The folder does not exist, the disk is full, and so on; an existing file is left unchanged.
 
     Examples
     --------
@@ -78,20 +78,21 @@ def _npy(disparity: npt.ArrayLike) -> bytes:
 
 
 DISPARITY_FORMATS: dict[str, Callable[[npt.ArrayLike], bytes]] = {".pfm": pfm, ".npy": _npy, ".png": kitti_png}
-"""By suffix, in small letters."""
+"""The encoder for each suffix, in lower case."""
 
 
 def write_file(path: Path, data: bytes, *, synced: bool = True) -> None:
-    """Write a file beside its place and move it there once it is complete.
+    """Write a temporary file beside `path` and move it there once it is complete.
 
     Parameters
     ----------
     path
-        Of the file; its folder exists.
+        Path of the file, in an existing folder.
     data
-        What it is to hold.
+        Content of the file.
     synced
-        Wait until the disk has it. Without, an interrupted process leaves no half a file either, a power failure may.
+        Wait until the data is on the disk. If not, a power failure may leave half a file, but an interrupted process
+        still cannot.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A score map for a script that reads it under the pointer: of every pixel shown, the best place and its score."""
+"""A score map packed for reading under the pointer: the best score of each pixel shown, and its place."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from stereolag.figures.packing import packed_pictures, scores_as_colours
 SCORE_MAP_WIDTH = 700
 
 BAND = 32
-"""Rows of blocks looked at a time: the map of a large image is not copied as a whole."""
+"""Rows of blocks processed at a time, so that the map of a large image is never copied as a whole."""
 
 ScoreMap = npt.NDArray[np.float32]
 Offsets = npt.NDArray[np.intp]
 
 
 def block_side(score_map: ScoreMap) -> int:
-    """Return how many places along each side share a pixel of the map that is shown."""
+    """Return how many places along each side share one pixel of the map shown."""
     return max(1, -(-int(score_map.shape[1]) // SCORE_MAP_WIDTH))
 
 
 def best_of_blocks(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets, Offsets]:
-    """Return the highest score of each block of factor × factor places, and where in it that is.
+    """Return the highest score of each block of factor × factor places, and its row and column offsets.
 
-    Rows below and columns right of the block's corner; NaN is the score of a block without any.
+    Offsets are from the block's top-left corner; a block without scores is NaN.
     """
     bands = [
         _best_of_band(score_map[first : first + factor * BAND], factor)
@@ -48,18 +48,18 @@ def _best_of_band(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets, 
 
 
 def packed_score_map(png: bytes, score_map: ScoreMap, *, name: str, words: Mapping[str, Any]) -> bytes:
-    """Return a map as :func:`~stereolag.figures.packing.packed_pictures`: its picture, scores, and where in the blocks.
+    """Return a map as :func:`~stereolag.figures.packing.packed_pictures`: picture, best scores and their offsets.
 
     Parameters
     ----------
     png
-        The map as :func:`~stereolag.figures.templates.score_map_png` shows it.
+        The map as drawn by :func:`~stereolag.figures.templates.score_map_png`.
     score_map
-        (rows, cols), NaN where there is no score.
+        (rows, cols), NaN = no score.
     name
-        Of the search that compares a place.
+        Name of the search to which a clicked place is sent.
     words
-        All that is written below it.
+        Texts below the map.
     """
     factor = block_side(score_map)
     best, down, right = best_of_blocks(score_map, factor)

@@ -1,4 +1,4 @@
-"""Calibration boards in pictures: their corners drawn, where they have been, how far off each pair is."""
+"""Calibration boards in pictures: their corners, their coverage, and the error of each pair."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from stereolag.geometry.boards import Board, Corners
 from stereolag.inputs import Image
 
 SHOWN_WIDTH = 720
-"""Of a picture with its corners, px."""
+"""Width of a picture with its corners, px."""
 
 COVERED_WIDTH = 420
 PAPER, EDGE = (236, 233, 226), (150, 146, 138)
-"""The empty picture on which coverage is drawn, and its border: neutral on the light and on the dark page."""
+"""Background and border of the coverage picture: neutral on both the light and the dark page."""
 
 OPACITY = 0.2
-"""Of one board: where many have been it adds up."""
+"""Opacity of one board; it adds up where boards overlap."""
 
 LEFT_OUT_COLOUR = "#9a9a9a"
 ROW_LINES = 14
 
 
 def with_corners(image: Image, corners: Corners | None, board: Board) -> Rgb:
-    """Return a picture with the corners that were found in it, joined row by row, each row in a colour of its own."""
+    """Return a picture with the detected corners joined row by row, each row in its own colour."""
     picture = np.ascontiguousarray(fitted(image, SHOWN_WIDTH))
     if corners is None:
         return picture
@@ -48,7 +48,7 @@ def with_corners(image: Image, corners: Corners | None, board: Board) -> Rgb:
 
 
 def coverage_picture(corners: Sequence[Corners], size: tuple[int, int]) -> Rgb:
-    """Return an empty picture of the shape of `size` (width, height) with every board and corner that was in it."""
+    """Return an empty picture in the proportions of `size` (width, height) with every board and corner detected."""
     factor = COVERED_WIDTH / size[0]
     height = max(1, round(size[1] * factor))
     drawn = np.full((height, COVERED_WIDTH, 3), PAPER, dtype=np.float64)
@@ -68,18 +68,18 @@ def coverage_picture(corners: Sequence[Corners], size: tuple[int, int]) -> Rgb:
 def error_bars(
     names: Sequence[str], left: Sequence[float], right: Sequence[float], counts: Sequence[bool], shown: int
 ) -> go.Figure:
-    """Return the reprojection error of each pair, px, as two bars; a click gives the number of the pair.
+    """Return the reprojection error of each pair, px, as two bars; a click returns the number of the pair.
 
     Parameters
     ----------
     names
-        Of the pairs.
+        Names of the pairs.
     left, right
-        Px RMS; NaN where it is not known.
+        RMS error of each image, px; NaN = unknown.
     counts
         Whether each pair is used; others are grey.
     shown
-        The pair that is looked at; it is named in bold.
+        Number of the pair on show; its name is bold.
     """
     figure = go.Figure()
     for side, values, colour in (("left", left, SENSOR_1), ("right", right, SENSOR_2)):
@@ -95,7 +95,7 @@ def error_bars(
         )
     known = [value for value, used in zip((*left, *right), (*counts, *counts), strict=True) if used and value == value]
     if known:
-        # A pair that was left out may be off by a hundred times as much.
+        # Only the pairs in use set the range: the error of one left out may be a hundred times larger.
         figure.update_yaxes(range=(0, 1.6 * max(known)))
     labels = [f"<b>{name}</b>" if number == shown else name for number, name in enumerate(names)]
     figure.update_layout(
@@ -112,7 +112,7 @@ def error_bars(
 
 
 def with_row_lines(left: Image, right: Image) -> Rgb:
-    """Return a rectified pair side by side with lines along its rows: what lies on one in the left lies on it too."""
+    """Return a rectified pair side by side with lines along rows: a point on a line is on it in both images."""
     both = np.hstack([fitted(image, SHOWN_WIDTH) for image in (as_rgb(left), as_rgb(right))])
     picture = np.ascontiguousarray(both)
     for row in np.linspace(0, picture.shape[0] - 1, ROW_LINES + 2)[1:-1].astype(int):

@@ -1,4 +1,4 @@
-"""Point clouds in three dimensions, and as seen from above."""
+"""Point clouds in three dimensions and from above."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ POINTS_AT_SMALLEST = 60_000
 
 
 def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 0.0, raised: float = 0.0) -> go.Figure:
-    """Return a cloud to turn, seen at first from where the left camera stands.
+    """Return a cloud to turn by hand, first seen from the left camera.
 
     Parameters
     ----------
     points
-        (n, 3): X to the right, Y down, Z forward; drawn with Z into the depth and Y downwards.
+        (n, 3): X to the right, Y down, Z forward; drawn in the same orientation.
     colours
-        (n, 3) RGB. They are told to the browser as numbers into a palette of 256 made for this cloud: text for each of
-        100,000 points takes it seconds.
+        (n, 3) RGB. Sent to the browser as indices into a palette of 256 made for this cloud: colour strings for
+        100,000 points take it seconds.
     unit
-        Of the coordinates.
+        Unit of the coordinates.
     turned, raised
-        How far the view is turned about the middle of the scene instead, degrees: to the right of the left camera, and
-        above it.
+        Rotation of the first view about the point straight ahead at the median distance, degrees: to the right of the
+        left camera, and above it.
     """
     palette, index = _palette(colours)
     size = float(np.clip(SMALLEST_POINTS * np.sqrt(POINTS_AT_SMALLEST / len(points)), SMALLEST_POINTS, LARGEST_POINTS))
@@ -78,7 +78,7 @@ def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 
 
 
 def birds_eye(view: BirdsEyeView, unit: str) -> go.Figure:
-    """Return a cloud as seen from above, the camera at the bottom, one unit as long in both directions."""
+    """Return a cloud seen from above, with the camera at the bottom and the same scale on both axes."""
     rows, cols = view.picture.shape[:2]
     figure = go.Figure(
         go.Image(
@@ -119,7 +119,7 @@ def birds_eye(view: BirdsEyeView, unit: str) -> go.Figure:
 
 
 def _palette(colours: Colours) -> tuple[list[list[Any]], npt.NDArray[np.uint8]]:
-    """Return a colour scale of 256 colours that suit these, and the number of each point's colour in it."""
+    """Return a colour scale of 256 colours fitted to these, and the index of each point's colour in it."""
     picture = PillowImage.fromarray(np.ascontiguousarray(colours[None])).quantize(
         PALETTE_SIZE, method=PillowImage.Quantize.MEDIANCUT, dither=PillowImage.Dither.NONE
     )
@@ -142,7 +142,7 @@ def _axis(title: str, low: float, high: float) -> dict[str, Any]:
 
 
 def _equal_aspect(low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]) -> dict[str, Any]:
-    """Return the sides of the drawn box, the longest 2: a unit is as long in every direction."""
+    """Return the aspect ratio of the drawn box, longest side 2, for the same scale in every direction."""
     sides = 2 * (high - low) / (high - low).max()
     return {"aspectmode": "manual", "aspectratio": dict(zip("xyz", sides.tolist(), strict=True))}
 
@@ -150,9 +150,9 @@ def _equal_aspect(low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]) -
 def _camera(
     low: npt.NDArray[np.float64], high: npt.NDArray[np.float64], distance: float, turned: float, raised: float
 ) -> dict[str, Any]:
-    """Return the view of a point straight ahead of the origin at some distance, from there or turned about the point.
+    """Return a camera at the origin that looks at the point straight ahead at `distance`, turned about that point.
 
-    Plotly measures a view from the middle of the drawn box, in the units of its sides.
+    Plotly measures a camera from the middle of the drawn box, in the units of its sides.
     """
     unit, middle = 2 / (high - low).max(), (low + high) / 2
     target = np.array([0, distance, 0])

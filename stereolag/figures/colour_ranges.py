@@ -1,4 +1,4 @@
-"""Which disparities the first and the last colour stand for."""
+"""Disparities at the ends of a colour scale."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from stereolag.figures.pictures import thinned
 from stereolag.stereo.matcher import DisparityMap
 
 ROUNDED_TO = 4
-"""Px to which the ends of a range are rounded: small changes of a map leave its colours where they were."""
+"""Px to which the ends of a range are rounded, so that small changes of a map do not shift its colours."""
 
 
 def disparity_range(maps: Sequence[npt.NDArray[np.float32]]) -> tuple[float, float]:
-    """Return the disparities, px, at the ends of the colours: all but the outermost 1 % of the maps lies between.
+    """Return the disparities, px, at the ends of the colours, which leave out the outermost 1 % at either end.
 
-    Given the ground truth alone the range holds still whatever the settings; without it, the maps to compare share one.
+    Given only the ground truth, the range does not depend on the settings; given the maps to compare, they share one.
     """
     known = np.concatenate([np.empty(0, dtype=np.float32), *(one[np.isfinite(one)] for one in map(thinned, maps))])
     if known.size == 0:
@@ -28,7 +28,7 @@ def disparity_range(maps: Sequence[npt.NDArray[np.float32]]) -> tuple[float, flo
 
 
 def searched_range(results: Collection[DisparityMap]) -> tuple[float, float]:
-    """Return the first and the last disparity that any of the maps can hold, px."""
+    """Return the smallest and the largest disparity that any of the maps can contain, px."""
     ranges = [found for one in results if (found := one.settings.reach()) is not None]
     if not ranges:
         return disparity_range([one.disparity for one in results])

@@ -1,4 +1,4 @@
-"""How far disparity maps are from the ground truth: maps of the error, and error against coverage."""
+"""Errors and differences of disparity maps: error maps, error over coverage, and agreement between methods."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.typography import typeset
 
 MOST_SHOWN_PX = 4.0
-"""Errors beyond share the last colour."""
+"""Larger errors share the last colour."""
 
 NO_TRUTH = (0, 0, 0)
-"""Black: the colours of the errors are all lighter."""
+"""Black: all error colours are lighter."""
 
 SPARSE = 0.5
-"""A truth of a smaller share of the pixels is drawn thicker: that of a laser scanner is thin lines of dots."""
+"""Ground truth for a smaller share of the pixels is drawn thicker: a laser scanner gives thin lines of dots."""
 
 METHOD_COLOURS = (CORRELATION, SENSOR_2, SENSOR_1, PEAK)
 DASHES = ("solid", "dash", "dot", "dashdot")
@@ -31,7 +31,7 @@ SYMBOLS = ("diamond", "circle", "square", "cross")
 
 
 def _ramp(*stops: tuple[int, int, int]) -> Rgb:
-    """Return (256, 3) colours that run evenly through the stops."""
+    """Return (256, 3) colours interpolated between evenly spaced stops."""
     places = np.linspace(0, 255, len(stops))
     bands = [np.interp(np.arange(256), places, band) for band in zip(*stops, strict=True)]
     return np.asarray(np.rint(np.column_stack(bands)), dtype=np.uint8)
@@ -42,7 +42,7 @@ ERROR_COLOURS = _ramp((49, 54, 149), (116, 173, 209), (224, 243, 248), (253, 174
 
 
 def error_png(disparity: npt.NDArray[np.float32], truth: npt.NDArray[np.float32]) -> bytes:
-    """Return |disparity - ground truth| as a PNG, thinned where wide: red from 4 px, none grey, unknown black."""
+    """Return |disparity - ground truth| as a PNG, thinned if wide: red from 4 px, no disparity grey, no truth black."""
     known = np.isfinite(truth)
     picture = coloured(np.abs(disparity - truth), 0, MOST_SHOWN_PX, ERROR_COLOURS)
     picture[~known] = NO_TRUTH
@@ -50,7 +50,7 @@ def error_png(disparity: npt.NDArray[np.float32], truth: npt.NDArray[np.float32]
 
 
 def _thickened(picture: Rgb, known: npt.NDArray[np.bool_]) -> Rgb:
-    """Return the image with its known pixels spread over 3 × 3 where there is room, so that they are seen at all."""
+    """Return the image with its known pixels spread over 3 × 3 where there is room, to make them visible."""
     picture, known = np.pad(picture, ((1, 1), (1, 1), (0, 0))), np.pad(known, 1)
     for axis in (0, 1):
         for shift in (1, -1):
@@ -61,13 +61,13 @@ def _thickened(picture: Rgb, known: npt.NDArray[np.bool_]) -> Rgb:
 
 
 def error_legend() -> go.Figure:
-    """Return a strip of the colours with the errors they stand for."""
+    """Return the legend of the error colours."""
     ticks = {0: "0", 1: "1", 2: "2", 3: "3", MOST_SHOWN_PX: "≥ 4"}
     return legend(0, MOST_SHOWN_PX, ERROR_COLOURS, "right ← error, px → wrong", ticks)
 
 
 def error_over_coverage(curves: Mapping[str, CoverageCurve], threshold: float) -> go.Figure:
-    """Return the error rate of each method as its least sure pixels are given up; a method without score is a dot."""
+    """Return the error rate of each method as its least sure pixels are dropped; a method without scores is a dot."""
     figure = go.Figure()
     for number, (name, curve) in enumerate(curves.items()):
         colour = METHOD_COLOURS[number % len(METHOD_COLOURS)]
@@ -98,11 +98,11 @@ def error_over_coverage(curves: Mapping[str, CoverageCurve], threshold: float) -
 
 
 LARGEST_DIFFERENCE = 4.0
-"""Px at the ends of the colours: locked, so that maps compared one after another can be compared."""
+"""Px at the ends of the colours: fixed, so that maps shown one after another can be compared."""
 
 
 def _diverging() -> Rgb:
-    """Return blue over white to red, as Brewer's RdBu."""
+    """Return (256, 3) colours from blue through white to red, as in ColorBrewer's RdBu, reversed."""
     ends = np.array([(33, 102, 172), (146, 197, 222), (247, 247, 247), (244, 165, 130), (178, 24, 43)])
     at = np.linspace(0, 4, 256)
     return np.stack([np.rint(np.interp(at, np.arange(5), part)) for part in ends.T], axis=1).astype(np.uint8)
@@ -111,22 +111,22 @@ def _diverging() -> Rgb:
 BELOW_TO_ABOVE = _diverging()
 
 ALL_AGREE, SOME_AGREE, ALL_DIFFER = (16, 118, 200), (244, 198, 79), (182, 57, 27)
-"""Blue and red, as on the maps of errors: colour-blind eyes take green and red for one."""
+"""Blue and red, as on the error maps: colour-blind eyes confuse green and red."""
 
 
 def difference_picture(difference: npt.NDArray[np.float32]) -> Rgb:
-    """Return differences, px, as an image: red where positive, blue where negative, grey where one is missing."""
+    """Return differences, px, as an image: red where positive, blue where negative, grey where a value is missing."""
     return coloured(difference, -LARGEST_DIFFERENCE, LARGEST_DIFFERENCE, BELOW_TO_ABOVE)
 
 
 def agreement_picture(agreeing: npt.NDArray[np.uint8], methods: int, image: Image) -> Rgb:
-    """Return how many of the methods agree as colours over the image."""
+    """Return the number of agreeing methods as colours over the image."""
     palette = np.array([NO_ANSWER, ALL_DIFFER, *[SOME_AGREE] * (methods - 2), ALL_AGREE], dtype=np.uint8)
     return tinted(palette[agreeing], image)
 
 
 def tinted(colours: Rgb, image: Image) -> Rgb:
-    """Return colours with the light and shade of an image, so that one sees where in the scene they lie."""
+    """Return colours shaded by the brightness of an image, to show where in the scene they are."""
     grey = cv2.cvtColor(np.ascontiguousarray(as_rgb(image)), cv2.COLOR_RGB2GRAY)
     shade = (0.65 + 0.35 * grey.astype(np.float32) / 255)[:, :, None]
     return np.rint(colours * shade).astype(np.uint8)

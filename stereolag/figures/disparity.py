@@ -1,4 +1,4 @@
-"""Disparity maps as images in colours, and the legend to read them by."""
+"""Disparity maps as colour images, and their legend."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from stereolag.figures.pictures import (
 from stereolag.inputs import Image
 
 FAR_TO_NEAR = VIRIDIS
-"""Near bright."""
+"""Near is bright."""
 
 PALETTES: dict[str, Rgb] = {
     "viridis": FAR_TO_NEAR,
     "plasma": palette(cv2.COLORMAP_PLASMA),
     "turbo": palette(cv2.COLORMAP_TURBO),
 }
-"""The colours a visitor may choose, from far to near; none holds the grey of no disparity."""
+"""Palettes to choose from, far to near; none contains the grey of no disparity."""
 
 
 def image_into_map(image: Image, disparity: npt.NDArray[np.float32], low: float, high: float) -> bytes:
-    """Return the image that turns into its disparity map two fifths of the way to the right, as a PNG."""
+    """Return the image with its right three fifths replaced by the disparity map, as a PNG."""
     picture = as_rgb(image).copy()
     seam = picture.shape[1] * 2 // 5
     picture[:, seam:] = coloured(disparity, low, high, FAR_TO_NEAR)[:, seam:]
@@ -42,8 +42,8 @@ def image_into_map(image: Image, disparity: npt.NDArray[np.float32], low: float,
 def legend(low: float, high: float, palette: Rgb, title: str, ticks: Mapping[float, str] | None = None) -> go.Figure:
     """Return the colours of a (256, 3) palette, from `low` to `high`, over an axis with a title.
 
-    `ticks` are {value: what is written there}; without them the axis chooses its own. The same arguments give the same
-    figure, which must not be changed: to make one takes Plotly longer than a small map takes OpenCV.
+    `ticks` maps values to labels; without it the axis chooses its own. The same arguments return the same figure, which
+    must not be changed: making one takes Plotly longer than a small map takes OpenCV.
     """
     return _legend(low, high, palette.tobytes(), title, tuple((ticks or {}).items()))
 

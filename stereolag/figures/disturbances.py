@@ -1,4 +1,4 @@
-"""The sound and the noises that two recordings are mixed of in the browser, to see what a correlation stands."""
+"""The sound and noises from which the browser mixes two recordings, to show how robust a correlation is."""
 
 from __future__ import annotations
 
@@ -11,37 +11,37 @@ SAMPLES = 8192
 LAG = 640
 ECHO_DELAY = 300
 MAX_LAG = 2000
-"""Within which the lag is searched, samples."""
+"""Largest lag searched, samples."""
 
 LONGEST_PERIOD = 800
 MOST_DRIFT = 20
-"""Samples from the first to the last."""
+"""Largest change of the lag from the first sample to the last, samples."""
 
 SOFTNESS = 0.7
-"""Share of each sample of the sound that is left in the next: white noise would be sharper than sounds are."""
+"""Share of each sample of the sound that remains in the next: real sounds are not as sharp as white noise."""
 
 SETTLING = 128
-"""Samples until nothing is left of the silence before: 0.7 ** 128 is 1e-20."""
+"""Samples until the initial silence has no effect any more: 0.7 ** 128 is 1e-20."""
 
 BEFORE = LAG + ECHO_DELAY + MOST_DRIFT + 64
-"""Samples of the sound that sensor 2 still hears when the recordings begin."""
+"""Samples of the sound before the recordings begin, which reach sensor 2 late."""
 
 UNIT = 28
-"""What is 1 standard deviation, for integers of 8 bits."""
+"""One standard deviation, in 8-bit integers."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ingredients:
-    """What is mixed; int8, ``UNIT`` a standard deviation, white and independent of each other.
+    """White, mutually independent signals to mix; int8, with a standard deviation of ``UNIT``.
 
     Attributes
     ----------
     fresh
         (SETTLING + BEFORE + SAMPLES,): the part of the sound that never repeats.
     pattern
-        (LONGEST_PERIOD,): its beginning is heard again and again.
+        (LONGEST_PERIOD,): the repeating part; only its beginning is used for shorter periods.
     noise_1, noise_2
-        (SAMPLES,): of each sensor.
+        (SAMPLES,): the noise of each sensor.
     """
 
     fresh: npt.NDArray[np.int8]

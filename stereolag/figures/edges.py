@@ -1,4 +1,4 @@
-"""The edges of a photograph as lines, to lie over a map of the same scene."""
+"""The edges of a photograph as lines to overlay on a map of the same scene."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from stereolag.figures.pictures import as_rgb
 from stereolag.inputs import Image
 
 LOOKED_AT = 800
-"""Px; a wider photograph is looked at in this width: finer edges would lie too close together to be lines."""
+"""Px; wider photographs are reduced to this width first: finer edges would be too dense to read as lines."""
 
 BLUR = 2.0
-"""Standard deviation of the blur that takes out noise and fine texture, px."""
+"""Standard deviation of the blur that removes noise and fine texture, px."""
 
 STRONG_SHARE = 0.07
-"""An edge begins where the gradient is among so many of the strongest …"""
+"""An edge starts where the gradient is among this share of the strongest …"""
 
 WEAKER = 0.4
-"""… and goes on down to so much of that gradient."""
+"""… and continues down to this fraction of that gradient."""
 
 LEAST_GRADIENT = 24
-"""What a gradient must have anyway, in the units of a Sobel filter: a step of some six grey levels."""
+"""Minimum gradient at which an edge starts, in units of the Sobel filter: a step of about six grey levels."""
 
 SHORTEST = 0.04
-"""A shorter line is left out, as a share of the width."""
+"""Shorter lines are left out; as a share of the width."""
 
 MOST_POINTS = 8_000
-"""Of all lines; the longest come first, and what does not fit any more is left out."""
+"""Most points of all lines together; the longest lines come first, and the rest are left out."""
 
 OFF_LINE = 0.9
-"""How far a line may be off the pixels of its edge, px."""
+"""Largest deviation of a line from the pixels of its edge, px."""
 
 BESIDE = ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1, 1))
 
@@ -47,12 +47,12 @@ def edge_lines(image: Image) -> list[Line]:
     Parameters
     ----------
     image
-        (H, W), (H, W, 3) or (H, W, 4) of any type.
+        (H, W), (H, W, 3) or (H, W, 4) of any dtype.
 
     Returns
     -------
     list of ndarray
-        Open lines, each (n, 2) float64 of (column, row), px; the middle of the first pixel is (0.5, 0.5).
+        Open lines, each (n, 2) float64 of (column, row), px; the centre of the first pixel is (0.5, 0.5).
     """
     grey = cv2.cvtColor(np.ascontiguousarray(as_rgb(image)), cv2.COLOR_RGB2GRAY)
     rows, cols = grey.shape
@@ -72,12 +72,12 @@ def edge_lines(image: Image) -> list[Line]:
 
 
 def edge_path(image: Image) -> str:
-    """Return :func:`edge_lines` as the path of an SVG, px to one decimal; "" for an image without edges."""
+    """Return :func:`edge_lines` as an SVG path, px to one decimal; "" for an image without edges."""
     return "".join("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in line) for line in edge_lines(image))
 
 
 def _edges(grey: npt.NDArray[np.uint8]) -> Mask:
-    """Return where an (H, W) image has an edge, one pixel wide."""
+    """Return the edge pixels of an (H, W) image; edges are one pixel wide."""
     smooth = cv2.GaussianBlur(grey, (0, 0), BLUR)
     dx, dy = (cv2.Sobel(smooth, cv2.CV_16S, *order, borderType=cv2.BORDER_REPLICATE) for order in ((1, 0), (0, 1)))
     strength = np.hypot(dx.astype(np.float32), dy.astype(np.float32))
@@ -86,7 +86,7 @@ def _edges(grey: npt.NDArray[np.uint8]) -> Mask:
 
 
 def _chains(edges: Mask) -> Iterator[list[tuple[int, int]]]:
-    """Yield the pixels of edges one behind the other, (row, col), each pixel once; ends are where a walk begins."""
+    """Yield chains of adjacent edge pixels, (row, col), each pixel once; chains start at line ends first."""
     left = {(int(row), int(col)) for row, col in np.argwhere(edges)}
 
     def beside(pixel: tuple[int, int]) -> list[tuple[int, int]]:

@@ -1,4 +1,4 @@
-"""Optical flow as a picture: the colours of the Middlebury benchmark, arrows, and the wheel to read the colours by."""
+"""Optical flow as a picture: the colours of the Middlebury benchmark, arrows, and the colour wheel as legend."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ Rgba: TypeAlias = npt.NDArray[np.uint8]
 """(H, W, 4) uint8."""
 
 RAMPS = ((15, 0, 1, 1), (6, 1, 0, -1), (4, 1, 2, 1), (11, 2, 1, -1), (13, 2, 0, 1), (6, 0, 2, -1))
-"""The wheel's parts: how many colours, which channel is full, which one changes, and whether it rises or falls."""
+"""Parts of the wheel: number of colours, full channel, changing channel, and whether it rises or falls."""
 
 BEYOND = 0.75
-"""How bright what moves by more than the largest motion is: darker than anything within."""
+"""Brightness factor of motions longer than the largest: darker than all others."""
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 OUTLINE = 2
-"""Px by which an arrow's dark outline is thicker: it is seen on a light picture and on a dark one."""
+"""Px by which an arrow's dark outline is thicker, to make it visible on light and dark pictures."""
 
 
 @cache
 def _wheel() -> npt.NDArray[np.float64]:
-    """Return (55, 3) RGB, 0..1, red first."""
+    """Return the wheel as (55, 3) RGB, 0..1, red first."""
     colours = []
     for count, full, changing, rising in RAMPS:
         ramp = np.arange(count) / count
@@ -43,9 +43,9 @@ def _wheel() -> npt.NDArray[np.float64]:
 
 
 def largest_motion(*flows: tuple[FloatMap, FloatMap]) -> float:
-    """Return a length for the rim of the wheel, px: no less than 99 % of all motions, rounded up to two digits.
+    """Return the length at the rim of the wheel, px: the 99th percentile, rounded up to half a unit of its first digit.
 
-    Each flow is (dy, dx), NaN where there is none.
+    Each flow is (dy, dx), NaN = none.
     """
     lengths = np.concatenate([np.hypot(dy, dx)[np.isfinite(dx)] for dy, dx in flows])
     longest = max(float(np.percentile(lengths, 99)), 1e-3) if lengths.size else 1.0
@@ -54,24 +54,24 @@ def largest_motion(*flows: tuple[FloatMap, FloatMap]) -> float:
 
 
 def flow_colours(dy: FloatMap, dx: FloatMap, largest: float) -> Rgba:
-    """Return a flow as an image: the direction is the hue, the length how far it is from white.
+    """Return a flow as an image: direction as hue, length as saturation.
 
     Parameters
     ----------
     dy, dx
         (H, W) px, downwards and to the right; NaN = none.
     largest
-        Px that have the full colour; what is longer is darker.
+        Length with full colour, px; longer motions are darker.
 
     Returns
     -------
     ndarray
-        (H, W, 4) uint8 RGBA; transparent where there is no motion known.
+        (H, W, 4) uint8 RGBA; transparent where no motion is known.
 
     Raises
     ------
     ValueError
-        A `largest` that is not above 0.
+        If `largest` is not above 0.
 
     Notes
     -----
@@ -97,21 +97,21 @@ def flow_colours(dy: FloatMap, dx: FloatMap, largest: float) -> Rgba:
 
 
 def with_arrows(image: Image, dy: FloatMap, dx: FloatMap, *, spacing: int = 24) -> Rgb:
-    """Return the image with an arrow at every `spacing` px that shows where the pixel goes.
+    """Return the image with an arrow every `spacing` px that shows where the pixel moves.
 
     Parameters
     ----------
     image
         (H, W) or (H, W, 3 | 4), the first frame.
     dy, dx
-        (H, W) px; NaN = none: there is no arrow.
+        (H, W) px; no arrow where NaN.
     spacing
         Px between the arrows.
 
     Returns
     -------
     ndarray
-        (H, W, 3) uint8 RGB; each arrow has the colour of its direction.
+        (H, W, 3) uint8 RGB; each arrow is coloured by its direction.
     """
     picture = np.ascontiguousarray(as_rgb(image)).copy()
     rows, cols = dx.shape
@@ -144,19 +144,19 @@ def colour_wheel(largest: float, size: int = 160) -> Rgba:
 
 
 def wheel_legend(largest: float, size: int = 160) -> Rgba:
-    """Return the wheel of all directions, `largest` px at its rim, with that length written beside it.
+    """Return the wheel of all directions, `largest` px at its rim, with that length written below it.
 
     Parameters
     ----------
     largest
-        Px at the rim.
+        Length at the rim, px.
     size
-        Its diameter in the picture, px.
+        Diameter of the wheel in the picture, px.
 
     Returns
     -------
     ndarray
-        (rows, size, 4) uint8 RGBA, transparent around the wheel; the length stands below it.
+        (rows, size, 4) uint8 RGBA, transparent around the wheel.
     """
     wheel = colour_wheel(largest, size)
     text = max(11, size // 9)

@@ -1,4 +1,4 @@
-"""Frames around the places of a template, turned as it is, solid or dashed."""
+"""Frames around template matches, rotated with the match, solid or dashed."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ def draw_frame(
     template: Shape | None = None,
     dashed: bool = False,
 ) -> None:
-    """Draw a frame just outside of the match.
+    """Draw a frame just outside the match.
 
     Parameters
     ----------
     picture
-        Drawn into.
+        The picture to draw on, changed in place.
     match
-        In a picture of which this one is `scale` times the size.
+        The match, in pixels of the picture before scaling.
     scale, thickness
-        Of the picture; of the frame, px.
+        Size of `picture` relative to the one searched; thickness of the frame, px.
     template
-        Shape of the template: the frame is turned as it is; None: the frame of the upright box around it.
+        Shape of the template, to rotate the frame with the match; None for the upright box around it.
     dashed
-        Whether it is dashed.
+        Whether the frame is dashed.
     """
     corners = _corners(match, scale, thickness // 2 + 1, template)
     for colour, width in (((255, 255, 255), thickness + 2), (FRAME, thickness)):
@@ -56,7 +56,7 @@ def _corners(match: TemplateMatch, scale: float, away: int, template: Shape | No
     centre_row, centre_col = (match.row + match.height / 2) * scale, (match.col + match.width / 2) * scale
     tall, wide = (side * match.scale * scale / 2 + away for side in template[:2])
     sine, cosine = math.sin(math.radians(match.rotation)), math.cos(math.radians(match.rotation))
-    # Rows count downwards: a turn that is counter-clockwise as seen takes columns to the right upwards.
+    # Rows count downwards: seen on screen, a counter-clockwise rotation moves the right side up.
     return tuple(
         (round(centre_col + col * cosine + row * sine), round(centre_row - col * sine + row * cosine))
         for row, col in ((-tall, -wide), (-tall, wide), (tall, wide), (tall, -wide))
@@ -64,7 +64,7 @@ def _corners(match: TemplateMatch, scale: float, away: int, template: Shape | No
 
 
 def _dashes(start: Point, end: Point, length: int) -> Iterator[tuple[Point, Point]]:
-    """Give the ends of the dashes of a line, with a gap as long as a dash between two; each end of it has a dash."""
+    """Yield the ends of the dashes of a line, with gaps as long as a dash; both ends of the line have a dash."""
     span = max(abs(end[0] - start[0]), abs(end[1] - start[1]))
     pieces = 2 * max(1, round(span / length / 2)) + 1
     at = [

@@ -1,4 +1,4 @@
-"""The "sampled" template search stage by stage, from each of several pixels of the template: how few are scored."""
+"""The "sampled" template search stage by stage, for several anchors: how few positions are scored."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from stereolag.templates.exact_pixels import AnchorStages, Indices, anchor_stage
 from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of
 
 MOST_ANCHORS = 24
-"""Pixels of the template that can be picked, each of another colour."""
+"""Most template pixels to choose from, each of a different colour."""
 
 FEWEST_ANCHORS = 8
 
 MOST_COMPARED = 100_000_000
-"""Pixels of the image times anchors: of larger images fewer anchors are tried."""
+"""Limit on image pixels times anchors: in larger images fewer anchors are tried."""
 
 MOST_COLOURS = 4096
-"""Of a template, the rarest, from which the anchors are taken."""
+"""Most colours of a template, the rarest, from which the anchors are taken."""
 
 MOST_DOTS = 600
-"""Of one stage; from more, every second, third … is shown."""
+"""Most dots per stage; if there are more, only every second, third … is shown."""
 
 MOST_PRODUCTS = 30_000_000
-"""Where the positions left take more products of pixels, they are counted but not scored."""
+"""If scoring the remaining positions takes more pixel products, they are only counted."""
 
 
 @dataclass(frozen=True)
 class Anchor:
-    """A pixel of the template, and what is left of the image once it is looked for.
+    """A pixel of the template, and the image positions left at each stage of the search for it.
 
     Attributes
     ----------
     row, col
-        Of the pixel in the template.
+        Position of the pixel in the template.
     run
         First and last column of the opaque run along its row.
     colour
@@ -45,9 +45,9 @@ class Anchor:
     counts
         Pixels of the image, those of this value, positions where both ends of the run agree too, positions scored.
     dots
-        For the last three, (row, col) of pixels of the image that held the anchor; some of them where they are many.
+        For the last three stages, (row, col) of the anchor in the image; only some if there are many.
     best
-        (row, col, score) of the best position scored; None where none is left, or too many are.
+        (row, col, score) of the best position; None if no positions are left, or too many to score.
     """
 
     row: int
@@ -60,18 +60,18 @@ class Anchor:
 
 
 def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | None = 0) -> list[Anchor]:
-    """Return the stages from pixels of different colour, in the order in which "sampled" would try them.
+    """Return the stages for anchors of different colours, in the order in which "sampled" would try them.
 
     Parameters
     ----------
     image, template, mask, seed
-        As :func:`stereolag.templates.match_template` takes them. Of a template of many colours the rarest are taken,
-        and others evenly over the rest.
+        As in :func:`stereolag.templates.match_template`. If the template has many colours, the rarest are taken, and
+        then others evenly from the rest.
 
     Raises
     ------
     ValueError
-        A template that is constant, or image and template of different type.
+        If the template is constant, or image and template differ in dtype.
     """
     large, small = as_image(image, "image"), as_image(template, "template")
     searched, colours = alike(large, small)
@@ -90,7 +90,7 @@ def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | No
     for row, col in chosen:
         try:
             stages = anchor_stages(searched, pattern, row, col)
-        except ValueError:  # too common to be looked at
+        except ValueError:  # too common to search
             continue
         kept = (stages.coloured, stages.agreeing, stages.scored)
         coloured, agreeing, scored = (len(rows) for rows, _ in kept)

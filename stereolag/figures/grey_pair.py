@@ -1,4 +1,4 @@
-"""A pair packed for the browser to match windows of: both images in grey, without loss, and the ground truth."""
+"""A pair packed for window matching in the browser: both images in grey, lossless, and the ground truth."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from stereolag.arrays import FloatMap
 from stereolag.inputs import Image, as_eight_bit, as_grey
 
 TRUTH_SCALE = 64
-"""Steps of the ground truth in a px."""
+"""Steps of the ground truth per px."""
 
 TRUTH_ZERO = 512
-"""What is added to the ground truth, px, so that it is positive; what lies beyond it either way counts as unknown."""
+"""Offset added to the ground truth, px, to make it positive; values that do not fit count as unknown."""
 
 FASTEST_COMPRESSION = 1
 
 
 def packed_grey_pair(left: Image, right: Image, truth: FloatMap | None, *, name: str, digest: str) -> bytes:
-    """Return a pair as one run of bytes: the length of a JSON header, the header, and the PNGs that it points to.
+    """Return a pair as bytes: the length of a JSON header, the header, and the PNGs it points to.
 
     Parameters
     ----------
     left, right
-        (H, W), (H, W, 3) or (H, W, 4) checked images of one size and type. Those of 8 bits arrive as they are.
+        (H, W), (H, W, 3) or (H, W, 4) checked images of the same size and dtype. 8-bit values are kept unchanged.
     truth
-        (H, W) disparities, px, NaN = unknown; None where there are none. They travel as a PNG whose red and green are
+        (H, W) disparities, px, NaN = unknown; None if there is no ground truth. Sent as a PNG whose red and green are
         the high and the low byte.
     name, digest
-        What the browser calls the place and the pair.
+        Name of the place, and digest of the pair, in the browser.
     """
     grey = as_eight_bit(as_grey(left), as_grey(right))
     parts = [_png(grey[0]), _png(grey[1])]
@@ -53,7 +53,7 @@ def packed_grey_pair(left: Image, right: Image, truth: FloatMap | None, *, name:
 
 
 def _as_colours(truth: FloatMap) -> npt.NDArray[np.uint8]:
-    """Return (H, W, 3) uint8 BGR: the code of every disparity, 0 where it is unknown or does not fit."""
+    """Return the code of every disparity as (H, W, 3) uint8 BGR, 0 if it is unknown or does not fit."""
     codes = np.rint((truth.astype(np.float64) + TRUTH_ZERO) * TRUTH_SCALE)
     fits = (codes > 0) & (codes < 2**16)
     high, low = np.divmod(np.where(fits, codes, 0).astype(np.uint16), 256)

@@ -1,4 +1,4 @@
-"""What the colours beside a picture mean."""
+"""Colour legends beside a picture."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.typography import typeset
 
 WHEEL_PX = 144
-"""Its diameter; shown at half of that."""
+"""Diameter of the wheel, shown at half that size."""
 
 MOST_STEPS = 5
-"""Between the values along a legend."""
+"""Most steps between the values along a legend."""
 
 Ticks = Callable[[float], str] | None
 
 
 @dataclass(frozen=True)
 class Legend:
-    """What the colours mean: a strip with words along it, or one word for each colour.
+    """A colour legend: a strip with values along it, or one word for each colour.
 
     Attributes
     ----------
     title
-        What is shown, with its unit.
+        The quantity shown, with its unit.
     colours
-        As CSS writes them.
+        CSS colours.
     words
-        One for each colour; of a strip, those at its two ends.
+        One for each colour; for a strip, those at its two ends.
     strip
-        Whether the colours run into each other.
+        Whether the colours form a continuous strip.
     ticks
-        (share of the strip, word, word below it): values along it.
+        Values along the strip: (share of its length, word, word below it).
     picture
-        The colours as a picture instead, such as a wheel: the address of its data; "" = none.
+        Data URL of a picture used instead of a strip, such as a wheel; "" = none.
     """
 
     title: str
@@ -56,9 +56,9 @@ class Legend:
 def strip_legend(
     title: str, low: float, high: float, palette: Rgb, *, ends: tuple[str, str] = ("", ""), below: Ticks = None
 ) -> Legend:
-    """Return the legend of a (256, 3) palette that runs from `low` to `high`, over round values.
+    """Return the legend of a (256, 3) palette from `low` to `high`, with ticks at round values.
 
-    `ends` are written at its ends; `below` gives a second word for a value, such as metres for a disparity.
+    `ends` are written at its ends; `below` returns a second word for a value, such as metres for a disparity.
     """
     ticks = tuple(
         ((value - low) / (high - low), typeset(f"{value:g}"), below(value) if below else "")
@@ -68,12 +68,12 @@ def strip_legend(
 
 
 def word_legend(title: str, colours: Sequence[str], words: Sequence[str]) -> Legend:
-    """Return the legend of colours, as CSS writes them, that each stand for a word."""
+    """Return the legend of CSS colours with one word each."""
     return Legend(title, tuple(colours), tuple(words), False)
 
 
 def wheel_legend(title: str, largest: float) -> Legend:
-    """Return the legend of the colours of a flow: the wheel of all directions, `largest` px at its rim."""
+    """Return the legend of flow colours: the wheel of all directions, `largest` px at its rim."""
     data = base64.b64encode(rgba_png(colour_wheel(largest, WHEEL_PX))).decode()
     return Legend(
         title, (), (typeset(f"white: none, rim: {largest:g} px"),), False, picture=f"data:image/png;base64,{data}"
@@ -86,7 +86,7 @@ def hexadecimal(colour: Sequence[int] | npt.NDArray[np.uint8]) -> str:
 
 
 def round_values(low: float, high: float, most_steps: int = 8) -> list[float]:
-    """Return the multiples of 1, 2 or 5 times a power of ten from low to high, in `most_steps` steps at the most."""
+    """Return the multiples of 1, 2 or 5 times a power of ten from low to high, in at most `most_steps` steps."""
     power = 10 ** math.floor(math.log10((high - low) / most_steps))
     step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= most_steps)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
@@ -94,7 +94,7 @@ def round_values(low: float, high: float, most_steps: int = 8) -> list[float]:
 
 
 def disparity_legends(low: float, high: float, palette: Rgb, calibration: Calibration | None) -> tuple[Legend, ...]:
-    """Return what the colours of maps mean: disparity, metres where they are known, and none."""
+    """Return the legends of disparity maps: disparity, metres if calibrated, and the grey of no disparity."""
 
     def metres(disparity: float) -> str:
         depth = float("nan") if calibration is None else float(calibration.depth(disparity))

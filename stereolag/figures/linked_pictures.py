@@ -1,4 +1,4 @@
-"""Pictures of one scene packed for the browser: their pixels, what can be read at each of them, and their legends."""
+"""Pictures of one scene packed for the browser: their pixels, the readings at each pixel, and their legends."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from stereolag.figures.pictures import NO_ANSWER, jpeg, png
 from stereolag.typography import typeset
 
 WIDEST = 1600
-"""Px; of wider pictures every second, third … pixel is sent: no screen shows more of them side by side."""
+"""Px; of wider pictures only every second, third … pixel is sent: no screen shows more side by side."""
 
 NOTHING = -32768
-"""The int16 that stands for NaN on the way to the browser."""
+"""The int16 code of NaN in data for the browser."""
 
 LONG = -128
-"""The int8 that stands for a step that needs an int16, which follows elsewhere."""
+"""The int8 code of a step that needs an int16, which is stored separately."""
 
 FASTEST_COMPRESSION = 1
 
 
 @dataclass(frozen=True)
 class DepthScale:
-    """What turns a disparity into metres in the browser: focal length × baseline, px·m, and doffs, px.
+    """Constants to convert disparity to metres in the browser: focal length × baseline, px·m, and doffs, px.
 
-    `disparity_error` is how far off the disparity typically is, px; 0 leaves the uncertainty out.
+    `disparity_error` is the typical error of a disparity, px; 0 leaves the uncertainty out.
     """
 
     focal_times_baseline: float
@@ -43,23 +43,23 @@ class DepthScale:
 
 
 def no_depth() -> None:
-    """Return None, for readings that are no disparities."""
+    """Return None, for readings other than disparities."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What can be read at every pixel of a picture.
+    """A value or word to read at every pixel of a picture.
 
     Attributes
     ----------
     values
-        (rows, cols) float, NaN = nothing to read; or uint8 numbers of `words`.
+        (rows, cols) float, NaN = nothing to read; or uint8 indices into `words`.
     label, unit, digits
-        How a number is written: what stands before and after it, and its decimals.
+        Text before a number, text after it, and number of decimals.
     words
-        What each uint8 stands for; an empty word is not shown.
+        The word for each index; an empty word is not shown.
     depth
-        Given for disparities: returns what turns them into the depth that is read beside them.
+        For disparities: returns the scale for the depth shown beside them.
     """
 
     values: npt.NDArray[Any]
@@ -71,7 +71,7 @@ class Reading:
 
 
 class Figure(NamedTuple):
-    """A number that belongs to a whole picture, with its unit, what it is called, and what it means."""
+    """A number for a whole picture: its label, its value with unit, and its meaning."""
 
     label: str
     value: str
@@ -85,22 +85,22 @@ class Picture:
     Attributes
     ----------
     title
-        Written above it.
+        Title above the picture.
     pixels
-        (rows, cols, 3) uint8 RGB; None of a map, whose first reading the browser shows in the :class:`Colours` that
-        all maps share.
+        (rows, cols, 3) uint8 RGB; None for a map, whose first reading the browser colours with the :class:`Colours`
+        that all maps share.
     readings
-        What is written below it of the pixel under the crosshair.
+        Values shown below the picture for the pixel under the crosshair.
     figures
-        Returns what is written below it of the whole; asked for when the pixels are on their way already.
+        Returns the numbers shown below it for the whole picture; called only after the pixels have been sent.
     photograph
-        Sent as JPEG, a fifth of the bytes; maps stay exact.
+        Whether it is sent as JPEG, with a fifth of the bytes; maps stay exact.
     pickable
         Whether a click on it picks a pixel.
     thumbnail
-        Whether it is small at first, and grows when it is clicked.
+        Whether it is small at first and enlarges on a click.
     alternative
-        Returns what it shows, for whoever cannot see it; read after its title.
+        Returns its text alternative; read out after the title.
     """
 
     title: str
@@ -115,9 +115,9 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Colours:
-    """The colours that maps share: a (256, 3) uint8 palette from `low` to `high`; and the lines over all of them.
+    """The colours all maps share, a (256, 3) uint8 palette from `low` to `high`, and the outlines over them.
 
-    `outlines` is the path of an SVG, px of the whole picture; "" = none. It travels on its own.
+    `outlines` is an SVG path, px of the whole picture; "" = none. It is sent separately.
     """
 
     low: float
@@ -128,19 +128,19 @@ class Colours:
 
 @dataclass(frozen=True)
 class PackedPicture:
-    """The pixels and readings of a picture on their way to the browser.
+    """The pixels and readings of a picture, encoded for the browser.
 
     Attributes
     ----------
     data
-        After the 64 characters of the digest, four bytes (little-endian) give the length of a JSON header; the image
-        and the compressed readings follow it, and the header says where.
+        The 64 characters of the digest, the length of a JSON header in four bytes (little-endian), the header, then
+        the image and the compressed readings, at offsets given in the header.
     digest
-        Tells it from all others.
+        Identifies the content.
     shape
         Rows and columns of the whole picture.
     step
-        Every so many pixels of it were sent.
+        Every `step`-th pixel was sent.
     """
 
     data: bytes
@@ -150,15 +150,15 @@ class PackedPicture:
 
 
 def packed(picture: Picture) -> PackedPicture:
-    """Return the pixels and the readings of a picture as one run of bytes.
+    """Return the pixels and the readings of a picture as bytes.
 
-    Readings travel as int16 in units of a power of two that is below their last decimal (or what the largest of them
-    needs), each as its step from the one on its left: of smooth maps most fit into a byte, and the long ones follow.
+    Readings are int16 in units of a power of two below their last decimal (or larger if the range requires it), each
+    stored as the step from its left neighbour: in smooth maps most steps fit into a byte; long ones follow separately.
 
     Raises
     ------
     ValueError
-        Pixels and readings of different sizes, or neither.
+        If pixels and readings differ in size, or there are neither.
     """
     arrays = [*([] if picture.pixels is None else [picture.pixels]), *(one.values for one in picture.readings)]
     shapes = {array.shape[:2] for array in arrays}
@@ -188,12 +188,12 @@ def described(
     columns: int = 3,
     hint: str = "",
 ) -> dict[str, Any]:
-    """Return what the browser needs besides the packed pictures, ready for JSON; `name` is what they call the set.
+    """Return the data for the browser besides the packed pictures, ready for JSON; `name` identifies the set.
 
     Raises
     ------
     ValueError
-        Pictures of different sizes, or one without pixels and no colours.
+        If pictures differ in size, or one has no pixels and there are no colours.
     """
     if colours is None and any(picture.pixels is None for picture in pictures):
         raise ValueError("a picture has no pixels; give the colours that maps share.")
@@ -233,7 +233,7 @@ def described(
 
 
 class _Body:
-    """Bytes one after another, each run known by where it starts and how long it is."""
+    """Concatenated byte strings, each located by its start and length."""
 
     def __init__(self) -> None:
         self.bytes = bytearray()
@@ -258,7 +258,7 @@ def _reading(reading: Reading, step: int, body: _Body) -> dict[str, Any]:
         values[unknown] = NOTHING
     else:
         values = values.astype("<i2")
-    steps = np.diff(values, axis=1, prepend=np.int16(0))  # wraps around, and back when added up
+    steps = np.diff(values, axis=1, prepend=np.int16(0))  # int16 overflow cancels when the steps are summed
     long = (steps > 127) | (steps < -127)
     short = np.where(long, np.int16(LONG), steps).astype(np.int8)
     return {

@@ -1,4 +1,4 @@
-"""The files of a disparity map that hold colours: the map with its legend, and the cloud of its points."""
+"""Coloured files of a disparity map: the map with its legend, and its point cloud."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ MOST_POINTS = 2_000_000
 
 
 def coloured_png(disparity: FloatMap, low: float, high: float, palette: Rgb = VIRIDIS) -> bytes:
-    """Return a disparity map in colours above its legend, as a PNG.
+    """Return a coloured disparity map above its legend, as a PNG.
 
     Parameters
     ----------
     disparity
-        (rows, cols) px, NaN where there is none.
+        (rows, cols) px, NaN = none.
     low, high
-        Disparities of the first and the last colour, px, ``low < high``.
+        Disparities at the first and the last colour, px, ``low < high``.
     palette
         (256, 3) uint8 RGB, from far to near.
     """
@@ -32,6 +32,6 @@ def coloured_png(disparity: FloatMap, low: float, high: float, palette: Rgb = VI
 def cloud_ply(calibration: Calibration, disparity: FloatMap, left: Image) -> bytes:
     """Return the points of a disparity map in metres and in the colours of the left image, as a binary PLY.
 
-    Flying pixels are left out; of more than 2 million points an even random choice is kept, the same every time.
+    Flying pixels are left out; above 2 million points a uniform random sample is kept, the same every time.
     """
     return ply(*clean_point_cloud(calibration, disparity, as_rgb(left), max_points=MOST_POINTS))

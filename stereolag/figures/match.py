@@ -1,4 +1,4 @@
-"""One match as figures: the windows compared, the surface of scores, and the row through its peak."""
+"""Figures of one match: the windows compared, the score surface, and the row through its peak."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ TRUTH_COLOUR = "#2a6e3e"
 
 PATCH_SIDE = 240
 FIT_REACH = 4
-"""Px to either side of the peak that the figure of the sub-pixel fit shows."""
+"""Px shown to either side of the peak in the figure of the sub-pixel fit."""
 
 STRIP_WIDTH = 720
-"""Width of the strip on a usual screen, px; its height follows, so that its pixels are about square."""
+"""Width of the strip on a typical screen, px; sets its height so that pixels are about square."""
 
 ROW_HEIGHT = 300
 LABEL_SHARE = 0.25
-"""Labels of peaks that are closer than this share of the row point away from each other."""
+"""Labels of peaks closer than this share of the row are placed on opposite sides."""
 
 DISPARITY_AXIS = "← nearer    disparity, px    farther →"
-"""As in the right image: nearer points lie farther to the left."""
+"""As in the right image, where nearer points are farther to the left."""
 
 OTHERS = ("#3f9d6d", "#8a8a94", "#b5863b", "#4b86c9")
 SCORE_FORMAT, PLACE_FORMAT = ".3f", ".2~f"
-"""Given to the axes: Plotly writes a true minus sign there, but not where a text asks for a format itself."""
+"""Set on the axes, where Plotly writes a true minus sign; it does not for a format inside a text template."""
 
 DASHES = ("solid", "dash", "dot", "dashdot")
 SCORE_COLOURS = [[at / 15, hexadecimal(VIRIDIS[at * 17])] for at in range(16)]
@@ -45,7 +45,7 @@ MARGIN = {"l": 8, "r": 8, "t": 8, "b": 8}
 
 
 def patch_png(image: Image, box: Box) -> bytes:
-    """Return a part of an image enlarged, in grey, stretched from its darkest to its brightest pixel."""
+    """Return part of an image enlarged, in grey, stretched from its darkest to its brightest pixel, as a PNG."""
     part = as_grey(image)[box.row : box.row + box.height, box.col : box.col + box.width].astype(np.float32)
     low, span = float(part.min()), float(np.ptp(part)) or 1.0
     stretched = np.rint((part - low) * (255 / span)).astype(np.uint8)
@@ -54,7 +54,7 @@ def patch_png(image: Image, box: Box) -> bytes:
 
 
 def score_landscape(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:
-    """Return the scores of every lag as a landscape, with the peak and the runner-up of the part `searched`."""
+    """Return the score of every lag as a surface, with the peak and the runner-up of `searched`."""
     figure = go.Figure(
         go.Surface(
             z=seen.surface.astype(np.float32),
@@ -68,7 +68,7 @@ def score_landscape(seen: MatchExplanation, searched: MatchExplanation) -> go.Fi
     )
     low, high = _score_range(seen)
     for at, score, colour, name, side in _peaks(searched):
-        # A pin: its foot on the surface and its head above it, so that the slopes in front do not hide it.
+        # A pin with its head above the surface, so that slopes in front do not hide it.
         figure.add_trace(
             go.Scatter3d(
                 x=[-at[1]] * 2,
@@ -101,7 +101,7 @@ def score_landscape(seen: MatchExplanation, searched: MatchExplanation) -> go.Fi
 
 
 def score_map(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:
-    """Return the scores of every lag from above; rows outside `searched` lie outside a frame."""
+    """Return the score of every lag as a heat map, with the rows of `searched` framed if there are more."""
     figure = go.Figure(
         go.Heatmap(
             z=seen.surface.astype(np.float32),
@@ -142,21 +142,21 @@ def score_map(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:
 
 
 def score_row(seen: MatchExplanation, right: Image, others: Mapping[str, float]) -> go.Figure:
-    """Return the strip of the right image that the window slid along, and below it the score at every place.
+    """Return the strip of the right image along which the window slid, above the score at every place.
 
     Parameters
     ----------
     seen
-        Its row of the peak is shown.
+        The match; the row of its peak is shown.
     right
         The right image.
     others
-        {name: disparity, px} of other results at the pixel, drawn as lines.
+        {name: disparity, px} of other methods at the pixel, drawn as lines.
     """
     top = (seen.found or seen.search).row
     size = seen.window.height
     strip = as_grey(right)[top : top + size, seen.search.col : seen.search.col + seen.search.width]
-    # The disparity that puts the middle of the window at each column of the strip.
+    # The disparity at which the window is centred on each column of the strip.
     middle = seen.window.col + (size - 1) / 2 - (seen.search.col + np.arange(strip.shape[1]))
     strip_height = int(np.clip(STRIP_WIDTH * size / max(strip.shape[1], 1), 40, 160))
     height = strip_height + ROW_HEIGHT
@@ -192,7 +192,7 @@ def score_row(seen: MatchExplanation, right: Image, others: Mapping[str, float])
 
 
 def sub_pixel_fit(seen: MatchExplanation) -> go.Figure:
-    """Return the scores next to the peak and the curve fitted to them, whose top is the disparity."""
+    """Return the scores near the peak and the curve fitted to them, whose maximum is the disparity."""
     figure = go.Figure()
     if seen.peak is None or seen.at_edge:
         return figure
@@ -222,7 +222,7 @@ def sub_pixel_fit(seen: MatchExplanation) -> go.Figure:
 
 
 def _peaks(seen: MatchExplanation) -> list[tuple[tuple[int, int], float, str, str, str]]:
-    """Return place, score, colour, name and side of the label of the runner-up and of the peak, where they exist."""
+    """Return place, score, colour, name and label side of the runner-up and of the peak, if they exist."""
     found = [
         (seen.runner_up, seen.runner_up_score, RUNNER_UP_COLOUR, "runner-up"),
         (seen.peak, seen.peak_score, WINDOW_COLOUR, "peak"),
@@ -239,11 +239,12 @@ def _peaks(seen: MatchExplanation) -> list[tuple[tuple[int, int], float, str, st
 
 
 def _score_range(seen: MatchExplanation) -> tuple[float, float]:
-    """Return the ends of the axis: -0.2 to 1 for scores that are correlations, so that figures can be compared."""
+    """Return the ends of the score axis: just above 1 for correlations, and just below -0.2 or less for ZNCC."""
     known = seen.surface[np.isfinite(seen.surface)]
     if known.size == 0:
         return 0.0, 1.0
     low, high = float(known.min()), float(known.max())
+    # Fixed ends for correlations, so that figures can be compared.
     if seen.score in ("zncc", "ncc"):
         return min(low, -0.2 if seen.score == "zncc" else low) - 0.02, 1.12
     return low, high + 0.12 * (high - low)

@@ -1,4 +1,4 @@
-"""Things in a picture, outlined and named."""
+"""Objects outlined and labelled in a picture."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from stereolag.figures.pictures import FRAME, as_rgb
 from stereolag.inputs import Image
 
 TEXT_SHARE = 1 / 34
-"""Height of the words, of the width of the picture: a page shows it at half its size."""
+"""Text height as a share of the picture width: a page shows it at half its size."""
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 
 
 class Outline(NamedTuple):
-    """What is drawn around a thing.
+    """The outline of an object, and its label.
 
     Attributes
     ----------
     parts
         Closed lines, each (n, 2) int32 of (column, row).
     words
-        Written above it; "" = nothing.
+        Label above it; "" = none.
     """
 
     parts: tuple[npt.NDArray[np.int32], ...]
@@ -37,13 +37,13 @@ class Outline(NamedTuple):
 
 
 def outline_of(mask: Mask, words: str = "") -> Outline:
-    """Return the outline of what is True in (H, W)."""
+    """Return the outlines of the True regions of an (H, W) mask."""
     found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     return Outline(tuple(np.asarray(part[:, 0], np.int32) for part in found), words)
 
 
 def with_outlines(image: Image, outlines: Sequence[Outline]) -> Rgb:
-    """Return the image, (H, W, 3) uint8, with things outlined in pink and their words above them."""
+    """Return the image, (H, W, 3) uint8, with objects outlined in pink and labelled above."""
     picture = np.array(as_rgb(image))
     cols = picture.shape[1]
     thickness = max(1, round(cols / 400))

@@ -1,4 +1,4 @@
-"""The grid of windows around one of them: how far neighbours overlap, and where a map gets its values."""
+"""The grid of windows around one of them: the overlap of neighbours, and the places of the map's values."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from stereolag.inputs import Image
 Starts = npt.NDArray[np.int64]
 
 CLOSEST = 24
-"""So many windows drawn begin within the side of one; of a finer grid every second, third … window is drawn."""
+"""Most windows drawn per window side; of a finer grid only every second, third … window is drawn."""
 
 BESIDE_SHARE = 0.25
-"""What is seen of the image beside the windows drawn, as a share of a window's side."""
+"""Margin of image around the windows drawn, as a share of a window's side."""
 
 MANY_ACROSS = 20
-"""From so many dots side by side they are drawn smaller."""
+"""With more dots side by side they are drawn smaller."""
 
 HEIGHT = 420
 FILL = "rgba(224, 68, 124, 0.06)"
-"""Nine of them on one another are still seen through."""
+"""Nine overlapping windows still let the image show through."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,15 +37,15 @@ class WindowGrid:
     Attributes
     ----------
     cut
-        The part of the image that is drawn.
+        The part of the image drawn.
     rows, cols
-        Where the windows begin whose centres lie in the cut, px: each row with each column is a window, and a value.
+        Top rows and left columns of windows with their centres in the cut, px; each pair is one window and one value.
     middle
         The window around which the cut was made.
     step
         Px from one window to the next.
     every
-        So many windows on begins the next that is drawn.
+        Every how many windows one is drawn.
     """
 
     cut: Box
@@ -57,21 +57,21 @@ class WindowGrid:
 
     @property
     def values(self) -> int:
-        """Return how many values of the map are measured in the cut."""
+        """Return the number of map values in the cut."""
         return self.rows.size * self.cols.size
 
     @property
     def overlap(self) -> float:
-        """Return the share of its side that a window has in common with the next, 0..1: the step is of whole pixels."""
+        """Return the actual overlap with the next window, 0..1 of the side: the step is in whole pixels."""
         return max(0.0, 1 - self.step / self.middle.height)
 
     def drawn(self, starts: Starts, middle: int) -> Starts:
-        """Return those of rows or columns that are drawn: `middle`, and every so many on both sides of it."""
+        """Return the rows or columns that are drawn: `middle`, and every `every`-th on both sides of it."""
         shown: Starts = starts[(starts - middle) % (self.every * self.step) == 0]
         return shown
 
     def neighbours(self) -> list[tuple[int, int]]:
-        """Return where the middle window and the up to eight drawn around it begin, (row, col)."""
+        """Return (row, col) of the middle window and of the up to eight drawn around it."""
         reach = self.every * self.step
         row, col = self.middle.row, self.middle.col
         rows, cols = self.drawn(self.rows, row), self.drawn(self.cols, col)
@@ -84,19 +84,19 @@ def window_grid(shape: tuple[int, int], middle: Box, step: int) -> WindowGrid:
     Parameters
     ----------
     shape
-        Of the image, (rows, cols) px.
+        Shape of the image, (rows, cols) px.
     middle
-        A window of the grid, whole within the image.
+        A window of the grid, entirely inside the image.
     step
         Px from one window to the next.
 
     Raises
     ------
     ValueError
-        A window that is no window of the grid.
+        If `middle` is not a window of the grid.
     """
     if middle.row % step or middle.col % step:
-        raise ValueError(f"a window at ({middle.row}, {middle.col}) is not of a grid of step {step}.")
+        raise ValueError(f"a window at ({middle.row}, {middle.col}) is not on a grid of step {step}.")
     size = middle.height
     every = math.ceil(size / (CLOSEST * step))
     beside = every * step + max(2, round(BESIDE_SHARE * size))
@@ -111,17 +111,17 @@ def window_grid(shape: tuple[int, int], middle: Box, step: int) -> WindowGrid:
 
 
 def _starts(first: int, last: int, end: int, size: int, step: int) -> Starts:
-    """Return where the whole windows begin whose centres lie on the pixels from `first` up to `last`."""
+    """Return the starts of the windows inside the image whose centres are at pixels from `first` up to `last`."""
     starts = np.arange(0, end - size + 1, step)
     centres = starts + (size - 1) / 2
     return starts[(centres >= first) & (centres < last)]
 
 
 def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
-    """Return the cut of an image with neighbouring windows on it, darker where they overlap, and centres as dots."""
+    """Return the cut of an image with neighbouring windows, darker where they overlap, and their centres as dots."""
     figure = go.Figure()
     cut, size = grid.cut, grid.middle.height
-    # Plotly puts the middle of a pixel on its number.
+    # Plotly places the centre of a pixel at its index.
     left, top = cut.col - 0.5, cut.row - 0.5
     figure.add_layout_image(
         source="data:image/png;base64," + base64.b64encode(patch_png(image, cut)).decode(),

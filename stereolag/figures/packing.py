@@ -1,4 +1,4 @@
-"""Pictures and scores on their way to a script in the browser, without loss."""
+"""Lossless packing of pictures and scores for scripts in the browser."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ import numpy.typing as npt
 from stereolag.arrays import Rgb
 
 SCORE_STEPS = 30_000
-"""Steps of a score from 0 to 1; code 0 says that there is none."""
+"""Steps of a score from 0 to 1; code 0 means no score."""
 
 
 def packed_pictures(header: Mapping[str, Any], pictures: Sequence[Rgb | bytes]) -> bytes:
-    """Return pictures as one run of bytes: the length of a JSON header, the header, and a PNG for each.
+    """Return pictures as bytes: the length of a JSON header, the header, and a PNG for each.
 
     Parameters
     ----------
     header
-        What else the browser needs to know. Added are `digest`, which tells this content from any other, `steps`
-        (:data:`SCORE_STEPS`), and `parts`: start and length of each PNG behind the header.
+        Further data for the browser. Added are `digest`, which identifies the content, `steps` (:data:`SCORE_STEPS`),
+        and `parts`: start and length of each PNG after the header.
     pictures
-        (rows, cols, 3) uint8 RGB, or PNGs of such.
+        (rows, cols, 3) uint8 RGB arrays, or PNGs.
     """
     parts = [picture if isinstance(picture, bytes) else _png(picture) for picture in pictures]
     ends = np.cumsum([len(part) for part in parts]).tolist()
@@ -38,7 +38,7 @@ def packed_pictures(header: Mapping[str, Any], pictures: Sequence[Rgb | bytes]) 
 
 
 def scores_as_colours(scores: npt.NDArray[np.floating[Any]]) -> Rgb:
-    """Return scores of -1..1 as (rows, cols, 3) uint8: red and green are the high and the low byte of their code."""
+    """Return scores of -1..1 as (rows, cols, 3) uint8: red and green are the high and the low byte of the code."""
     codes = np.rint((scores + 1) * SCORE_STEPS) + 1
     high, low = np.divmod(np.where(np.isnan(scores), 0, codes).astype(np.uint16), 256)
     return np.stack([high, low, np.zeros_like(low)], axis=-1).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""The cross-spectrum of two short stretches: an arrow (phasor) for each frequency, few enough to see every one."""
+"""The cross-spectrum of two short stretches: one arrow (phasor) per frequency, few enough to see each one."""
 
 from __future__ import annotations
 
@@ -12,53 +12,53 @@ from stereolag.signals.overlaps import overlap_slices
 from stereolag.signals.whitening import loudest_stretch
 
 SIZE = 125
-"""Points of the transform. Odd: every frequency above 0 is an arrow, and there is none at half the sampling rate."""
+"""Points of the transform; odd, so that every frequency above 0 is an arrow, with none at half the sampling rate."""
 
 LONGEST_LAG = 12
-"""Samples, either way: so many zeros follow a stretch, and up to there nothing wraps around."""
+"""Samples, either way: this many zeros pad a stretch, so correlations up to this lag do not wrap around."""
 
 LENGTH = SIZE - LONGEST_LAG
 """Samples of a stretch."""
 
 LAG = 4
-"""Samples that are left between two stretches: the phase difference turns twice over all frequencies."""
+"""Lag left between two stretches, samples: the phase difference makes two turns over all frequencies."""
 
 STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 BLOCK = 8192
-"""Samples of the loudest part in common, in which the stretch is looked for."""
+"""Samples of the loudest common part, in which the stretch is searched for."""
 
 FADED = 17
-"""Samples over which a stretch rises and falls, so that its ends make no frequencies of their own."""
+"""Samples over which a stretch fades in and out, so that its ends add no frequencies of their own."""
 
 KNOCK_LENGTH = 60
 TONE_FREQUENCY = SIZE // 5
-"""Periods within the transform: one every five samples."""
+"""Periods per transform: one every five samples."""
 
 
 _INAUDIBLE = 1e-9
-"""Magnitudes below are rounding, and become 0."""
+"""Magnitudes below this are rounding errors and become 0."""
 
 
 @dataclass(frozen=True, eq=False)
 class Phasors:
-    """The spectra of two stretches, and by how much the second is behind the first.
+    """The spectra of two stretches, and the phase by which the second is behind the first.
 
-    Frequency k = 1..62 is k / 125 turns a sample. Its arrow is ``magnitude_1 * magnitude_2`` long and points
+    Frequency k = 1..62 is k / 125 turns per sample. Its arrow is ``magnitude_1 * magnitude_2`` long and points
     ``turns`` clockwise; turned back by ``k * lag / 125``, the arrows add up to a complex number whose real part is
-    the correlation at that lag: ``sum(x[i] * y[i + lag])`` over the square root of both energies.
+    the correlation at that lag: ``sum(x[i] * y[i + lag])`` over the square root of the product of both energies.
 
     Attributes
     ----------
     name
-        Of the example.
+        Name of the example.
     magnitude_1, magnitude_2
-        (62,) float64, of the stretches of recordings 1 and 2; the squares of each add up to 1.
+        (62,) float64, for recordings 1 and 2; the squares of each sum to 1.
     turns
         (62,) float64, -0.5..0.5: the phase difference, positive where recording 2 is behind.
     offset
-        By how many samples of the recordings the second stretch begins later than the first.
+        Samples of the recordings by which the second stretch begins later than the first.
     step
-        Samples of the recordings whose mean is one of the stretch.
+        Samples of the recordings averaged into one of the stretch.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Phasors:
 
     @property
     def lengths(self) -> Vector:
-        """Return how long the arrows are; straight in line they would reach their sum."""
+        """Return the lengths of the arrows; in a straight line they would reach their sum."""
         return self.magnitude_1 * self.magnitude_2
 
 
@@ -80,7 +80,7 @@ def phasors(name: str, stretch_1: Vector, stretch_2: Vector, *, offset: int = 0,
     Parameters
     ----------
     name
-        Of the example.
+        Name of the example.
     stretch_1, stretch_2
         (N1,) and (N2,), at most 125 samples. Correlations at lags beyond ``125 - max(N1, N2)`` wrap around.
     offset, step
@@ -89,7 +89,7 @@ def phasors(name: str, stretch_1: Vector, stretch_2: Vector, *, offset: int = 0,
     Raises
     ------
     ValueError
-        A stretch is too long, or does not move at all.
+        If a stretch is too long or constant.
     """
     magnitudes, angles = [], []
     for stretch in (stretch_1, stretch_2):
@@ -116,12 +116,12 @@ def correlation(phasors: Phasors, *, whiten: bool = False) -> tuple[Vector, Vect
     phasors
         The spectra.
     whiten
-        Make all arrows equal, 1 together (PHAT); frequencies with nothing in them stay out.
+        Make all arrows equal, with a sum of 1 (PHAT); empty frequencies stay out.
 
     Returns
     -------
     lags, heights
-        (97,) float64: from -12 to 12 samples in quarters, and the correlation there, -1..1.
+        (97,) float64: -12 to 12 samples in steps of a quarter, and the correlation there, -1..1.
     """
     lags = np.linspace(-LONGEST_LAG, LONGEST_LAG, 8 * LONGEST_LAG + 1)
     frequencies = np.arange(1, phasors.turns.size + 1) / SIZE
@@ -133,19 +133,19 @@ def correlation(phasors: Phasors, *, whiten: bool = False) -> tuple[Vector, Vect
 
 
 def common_stretch(name: str, signal_1: Vector, signal_2: Vector, lag: int) -> Phasors | None:
-    """Return the loudest stretch that both recordings hold, 4 samples apart; None where they share too little.
+    """Return the loudest stretch common to both recordings, 4 samples apart; None if they share too little.
 
-    Each sample of the stretch is the mean of `step` samples of the recording: that step is taken at which most
-    frequencies take part.
+    Each sample of the stretch is the mean of `step` samples of the recording; the step is the one at which the most
+    frequencies contribute.
 
     Parameters
     ----------
     name
-        Of the example.
+        Name of the example.
     signal_1, signal_2
         (N1,) and (N2,), the whole recordings.
     lag
-        The true one, samples.
+        The true lag, samples.
     """
     part_1, part_2 = overlap_slices(signal_1.size, signal_2.size, lag)
     loudest = _loudest_block(signal_1[part_1], signal_2[part_2])
@@ -154,7 +154,7 @@ def common_stretch(name: str, signal_1: Vector, signal_2: Vector, lag: int) -> P
 
 
 def _loudest_block(common_1: Vector, common_2: Vector) -> slice:
-    """Return which of many blocks is the loudest in both, without a copy of recordings that may be hours long."""
+    """Return the block that is loudest in both, without copying recordings that may be hours long."""
     blocks = common_1.size // BLOCK
     if blocks < 2:
         return slice(0, common_1.size)
@@ -164,13 +164,13 @@ def _loudest_block(common_1: Vector, common_2: Vector) -> slice:
 
 
 def _stretches(name: str, common_1: Vector, common_2: Vector, lag: int) -> Iterator[Phasors]:
-    """Yield the loudest stretch for every step that two equally long parts are long enough for."""
+    """Yield the loudest stretch for every step for which two equally long parts are long enough."""
     for step in STEPS:
         left = LAG * step
         if common_1.size < LENGTH * step + left:
             return
         loudest = loudest_stretch(common_1[left:], common_2[left:], LENGTH * step)
-        # Recording 2 from so much earlier on: what recording 1 begins with comes 4 of the new samples later.
+        # Recording 2 starts `left` samples earlier, so that the start of recording 1 comes 4 new samples into it.
         thinned = (part[loudest].reshape(-1, step).mean(1) for part in (common_1[left:], common_2))
         stretch_1, stretch_2 = (_faded(part) for part in thinned)
         if np.ptp(stretch_1) > 0 and np.ptp(stretch_2) > 0:
@@ -178,7 +178,7 @@ def _stretches(name: str, common_1: Vector, common_2: Vector, lag: int) -> Itera
 
 
 def _taking_part(lengths: Vector) -> float:
-    """Return how many arrows of equal length would share out like these."""
+    """Return the effective number of arrows: (sum of lengths)² / sum of squared lengths."""
     return float(lengths.sum() ** 2 / (lengths @ lengths))
 
 
@@ -189,7 +189,7 @@ def _faded(stretch: Vector) -> Vector:
 
 
 def knock() -> Phasors:
-    """Return one short sound that rings out, heard 4 samples later by recording 2 and unchanged."""
+    """Return one short decaying sound, unchanged in recording 2 but 4 samples later."""
     sound = np.random.default_rng(7).normal(size=KNOCK_LENGTH) * np.exp(-np.arange(KNOCK_LENGTH) / 12)
     sound -= sound.mean()
     stretches = np.zeros((2, LENGTH))
@@ -205,5 +205,5 @@ def tone() -> Phasors:
 
 
 def noise() -> Phasors:
-    """Return two noises that have nothing to do with each other."""
+    """Return two unrelated noises."""
     return phasors("noise", *(_faded(one) for one in np.random.default_rng(0).normal(size=(2, LENGTH))))

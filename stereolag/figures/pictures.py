@@ -1,4 +1,4 @@
-"""Images ready to be shown: 8-bit RGB of a bounded size, as PNG."""
+"""Images prepared for display: 8-bit RGB of bounded size, as PNG or JPEG."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ FASTEST_COMPRESSION = 1
 JPEG_QUALITY = 92
 
 SHOWN_WIDTH = 1400
-"""What is wider, px, is made smaller here: Streamlit would do it, slowly, and mix the colours of a map."""
+"""Px; wider pictures are reduced here: Streamlit would do it slowly, and blend the colours of a map."""
 
 
 def as_rgb(image: Image) -> Rgb:
     """Return any image as 8-bit RGB, its transparent parts on neutral grey.
 
-    Images of 16 bits and of floats are stretched from their darkest to their brightest value, so that something is
-    seen whatever their range.
+    16-bit and float images are stretched from their darkest to their brightest value, to be visible whatever their
+    range.
     """
     if image.dtype != np.uint8:
         low, high = float(image.min()), float(image.max())
@@ -39,7 +39,7 @@ def as_rgb(image: Image) -> Rgb:
 
 
 def fitted(image: Image, width: int = SHOWN_WIDTH) -> Rgb:
-    """Return the image as RGB, made smaller where it is wider than `width` px."""
+    """Return the image as RGB, reduced if it is wider than `width` px."""
     picture = as_rgb(image)
     if picture.shape[1] <= width:
         return picture
@@ -48,9 +48,9 @@ def fitted(image: Image, width: int = SHOWN_WIDTH) -> Rgb:
 
 
 def thinned(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
-    """Return every second, third … row and column of what is wider than :data:`SHOWN_WIDTH`.
+    """Return every second, third … row and column of an array wider than :data:`SHOWN_WIDTH`.
 
-    For maps: colours mixed of several pixels would stand for a value that none of them has.
+    For maps: a blend of the colours of several pixels would stand for a value that none of them has.
     """
     every = -(-values.shape[1] // SHOWN_WIDTH)
     return values[::every, ::every]
@@ -70,7 +70,7 @@ def rgba_png(picture: npt.NDArray[np.uint8]) -> bytes:
 
 
 def jpeg(picture: Rgb) -> bytes:
-    """Return an RGB photograph as the bytes of a JPEG that looks the same, for a page to show."""
+    """Return an RGB photograph as the bytes of a visually identical JPEG."""
     bgr = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2BGR)
     _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return data.tobytes()
@@ -81,20 +81,20 @@ def _on_grey(image: npt.NDArray[np.uint8]) -> Rgb:
     return np.rint(image[:, :, :3] * opacity + 128 * (1 - opacity)).astype(np.uint8)
 
 
-# Chosen to stand out on the light and on the dark page alike.
+# Chosen to stand out on both the light and the dark page.
 SENSOR_1 = "#3a8fb7"
 SENSOR_2 = "#e08138"
 CORRELATION = "#8273cf"
 PEAK = "#e0447c"
 
 FRAME = (255, 0, 160)
-"""Drawn around a place in an image: a pink that hardly any image holds."""
+"""Colour of frames around places in an image: a pink that hardly any image contains."""
 
 NO_ANSWER = (140, 140, 140)
-"""A neutral grey: no colour of viridis is one."""
+"""A neutral grey, which viridis does not contain."""
 
 NO_ANSWER_NUMBER = 255
-"""Its place in a table of colours, after all others."""
+"""Its index in a colour table, after all others."""
 
 
 def palette(colour_map: int) -> Rgb:
@@ -107,12 +107,12 @@ VIRIDIS = palette(cv2.COLORMAP_VIRIDIS)
 
 
 def coloured(values: npt.NDArray[np.floating[Any]], low: float, high: float, colours: Rgb = VIRIDIS) -> Rgb:
-    """Return an array as an image: the first of the colours at `low`, the last at `high`, NaN grey.
+    """Return an array as an image: the first colour at `low`, the last at `high`, NaN grey.
 
     Parameters
     ----------
     values
-        (rows, cols); what lies beyond `low` and `high` gets the colour of that end.
+        (rows, cols); values beyond `low` or `high` get the colour of that end.
     low, high
         ``low < high``.
     colours
@@ -127,8 +127,8 @@ def coloured(values: npt.NDArray[np.floating[Any]], low: float, high: float, col
 
 
 def colour_numbers(values: npt.NDArray[np.floating[Any]], low: float, high: float) -> npt.NDArray[np.uint8]:
-    """Return which entry of a :func:`colour_table` each value gets: 0 at `low`, 254 at `high`, 255 without a value."""
-    # In place: at every move of a slider the memory of each intermediate array would have to be found anew.
+    """Return the index of each value in a :func:`colour_table`: 0 at `low`, 254 at `high`, 255 for no value."""
+    # In place: otherwise every move of a slider would allocate memory for each intermediate array.
     share: npt.NDArray[np.float32] = np.subtract(values, low, dtype=np.float32, casting="same_kind")
     share *= np.float32((NO_ANSWER_NUMBER - 1) / (high - low))
     np.fmax(share, 0, out=share)
@@ -140,7 +140,7 @@ def colour_numbers(values: npt.NDArray[np.floating[Any]], low: float, high: floa
 
 
 def colour_table(colours: Rgb) -> Rgb:
-    """Return (256, 3) uint8 RGB: a ramp of 256 colours in 255 steps, and last the grey of no disparity."""
+    """Return (256, 3) uint8 RGB: a ramp of 256 colours sampled at 255, then the grey of no disparity."""
     return np.vstack([colours[np.rint(np.linspace(0, 255, NO_ANSWER_NUMBER)).astype(np.intp)], [NO_ANSWER]]).astype(
         np.uint8
     )

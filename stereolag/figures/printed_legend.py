@@ -12,7 +12,7 @@ from stereolag.figures.pictures import NO_ANSWER
 
 NARROWEST = 360
 DESIGNED_FOR = 900
-"""Px; the width of an image up to which the legend has the sizes below, and with which it grows beyond."""
+"""Px; up to this image width the legend has the sizes below, beyond it grows in proportion."""
 
 TEXT, MARGIN, BAR, TICK, GAP = 14, 24, 14, 5, 8
 PAPER, INK = (255, 255, 255), (30, 30, 30)
@@ -24,13 +24,13 @@ def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str)
     Parameters
     ----------
     picture
-        (rows, cols, 3) uint8 RGB; it is kept pixel for pixel, in the middle of the upper edge.
+        (rows, cols, 3) uint8 RGB; kept pixel for pixel, centred at the top.
     low, high
-        What the first and the last colour of the palette stand for, ``low < high``.
+        Values at the first and the last colour of the palette, ``low < high``.
     palette
         (256, 3) uint8 RGB.
     title
-        What is shown, with its unit; letters of the Latin alphabet.
+        The quantity shown, with its unit; Latin letters only.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The pixels without an answer, coloured by the reason."""
+"""Pixels without a measurement, coloured by the reason."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ REASON_COLOURS: dict[Reason, tuple[int, int, int]] = {
     Reason.SPECKLE: (66, 192, 131),
     Reason.AT_SEARCH_EDGE: (145, 77, 13),
 }
-"""A colour for each reason but MEASURED; colour-blind eyes tell them apart too, from each other and from the image."""
+"""A colour for each reason but MEASURED; distinct from each other and from the image for colour-blind eyes too."""
 
 
 def reasons_picture(reason: ReasonMap, image: Image) -> Rgb:
@@ -37,14 +37,14 @@ def reasons_picture(reason: ReasonMap, image: Image) -> Rgb:
 
 
 def share_of_reasons(reasons: Mapping[str, ReasonMap], words: Mapping[Reason, str]) -> go.Figure:
-    """Return one bar for each map: how much of it has no measurement, and why.
+    """Return one bar for each map: its share without a measurement, by reason.
 
     Parameters
     ----------
     reasons
-        {name of the method: its reasons}.
+        {name of the method: its reason map}.
     words
-        What each reason is called.
+        Name of each reason on the page.
     """
     figure = go.Figure()
     names = list(reasons)

@@ -18,17 +18,17 @@ from stereolag.signals.overlaps import overlap_length
 from stereolag.typography import typeset
 
 POINTS = 2_000
-"""Drawn for a line, however long: about two for every pixel of its width."""
+"""Most points drawn per line, however long: about two for every pixel of its width."""
 
 CLOSE_UP_SAMPLES = 200
-"""Of Fig. 1.5b of the report."""
+"""As in Fig. 1.5b of the report."""
 
 VOTES_SHOWN = 200
 
 RIBBON_POINTS = 257
 
 DOUBTFUL = "#8a8a8a"
-"""The colour of a peak that is not sure, and of those that fit as well."""
+"""Colour of a peak that is not sure, and of its rivals."""
 
 LINE = {"width": 1}
 LAYOUT: dict[str, Any] = {
@@ -39,7 +39,7 @@ LAYOUT: dict[str, Any] = {
 
 
 def waveforms(signal_1: Vector, signal_2: Vector, sampling_rate: float) -> go.Figure:
-    """Return both recordings as they were made, one above the other, over the same seconds."""
+    """Return both recordings before alignment, one above the other, on the same time axis."""
     figure = make_subplots(rows=2, shared_xaxes=True, vertical_spacing=0.06)
     for row, (signal, name, colour) in enumerate(_named(signal_1, signal_2), start=1):
         seconds = np.arange(signal.size) / sampling_rate
@@ -64,12 +64,12 @@ def aligned(signal_1: Vector, signal_2: Vector, lag: int, sampling_rate: float) 
 
 
 def shared_samples(signal_1: Vector, signal_2: Vector, lag: int) -> tuple[int, int]:
-    """Return the first sample of `signal_1` that `signal_2` holds too, and the one after the last."""
+    """Return the first sample of `signal_1` that overlaps `signal_2`, and the one after the last."""
     return max(0, -lag), min(signal_1.size, signal_2.size - lag)
 
 
 def liveliest_start(signal_1: Vector, first: int, last: int) -> int:
-    """Return where, between two samples, the close-up with the most energy begins."""
+    """Return the start of the close-up with the most energy between two samples."""
     energy = np.concatenate(([0.0], np.cumsum(_standardised(signal_1[first:last]) ** 2)))
     length = min(CLOSE_UP_SAMPLES, last - first)
     return first + int(np.argmax(energy[length:] - energy[:-length]))
@@ -83,7 +83,7 @@ def close_up(signal_1: Vector, signal_2: Vector, lag: int, start: int) -> go.Fig
     samples = np.arange(start, stop, dtype=np.int32)
     shown = (_standardised(signal_1)[start:stop], _standardised(signal_2)[start + lag : stop + lag])
     figure = go.Figure()
-    # A broad line under a narrow one: both are seen where they coincide.
+    # A broad line under a narrow one, so that both show where they coincide.
     for signal, name, colour, width in zip(
         shown, ("sensor 1", "sensor 2, shifted to line up"), (SENSOR_1, SENSOR_2), (7, 2), strict=True
     ):
@@ -96,17 +96,17 @@ def close_up(signal_1: Vector, signal_2: Vector, lag: int, start: int) -> go.Fig
 
 
 def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] | None = None) -> go.Figure:
-    """Return the curve of a result with its peak and its rivals marked; for "sampled", the votes.
+    """Return the correlation curve with its peak and its rivals marked; for "sampled", the votes.
 
     Parameters
     ----------
     result
-        Of :func:`stereolag.signals.signal_lag`. Where it was judged, a grey ribbon spans the values that chance gives.
+        Result of :func:`stereolag.signals.signal_lag`. If it was judged, a grey ribbon spans the range of chance.
     title
-        Of the axis.
+        Title of the axis.
     sizes
-        Lengths of the recordings where the curve is weighted by their overlap and plain Pearson shall be shown: there
-        the ribbon widens as the overlap shrinks.
+        Lengths of the recordings, to convert a curve weighted by overlap to plain Pearson; the ribbon then widens as
+        the overlap shrinks.
     """
     figure = go.Figure()
     colour = PEAK if result.verdict == "sure" or result.judgement is None else DOUBTFUL
@@ -135,14 +135,14 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
 
 
 def _weights(lags: npt.NDArray[np.int64], sizes: tuple[int, int] | None) -> Vector:
-    """Return by what the curve was multiplied so that short overlaps do not win, 1 where nothing is to be undone."""
+    """Return the overlap weights of the curve, which keep short overlaps from winning; 1 without `sizes`."""
     if sizes is None:
         return np.ones(lags.size)
     return np.asarray(np.sqrt(overlap_length(*sizes, lags) / min(sizes)))
 
 
 def _add_ribbon(figure: go.Figure, result: SignalLag, weight: Vector) -> None:
-    """Add the ribbon between the values that chance gives."""
+    """Add the ribbon that spans the range of chance."""
     if result.judgement is None or result.judgement.ribbon is None or result.lags is None:
         return
     low, high = result.judgement.ribbon
@@ -164,7 +164,7 @@ def _add_ribbon(figure: go.Figure, result: SignalLag, weight: Vector) -> None:
 
 
 def lag_over_time(drift: Drift, sampling_rate: float) -> go.Figure:
-    """Return the lag of each block over the seconds of recording 1, and the line of their drift."""
+    """Return the lag of each block over the time of recording 1, and the line fitted to their drift."""
     places, lags = np.array(drift.places), np.array(drift.lags)
     seconds = places / sampling_rate
     line_lags = np.polyval(np.polyfit(places, lags, 1), places[[0, -1]])
@@ -175,7 +175,7 @@ def lag_over_time(drift: Drift, sampling_rate: float) -> go.Figure:
     )
     marker = {"color": PEAK, "size": 8}
     figure.add_trace(go.Scatter(x=seconds, y=lags, mode="markers", marker=marker, name="blocks"))
-    # At least a sample high: what varies by hundredths must not look like a drift.
+    # At least one sample high: variation by hundredths must not look like drift.
     middle, half = float(np.median(lags)), max(0.5, 0.6 * float(np.ptp(lags)))
     figure.update_layout(height=220, **LAYOUT | {"hovermode": "closest", "showlegend": False})
     figure.update_xaxes(title="seconds on the clock of sensor 1")
@@ -184,7 +184,7 @@ def lag_over_time(drift: Drift, sampling_rate: float) -> go.Figure:
 
 
 def run_times(seconds: Vector) -> go.Figure:
-    """Return how many runs took how long, with their median (Fig. 1.5c of the report)."""
+    """Return a histogram of run times, with their median (Fig. 1.5c of the report)."""
     milliseconds = 1e3 * seconds
     figure = go.Figure(go.Histogram(x=milliseconds, nbinsx=30, marker={"color": CORRELATION}, name="runs"))
     figure.add_vline(x=float(np.median(milliseconds)), line={"color": PEAK, "width": 2, "dash": "dash"})
@@ -199,7 +199,7 @@ def _named(signal_1: Vector, signal_2: Vector) -> tuple[tuple[Vector, str, str],
 
 
 def _line(x: npt.NDArray[Any], y: Vector, name: str, colour: str) -> go.Scatter:
-    """Return a line of at most `POINTS` points that looks as the whole would."""
+    """Return a line of at most `POINTS` points that looks like the full one."""
     if y.size > POINTS:
         kept = MinMaxLTTBDownsampler().downsample(np.ascontiguousarray(y), n_out=POINTS)  # type: ignore[no-untyped-call]
         x, y = x[kept], y[kept]
@@ -234,6 +234,6 @@ def _peak(lag: int, height: float, colour: str) -> go.Scatter:
 
 
 def _standardised(signal: Vector) -> Vector:
-    """Return the signal without its mean and in standard deviations: sensors of different gain become comparable."""
+    """Return the signal with zero mean, in standard deviations, to make sensors of different gain comparable."""
     centred = signal - signal.mean()
     return np.asarray(centred / (centred.std() or 1.0))

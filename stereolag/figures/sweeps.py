@@ -1,4 +1,4 @@
-"""A sweep as two images of one grid: small disparity maps, and the bad-2 of each cell."""
+"""A sweep as two figures of one grid: small disparity maps, and the bad-2 of each cell."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ GAP = 3
 """Px between the small maps."""
 
 DRAWN_WIDTH = 640
-"""Px that the grid of maps has on a page of usual width; its height follows."""
+"""Width of the grid of maps on a typical page, px; sets its height."""
 
 SMALLEST_HEIGHT = 260
 MARKER = 18
@@ -32,24 +32,24 @@ MARKER = 18
 
 @dataclass(frozen=True, eq=False)
 class ContactSheet:
-    """The maps of a sweep made small, side by side.
+    """The maps of a sweep, reduced and side by side.
 
     Attributes
     ----------
     maps
-        (n_rows * height, n_cols * width) float32, px of disparity; NaN where there is no disparity.
+        (n_rows * height, n_cols * width) float32 disparities, px; NaN = none.
     height, width
-        Of one small map, px.
+        Size of one small map, px.
     rows, cols
-        The values of the two parameters.
+        Values of the two parameters.
     bad
-        (n_rows, n_cols) bad-2, %; NaN where there is no map, or nothing to judge it by.
+        (n_rows, n_cols) bad-2, %; NaN if there is no map, or no way to judge it.
     shown
-        (n_rows, n_cols) bool: where there is a map.
+        (n_rows, n_cols) bool: whether there is a map.
     criterion
-        What `bad` is: true or estimated.
+        Whether `bad` is true or estimated.
     finished
-        Whether all combinations were tried.
+        Whether all combinations have been tried.
     """
 
     maps: npt.NDArray[np.float32]
@@ -64,7 +64,7 @@ class ContactSheet:
 
     @property
     def judged(self) -> bool:
-        """Return whether there is anything to compare the maps by."""
+        """Return whether any map has a bad-2."""
         return bool(np.isfinite(self.bad).any())
 
     @classmethod
@@ -89,16 +89,16 @@ class ContactSheet:
 def sweep_maps(
     sheet: ContactSheet, names: tuple[str, str], colours: Colours, current: tuple[int, int] | None
 ) -> go.Figure:
-    """Return the grid of small maps, in the colours of all maps; a click gives the number of the cell.
+    """Return the grid of small maps, in the colours of all maps; a click returns the number of the cell.
 
     Parameters
     ----------
     sheet
         The maps.
     names
-        What the two parameters are called, that of the rows first.
+        Names of the two parameters, rows first.
     colours
-        Those of all maps.
+        The colours that all maps share.
     current
         (row, col) of the cell whose settings are in use.
     """
@@ -119,7 +119,7 @@ def sweep_maps(
 
 
 def sweep_bad(sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None) -> go.Figure:
-    """Return the heat map of bad-2 over the same grid, low ones bright; a click gives the number of the cell."""
+    """Return bad-2 over the same grid as a heat map, low values bright; a click returns the number of the cell."""
     figure = go.Figure(
         go.Heatmap(
             z=sheet.bad.astype(np.float32),
@@ -135,7 +135,7 @@ def sweep_bad(sheet: ContactSheet, names: tuple[str, str], current: tuple[int, i
 
 
 def _sheet_png(sheet: ContactSheet, colours: Colours) -> str:
-    """Return the maps as the data address of a PNG, transparent between them and where there is none."""
+    """Return the maps as the data URL of a PNG, transparent between maps and in cells without one."""
     picture = coloured(sheet.maps, colours.low, colours.high, colours.palette)
     rows, cols = np.ogrid[: picture.shape[0], : picture.shape[1]]
     opaque = (rows % sheet.height < sheet.height - GAP) & (cols % sheet.width < sheet.width - GAP)
@@ -148,7 +148,7 @@ def _sheet_png(sheet: ContactSheet, colours: Colours) -> str:
 def _as_grid(
     figure: go.Figure, sheet: ContactSheet, names: tuple[str, str], current: tuple[int, int] | None
 ) -> go.Figure:
-    """Name the cells, frame the best and the current one, and make every cell a place to click."""
+    """Label the cells, frame the best and the current one, and make every cell clickable."""
     n_rows, n_cols = sheet.bad.shape
     rows, cols = np.indices(sheet.bad.shape)
     figure.add_trace(

@@ -1,4 +1,4 @@
-"""A template search small enough to be done by hand in the browser: both pictures reduced, and every place scored."""
+"""A template search small enough to do by hand in the browser: both pictures reduced, and every place scored."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from stereolag.templates import match_template
 from stereolag.templates.patterns import alike, opaque_pixels
 
 PIXELS = 250_000
-"""Of the reduced picture: some hundred kilobytes on their way, and one screen's width."""
+"""Pixels of the reduced picture: some hundred kilobytes to send, and one screen's width."""
 
 LEAST_SIDE = 12
-"""Px; a template that is shorter shows too little. Rather than that, only a part of the picture is sent."""
+"""Px; a smaller template shows too little. To avoid that, only a part of the picture is sent."""
 
 LEAST_OPAQUE = 16
-"""With fewer pixels that are opaque all over, those count too that are opaque for the most part."""
+"""With fewer fully opaque pixels, those that are at least half opaque count too."""
 
 RIVALS = 3
 
@@ -32,24 +32,24 @@ ScoreMap = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class ReducedSearch:
-    """A picture, a template and the score of every place, on a scale that the browser can hold.
+    """A picture, a template and the score of every place, reduced for the browser.
 
     Attributes
     ----------
     picture
-        (rows, cols, 3) uint8 RGB; every pixel is the mean of factor × factor pixels of the image.
+        (rows, cols, 3) uint8 RGB; each pixel is the mean of factor × factor pixels of the image.
     template
         (height, width, 3) uint8 RGB.
     opaque
-        (height, width), the pixels that are compared.
+        (height, width), the pixels compared.
     score_map
         (rows - height + 1, cols - width + 1) float32, NaN where the window is flat.
     factor
-        How many pixels of the image along each side became one.
+        Image pixels along each side averaged into one.
     row, col
-        The pixel of the image at which the picture begins.
+        Image pixel at which the picture begins.
     part
-        Whether the picture shows a part of the image only.
+        Whether the picture shows only a part of the image.
     """
 
     picture: Rgb
@@ -62,7 +62,7 @@ class ReducedSearch:
     part: bool
 
     def leaders(self) -> list[tuple[int, int, float]]:
-        """Return (row, col, score) of the best places, best first, each at least a template away from the others."""
+        """Return (row, col, score) of the best places, best first, each at least one template size from the others."""
         left = np.where(np.isnan(self.score_map), -np.inf, self.score_map)
         height, width = self.opaque.shape
         best: list[tuple[int, int, float]] = []
@@ -76,22 +76,22 @@ class ReducedSearch:
 def reduced_search(
     image: Image, template: Image, mask: Image | None, *, near: tuple[int, int] | None = None, pixels: int = PIXELS
 ) -> ReducedSearch:
-    """Reduce an image and a template by the same whole factor, and score every place of the one in the other.
+    """Reduce an image and a template by the same whole factor, and score the template at every place in the image.
 
     Parameters
     ----------
     image, template, mask
-        As :func:`stereolag.templates.match_template` takes them.
+        As in :func:`stereolag.templates.match_template`.
     near
-        (row, col) of a place that must survive: it falls on a pixel of the reduced picture, and the part of the image
-        that is left lies around it.
+        (row, col) of a place to keep: it falls on a pixel of the reduced picture, and if only a part of the image is
+        kept, that part surrounds it.
     pixels
-        Of the reduced picture, about.
+        Approximate number of pixels of the reduced picture.
 
     Raises
     ------
     ValueError
-        The template is constant, or becomes so when it is reduced.
+        If the template is constant, or becomes so when reduced.
     """
     whole, small = as_image(image, "image"), as_image(template, "template")
     opaque = opaque_pixels(small, mask)
@@ -116,9 +116,9 @@ def reduced_search(
 
 
 def _part(length: int, least: int, at: int, factor: int, share: float) -> tuple[int, int]:
-    """Return where the picture begins along one side, and how many reduced pixels it has.
+    """Return the start of the picture along one side, and its number of reduced pixels.
 
-    A picture that is still far too large at this factor keeps a part around the place `at`.
+    A picture still far too large at this factor is cut to a part around the place `at`.
     """
     offset = at % factor
     side = (length - offset) // factor
@@ -136,7 +136,7 @@ def _block_means(colours: Rgb, factor: int) -> Rgb:
 
 
 def _reduced_template(colours: Rgb, opaque: Mask, factor: int) -> tuple[Rgb, Mask]:
-    """Return the means over the opaque pixels of each block, and the blocks that count."""
+    """Return the mean of the opaque pixels of each block, and which blocks count."""
     rows, cols = opaque.shape[0] // factor, opaque.shape[1] // factor
     inner = np.s_[: rows * factor, : cols * factor]
     blocks = opaque[inner].reshape(rows, factor, cols, factor)
@@ -155,11 +155,11 @@ def packed_search(search: ReducedSearch, *, name: str, words: dict[str, object])
     Parameters
     ----------
     search
-        What is sent.
+        The search to send.
     name
-        What the browser calls it.
+        Its name in the browser.
     words
-        All that is written beside it.
+        Texts beside it.
     """
     opaque = np.stack([search.opaque * np.uint8(255)] * 3, axis=-1)
     header = {

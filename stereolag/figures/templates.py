@@ -1,4 +1,4 @@
-"""The places a template search found, framed in the image, and its score map."""
+"""The matches of a template search framed in the image, and its score map."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def framed(
     template: tuple[int, ...] | None = None,
     width: int = SHOWN_WIDTH,
 ) -> bytes:
-    """Return the image, no wider than `width` px, as a PNG with a frame around every match, the best one's boldest.
+    """Return the image, at most `width` px wide, as a PNG with a frame around every match, boldest for the best.
 
-    Doubtful places are dashed; frames are turned where the shape of the template is given.
+    Frames are dashed at doubtful places, and rotated if the shape of the template is given.
     """
     shown = fitted(picture, width).copy()
     scale = shown.shape[1] / picture.shape[1]
@@ -46,7 +46,7 @@ def framed(
 
 
 def what_counts(template: Image, mask: Image | None) -> bytes:
-    """Return the template as a PNG, neutral grey where its mask, or without one its alpha, leaves it out."""
+    """Return the template as a PNG, neutral grey where its mask, or else its alpha, excludes it."""
     if mask is None:
         return png(as_rgb(template))
     colours = template[:, :, :3] if template.ndim == 3 else template
@@ -58,7 +58,7 @@ def what_counts(template: Image, mask: Image | None) -> bytes:
 def match_close_up(
     picture: Image, match: TemplateMatch, *, doubtful: bool = False, template: tuple[int, ...] | None = None
 ) -> bytes:
-    """Return the match with what is around it, 4:3 and enlarged, as a PNG; its frame is dashed where doubtful."""
+    """Return the match and its surroundings, 4:3 and enlarged, as a PNG; its frame is dashed if doubtful."""
     height = 2 * max(match.height, match.width)
     rows = _around(match.row + match.height // 2, height, picture.shape[0])
     cols = _around(match.col + match.width // 2, height * 4 // 3, picture.shape[1])
@@ -72,9 +72,9 @@ def match_close_up(
 
 
 def score_map_png(score_map: npt.NDArray[np.float32], matches: Sequence[TemplateMatch]) -> bytes:
-    """Return the score of every place as a PNG, 0 and less dark, 1 yellow, flat places grey, matches ringed.
+    """Return the score of every place as a PNG: dark at 0 and below, yellow at 1, flat places grey, matches ringed.
 
-    Where a pixel of the PNG stands for several places it shows the best of them: a peak is one place wide.
+    A pixel that stands for several places shows the best of them, because a peak is one place wide.
     """
     factor = block_side(score_map)
     shown = coloured(best_of_blocks(score_map, factor)[0], 0, 1)
@@ -87,11 +87,11 @@ def score_map_png(score_map: npt.NDArray[np.float32], matches: Sequence[Template
 
 
 def score_legend() -> go.Figure:
-    """Return a strip of the colours with the scores they stand for."""
+    """Return the legend of the score colours."""
     return legend(0, 1, VIRIDIS, "score")
 
 
 def _around(centre: int, length: int, end: int) -> slice:
-    """Return `length` pixels around `centre`, moved (or cut) so that they lie within 0 … `end`."""
+    """Return `length` pixels around `centre`, shifted (or cut) to stay within 0 … `end`."""
     start = max(0, min(centre - length // 2, end - length))
     return slice(start, min(end, start + length))

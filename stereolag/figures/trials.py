@@ -1,4 +1,4 @@
-"""The part of an image that was degraded, with the template's known place and where a method found it."""
+"""The degraded part of an image, with the template's known place and the place a method found."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def trial_jpeg(part: Image, trial: Trial, place: tuple[int, int], shape: tuple[i
     Parameters
     ----------
     part
-        What was searched.
+        The part searched.
     trial
-        What a method made of it; a miss has no bold frame.
+        Result of a method; a miss has no bold frame.
     place
-        (row, col) of the template's top-left pixel, the truth.
+        True (row, col) of the template's top-left pixel.
     shape
         (height, width) of the template.
     """

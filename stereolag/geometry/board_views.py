@@ -17,26 +17,26 @@ from stereolag.inputs import as_eight_bit, as_grey, as_image
 from stereolag.progress import Progress, silent
 
 Pairs: TypeAlias = Sequence[tuple[npt.ArrayLike, npt.ArrayLike]]
-"""Left and right pictures; each is asked for when it is needed, and not kept."""
+"""Left and right pictures; each is requested when needed, and not kept."""
 
 GUESSED_FROM = 8
-"""Pairs from which the board is guessed, spread over all."""
+"""Number of pairs from which the board is guessed, spread over all."""
 
 MOST_PAIRS = 100
 
 
 @dataclass(frozen=True, eq=False)
 class BoardViews:
-    """Where the corners of a board are in pairs of pictures.
+    """Positions of a board's corners in pairs of pictures.
 
     Attributes
     ----------
     board
-        Which board.
+        The board.
     size
         Width and height of most pictures, px.
     left, right
-        Of each pair; None where the board was not found.
+        Corners in each pair; None where the board was not found.
     sizes
         Width and height of the pictures of each pair, left and right, px.
     """
@@ -64,7 +64,7 @@ def find_boards(
     pairs
         Left and right, (rows, cols) grey or (rows, cols, 3 | 4) RGB(A) each; uint8, uint16 or float.
     board
-        The board, or its columns and rows of inner corners; None: found from the pictures.
+        The board, or its columns and rows of inner corners; None: guessed from the pictures.
     progress
         Called with the fraction done.
 
@@ -75,7 +75,7 @@ def find_boards(
     Raises
     ------
     ValueError
-        No pairs or more than 100, a picture that is none, or a board of unknown size that no picture shows.
+        No pairs or more than 100, a picture that is not an image, or a board of unknown size that no picture shows.
     """
     pairs = pairs if isinstance(pairs, Sequence) else list(pairs)
     if not 1 <= len(pairs) <= MOST_PAIRS:
@@ -102,14 +102,14 @@ def guess_board(pairs: Pairs, size: tuple[int, int] | None = None) -> Board:
     Parameters
     ----------
     pairs
-        As :func:`find_boards` takes them; a few are looked at.
+        As for :func:`find_boards`; only a few are examined.
     size
-        Its columns and rows of inner corners, where known: then only its kind is found.
+        Columns and rows of inner corners, if known: then only the kind of board is guessed.
 
     Raises
     ------
     ValueError
-        A size out of bounds, or no board to be seen.
+        A size out of bounds, or no board in the pictures.
     """
     if size is not None:
         size = Board(*size).columns, Board(*size).rows

@@ -1,4 +1,4 @@
-"""Calibration boards: a chessboard, or one with markers in its white squares (ChArUco), and corners of them."""
+"""Calibration boards: a chessboard, or one with markers in its white squares (ChArUco), and their corners."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Grey8 = npt.NDArray[np.uint8]
 """(rows, cols) uint8."""
 
 FEWEST_CORNERS, MOST_CORNERS = 2, 50
-"""Inner corners in a row or a column of a board."""
+"""Allowed number of inner corners in a row or a column of a board."""
 
 MARGIN_SQUARES = 1
-"""The white border around a drawn board; without one the outermost squares are not found."""
+"""White border around a drawn board; without it the outermost squares are not found."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class Markers:
     Attributes
     ----------
     dictionary
-        Name of OpenCV's predefined dictionary, ``"DICT_5X5_1000"``; a smaller one of the same kind is its beginning.
+        Name of OpenCV's predefined dictionary, ``"DICT_5X5_1000"``; a smaller one of the same kind is its first part.
     share
-        Side of a marker as a share of that of a square.
+        Side of a marker as a share of the side of a square.
     legacy
-        Whether the first square of an even number of rows is white, as OpenCV drew it before 4.6.
+        Whether the first square is white if the number of rows is even, as drawn by OpenCV before 4.6.
     """
 
     dictionary: str
@@ -47,14 +47,14 @@ class Board:
     Attributes
     ----------
     columns, rows
-        Inner corners, where four squares meet, in a row and in a column: one fewer than squares.
+        Number of inner corners, where four squares meet, in a row and in a column: one fewer than squares.
     markers
-        Of a ChArUco board; None for a plain chessboard.
+        Markers of a ChArUco board; None for a plain chessboard.
 
     Raises
     ------
     ValueError
-        A number of corners that is not 2 to 50.
+        A number of corners outside 2 to 50.
     """
 
     columns: int
@@ -71,18 +71,18 @@ class Board:
 
     @property
     def corners(self) -> int:
-        """Return how many inner corners it has."""
+        """Return the number of inner corners."""
         return self.columns * self.rows
 
     def points(self) -> DoubleMap:
-        """Return the places of the corners, (n, 3), row by row, in squares: column, row, 0."""
+        """Return the positions of the corners, (n, 3), row by row, in squares: column, row, 0."""
         rows, cols = np.divmod(np.arange(self.corners), self.columns)
         return np.stack([cols, rows, np.zeros(self.corners)], axis=1).astype(np.float64)
 
     def orders(self) -> tuple[npt.NDArray[np.intp], ...]:
         """Return the orders in which a detector may list the corners of the same board, the plain one first.
 
-        A chessboard looks alike upside down, and a square one when turned by a right angle; markers settle it.
+        A chessboard looks the same upside down, and a square one when rotated by a right angle; markers settle it.
         """
         plain = np.arange(self.corners).reshape(self.rows, self.columns)
         if self.markers is not None:
@@ -93,14 +93,14 @@ class Board:
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """The corners of a board that were found in one picture.
+    """The corners of a board found in one picture.
 
     Attributes
     ----------
     numbers
-        (n,) which corners of the board, ascending.
+        (n,) numbers of the corners on the board, ascending.
     points
-        (n, 2) where, px: column, row of pixel centres.
+        (n, 2) positions, px: column, row of pixel centres.
     """
 
     numbers: npt.NDArray[np.intp]
@@ -110,18 +110,18 @@ class Corners:
         return len(self.numbers)
 
     def of(self, numbers: npt.NDArray[np.intp]) -> DoubleMap:
-        """Return the places of these corners, all of which must have been found."""
+        """Return the positions of these corners, all of which must have been found."""
         return np.asarray(self.points[np.searchsorted(self.numbers, numbers)])
 
 
 def first_markers(dictionary: str, count: int) -> Any:
-    """Return the first markers of one of OpenCV's dictionaries: to look for all of a large one takes far longer."""
+    """Return the first markers of one of OpenCV's dictionaries: searching for all of a large one takes far longer."""
     whole = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     return cv2.aruco.Dictionary(whole.bytesList[:count], whole.markerSize, whole.maxCorrectionBits)
 
 
 def charuco_board(board: Board) -> Any:
-    """Return OpenCV's own description of a ChArUco board, its squares of side 1."""
+    """Return OpenCV's own description of a ChArUco board with squares of side 1."""
     assert board.markers is not None
     size = (board.columns + 1, board.rows + 1)
     dictionary = first_markers(board.markers.dictionary, (size[0] * size[1] + 1) // 2)
@@ -131,14 +131,14 @@ def charuco_board(board: Board) -> Any:
 
 
 def board_picture(board: Board, square_px: int) -> Rgb | Grey8:
-    """Return the board as it is printed, (rows, cols) uint8, with a white margin of one square around it.
+    """Return the board as printed, (rows, cols) uint8, with a white margin of one square around it.
 
     Parameters
     ----------
     board
-        Which.
+        The board.
     square_px
-        Side of a square, px. The first inner corner lies between the pixels at ``2 * square_px``.
+        Side of a square, px. The first inner corner is between the pixels at ``2 * square_px``.
     """
     squares = board.columns + 1, board.rows + 1
     margin = MARGIN_SQUARES * square_px
@@ -148,7 +148,7 @@ def board_picture(board: Board, square_px: int) -> Rgb | Grey8:
         picture = np.kron(pattern, np.ones((square_px, square_px), np.uint8))
     else:
         size = squares[0] * square_px, squares[1] * square_px
-        # OpenCV draws markers of whole pixels only; others run over the edge of its picture.
+        # OpenCV draws markers of whole pixels only; others extend over the edge of its picture.
         whole = replace(board.markers, share=round(board.markers.share * square_px) / square_px)
         drawn = charuco_board(replace(board, markers=whole)).generateImage(size, marginSize=0)
         picture = np.asarray(drawn, dtype=np.uint8)

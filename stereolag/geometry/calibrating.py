@@ -1,4 +1,4 @@
-"""A stereo camera calibrated from pictures of a board (by ``cv2.stereoCalibrate``), and how good each pair was."""
+"""Calibration of a stereo camera from pictures of a board (by ``cv2.stereoCalibrate``), with a report on each pair."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from stereolag.geometry.rig import check_positive
 from stereolag.progress import Progress
 
 FEWEST_IN_COMMON = 6
-"""Corners of a ChArUco board that both pictures of a pair must show."""
+"""Fewest corners of a ChArUco board that both pictures of a pair must show."""
 
 SAME_PX = 0.02
-"""Corners no farther apart than this, on average, are those of one and the same picture."""
+"""Corners closer together than this on average, px, belong to one and the same picture."""
 
 MOST_FOCAL_ERROR = 0.1
-"""Standard error of a focal length, as a share of it, beyond which nothing is known."""
+"""Largest standard error of a focal length, as a share of it; above it the calibration is refused."""
 
 _FINDING_SHARE = 0.95
-"""Of the time; the rest is for the calibration."""
+"""Share of the time for finding the corners; the rest is for the calibration."""
 
 
 def calibrate(
@@ -42,9 +42,9 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a stereo camera from pairs of pictures of a chessboard or ChArUco board.
 
-    Each camera is calibrated alone, then both together with their pose (Zhang, PAMI 2000; Bouguet's stereo
-    calibration, by OpenCV). Pairs that contradict the others, because they were not taken at one moment or show the
-    board turned round in one picture, are left out: :func:`calibrate_boards` tells which.
+    Each camera is calibrated on its own, then both together with their pose (Zhang, PAMI 2000; Bouguet's stereo
+    calibration, by OpenCV). Pairs that contradict the others, because they were not taken at the same moment or show
+    the board turned round in one picture, are left out: :func:`calibrate_boards` reports which.
 
     Parameters
     ----------
@@ -52,27 +52,27 @@ def calibrate(
         Left and right pictures, 8 to 40 for a good calibration: (rows, cols) grey or (rows, cols, 3 | 4) RGB(A);
         uint8, uint16 or float; all of one size.
     board
-        Columns and rows of the board's inner corners, where four squares meet; None: found from the pictures. The kind
-        of board is found in either case.
+        Columns and rows of the board's inner corners, where four squares meet; None: guessed from the pictures. The
+        kind of board is guessed in either case.
     square_m
-        Side of a square, metres: it sets the unit of all lengths. Lengths count in squares while it is 1.
+        Side of a square, metres: it sets the unit of all lengths. With 1, lengths are in squares.
     progress
         Called with the fraction done.
 
     Returns
     -------
     calibration
-        With its ``rig``, for :func:`stereolag.rectify`, and ``rms``, the reprojection error in px.
+        Calibration with its ``rig``, for :func:`stereolag.rectify`, and ``rms``, the reprojection error in px.
 
     Raises
     ------
     ValueError
         Fewer than 3 pairs in which both pictures show the board, pairs that contradict each other, boards held too much
-        alike, left and right exchanged, cameras one above the other, or what :func:`find_boards` refuses.
+        alike, left and right exchanged, cameras one above the other, or anything :func:`find_boards` refuses.
 
     Examples
     --------
-    Two cameras 0.1 m apart, drawn with a board whose squares have sides of 30 mm:
+    Two cameras 0.1 m apart, drawn with a board with squares of 30 mm:
 
     >>> import numpy as np
     >>> import stereolag as sl
@@ -97,16 +97,16 @@ def calibrate(
 
 
 def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Collection[int] = ()) -> StereoCalibration:
-    """Calibrate a stereo camera from the corners of a board, and tell how good each pair was.
+    """Calibrate a stereo camera from the corners of a board, and report on each pair.
 
     Parameters
     ----------
     views
-        Where the corners are.
+        Positions of the corners.
     square_m
         Side of a square, metres.
     leave_out
-        Numbers of pairs that shall not count.
+        Numbers of pairs to leave out.
 
     Returns
     -------
@@ -115,7 +115,7 @@ def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Col
     Raises
     ------
     ValueError
-        As :func:`calibrate` does.
+        As for :func:`calibrate`.
     """
     check_positive(square_m, "square_m")
     reasons = _unusable(views, leave_out)
@@ -138,7 +138,7 @@ def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Col
 
 
 def _unusable(views: BoardViews, leave_out: Collection[int]) -> list[LeftOut | None]:
-    """Return why each pair cannot be used; None where it can."""
+    """Return why each pair cannot be used; None if it can."""
     reasons: list[LeftOut | None] = []
     kept: list[int] = []
     for number in range(len(views)):
@@ -205,12 +205,12 @@ def _report(
     reasons: list[LeftOut | None],
     focal_error: float,
 ) -> StereoCalibration:
-    """Return the calibration in metres, and what became of each pair."""
+    """Return the calibration in metres, with the outcome for each pair."""
     if focal_error > MOST_FOCAL_ERROR:
         raise ValueError(
-            f"The focal length is uncertain by {100 * focal_error:.0f} %; allowed are {100 * MOST_FOCAL_ERROR:.0f} %. "
-            f"The board was held too much alike in {len(fit.used)} pairs: tilt it by 30° and more, up and down and to "
-            "both sides, and show it in every part of the picture."
+            f"The focal length is uncertain by {100 * focal_error:.0f} %; at most {100 * MOST_FOCAL_ERROR:.0f} % is "
+            f"allowed. The board was held too similarly in {len(fit.used)} pairs: tilt it by 30° or more, up and down "
+            "and to both sides, and show it in every part of the picture."
         )
     rig = rig_of(fit, views.size, square_m)
     calibration = replace(rectified_calibration(rig, views.size), rig=rig, rms=fit.rms)

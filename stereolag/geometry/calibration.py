@@ -25,7 +25,7 @@ Float32Array = npt.NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Calibration:
-    """Turns the disparity of a rectified pair into metres: ``Z = focal_px * baseline_m / (disparity + doffs_px)``.
+    """Conversion of a rectified pair's disparity to metres: ``Z = focal_px * baseline_m / (disparity + doffs_px)``.
 
     Attributes
     ----------
@@ -38,14 +38,14 @@ class Calibration:
     cx, cy
         Principal point of the left image, px (column, row of pixel centres); None means the centre of the image.
     width, height
-        Size of the images it was made for, px; None where unknown.
+        Size of the images it was made for, px; None if unknown.
     num_disparities
-        How many disparities its maker states as sufficient, px; None where unknown.
+        Number of disparities its maker states as sufficient, px; None if unknown.
     rig
-        The cameras before rectification, where known: then the pair is not rectified yet, the numbers above are a
-        forecast, and :func:`stereolag.rectify` gives the rectified pair with its final calibration.
+        The cameras before rectification, if known: the pair is then not rectified yet, the numbers above are a
+        prediction, and :func:`stereolag.rectify` returns the rectified pair with its final calibration.
     rms
-        Reprojection error of the calibration, px; None where unknown.
+        Reprojection error of the calibration, px; None if unknown.
 
     Raises
     ------
@@ -106,7 +106,7 @@ class Calibration:
         return _metres(self.focal_px * self.baseline_m, self._shift(disparity))
 
     def depth_uncertainty(self, disparity: npt.ArrayLike, disparity_error: npt.ArrayLike) -> Float32Array:
-        """Return the error of the depth that an error of the disparity causes: ``Z² δd / (f B)``.
+        """Return the depth error caused by an error of the disparity: ``Z² δd / (f B)``.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What came out of a calibration: how good it is, and what became of each pair of pictures."""
+"""The result of a calibration: its quality, and the outcome for each pair of pictures."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from stereolag.geometry.relative_poses import SeenPair
 from stereolag.geometry.rig import StereoRig
 
 UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
-"""When the inverse of the distortion is exact enough; after OpenCV's five rounds a wide lens is a fifth of a px off."""
+"""Criteria to stop inverting the distortion; after OpenCV's five rounds a wide lens is off by a fifth of a px."""
 
 COVERAGE_CELLS = 100
-"""Each way; in these it is counted where boards have been."""
+"""Cells each way in which the coverage by boards is counted."""
 
 
 class LeftOut(StrEnum):
-    """Why a pair does not count."""
+    """Why a pair is left out."""
 
     NOT_FOUND_LEFT = "not_found_left"
     NOT_FOUND_RIGHT = "not_found_right"
@@ -39,20 +39,20 @@ class LeftOut(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class PairReport:
-    """What became of one pair of pictures.
+    """The outcome for one pair of pictures.
 
     Attributes
     ----------
     left, right
-        The corners that were found, those of the right picture in the order of the left one; None where none were.
+        Corners found, those of the right picture in the order of the left one; None if there are none.
     left_out
-        Why it does not count; None where it does.
+        Why the pair is left out; None if it counts.
     turned
-        Whether the board's corners had been counted from another end in the right picture, and were put in order.
+        Whether the corners in the right picture had been counted from another end of the board, and were reordered.
     left_rms, right_rms
-        How far the corners lie from where the calibration puts them, px RMS; NaN where that is not known.
+        Distance of the corners from where the calibration puts them, px RMS; NaN if unknown.
     row_error
-        How far apart the rows of matching corners lie after rectification, px, on average; NaN where not known.
+        Row difference of matching corners after rectification, px, on average; NaN if unknown.
     """
 
     left: Corners | None
@@ -71,22 +71,22 @@ class StereoCalibration:
     Attributes
     ----------
     calibration
-        With its rig, and its ``rms``.
+        Calibration with its rig and its ``rms``.
     board
-        What was in the pictures.
+        The board in the pictures.
     square_m
         Side of a square, metres.
     pairs
-        What became of each pair.
+        The outcome for each pair.
     rms
-        How far corners lie from where the calibration puts them, px RMS over both cameras and all pairs that count,
-        as ``cv2.stereoCalibrate`` tells it.
+        Distance of the corners from where the calibration puts them, px RMS over both cameras and all pairs that count,
+        as returned by ``cv2.stereoCalibrate``.
     row_error
-        How far apart the rows of matching corners lie after rectification, px, on average over these pairs.
+        Row difference of matching corners after rectification, px, on average over these pairs.
     left_coverage, right_coverage
-        Share of each picture in which a board has been, 0..1.
+        Share of each picture that has been covered by a board, 0..1.
     focal_error
-        Standard error of the focal lengths, as a share of them; the larger of both cameras.
+        Standard error of the focal lengths, as a share of them; the larger one of the two cameras.
     """
 
     calibration: Calibration
@@ -106,7 +106,7 @@ class StereoCalibration:
 
 
 def row_errors(seen: dict[int, SeenPair], fit: JointFit, rig: StereoRig, size: tuple[int, int]) -> dict[int, float]:
-    """Return how far apart the rows of matching corners lie in the rectified pair, px, on average over each pair."""
+    """Return the row difference of matching corners in the rectified pair, px, on average over each pair."""
     how = rectification(rig, size)
     cameras = (
         (fit.left.matrix, fit.left.distortion, how.left_rotation, how.left_projection),
@@ -125,7 +125,7 @@ def row_errors(seen: dict[int, SeenPair], fit: JointFit, rig: StereoRig, size: t
 
 
 def coverage(corners: Sequence[Corners], size: tuple[int, int]) -> float:
-    """Return the share of a picture, 0..1, in which the board has been in one picture or another."""
+    """Return the share of a picture, 0..1, that the board covered in at least one of the pictures."""
     cells = np.zeros((COVERAGE_CELLS, COVERAGE_CELLS), np.uint8)
     for one in corners:
         places = np.floor(one.points * COVERAGE_CELLS / size).astype(np.int32)

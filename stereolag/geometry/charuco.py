@@ -1,4 +1,4 @@
-"""ChArUco boards, chessboards with markers in their white squares: their corners, and which board it is."""
+"""ChArUco boards, chessboards with markers in their white squares: finding their corners and guessing the board."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from stereolag.geometry.boards import MOST_CORNERS, Board, Corners, Grey8, Marke
 from stereolag.geometry.chessboards import reduced, refined_in_windows
 
 LARGEST_SIDE = 2400
-"""Of the picture in which markers are looked for, px."""
+"""Largest side of the picture searched for markers, px."""
 
 FEWEST_FOUND = 6
-"""Corners that a part of a board must show to count."""
+"""Fewest corners for a part of a board to count."""
 
 DICTIONARIES = (
     "DICT_4X4_1000",
@@ -30,31 +30,31 @@ DICTIONARIES = (
     "DICT_APRILTAG_25h9",
     "DICT_APRILTAG_16h5",
 )
-"""The largest of each kind: the smaller ones are its beginning."""
+"""The largest dictionary of each kind: the smaller ones are its first part."""
 
 FIRST_LOOK = 60
 MOST_MARKERS = 250
-"""How many of a dictionary are looked for: to tell which it is, and then where each of them stands."""
+"""Number of a dictionary's markers searched for: to identify the dictionary, and then to locate each marker."""
 
 FIRST_PICTURES = 4
 
 ENOUGH_MARKERS = 8
-"""In each of them on average, to look for no other dictionary."""
+"""Average number in each of these pictures at which no other dictionary is tried."""
 
 GUESSED_SIDE = 1200
-"""Of the pictures from which the board is guessed, px."""
+"""Largest side of the pictures from which the board is guessed, px."""
 
 MOST_FITTED = 3
-"""Pictures, those with the most markers, that tell how many squares the board has."""
+"""Number of pictures, those with the most markers, used to count the squares of the board."""
 
 MOST_DRAWS = 60
-"""Of four markers: on the right board nearly any four will do, and on a wrong one none."""
+"""Random draws of four markers: on the right board nearly any four will do, and on a wrong one none."""
 
 FEWEST_MARKERS = 4
-"""In one picture, for it to be one of a ChArUco board."""
+"""Fewest markers in one picture for it to show a ChArUco board."""
 
 AGREEMENT = 0.7
-"""Share of the markers that must lie where the board has them."""
+"""Least share of the markers that must be where the board has them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +71,14 @@ class SeenMarkers:
 
 
 def find_charuco(grey: Grey8, board: Board) -> Corners | None:
-    """Return the corners of a ChArUco board that a picture shows, None where it shows fewer than six or a single row.
+    """Return the corners of a ChArUco board in a picture, None if it shows fewer than six or a single row.
 
     Parameters
     ----------
     grey
         (rows, cols) uint8.
     board
-        With its markers.
+        The board, with its markers.
     """
     assert board.markers is not None
     picture, factor = reduced(grey, LARGEST_SIDE)
@@ -92,21 +92,21 @@ def find_charuco(grey: Grey8, board: Board) -> Corners | None:
         return None
     places = (points.reshape(-1, 2)[order].astype(np.float64) + 0.5) / factor - 0.5
     if factor < 1:
-        # The markers stand this far from the corners; a window must not reach them.
+        # The markers are this far from the corners; a window must not reach them.
         gap = (1 - board.markers.share) / 2 * _square_px(board, found, places)
         places = refined_in_windows(grey, places, np.full(len(places), gap))
     return Corners(found, places)
 
 
 def guess_charuco(pictures: Iterable[Grey8], size: tuple[int, int] | None = None) -> Board | None:
-    """Return the ChArUco board that the pictures show; None where they show none.
+    """Return the ChArUco board that the pictures show; None if they show none.
 
     Parameters
     ----------
     pictures
         (rows, cols) uint8 each.
     size
-        Columns and rows of inner corners, in either order, where known.
+        Columns and rows of inner corners, in either order, if known.
     """
     small = [reduced(grey, GUESSED_SIDE)[0] for grey in pictures]
     dictionary = _likeliest(small[:FIRST_PICTURES])
@@ -126,7 +126,7 @@ def guess_charuco(pictures: Iterable[Grey8], size: tuple[int, int] | None = None
     else:
         last = max(int(one.numbers[inside].max()) for one, inside in zip(seen, agreeing, strict=True) if inside.any())
         height = int(_square_of(np.array([last]), width, shift)[0, 1]) + 1
-        # An old board that begins with a white square has an even number of rows.
+        # A legacy board that starts with a white square has an even number of rows.
         height = max(3, height + (height % 2 if shift == 0 else 0))
     share = _marker_share(seen, agreeing, width, shift)
     return Board(width - 1, height - 1, Markers(dictionary, share, legacy=shift == 0))
@@ -141,7 +141,7 @@ def _detector(board: Board) -> Any:
 
 
 def _square_px(board: Board, numbers: npt.NDArray[np.intp], places: DoubleMap) -> float:
-    """Return the side of the smallest square between corners that were found, px."""
+    """Return the side of the smallest square between the corners found, px."""
     rows, cols = np.divmod(numbers, board.columns)
     apart = np.abs(rows[:, None] - rows) + np.abs(cols[:, None] - cols) == 1
     lengths = np.linalg.norm(places[:, None] - places, axis=2)[apart]
@@ -149,7 +149,7 @@ def _square_px(board: Board, numbers: npt.NDArray[np.intp], places: DoubleMap) -
 
 
 def _likeliest(pictures: Sequence[Grey8]) -> str | None:
-    """Return the dictionary most of whose first markers are seen; None where hardly any are."""
+    """Return the dictionary whose first markers are seen most often; None if hardly any are."""
     best, most = None, 0
     for name in DICTIONARIES:
         seen = [len(one.numbers) for one in _seen(name, pictures, FIRST_LOOK)]
@@ -177,7 +177,7 @@ def _seen(dictionary: str, pictures: Sequence[Grey8], count: int) -> list[SeenMa
 
 
 def _square_of(numbers: npt.NDArray[np.intp], width: int, shift: int) -> DoubleMap:
-    """Return column and row of the square each marker stands in, (n, 2), on a board of so many squares across.
+    """Return column and row of each marker's square, (n, 2), on a board of `width` squares across.
 
     Markers count along the rows of white squares; `shift` is the column of the first white square.
     """
@@ -189,7 +189,7 @@ def _square_of(numbers: npt.NDArray[np.intp], width: int, shift: int) -> DoubleM
 
 
 def _agreeing(seen: Sequence[SeenMarkers], width: int, shift: int) -> list[npt.NDArray[np.bool_]]:
-    """Return for each picture which markers lie as on a plane board of so many squares across."""
+    """Return for each picture which markers fit a plane board of `width` squares across."""
     agreeing = []
     for markers in seen:
         homography, limit = _homography(markers, width, shift)
@@ -203,7 +203,7 @@ def _agreeing(seen: Sequence[SeenMarkers], width: int, shift: int) -> list[npt.N
 
 
 def _homography(markers: SeenMarkers, width: int, shift: int) -> tuple[DoubleMap | None, float]:
-    """Return what maps squares of the board to the picture, and how far a marker may lie beside its place, px."""
+    """Return the homography from squares of the board to the picture, and the largest error of a marker, px."""
     sides = np.linalg.norm(markers.corners - np.roll(markers.corners, 1, axis=1), axis=2)
     limit = 0.5 * float(np.median(sides))
     squares = _square_of(markers.numbers, width, shift) + 0.5
@@ -214,7 +214,7 @@ def _homography(markers: SeenMarkers, width: int, shift: int) -> tuple[DoubleMap
 def _marker_share(
     seen: Sequence[SeenMarkers], agreeing: Sequence[npt.NDArray[np.bool_]], width: int, shift: int
 ) -> float:
-    """Return the side of a marker as a share of that of a square."""
+    """Return the side of a marker as a share of the side of a square."""
     sides = []
     for markers, inside in zip(seen, agreeing, strict=True):
         homography, _ = _homography(markers, width, shift)

@@ -1,4 +1,4 @@
-"""The corners of a chessboard in a picture, to a few hundredths of a pixel, and how many of them the board has."""
+"""The corners of a chessboard in a picture, to a few hundredths of a pixel, and the number of them on the board."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from stereolag.arrays import DoubleMap
 from stereolag.geometry.boards import Board, Corners, Grey8
 
 LARGEST_SIDE = 1200
-"""Of the picture in which corners are looked for first, px: a larger one is made smaller, and refined in full."""
+"""Largest side of the picture first searched for corners, px: larger ones are reduced, then refined at full size."""
 
 WINDOW_SHARE = 0.3
-"""Half of the window that a corner is refined in, as a share of the way to the next one: beyond, others join in."""
+"""Half the window for refining a corner, as a share of the distance to the next: beyond, others interfere."""
 
 LEAST_WINDOW, LARGEST_WINDOW = 2, 20
-"""Half of it, px: within a larger one a distorted lens bends the edges."""
+"""Limits of that half, px: within a larger window a distorted lens bends the edges."""
 
 FARTHEST_MOVE = 0.5
-"""How far refining may take a corner, as a share of the way to the next one."""
+"""Largest move of a corner by refining, as a share of the distance to the next one."""
 
 ENOUGH_VOTES = 5
-"""Pictures that show the same size of the board settle it."""
+"""Number of pictures with the same size of the board that settles it."""
 
 SMALLEST_GUESS = (3, 3)
 
@@ -35,18 +35,18 @@ _QUADS = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB
 
 
 def find_chessboard(grey: Grey8, board: Board) -> Corners | None:
-    """Return all corners of a chessboard in a picture, None where it is not seen as a whole.
+    """Return all corners of a chessboard in a picture, None if it is not seen as a whole.
 
-    Found by OpenCV's detectors in a picture of moderate size (Duda and Frese, BMVC 2018, and the older one by the
-    squares' outlines), then each refined in the full one by ``cv2.cornerSubPix`` in a window that fits between its
-    neighbours: on drawn boards that is two to three times as exact as what the detectors give.
+    Corners are found by OpenCV's detectors in a picture of moderate size (Duda and Frese, BMVC 2018, and the older one
+    by the squares' outlines), then refined in the full picture by ``cv2.cornerSubPix``, each in a window that fits
+    between its neighbours: on drawn boards that is two to three times as accurate as the detectors.
 
     Parameters
     ----------
     grey
         (rows, cols) uint8.
     board
-        Its number of corners.
+        The board, for its number of corners.
     """
     picture, factor = reduced(grey, LARGEST_SIDE)
     found = _detected(picture, (board.columns, board.rows))
@@ -57,7 +57,7 @@ def find_chessboard(grey: Grey8, board: Board) -> Corners | None:
 
 
 def reduced(grey: Grey8, largest: int) -> tuple[Grey8, float]:
-    """Return a picture of at most `largest` px a side, and its size as a share of the given one."""
+    """Return a picture of at most `largest` px a side, and its size as a share of the original."""
     factor = min(1.0, largest / max(grey.shape))
     if factor == 1:
         return grey, factor
@@ -66,7 +66,7 @@ def reduced(grey: Grey8, largest: int) -> tuple[Grey8, float]:
 
 
 def refined(grey: Grey8, points: DoubleMap, board: Board) -> DoubleMap | None:
-    """Return the corners of a whole board refined in a picture; None where they run away.
+    """Return the corners of a whole board refined in a picture; None if they move too far.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def refined(grey: Grey8, points: DoubleMap, board: Board) -> DoubleMap | None:
     points
         (n, 2) px, row by row of the board.
     board
-        Its number of corners.
+        The board, for its number of corners.
     """
     spacing = _spacing(points.reshape(board.rows, board.columns, 2)).ravel()
     moved = refined_in_windows(grey, points, WINDOW_SHARE * spacing)
@@ -85,7 +85,7 @@ def refined(grey: Grey8, points: DoubleMap, board: Board) -> DoubleMap | None:
 
 
 def refined_in_windows(grey: Grey8, points: DoubleMap, halves: npt.NDArray[np.float64]) -> DoubleMap:
-    """Return (n, 2) corners refined, each in a window of its own: half its side, px."""
+    """Return (n, 2) corners, each refined in a window of its own with half sides `halves`, px."""
     windows = np.clip(halves, LEAST_WINDOW, LARGEST_WINDOW).astype(int)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
     result = points.astype(np.float64)
@@ -97,15 +97,15 @@ def refined_in_windows(grey: Grey8, points: DoubleMap, halves: npt.NDArray[np.fl
 
 
 def guess_chessboard(pictures: Iterable[Grey8]) -> Board | None:
-    """Return the chessboard that most of the pictures show; None where none shows one.
+    """Return the chessboard that most of the pictures show; None if none shows one.
 
-    In each the largest full grid is looked for; a grid with a row too many, made up of something beside the board, or
-    too few, where the board is cut off, comes by chance, and the right one again and again.
+    In each, the largest full grid is detected. A grid with a row too many, formed by something beside the board, or
+    too few, where the board is cut off, occurs by chance, but the right one again and again.
 
     Parameters
     ----------
     pictures
-        (rows, cols) uint8 each; no more are taken than it needs.
+        (rows, cols) uint8 each; no more are read than needed.
     """
     votes: Counter[tuple[int, int]] = Counter()
     seen: list[Grey8] = []
@@ -125,7 +125,7 @@ def guess_chessboard(pictures: Iterable[Grey8]) -> Board | None:
 
 
 def _grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
-    """Return the size of the largest grid in a picture, the longer side first; nothing where there is none."""
+    """Return the size of the largest grid in a picture, the longer side first; empty if there is none."""
     found, _, grid = cv2.findChessboardCornersSBWithMeta(picture, SMALLEST_GUESS, flags | cv2.CALIB_CB_LARGER)
     if not found or min(grid.shape) < min(SMALLEST_GUESS):
         return ()
@@ -133,7 +133,7 @@ def _grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
 
 
 def _detected(picture: Grey8, size: tuple[int, int]) -> DoubleMap | None:
-    """Return (n, 2) corners as the first detector that finds them gives them, the quick ones asked first."""
+    """Return (n, 2) corners from the first detector that finds them, the quick ones tried first."""
     found, points = cv2.findChessboardCornersSB(picture, size, flags=_QUICK)
     if not found:
         found, points = cv2.findChessboardCorners(picture, size, flags=_QUADS)
@@ -143,7 +143,7 @@ def _detected(picture: Grey8, size: tuple[int, int]) -> DoubleMap | None:
 
 
 def _spacing(grid: npt.NDArray[np.float64]) -> DoubleMap:
-    """Return how far the nearest of the corners beside each is, px, of (rows, columns, 2) corners."""
+    """Return the distance of each of (rows, columns, 2) corners to the nearest of its neighbours, px."""
     nearest = np.full(grid.shape[:2], np.inf)
     for axis in (0, 1):
         steps = np.linalg.norm(np.diff(grid, axis=axis), axis=2)

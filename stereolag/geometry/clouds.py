@@ -1,4 +1,4 @@
-"""Point clouds to look at: without flying pixels, with no more points than a browser can rotate, and from above."""
+"""Point clouds for display: without flying pixels, with no more points than a browser can rotate, and from above."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from stereolag.geometry.calibration import Calibration, Float32Array
 
 MOST_POINTS = 100_000
 REACH = 2
-"""Px; neighbours are looked for in the square of ±2 px."""
+"""Neighbours are counted in the square of ±2 px."""
 
 FEWEST_NEIGHBOURS = 9
-"""Of the 25 pixels of that square: the convex corner of a surface has 9, a straight edge 15, a line of 1 px only 5."""
+"""Of the 25 pixels in that square: the convex corner of a surface has 9, a straight edge 15, a line of 1 px only 5."""
 
 
 def clean_point_cloud(
@@ -31,10 +31,10 @@ def clean_point_cloud(
     calibration
         Turns the disparity into metres.
     disparity, colour
-        (rows, cols) px and the left image, as
-        :meth:`~stereolag.geometry.calibration.Calibration.point_cloud` takes them.
+        (rows, cols) px and the left image, as for
+        :meth:`~stereolag.geometry.calibration.Calibration.point_cloud`.
     max_points
-        Of more than that an even random choice is returned, the same every time; None keeps all.
+        Above this number, an even random choice is returned, always the same; None keeps all.
 
     Returns
     -------
@@ -49,18 +49,18 @@ def clean_point_cloud(
 
 
 def flying_pixels(disparity: npt.ArrayLike, *, tolerance: float = 1.0) -> npt.NDArray[np.bool_]:
-    """Return where a disparity lies on no surface: alone, or between a near and a far one.
+    """Return where a disparity is on no surface: alone, or between a near and a far one.
 
-    Matchers smear the edges of objects over a few pixels, whose disparities lie between those of the two sides; as
-    points they form curtains behind every edge. A pixel is kept if at least 9 of the 25 pixels within ±2 px, itself
-    among them, have its disparity to within the tolerance.
+    Matchers smear the edges of objects over a few pixels with disparities between those of the two sides; as points
+    they form curtains behind every edge. A pixel is kept if at least 9 of the 25 pixels within ±2 px, including itself,
+    have the same disparity to within the tolerance.
 
     Parameters
     ----------
     disparity
         (rows, cols), px; NaN where there is none.
     tolerance
-        Px, from 0. It is of the disparity, whose error, unlike that of the depth, does not grow with the distance.
+        Px, from 0. It applies to the disparity, whose error, unlike the depth's, does not grow with the distance.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def flying_pixels(disparity: npt.ArrayLike, *, tolerance: float = 1.0) -> npt.ND
     known = np.isfinite(values)
     values = np.where(known, values, np.float32(np.nan))
     rows, cols = values.shape
-    around = np.pad(values, REACH, mode="reflect")  # the frame of the image is no edge of a surface
+    around = np.pad(values, REACH, mode="reflect")  # the border of the image is not an edge of a surface
     neighbours = np.zeros(values.shape, dtype=np.uint8)
     for row in range(2 * REACH + 1):
         for col in range(2 * REACH + 1):
@@ -91,14 +91,14 @@ def flying_pixels(disparity: npt.ArrayLike, *, tolerance: float = 1.0) -> npt.ND
 def subsampled(
     points: Float32Array, colours: npt.NDArray[np.uint8], max_points: int = MOST_POINTS
 ) -> tuple[Float32Array, npt.NDArray[np.uint8]]:
-    """Return at most `max_points` of the points and their colours: an even random choice, the same every time.
+    """Return at most `max_points` of the points and their colours: an even random choice, always the same.
 
-    Every n-th point would do too, were it not that image rows then show as stripes.
+    Taking every n-th point instead would show the image rows as stripes.
 
     Raises
     ------
     ValueError
-        Fewer than one point asked for.
+        Fewer than one point requested.
     """
     if max_points < 1:
         raise ValueError(f"max_points is {max_points}; allowed are whole numbers from 1.")
@@ -109,10 +109,10 @@ def subsampled(
 
 
 FAINTEST = 0.35
-"""Opacity of a cell that holds a single point."""
+"""Opacity of a cell with a single point."""
 
 FULL_AT = 12
-"""Points from which on a cell is opaque."""
+"""Number of points from which a cell is opaque."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +122,8 @@ class BirdsEyeView:
     Attributes
     ----------
     picture
-        (rows, cols, 4) uint8 RGBA: the mean colour of the points in each cell, the more opaque the more there are. The
-        first row is the *nearest*.
+        (rows, cols, 4) uint8 RGBA: the mean colour of the points in each cell, more opaque the more points there are.
+        The first row is the *nearest*.
     left, near
         X and Z of the corner of the first cell, metres.
     cell
@@ -146,7 +146,7 @@ def seen_from_above(points: npt.ArrayLike, colours: npt.ArrayLike, *, cells: int
     colours
         (n, 3) uint8 RGB.
     cells
-        How many cells the longer side of the grid has.
+        Number of cells along the longer side of the grid.
 
     Raises
     ------

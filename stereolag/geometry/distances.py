@@ -11,10 +11,10 @@ import numpy.typing as npt
 from stereolag.geometry.calibration import Calibration
 
 DISPARITY_ERROR = 0.25
-"""Typical error of a disparity without ground truth, px: of a good sub-pixel match of well-textured windows."""
+"""Typical error of a disparity without ground truth, px, for a good subpixel match of well-textured windows."""
 
 FIELD_OF_VIEW = 60.0
-"""Horizontal field of view, degrees, assumed of an unknown camera; phones and webcams have 55 to 75."""
+"""Horizontal field of view assumed for an unknown camera, degrees; phones and webcams have 55 to 75."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Distance:
 
 
 def typical_error(disparity: npt.ArrayLike, ground_truth: npt.ArrayLike) -> float:
-    """Return the median error of the disparities with ground truth, px; NaN where there are none.
+    """Return the median error of the disparities with ground truth, px; NaN if there are none.
 
     The median, because a few gross mismatches say nothing about the accuracy of a good match.
     """
@@ -58,18 +58,18 @@ def distance_between(
     Parameters
     ----------
     calibration
-        Of the left image.
+        Calibration of the left image.
     first, second
         The points.
     width, height
-        Size of the image, px: its centre stands in for an unknown principal point.
+        Size of the image, px: its centre replaces an unknown principal point.
     disparity_error
-        Typical error of either disparity, px; the two are taken as independent.
+        Typical error of either disparity, px; the two are assumed to be independent.
 
     Returns
     -------
     Distance
-        Its error is the part of the depth errors that lies along the line between the points.
+        Its error is the component of the depth errors along the line between the points.
     """
     rays = np.array([_ray(calibration, point, width, height) for point in (first, second)])
     disparities = np.array([first.disparity, second.disparity])
@@ -86,9 +86,9 @@ def distance_between(
 def calibrated_by(known: Calibration | None, disparity: float, distance_m: float, *, width: int) -> Calibration:
     """Return the calibration of an image `width` px wide that puts a point of `disparity` px at `distance_m` metres.
 
-    Only the product of focal length and baseline follows from one known distance, and depth needs no more. The focal
-    length, on which widths and heights depend, stays that of the `known` calibration; without one the camera is
-    assumed to see 60° from side to side.
+    One known distance determines only the product of focal length and baseline, and depth needs no more. The focal
+    length, on which widths and heights depend, is kept from the `known` calibration; without one the camera is assumed
+    to have a horizontal field of view of 60°.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def calibrated_by(known: Calibration | None, disparity: float, distance_m: float
 
 
 def _ray(calibration: Calibration, point: SeenPoint, width: int, height: int) -> tuple[float, float, float]:
-    """Return where the point lies at a depth of 1."""
+    """Return the position of the point at a depth of 1."""
     cx = (width - 1) / 2 if calibration.cx is None else calibration.cx
     cy = (height - 1) / 2 if calibration.cy is None else calibration.cy
     return (point.col - cx) / calibration.focal_px, (point.row - cy) / calibration.focal_px, 1.0

@@ -1,4 +1,4 @@
-"""Pictures of a calibration board, drawn as a stereo camera of known geometry would take them."""
+"""Pictures of a calibration board, drawn as taken by a stereo camera of known geometry."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from stereolag.geometry.boards import MARGIN_SQUARES, Board, Grey8, board_pictur
 from stereolag.geometry.rig import StereoRig
 
 FINER = 3
-"""Rays a pixel, each way."""
+"""Rays per pixel, each way."""
 
 FAR_OUTSIDE = 1e4
-"""Where a ray that misses the board is put, px of the board."""
+"""Position given to a ray that misses the board, px of the board."""
 
 SQUARE_PX = 48
-"""Of the board that the rays meet."""
+"""Side of a square on the board that the rays meet, px."""
 
 BACKGROUND = 110
 BLACK, WHITE = 25, 225
-"""Grey levels: of what is beside the board, of its ink and of its paper."""
+"""Grey levels of the background, and of the board's ink and paper."""
 
 TRIES = 200
 
 MOST_TILT = 0.6
-"""Radians about each axis: a board seen more from the side is hardly found."""
+"""Largest tilt about each axis, radians: a board seen more from the side is hardly found."""
 
 
 class DrawnCamera:
@@ -39,7 +39,7 @@ class DrawnCamera:
     Parameters
     ----------
     matrix, distortion
-        As :class:`stereolag.geometry.rig.StereoRig` holds them.
+        As in :class:`stereolag.geometry.rig.StereoRig`.
     size
         Width and height, px.
     """
@@ -57,9 +57,9 @@ class DrawnCamera:
         Parameters
         ----------
         board
-            Which; the unit of length is the side of a square.
+            The board; the unit of length is the side of a square.
         rotation, translation
-            (3, 3) and (3,): a point at ``x`` on the board is at ``rotation @ x + translation`` before the camera.
+            (3, 3) and (3,): a point at ``x`` on the board is at ``rotation @ x + translation`` in the camera's frame.
         """
         onto = self._rays @ np.linalg.inv(np.column_stack((rotation[:, :2], translation))).T
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -83,20 +83,20 @@ class DrawnCamera:
 
 @functools.lru_cache(maxsize=4)
 def _printed(board: Board) -> Grey8:
-    """Return the board that the rays meet, in its ink and on its paper."""
+    """Return the board that the rays meet, in the grey levels of ink and paper."""
     return np.where(board_picture(board, SQUARE_PX) > 127, WHITE, BLACK).astype(np.uint8)
 
 
 @dataclass(frozen=True)
 class Look:
-    """How far from perfect the pictures are.
+    """Imperfections of the pictures.
 
     Attributes
     ----------
     blur
-        Standard deviation of the lens's blur, px.
+        Standard deviation of the lens blur, px.
     noise
-        Standard deviation of the sensor's noise, grey levels.
+        Standard deviation of the sensor noise, grey levels.
     """
 
     blur: float = 0.6
@@ -113,24 +113,24 @@ def drawn_pairs(
     look: Look | None = None,
     partly: bool = False,
 ) -> Iterator[tuple[Grey8, Grey8]]:
-    """Draw pairs of a board held at various places and tilts before a stereo camera.
+    """Draw pairs of a board held at various positions and tilts in front of a stereo camera.
 
     Parameters
     ----------
     rig
         The cameras, with their ``width`` and ``height``.
     board
-        What is held before them.
+        The board held in front of them.
     count
-        How many pairs.
+        Number of pairs.
     square_m
         Side of a square, metres.
     seed
-        Of the places, tilts and noise.
+        Seed of the positions, tilts and noise.
     look
         Blur and noise.
     partly
-        Whether up to half of the board may be beyond the edge of a picture.
+        Whether up to half of the board may be outside a picture.
 
     Yields
     ------
@@ -140,7 +140,7 @@ def drawn_pairs(
     Raises
     ------
     ValueError
-        A rig without a size, or one whose two cameras hardly see the same.
+        A rig without a size, or one whose two cameras hardly share a view.
     """
     if rig.width is None or rig.height is None:
         raise ValueError("rig has no width and height; a picture needs its size.")
@@ -168,7 +168,7 @@ def _pose(
     for attempt in range(TRIES):
         turn = np.clip(random.normal(0, (0.35, 0.35, 0.2)), -MOST_TILT, MOST_TILT)
         rotation = cv2.Rodrigues(turn)[0]
-        # The later the attempt, the farther away and the nearer to the middle.
+        # Later attempts are farther away and closer to the middle.
         ease = attempt / TRIES
         share = random.uniform(0.3, 0.6) * (1 - 0.5 * ease)
         distance = rig.left_matrix[0, 0] * board.columns / (share * rig.width)
@@ -192,13 +192,13 @@ def _pose(
         if min(seen) >= (0.5 if partly else 1.0) and (not partly or part < 0.3 or max(seen) < 1):
             return np.asarray(rotation, dtype=np.float64), translation
     raise ValueError(
-        f"The two cameras hardly see the same: in {TRIES} places no board of {board.columns} × {board.rows} corners "
-        "was in both pictures."
+        f"The views of the two cameras hardly overlap: in {TRIES} places no board of {board.columns} × {board.rows} "
+        "corners was in both pictures."
     )
 
 
 def _taken(picture: Grey8, look: Look, random: np.random.Generator) -> Grey8:
-    """Return a picture with light that falls off to one side, the blur of a lens and the noise of a sensor."""
+    """Return a picture with light falling off to one side, lens blur and sensor noise."""
     start, end = 1 + random.uniform(-0.15, 0.15, 2)
     real: DoubleMap = picture.astype(np.float64) * np.linspace(start, end, picture.shape[1])
     if look.blur > 0:

@@ -1,4 +1,4 @@
-"""The ground before a camera, as the disparities of its rows show it."""
+"""The ground in front of a camera, from the disparities of its rows."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 from stereolag.arrays import FloatMap
 
 _COLUMNS = 8
-"""Every so manieth column tells the ground as well as all of them."""
+"""One in this many columns is enough to find the ground."""
 _LEAST_ROWS = 16
 _NEAR_GROUND = 1.0
-"""Px; how far from the ground's line the disparity of a row may lie."""
+"""Largest difference of a row's disparity from the ground's line, px."""
 _LEAST_AGREEMENT = 0.4
-"""Share of the rows below the middle that the ground must explain."""
+"""Least share of the rows below the middle that the ground must explain."""
 _LEAST_RISE = 4.0
-"""Px; by how much its disparity grows from there to the lowest row: a wall's does not."""
+"""Least growth of the ground's disparity from there to the lowest row, px: a wall's does not grow."""
 
 
 class Ground(NamedTuple):
-    """A level ground: its disparity in each row is ``slope * (row - horizon)``, px."""
+    """Level ground: its disparity in each row is ``slope * (row - horizon)``, px."""
 
     slope: float
     horizon: float
 
 
 def ground_of(disparity: FloatMap) -> Ground | None:
-    """Return the ground as the rows of the lower half show it; None where they do not agree on one.
+    """Return the ground shown by the rows of the lower half; None if they do not agree on one.
 
-    The median of each row's disparities, through which the line goes that most of them agree with (the "v-disparity" of
-    Labayrade, Aubert & Tarel, "Real time obstacle detection in stereovision on non flat road geometry", IV 2002).
+    It is the line with which most of the rows' median disparities agree (the "v-disparity" of Labayrade, Aubert &
+    Tarel, "Real time obstacle detection in stereovision on non flat road geometry", IV 2002).
     """
     first = disparity.shape[0] // 2
     lower = disparity[first:, ::_COLUMNS]
@@ -39,7 +39,7 @@ def ground_of(disparity: FloatMap) -> Ground | None:
         return None
     medians = np.nanmedian(lower[rows], axis=1).astype(np.float64)
     rows = rows + first
-    # Every pair of rows that lie well apart proposes a line.
+    # Every pair of rows that are well apart proposes a line.
     one, two = np.triu_indices(rows.size, k=rows.size // 4)
     thinned = slice(None, None, max(1, one.size // 512))
     one, two = one[thinned], two[thinned]

@@ -1,4 +1,4 @@
-"""Both cameras and their pose from the pairs that agree (by ``cv2.stereoCalibrate``)."""
+"""Both cameras and their pose, fitted to the pairs that agree (by ``cv2.stereoCalibrate``)."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ FEWEST_PAIRS = 3
 
 MOST_TIMES_USUAL = 4.0
 LEAST_ERROR_PX = 0.75
-"""A pair that errs so many times as much as most, and so many px for every 1000 of the width, contradicts them."""
+"""A pair contradicts the others if its error exceeds this multiple of the median and this many px per 1000 of width."""
 
 MOST_ROUNDS = 5
 
 BEST_SHARE = 0.6
-"""Of the pairs: those that agree best tell how much the others err."""
+"""Share of the pairs, those that agree best, from which the errors of the others are judged."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """Both cameras, the pose of the right one in squares, and the pairs that were used."""
+    """Both cameras, the pose of the right one with lengths in squares, and the pairs that were used."""
 
     left: Camera
     right: Camera
@@ -40,14 +40,14 @@ class JointFit:
 
 
 def agreeing_fit(seen: dict[int, SeenPair], left: Camera, right: Camera, size: tuple[int, int], flags: int) -> JointFit:
-    """Return both cameras together from the pairs that agree."""
+    """Return both cameras fitted together to the pairs that agree."""
     numbers = list(seen)
     found = agreement(list(seen.values()), left, right, size[0])
     orders = dict(zip(numbers, found.orders.tolist(), strict=True))
     used = tuple(number for number, agrees in zip(numbers, found.agreeing, strict=True) if agrees)
     _check_majority(used, numbers)
-    # The cameras were calibrated each alone, which no contradiction between left and right can harm: they stand fast
-    # until it is known which pairs agree. The best of these come first, or a fit would bend to one that does not.
+    # The cameras were calibrated separately, which no contradiction between left and right can spoil: they stay fixed
+    # until the agreeing pairs are known. The best of these are fitted first, or a fit would bend to one that does not.
     fixed = flags | cv2.CALIB_FIX_INTRINSIC
     fit = _fit(seen, used, orders, left, right, size, fixed)
     best = sorted(used, key=lambda number: max(fit.errors[number]))[: max(FEWEST_PAIRS, round(BEST_SHARE * len(used)))]
@@ -67,8 +67,8 @@ def _check_majority(used: Sequence[int], numbers: Sequence[int]) -> None:
     if len(used) < FEWEST_PAIRS or 2 * len(used) <= len(numbers):
         raise ValueError(
             f"The pairs contradict each other: no more than {len(used)} of {len(numbers)} agree on where the right "
-            "camera stands. Each left picture must belong to the right one of the same moment, and neither camera "
-            "may be moved or refocused in between."
+            "camera stands. Both pictures of a pair must be taken at the same moment, and neither camera may be moved "
+            "or refocused in between."
         )
 
 
@@ -81,7 +81,7 @@ def _fit(
     size: tuple[int, int],
     flags: int,
 ) -> JointFit:
-    """Return both cameras from these pairs, and how far all pairs lie from them."""
+    """Return both cameras fitted to these pairs, and the errors of all pairs."""
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
     rms, *cameras, rotation, translation, _, _, _, _, errors = cv2.stereoCalibrateExtended(
         [seen[number].points.astype(np.float32) for number in used],
@@ -107,12 +107,12 @@ def _fit(
 
 
 def rig_of(fit: JointFit, size: tuple[int, int], square_m: float) -> StereoRig:
-    """Return the cameras with lengths in metres, if they stand side by side and in order."""
+    """Return the cameras with lengths in metres, if they are side by side and in order."""
     across, up, _ = fit.translation
     if across > abs(up):
         raise ValueError(
             "Left and right are exchanged: the camera of the pictures given as right stands to the left of the other "
-            f"by {across * square_m:.3g} m. Give them the other way round."
+            f"by {across * square_m:.3g} m. Swap them."
         )
     if -across <= abs(up):
         raise ValueError(

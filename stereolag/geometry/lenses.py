@@ -1,4 +1,4 @@
-"""One camera from pictures of a board: its matrix, its lens distortion, and how sure they are."""
+"""One camera from pictures of a board: its matrix, its lens distortion, and their uncertainty."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ LENSES = {
     "k1, k2, k3": 0,
     "rational": cv2.CALIB_RATIONAL_MODEL,
 }
-"""Models of lens distortion, each besides the tangential p1, p2, with OpenCV's flags, the simplest first."""
+"""Models of lens distortion, each in addition to the tangential p1, p2, with OpenCV's flags, simplest first."""
 
 WORTHWHILE = 0.97
-"""A richer model must lower the error on pictures it was not fitted to this much: it errs where no corner was."""
+"""A richer model must lower the error on left-out pictures to this share: it is wrong where there were no corners."""
 
 FOLDS = 3
 ENOUGH_TO_LEAVE_OUT = 6
 WORTHWHILE_ON_ITS_OWN = 0.7
-"""Of fewer pictures none can be left out; on those that it was fitted to, a richer model is always a little better."""
+"""With fewer pictures none can be left out; on the pictures it is fitted to, a richer model is always a bit better."""
 
 FARTHEST_OUTLIER = 5.0
 LEAST_OUTLIER_PX = 1.5
-"""Corners of a picture that lie so many times the usual error from a flat board, and so many px, are not of one."""
+"""A picture whose error exceeds this multiple of the median, and this many px, does not show a flat board."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A camera as its own pictures tell it.
+    """A camera determined from its own pictures.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Lens:
     focal_error
         Standard error of the focal length, as a share of it.
     outliers
-        Numbers of the pictures whose corners fit no flat board.
+        Numbers of the pictures whose corners do not fit a flat board.
     """
 
     camera: Camera
@@ -60,17 +60,17 @@ class Sight:
 
     @classmethod
     def of(cls, corners: Corners, board_points: DoubleMap) -> Sight:
-        """Return the corners found in a picture with their places on the board."""
+        """Return the corners found in a picture with their positions on the board."""
         return cls(board_points[corners.numbers], corners.points)
 
 
 def calibrated_lens(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> Lens:
-    """Return the camera that took pictures of a board.
+    """Return the camera that took these pictures of a board.
 
     Parameters
     ----------
     sights
-        Three at least.
+        At least three.
     size
         Width and height of the pictures, px.
     flags
@@ -79,7 +79,7 @@ def calibrated_lens(sights: Sequence[Sight], size: tuple[int, int], flags: int) 
     Raises
     ------
     ValueError
-        Corners from which no camera follows.
+        Corners that do not determine a camera.
     """
     camera, focal_error, errors = _fitted(sights, size, flags)
     limit = max(LEAST_OUTLIER_PX, FARTHEST_OUTLIER * float(np.median(errors)))
@@ -91,9 +91,9 @@ def calibrated_lens(sights: Sequence[Sight], size: tuple[int, int], flags: int) 
 
 
 def suitable_lens(cameras: Sequence[Sequence[Sight]], size: tuple[int, int]) -> int:
-    """Return the flags of the simplest model of :data:`LENSES` that foretells pictures it was not fitted to as well.
+    """Return the flags of the simplest model of :data:`LENSES` that predicts pictures it was not fitted to as well.
 
-    Every third picture in turn is left out and foretold from the others, where there are enough.
+    In turn, every third picture is left out and predicted from the others, if there are enough.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def suitable_lens(cameras: Sequence[Sequence[Sight]], size: tuple[int, int]) -> 
 
 
 def _foretelling(cameras: Sequence[Sequence[Sight]], size: tuple[int, int], flags: int, folds: int) -> float:
-    """Return the median error on pictures left out, px; of a single fold none is left out."""
+    """Return the median error on pictures left out, px; with a single fold none is left out."""
     errors = []
     for sights in cameras:
         for fold in range(folds):
@@ -127,7 +127,7 @@ def _foretelling(cameras: Sequence[Sequence[Sight]], size: tuple[int, int], flag
 
 
 def _error(sight: Sight, camera: Camera) -> float:
-    """Return how far the corners are from where the camera would see them, px RMS, at the board's best pose."""
+    """Return how far the corners are from where the camera would see them, px RMS, with the board at its best pose."""
     found, turn, place = cv2.solvePnP(sight.points, sight.places, camera.matrix, camera.distortion)
     if not found:
         return np.inf
@@ -145,12 +145,12 @@ def _fitted(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple
         )
     except cv2.error as error:
         raise ValueError(
-            f"No camera follows from {len(sights)} pictures of the board: show it at more places and tilted more."
+            f"{len(sights)} pictures of the board do not determine the camera: show it at more places and tilted more."
         ) from error
     numbers = (matrix, distortion, deviations)
     if not all(np.isfinite(one).all() for one in numbers) or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
         raise ValueError(
-            f"No camera follows from {len(sights)} pictures of the board: show it at more places and tilted more."
+            f"{len(sights)} pictures of the board do not determine the camera: show it at more places and tilted more."
         )
     camera = Camera(np.asarray(matrix, dtype=np.float64), np.asarray(distortion, dtype=np.float64).ravel())
     focal_error = float(deviations[0, 0] / matrix[0, 0])
@@ -158,6 +158,6 @@ def _fitted(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple
 
 
 def without_zeros(distortion: Vector) -> Vector:
-    """Return distortion coefficients without the zeros of models beyond theirs at their end: 5, 8, 12 or 14."""
+    """Return distortion coefficients without the trailing zeros of richer models: 5, 8, 12 or 14."""
     last = int(np.flatnonzero(distortion).max(initial=0)) + 1
     return distortion[: next(count for count in (5, 8, 12, 14) if count >= last)]

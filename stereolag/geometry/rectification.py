@@ -1,4 +1,4 @@
-"""Rectification: from a pair as the cameras took it to one whose rows match (Bouguet's method, by OpenCV)."""
+"""Rectification of a pair as taken, so that its rows match (Bouguet's method, by OpenCV)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stereolag.geometry.rig import Rectification, StereoRig
 from stereolag.inputs import Image, as_image
 
 MAX_ASPECT_ERROR_PX = 1.0
-"""How much the height may differ from that of the calibrated images, resized to the same width."""
+"""Largest difference in height from the calibrated images resized to the same width."""
 
 
 class Rectified(NamedTuple):
@@ -33,11 +33,11 @@ class Rectified(NamedTuple):
     """
 
     left: Image
-    """As taken in size and type."""
+    """The left image, in the size and type as taken."""
     right: Image
-    """The same; a point lies in the row in which the left image has it."""
+    """The right image, likewise; every point is in the same row as in the left image."""
     calibration: Calibration
-    """Of the rectified pair, for its disparities."""
+    """Calibration of the rectified pair, for its disparities."""
 
 
 def rectify(
@@ -51,26 +51,26 @@ def rectify(
         (rows, cols) grey or (rows, cols, 3 | 4) RGB(A), as taken; uint8, uint16 or float; of one size. A size other
         than the calibration's, but of the same aspect ratio, scales the cameras.
     calibration
-        With its ``rig``, the two cameras before rectification.
+        Calibration with a ``rig``, the two cameras before rectification.
     alpha
-        What is in the frame: 0 only pixels that the cameras took, 1 all of them, with black around. None rectifies as
-        the calibration's maker did (R1, R2, P1, P2), and as 0 where that is not known.
+        Content of the frame: 0 only pixels that the cameras took, 1 all of them, with black around. None rectifies as
+        the calibration's maker did (R1, R2, P1, P2), or as 0 if that is unknown.
 
     Returns
     -------
     Rectified
-        ``left``, ``right`` and ``calibration``, in this order. The calibration has neither distortion nor rig left;
+        ``left``, ``right`` and ``calibration``, in this order. The calibration no longer has distortion or a rig;
         ``doffs_px`` is 0 unless its maker rectified the pair otherwise.
 
     Raises
     ------
     ValueError
-        A calibration without a rig, images of different size or of another aspect ratio than they were calibrated at,
+        A calibration without a rig, images of different sizes or of another aspect ratio than they were calibrated at,
         or an alpha outside 0 to 1.
 
     Examples
     --------
-    Two cameras of the same lens, the right one 0.1 m beside the left one:
+    Two cameras with the same lens, the right one 0.1 m beside the left one:
 
     >>> import numpy as np
     >>> import stereolag as sl
@@ -84,7 +84,7 @@ def rectify(
     """
     if calibration.rig is None:
         raise ValueError(
-            "calibration has no rig, the cameras before rectification: it is that of a pair that is rectified already."
+            "calibration has no rig (the cameras before rectification): it is of a pair that is already rectified."
         )
     images = as_image(left, "left"), as_image(right, "right")
     size = _common_size(*images)
@@ -102,7 +102,7 @@ def rectify(
 
 
 def rectified_calibration(rig: StereoRig, size: tuple[int, int], *, alpha: float | None = None) -> Calibration:
-    """Return the calibration of the pair that :func:`rectify` makes of images of `size` (width, height)."""
+    """Return the calibration of the pair that :func:`rectify` makes from images of `size` (width, height)."""
     return _calibration(rectification(_fitted(rig, size), size, alpha), size)
 
 
@@ -117,7 +117,7 @@ def _common_size(left: Image, right: Image) -> tuple[int, int]:
 
 
 def _fitted(rig: StereoRig, size: tuple[int, int]) -> StereoRig:
-    """Return the rig for images of `size`, which must have the shape it was calibrated for."""
+    """Return the rig for images of `size`, which must have the aspect ratio it was calibrated for."""
     width, height = size
     if rig.width is None or rig.height is None or (rig.width, rig.height) == size:
         return rig
@@ -131,7 +131,7 @@ def _fitted(rig: StereoRig, size: tuple[int, int]) -> StereoRig:
 
 
 def rectification(rig: StereoRig, size: tuple[int, int], alpha: float | None = None) -> Rectification:
-    """Return how to rectify images of `size` (width, height): as the rig's maker did, or by Bouguet's method."""
+    """Return the rectification for images of `size` (width, height): the rig maker's, or one by Bouguet's method."""
     if alpha is None and rig.rectification is not None:
         return rig.rectification
     if alpha is not None and not 0 <= alpha <= 1:

@@ -1,4 +1,4 @@
-"""Where the right camera stands as each pair of board pictures tells it, and which of the pairs agree."""
+"""The pose of the right camera from each pair of board pictures, and the pairs that agree on it."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-import scipy  # its optimize.* is not loaded before it is used: judging a pair at sight has no need of it
+import scipy  # scipy.optimize is loaded only on first use: the quick judgement of a pair does not need it
 
 from stereolag.arrays import DoubleMap, Vector
 
 COARSE_SHARE = 0.02
-"""Of the picture's width: how far the pose of one pair may put another pair's corners beside where they are seen. One
-pair tells the tilt of its board, and so of the right camera, to a fraction of a degree only."""
+"""Largest distance of another pair's corners from where one pair's pose puts them, as a share of the picture's width.
+One pair determines the tilt of its board, and so of the right camera, only to a fraction of a degree."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,16 +27,16 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class SeenPair:
-    """A board in both pictures of a pair.
+    """A board seen in both pictures of a pair.
 
     Attributes
     ----------
     points
         (n, 3) corners of the board that both show, in squares.
     left
-        (n, 2) where the left picture shows them, px.
+        (n, 2) their positions in the left picture, px.
     right
-        The same of the right picture, once for each order in which its corners may be meant.
+        The same in the right picture, once for each possible order of its corners.
     """
 
     points: DoubleMap
@@ -46,14 +46,14 @@ class SeenPair:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """Which pairs agree on where the right camera stands.
+    """The pairs that agree on the pose of the right camera.
 
     Attributes
     ----------
     agreeing
         (n,) bool.
     orders
-        (n,) which order of the right corners of each pair fits best.
+        (n,) index of the order of each pair's right corners that fits best.
     """
 
     agreeing: npt.NDArray[np.bool_]
@@ -63,18 +63,18 @@ class Agreement:
 def agreement(pairs: Sequence[SeenPair], left: Camera, right: Camera, width: int) -> Agreement:
     """Return the largest set of pairs that agree on the pose of the right camera.
 
-    The pose that each pair tells is tried on all others: where it puts the right camera, the board as the left camera
-    sees it must appear in the right picture where it does. Pictures not taken at one moment, of another board or
-    turned round agree with no others.
+    The pose from each pair is tried on all others: with the right camera there, the board seen by the left camera must
+    appear in the right picture where it does. Pictures not taken at the same moment, of another board or turned round
+    agree with no others.
 
     Parameters
     ----------
     pairs
-        Of one rig.
+        Pairs of one rig.
     left, right
-        The cameras, each calibrated alone.
+        The cameras, each calibrated on its own.
     width
-        Of the pictures, px.
+        Width of the pictures, px.
     """
     boards = [_pose(pair.points, pair.left, left) for pair in pairs]
     best: Agreement | None = None
@@ -89,8 +89,8 @@ def agreement(pairs: Sequence[SeenPair], left: Camera, right: Camera, width: int
             ]
             least = np.array([min(one) for one in errors])
             agreeing = least <= COARSE_SHARE * width
-            # Where a board looks the same from two ends, all of them turned would agree as well: the camera is not.
-            upright = float(np.trace(between)) > 1  # turned by less than a right angle
+            # If a board looks the same from two ends, all pairs turned round would agree too; the camera is not.
+            upright = float(np.trace(between)) > 1  # rotated by less than a right angle
             typical = float(np.median(least[agreeing])) if agreeing.any() else np.inf
             now = (float(agreeing.sum()), float(upright), -typical)
             if best is None or now > rank:
@@ -102,7 +102,7 @@ def agreement(pairs: Sequence[SeenPair], left: Camera, right: Camera, width: int
 def pair_errors(
     pair: SeenPair, order: int, left: Camera, right: Camera, rotation: DoubleMap, translation: Vector
 ) -> tuple[float, float]:
-    """Return how far the corners lie from where a rig puts them, left and right, px RMS, at the board's best pose."""
+    """Return how far the corners are from where a rig puts them, left and right, px RMS, at the board's best pose."""
     seen = pair.left, pair.right[order]
     start = _pose(pair.points, pair.left, left)
 
@@ -123,7 +123,7 @@ def pair_errors(
 
 
 def _pose(points: DoubleMap, seen: DoubleMap, camera: Camera) -> tuple[DoubleMap, Vector]:
-    """Return the rotation (3, 3) and the translation (3,) of a board before a camera."""
+    """Return the rotation (3, 3) and the translation (3,) of a board in a camera's frame."""
     found, turn, place = cv2.solvePnP(points, seen, camera.matrix, camera.distortion, flags=cv2.SOLVEPNP_IPPE)
     if found:
         turn, place = cv2.solvePnPRefineLM(points, seen, camera.matrix, camera.distortion, turn, place)
@@ -133,7 +133,7 @@ def _pose(points: DoubleMap, seen: DoubleMap, camera: Camera) -> tuple[DoubleMap
 
 
 def _errors(pair: SeenPair, rotation: DoubleMap, translation: Vector, right: Camera) -> list[float]:
-    """Return how far from a forecast the right corners are, px RMS, in each order."""
+    """Return how far the right corners are from a prediction, px RMS, for each order."""
     placed = _projected(pair.points, rotation, translation, right)
     return [float(np.sqrt(np.square(placed - seen).sum(axis=1).mean())) for seen in pair.right]
 

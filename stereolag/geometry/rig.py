@@ -1,4 +1,4 @@
-"""Two cameras before rectification, and the bounds of every number in a calibration."""
+"""Two cameras before rectification, and the bounds of all numbers in a calibration."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ FOCAL_PX = (1e-3, 1e7)
 BASELINE_M = (1e-9, 1e9)
 MAX_CENTRE_PX = 1e7
 MAX_DISTORTION = 1e9
-"""From the cameras of a microscope to those of two satellites; beyond, products overflow or lose all meaning."""
+"""From the cameras of a microscope to those of two satellites; beyond that, products overflow or lose all meaning."""
 
 
 LARGEST_ROW_DIFFERENCE_PX = 0.1
 LARGEST_TURN_LEFT = 0.02
-"""Of two cameras after rectification: rows that differ by more do not match, nor do cameras turned by more, radians."""
+"""Limits after rectification: rows farther apart, px, or cameras turned more against each other, radians, do not
+match."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rectification:
-    """How a pair is rectified (R1, R2, P1 and P2 of OpenCV's ``stereoRectify``).
+    """The rectification of a pair (R1, R2, P1 and P2 of OpenCV's ``stereoRectify``).
 
     Attributes
     ----------
@@ -58,7 +59,7 @@ class Rectification:
         return float(self.left_projection[0, 3] - self.right_projection[0, 3]) / float(self.left_projection[0, 0])
 
     def scaled(self, factor: float) -> Rectification:
-        """Return it for images resized by `factor`."""
+        """Return the rectification for images resized by `factor`."""
         return replace(
             self,
             left_projection=_scaled_matrix(self.left_projection, factor),
@@ -68,21 +69,21 @@ class Rectification:
 
 @dataclass(frozen=True, eq=False)
 class StereoRig:
-    """Two cameras as they were calibrated, before rectification (the model of OpenCV's ``stereoCalibrate``).
+    """Two cameras as calibrated, before rectification (the model of OpenCV's ``stereoCalibrate``).
 
     Attributes
     ----------
     left_matrix, right_matrix
         (3, 3) camera matrices, px.
     left_distortion, right_distortion
-        (4 | 5 | 8 | 12 | 14,) coefficients k1, k2, p1, p2, …; none at all means no distortion.
+        (4 | 5 | 8 | 12 | 14,) coefficients k1, k2, p1, p2, …; none at all for no distortion.
     rotation, translation
-        (3, 3) and (3,), metres: a point at ``x`` seen from the left camera is at ``rotation @ x + translation`` seen
-        from the right one, so ``translation[0]`` is negative.
+        (3, 3) and (3,), metres: a point at ``x`` in the left camera's frame is at ``rotation @ x + translation`` in the
+        right one's, so ``translation[0]`` is negative.
     width, height
-        The size of the images the matrices are for, px; None where unknown.
+        Size of the images that the matrices are for, px; None if unknown.
     rectification
-        How its maker rectified the pair; None where that is not known.
+        How its maker rectified the pair; None if unknown.
     """
 
     left_matrix: npt.NDArray[np.float64]
@@ -124,12 +125,12 @@ class StereoRig:
             self._check(self.rectification)
 
     def _check(self, given: Rectification) -> None:
-        """Refuse a rectification that belongs to other cameras than these."""
+        """Refuse a rectification of other cameras than these."""
         left_over = given.right_rotation @ self.rotation @ given.left_rotation.T - np.eye(3)
         if np.abs(left_over).max() > LARGEST_TURN_LEFT:
             raise ValueError(
-                "The rectification (R1, R2) does not belong to the rotation (R) between the cameras: it leaves them "
-                f"turned by {math.degrees(np.abs(left_over).max()):.1f}° against each other; leave one of them out."
+                "The rectification (R1, R2) does not fit the rotation (R) between the cameras: it leaves them turned "
+                f"by {math.degrees(np.abs(left_over).max()):.1f}° relative to each other; leave one of them out."
             )
 
     def scaled(self, factor: float) -> StereoRig:
@@ -146,7 +147,7 @@ class StereoRig:
 
 
 def set_array(owner: Any, name: str, shape: tuple[int, ...], most: float = MAX_CENTRE_PX) -> None:
-    """Make the numbers under a name of a frozen owner an array of `shape`; ValueError where they are no such."""
+    """Convert a named attribute of a frozen owner to an array of `shape`; ValueError if that is not possible."""
     array = np.array(getattr(owner, name), dtype=np.float64)
     if array.size != math.prod(shape) or not np.isfinite(array).all():
         raise ValueError(f"{name} has shape {array.shape}; allowed are {math.prod(shape)} finite numbers, {shape}.")
@@ -157,7 +158,7 @@ def set_array(owner: Any, name: str, shape: tuple[int, ...], most: float = MAX_C
 
 
 def check_rotation(rotation: npt.NDArray[np.float64], name: str) -> None:
-    """Refuse a (3, 3) matrix that is no rotation."""
+    """Refuse a (3, 3) matrix that is not a rotation."""
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(rotation) < 0:
         raise ValueError(f"{name} is not a rotation: its rows must be orthogonal and of length 1.")
 
@@ -181,7 +182,7 @@ def scaled_centre(centre: float, factor: float) -> float:
 
 
 def scaled_size(size: int | None, factor: float) -> int | None:
-    """Return a side of an image resized by `factor`, px; None of an unknown one."""
+    """Return a side of an image resized by `factor`, px; None if it is unknown."""
     return None if size is None else max(1, round(size * factor))
 
 

@@ -1,4 +1,4 @@
-"""The exact motion of pixels whose depth is known and whose things move as rigid bodies."""
+"""Exact motion of pixels with known depth on objects that move as rigid bodies."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from stereolag.geometry.calibration import Calibration
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """What every pixel of one frame does until the next, all ``(height, width)`` float32, px.
+    """Motion of every pixel from one frame to the next, all ``(height, width)`` float32, px.
 
     Attributes
     ----------
     dy, dx
-        Where the point that the pixel shows is in the next frame, minus where it is in this one; NaN where it will lie
-        behind the camera. It may lie outside the next frame, or be hidden there.
+        Position of the pixel's point in the next frame minus its position in this one; NaN where the point will be
+        behind the camera. It may be outside the next frame, or hidden there.
     disparity_change
-        Its disparity in the next frame minus that in this one.
+        Disparity of the point in the next frame minus its disparity in this one.
     """
 
     dy: FloatMap
@@ -32,19 +32,19 @@ class RigidMotion:
 def rigid_motion(
     disparity: npt.ArrayLike, objects: npt.NDArray[np.uint8], motions: npt.ArrayLike, calibration: Calibration
 ) -> RigidMotion:
-    """Return the optical flow and the change of disparity that rigid motions cause.
+    """Return the optical flow and the change of disparity caused by rigid motions.
 
     Parameters
     ----------
     disparity
-        ``(height, width)``, px, of a rectified pair; 0 or NaN: infinitely far.
+        ``(height, width)``, px, of a rectified pair; 0 or NaN means infinitely far.
     objects
-        ``(height, width)``, the number of the body that each pixel shows.
+        ``(height, width)``, the number of the body shown by each pixel.
     motions
-        ``(bodies, 4, 4)``: entry `n` takes body `n` from the left camera's coordinates of this frame (metres, x to the
-        right, y down, z forwards) to those of the next.
+        ``(bodies, 4, 4)``: entry `n` takes body `n` from the left camera's coordinates in this frame (metres, x to the
+        right, y down, z forwards) to those in the next.
     calibration
-        Of the rectified pair.
+        Calibration of the rectified pair.
 
     Returns
     -------
@@ -53,12 +53,12 @@ def rigid_motion(
     Raises
     ------
     ValueError
-        The two maps differ in shape, the motions are not 4 × 4, or a pixel shows a body without a motion.
+        Maps of different shape, motions that are not 4 × 4, or a pixel that shows a body without a motion.
 
     Notes
     -----
-    A point is carried as ``(x, y, z, 1) / z``, so that one formula serves the sky too: there the last is 0, and the
-    rotation alone is left. Scene flow as in Menze & Geiger, "Object Scene Flow for Autonomous Vehicles", 2015.
+    A point is represented as ``(x, y, z, 1) / z``, so that one formula serves the sky too: its last component is 0,
+    which leaves only the rotation. Scene flow as in Menze & Geiger, "Object Scene Flow for Autonomous Vehicles", 2015.
     """
     shift = np.asarray(disparity, dtype=np.float64)
     shift = np.where(shift > 0, shift + calibration.doffs_px, 0.0)

@@ -1,4 +1,4 @@
-"""Images made into a stereo pair: cut apart, brought to one size, made smaller, with the calibration that fits."""
+"""Preparation of a stereo pair: splitting, matching and reducing images, with the calibration that fits."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from stereolag.inputs import DEPTHS, Image
 
 
 def scaled_image(image: Image, factor: float) -> Image:
-    """Return an image at `factor` times its size, 0 < factor ≤ 1, each pixel the mean of those that it replaces.
+    """Return an image at `factor` times its size, 0 < factor ≤ 1, each pixel the mean of those it replaces.
 
     Raises
     ------
     ValueError
-        A factor out of these bounds, or one that leaves no pixel.
+        A factor outside these bounds, or one that leaves no pixel.
     """
     return np.asarray(cv2.resize(image, _size(image.shape, factor), interpolation=cv2.INTER_AREA))
 
@@ -32,7 +32,7 @@ def scaled_disparity(disparity: npt.ArrayLike, factor: float) -> FloatMap:
     Raises
     ------
     ValueError
-        A factor out of these bounds, or one that leaves no pixel.
+        A factor outside these bounds, or one that leaves no pixel.
     """
     values = np.asarray(disparity, dtype=np.float32)
     width, height = _size(values.shape, factor)
@@ -41,7 +41,7 @@ def scaled_disparity(disparity: npt.ArrayLike, factor: float) -> FloatMap:
 
 
 def _size(shape: tuple[int, ...], factor: float) -> tuple[int, int]:
-    """Return (width, height), as OpenCV wants it."""
+    """Return (width, height), in OpenCV's order."""
     width, height = round(shape[1] * factor), round(shape[0] * factor)
     if not 0 < factor <= 1 or min(width, height) < 1:
         raise ValueError(
@@ -51,7 +51,7 @@ def _size(shape: tuple[int, ...], factor: float) -> tuple[int, int]:
 
 
 LARGEST_DIFFERENCE = 0.03
-"""Of the larger size; images that differ by more are not the same size cropped by a few pixels."""
+"""Share of the larger size; images that differ by more are not the same size with a few pixels cropped."""
 
 LARGEST_ASPECT_DIFFERENCE = 0.01
 
@@ -59,12 +59,12 @@ MOST_PREVIEW_PIXELS = 1_000_000
 
 
 def halves(image: Image) -> tuple[Image, Image]:
-    """Return the left and the right half of a side-by-side image; of an odd width the middle column is left out.
+    """Return the left and right halves of a side-by-side image; if its width is odd, the middle column is left out.
 
     Raises
     ------
     ValueError
-        An image of one column.
+        An image with only one column.
     """
     half = image.shape[1] // 2
     if half == 0:
@@ -73,7 +73,7 @@ def halves(image: Image) -> tuple[Image, Image]:
 
 
 def cropped_alike(left: Image, right: Image) -> tuple[Image, Image]:
-    """Return both images with the rows and columns that they share, from the top left.
+    """Return both images cropped to the rows and columns they share, from the top left.
 
     Raises
     ------
@@ -92,10 +92,10 @@ def cropped_alike(left: Image, right: Image) -> tuple[Image, Image]:
 
 
 def as_deep(left: Image, right: Image) -> tuple[Image, Image]:
-    """Return both images in 16 bits, where one has 8 and the other 16; as they are otherwise.
+    """Return both images in 16 bits if one has 8 and the other 16; otherwise unchanged.
 
-    Cameras of 10, 12 or 14 bits often leave the upper ones of 16 empty. Both images show one scene, so that number of
-    bits is taken for full range at which their means come closest.
+    Cameras of 10, 12 or 14 bits often leave the upper ones of 16 empty. Both images show one scene, so the full range
+    is taken to be the number of bits that brings their means closest.
     """
     if {left.dtype, right.dtype} != {np.dtype(np.uint8), np.dtype(np.uint16)}:
         return left, right
@@ -115,12 +115,12 @@ def _mean(image: Image) -> float:
 
 
 def calibration_for(calibration: Calibration, width: int, height: int) -> Calibration:
-    """Return the calibration for images of this size, which are those it was made for, resized or cropped a little.
+    """Return the calibration for images of this size: the size it was made for, resized or slightly cropped.
 
     Raises
     ------
     ValueError
-        Images of another shape.
+        Images of another aspect ratio.
     """
     if calibration.width is None or calibration.height is None:
         return calibration
@@ -137,8 +137,8 @@ def calibration_for(calibration: Calibration, width: int, height: int) -> Calibr
 
 
 def preview_divisor(width: int, height: int) -> int:
-    """Return the whole number by which to divide both sides so that at most a megapixel is left.
+    """Return the integer by which to divide both sides so that at most a megapixel is left.
 
-    A matcher's time goes with the number of pixels times the disparities: a third of the size takes a 27th.
+    A matcher's time grows with the number of pixels times the disparities: a third of the size takes a 27th.
     """
     return math.ceil(math.sqrt(width * height / MOST_PREVIEW_PIXELS))

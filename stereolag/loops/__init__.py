@@ -1,1 +1,1 @@
-"""The compiled loops, each beside the plain NumPy formula it must equal."""
+"""The means for compiled loops: compilation, bands of rows over the cores, and vector registers."""

@@ -1,4 +1,4 @@
-"""Rows of an image, shared out over the cores."""
+"""Rows of an image, divided among the cores."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def available_cores() -> int:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Return the one pool that every caller shares: two callers at once take turns, band by band."""
+    """Return the one pool that all callers share: two callers at once take turns, band by band."""
     return ThreadPoolExecutor(available_cores(), thread_name_prefix="bands")
 
 
 def row_bands(rows: int, most_rows: int) -> list[tuple[int, int]]:
-    """Return (first, end) of bands of nearly equal height, at most `most_rows`, and equally many for each core."""
+    """Return (first, end) of bands of nearly equal height, at most `most_rows`, and the same number for each core."""
     cores = available_cores()
     rounds = -(-rows // (max(1, most_rows) * cores))
     count = min(rows, rounds * cores)
@@ -40,18 +40,18 @@ def over_bands(
     Parameters
     ----------
     work
-        Must release the interpreter lock (compiled code does) and write only what belongs to its own rows.
+        Must release the interpreter lock (compiled code does) and write only to its own rows.
     rows
-        How many rows there are.
+        Number of rows.
     most_rows
-        The tallest band allowed: progress is told once a band. By default one band a core.
+        Largest height of a band; progress is reported once per band. By default one band per core.
     progress
         Called from the calling thread with the fraction of bands done.
     """
     bands = row_bands(rows, most_rows or rows)
     waiting = iter(bands)
     pool, done = _pool(), 0
-    # No more than the cores can take at once: the bands of another caller come in between.
+    # Submit no more than the cores can run at once, so that bands of another caller can come in between.
     running = {pool.submit(work, *band) for band in islice(waiting, available_cores())}
     try:
         while running:

@@ -1,12 +1,12 @@
-"""How this project compiles a loop, and where the machine code is kept.
+"""The compilation of this project's loops, and the folder of their machine code.
 
-It is kept beside this file, or where ``NUMBA_CACHE_DIR`` says. An install that cannot be written to keeps it in the
-user's cache folder or in the temporary one, if nobody else can write there: whoever can write machine code that we
-load can make us do anything. Where nothing of this can be had, every process compiles anew.
+It is kept beside this file, or in the folder that ``NUMBA_CACHE_DIR`` names. A read-only install keeps it in the
+user's cache folder or in the temporary one, if nobody else can write there: whoever can write the machine code that we
+load can make us run anything. If none of these can be used, every process compiles again.
 
-There it lies in a folder named by the sources it was made from. Numba compares it with the file of the outermost
-function alone, and would go on using what that calls; and nothing has to be deleted that another process, perhaps of
-another release, has just written or is about to load.
+The folder is named after the sources of the machine code. Numba checks only the file of the outermost function, and
+would keep using outdated code of the functions that this one calls. Besides, nothing has to be deleted that another
+process, perhaps of another release, has just written or is about to load.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 HERE = Path(__file__).absolute()
 SOURCES = HERE.parents[1]
-"""The package, somewhere in which the loops lie."""
+"""The package, whose subpackages contain the loops."""
 
 MAKES_CODE = re.compile(rb"^(?:from|import) .*\b(?:numba|llvmlite|compilation|NamedTuple)\b", re.MULTILINE)
-"""What a file with a loop, with an instruction for loops, or with a tuple that loops take, imports."""
+"""Imports of every file with a loop, with an instruction for loops, or with a tuple that loops take."""
 
 UNUSED_S = 7 * 24 * 3600
-"""How long machine code of other sources is kept after a process last started with it or added to it."""
+"""Time for which machine code of other sources is kept after a process last started with it or added to it."""
 
 CONFIG: Any = numba.config
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 class OwnCode(_CacheLocator):
-    """Where Numba keeps the machine code of our loops, and of no others: its way to say so for some files alone."""
+    """The folder of the machine code of our own loops only, declared in the way that Numba offers for some files."""
 
     def __init__(self, function: Callable[..., Any], file: Path) -> None:
         self._line = function.__code__.co_firstlineno
@@ -55,25 +55,25 @@ class OwnCode(_CacheLocator):
 
     @classmethod
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> OwnCode | None:
-        """Return the place of a loop; None where it is not ours."""
+        """Return the locator of a loop; None if the loop is not ours."""
         file = Path(py_file).absolute()
         return cls(py_func, file) if FOLDER is not None and file.is_relative_to(SOURCES) else None
 
     def get_cache_path(self) -> str:
-        """Return the folder: one a room, since two of them may hold files of the same name."""
+        """Return the folder: one per subpackage, since two of them may have files of the same name."""
         return str(cast(Path, FOLDER) / self._room)
 
     def ensure_cache_path(self) -> None:
-        """Make the folder, which Numba asks for before it writes."""
+        """Make the folder; Numba calls this before it writes."""
         Path(self.get_cache_path()).mkdir(parents=True, exist_ok=True)
         _touch(cast(Path, FOLDER))
 
     def get_source_stamp(self) -> str:
-        """Return what must be the same for machine code to be used: the sources, by which the folder is named."""
+        """Return the stamp that must match for machine code to be used: the folder's name, a hash of the sources."""
         return cast(Path, FOLDER).name
 
     def get_disambiguator(self) -> str:
-        """Return what tells apart two functions of one name in one file."""
+        """Return the line of a function, which distinguishes it from others of the same name in its file."""
         return str(self._line)
 
 
@@ -90,14 +90,14 @@ def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset()) -> An
 
     Use it as ``@compiled``, or as ``@compiled(fastmath={"reassoc", "contract"})`` where sums may be taken in any order.
     Never ``parallel=True``: its default threading layer aborts the process when two sessions enter it at once; the
-    threads are ours (:mod:`stereolag.loops.bands`). Never the whole of ``fastmath``: NaN means something here.
+    threads are ours (:mod:`stereolag.loops.bands`). Never all of ``fastmath``: NaN has a meaning here.
 
     Parameters
     ----------
     function
-        What is compiled; a division by zero gives infinity or NaN, as in NumPy.
+        The function to compile; a division by zero gives infinity or NaN, as in NumPy.
     fastmath
-        LLVM's names of the liberties that floating-point arithmetic may take.
+        LLVM's names of the permitted floating-point relaxations.
     """
     if function is None:
         return partial(compiled, fastmath=fastmath)
@@ -105,15 +105,15 @@ def compiled(function: Any = None, /, *, fastmath: Set[str] = frozenset()) -> An
 
 
 def folder_name() -> str:
-    """Return a name for what this Python and this Numba make of the loops of today.
+    """Return a folder name for this Python, this Numba and the current sources of the loops.
 
-    Contents are compared, not times: an archive or a clock can date a file at will.
+    Contents are compared, not times: an archive or a wrong clock can give a file any date.
     """
     digest = hashlib.sha256(f"{sys.implementation.cache_tag} {numba.__version__}".encode())
     for folder, folders, files in os.walk(SOURCES):
         folders[:] = sorted(set(folders) - {"__pycache__"})
         for source in (Path(folder, file) for file in sorted(files) if file.endswith(".py")):
-            with suppress(OSError):  # an editor's lock, or a file that an upgrade takes away just now
+            with suppress(OSError):  # an editor's lock, or a file that an upgrade is just removing
                 text = source.read_bytes()
                 if MAKES_CODE.search(text):
                     digest.update(f"\0{source.relative_to(SOURCES).as_posix()}\0".encode() + text)
@@ -121,9 +121,9 @@ def folder_name() -> str:
 
 
 def prepare(folder: Path) -> None:
-    """Make sure that machine code can be kept in a folder, and forget what has long been of no use beside it.
+    """Make sure that machine code can be kept in a folder, and delete folders beside it that are long unused.
 
-    Who still runs with what is forgotten here compiles it again when asked for it.
+    A process that still runs with a deleted folder compiles again on demand.
 
     Parameters
     ----------
@@ -133,26 +133,26 @@ def prepare(folder: Path) -> None:
     Raises
     ------
     OSError
-        It cannot be made or written to.
+        The folder cannot be made or written to.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder):
         pass
     _touch(folder)
     for other in folder.parent.glob("stereolag-" + 16 * "[0-9a-f]"):
-        with suppress(OSError):  # another process may be at the same work
+        with suppress(OSError):  # another process may be doing the same
             if time.time() - other.stat().st_mtime > UNUSED_S:
                 shutil.rmtree(other, ignore_errors=True)
 
 
 def _touch(folder: Path) -> None:
-    """Note that a folder is in use."""
+    """Mark a folder as in use."""
     with suppress(OSError):  # another user's folder keeps its time
         os.utime(folder)
 
 
 def is_private(folder: Path) -> bool:
-    """Return whether nobody but this user and root can put a file into a folder, or another folder in its place."""
+    """Return whether only this user and root can put a file into a folder, or another folder in its place."""
     if not hasattr(os, "geteuid"):
         return True  # Windows: folders below the user's profile are the user's
     own = folder.lstat()
@@ -161,19 +161,19 @@ def is_private(folder: Path) -> bool:
     above = [parent.lstat() for parent in (*folder.absolute().parents, *folder.resolve().parents)]
     return all(
         status.st_uid in (0, os.geteuid())
-        # In a sticky folder, as /tmp is, nobody moves what is another's; the mode of a link means nothing.
+        # In a sticky folder such as /tmp, nobody can move the files of others; the mode of a link means nothing.
         and (not status.st_mode & OTHERS_WRITE or bool(status.st_mode & stat.S_ISVTX) or stat.S_ISLNK(status.st_mode))
         for status in above
     )
 
 
 def _usual_root() -> Path:
-    """Return what the operator named, or the folder in which Python keeps its own code of this file."""
+    """Return the folder that the operator named, or the one in which Python keeps the bytecode of this file."""
     return Path(CONFIG.CACHE_DIR).absolute() if CONFIG.CACHE_DIR else HERE.with_name("__pycache__")
 
 
 def _other_roots() -> Iterator[Path]:
-    """Give the folders that stand in, best first."""
+    """Yield the fallback folders, best first."""
     with suppress(RuntimeError, OSError):  # a user without a home
         yield Path(cast(Any, user_cache_dir)("stereolag", appauthor=False)).expanduser()
     with suppress(FileNotFoundError):  # a machine without a temporary folder
@@ -182,12 +182,12 @@ def _other_roots() -> Iterator[Path]:
 
 
 def _find_folder() -> Path | None:
-    """Settle where machine code is kept, before anything is compiled, and say so where it is not the usual place.
+    """Choose the folder of the machine code before anything is compiled, and log it if it is not the usual one.
 
     Returns
     -------
     Path | None
-        None: it is not kept.
+        None if machine code is not kept.
     """
     usual = _usual_root()
     name = folder_name()
@@ -211,9 +211,9 @@ def _find_folder() -> Path | None:
 
 
 FOLDER: Path | None = _find_folder()
-"""Where machine code is kept on disk."""
+"""Folder of the machine code on disk; None if it is not kept."""
 
 KEPT = FOLDER is not None
-"""Whether it is kept at all: what the loops give to Numba as ``cache``."""
+"""Whether machine code is kept at all, which Numba calls ``cache``."""
 
 CompileResultCacheImpl._locator_classes = [OwnCode, *CompileResultCacheImpl._locator_classes]

@@ -1,10 +1,10 @@
-"""Sixteen neighbours at once: the vector registers of the processor, as a type that compiled loops can use.
+"""The processor's vector registers as a type for compiled loops: sixteen neighbours at once.
 
-Numba leaves it to LLVM to find out which plain loops can run on vector registers; the loops of the window correlation
-hold too many arrays for it to prove them apart, and it gives up. So they say it themselves. A value of type ``Lanes``
-is sixteen numbers side by side. LLVM lays it on what the machine has: one register of AVX-512, two of AVX2, four of
-SSE or NEON. Inside compiled code ``+ - * & |`` work on it lane by lane. Indices count elements from the start of the
-array, whatever its shape; nobody checks them.
+Numba leaves it to LLVM to find the plain loops that can run on vector registers; the loops of the window correlation
+use too many arrays for it to prove that none overlap, and it gives up. So these loops are vectorised explicitly. A
+value of type ``Lanes`` is sixteen numbers side by side. LLVM maps it to the registers of the machine: one of AVX-512,
+two of AVX2, four of SSE or NEON. Inside compiled code ``+ - * & |`` work on it lane by lane. Indices count elements
+from the start of the array, whatever its shape, and are not checked.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def put(typing: Any, array: Any, index: Any, value: Any) -> Any:
 
 @_instruction
 def nearest(typing: Any, value: Any, dtype: Any) -> Any:
-    """Return the number of `dtype` nearest to a float64: a whole one for an integer type."""
+    """Return the number of `dtype` nearest to a float64, rounded for an integer type."""
     target = dtype.dtype
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -152,9 +152,9 @@ def _conversion(source: Any, target: Any) -> str:
 
 @_instruction
 def paired_products(typing: Any, one: Any, other: Any) -> Any:
-    """Return the sum of two products of int16: each int32 lane holds two of them, in its low and its high half.
+    """Return the sum of two int16 products: each int32 lane contains two int16, in its low and its high half.
 
-    Written so that it becomes one instruction where the processor has it (``vpmaddwd``).
+    Written so that it compiles to one instruction if the processor has it (``vpmaddwd``).
     """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -189,7 +189,7 @@ def where_at_most(typing: Any, one: Any, other: Any, then: Any, otherwise: Any) 
 
 @_instruction
 def halved(typing: Any, lanes: Any) -> Any:
-    """Return half of each integer, rounded down; its bits are those of a number without sign."""
+    """Return half of each integer, rounded down, treated as unsigned."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.lshr(arguments[0], ir.Constant(arguments[0].type, [1] * LANES))
@@ -210,7 +210,7 @@ def are_equal(typing: Any, one: Any, other: Any) -> Any:
 
 @_instruction
 def at_least(typing: Any, lanes: Any, least: Any) -> Any:
-    """Return the larger of floats and `least`, lane by lane; `least` where there is NaN."""
+    """Return the larger of floats and `least`, lane by lane; `least` for NaN."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.select(builder.fcmp_ordered(">", *arguments), *arguments)
@@ -233,7 +233,7 @@ def smallest(typing: Any, lanes: Any) -> Any:
 
 @_instruction
 def smaller(typing: Any, one: Any, other: Any) -> Any:
-    """Return the smaller of two integers without sign, lane by lane."""
+    """Return the smaller of two unsigned integers, lane by lane."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.select(builder.icmp_unsigned("<", *arguments), *arguments)
@@ -259,7 +259,7 @@ def _places(lanes: Sequence[int]) -> Any:
 
 
 def _let_operator_work(symbol: Callable[[Any, Any], Any], integers: str, floats: str | None) -> None:
-    """Give ``Lanes`` one operator: LLVM's instruction on integers, and that on floats (None: there is none)."""
+    """Give ``Lanes`` one operator: LLVM's instructions for integers and for floats (None: no such instruction)."""
 
     @_instruction
     def lane_by_lane(typing: Any, one: Any, other: Any) -> Any:
@@ -285,7 +285,7 @@ _let_operator_work(operator.or_, "or_", None)
 
 
 def _popcount(typing: Any, word: Any) -> Any:
-    """Return the number of ones in an unsigned integer, in its own type. For compiled code only."""
+    """Return the number of set bits of an unsigned integer, in its own type; for compiled code only."""
     if not isinstance(word, types.Integer):
         return None
 

@@ -1,1 +1,1 @@
-"""Motion between two frames: optical flow by windowed correlation in two dimensions, and what it means in metres."""
+"""Motion between two frames: optical flow by windowed correlation in two dimensions, and scene flow in metres."""

@@ -1,4 +1,4 @@
-"""What the windows of one level say: the residual of the flow so far, by correlation over a small square of lags."""
+"""Window matches of one level: the residual of the flow so far, by correlation over a small square of lags."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from stereolag.stereo.windows.search import MOST_LAGS, LagRange
 from stereolag.stereo.windows.window_sums import match_windows
 
 NO_SCORE = np.float32(-2)
-"""Less than any correlation: there is no match, or it lies out of the frame."""
+"""Lower than any correlation: no match, or a match outside the frame."""
 
 
 class Candidates(NamedTuple):
@@ -27,7 +27,7 @@ class Candidates(NamedTuple):
 
     flow: Flow
     score: FloatMap
-    """Pearson's correlation; :data:`NO_SCORE` without a match."""
+    """Pearson correlation; :data:`NO_SCORE` without a match."""
     texture: FloatMap
     """Standard deviation of the pixel's window in the first frame, grey levels."""
 
@@ -40,17 +40,16 @@ def match_level(first: Image, second: Image, flow: Flow | None, window: int, rea
     first, second
         (H, W) grey images of one type, at least as large as the window.
     flow
-        What is known already: the second frame is fetched along it, and the residual searched. None at the coarsest
-        level, where nothing is known.
+        The flow so far: the second frame is warped along it and the residual is searched. None at the coarsest level.
     window
         Side of the window, px; odd.
     reach
-        How far the search goes to every side, px.
+        Reach of the search in every direction, px.
 
     Returns
     -------
     Candidates
-        The flow so far plus the residual, to a fraction of a pixel.
+        The flow so far plus the residual, with sub-pixel precision.
     """
     aligned = second if flow is None else fetched(second, flow)
     framed = [_framed(image, window // 2) for image in (first, aligned)]
@@ -70,13 +69,13 @@ def match_level(first: Image, second: Image, flow: Flow | None, window: int, rea
 
 
 class _Best(NamedTuple):
-    """The best lags of all windows, of those tried so far."""
+    """The best lag of every window among those tried so far."""
 
     score: FloatMap
     dy: LagMap
     dx: LagMap
     found: Flow
-    """The same lags to a fraction of a pixel."""
+    """The same lags with sub-pixel precision."""
 
     @classmethod
     def of(cls, matches: WindowMatches) -> _Best:
@@ -86,9 +85,9 @@ class _Best(NamedTuple):
         return cls(score, matches.dy, matches.dx, found)
 
     def or_better(self, other: _Best, first_dy: int) -> _Best:
-        """Return the better of this and what the next strip says, which begins at `first_dy`; of equals the nearer.
+        """Return the better of this and the next strip, which begins at `first_dy`; the shorter lag if equal.
 
-        In the two rows of lags that both know, each can fit the peak in the one that is not its border.
+        Strips overlap by two rows of lags; each can fit a sub-pixel peak only in the row that is not its border.
         """
         lengths = [np.square(one.dy, dtype=np.int32) + np.square(one.dx, dtype=np.int32) for one in (self, other)]
         inside = (lengths[0] == lengths[1]) & (self.dy == other.dy) & (other.dy > first_dy)
@@ -102,7 +101,7 @@ class _Best(NamedTuple):
 
 
 def _strips(reach: int) -> Iterator[tuple[int, int]]:
-    """Yield the first and last dy of as many lags as the windows take at once; strips share two rows of lags."""
+    """Yield the first and last dy of strips no larger than one matching pass allows; strips share two rows of lags."""
     rows, first = min(MOST_LAGS // (2 * reach + 1), 2 * reach + 1), -reach
     while first + rows - 1 < reach:
         yield first, first + rows - 1
@@ -111,17 +110,17 @@ def _strips(reach: int) -> Iterator[tuple[int, int]]:
 
 
 def best_of_neighbours(candidates: Candidates, spacing: int) -> Candidates:
-    """Let every pixel take the match of the best of nine windows: its own, and those `spacing` px around.
+    """Give every pixel the match of the best of nine windows: its own and those `spacing` px around it.
 
-    A window that lies across an edge of the motion sees two motions and fits neither; the pixels on both sides of the
-    edge are seen better by a window that lies wholly on their side (shiftable windows, Bobick & Intille 1999).
+    A window across a motion edge contains two motions and fits neither; the pixels on either side are matched better by
+    a window entirely on their side (shiftable windows, Bobick & Intille 1999).
 
     Parameters
     ----------
     candidates
         One for every pixel.
     spacing
-        Px, from 1.
+        Distance to the neighbouring windows, px; at least 1.
     """
     border = (spacing, spacing, spacing, spacing)
     score = cv2.copyMakeBorder(candidates.score, *border, cv2.BORDER_CONSTANT, value=float(NO_SCORE))
@@ -146,7 +145,7 @@ def _take_best(
     best_dx: Array,
     best: Array,
 ) -> None:
-    """Set rows `first` to `end` from maps with a frame of `spacing` px; of equal scores the nearest window wins."""
+    """Set rows `first` to `end` from maps padded by `spacing` px; a pixel's own window wins ties."""
     for row in range(first, end):
         own = row + spacing
         for col in range(best.shape[1]):
@@ -165,7 +164,7 @@ def _take_best(
 
 
 def best_of_neighbours_reference(candidates: Candidates, spacing: int) -> Candidates:
-    """Return what :func:`best_of_neighbours` must equal, pixel by pixel."""
+    """Return the result of :func:`best_of_neighbours`, computed pixel by pixel as a reference."""
     rows, cols = candidates.score.shape
     flow, best = candidates.flow.copy(), candidates.score.copy()
     for row, col in np.ndindex(rows, cols):
@@ -178,5 +177,5 @@ def best_of_neighbours_reference(candidates: Candidates, spacing: int) -> Candid
 
 
 def _framed(image: Image, margin: int) -> Image:
-    """Return the image mirrored beyond its borders, so that every pixel has a window."""
+    """Return the image padded by mirroring, so that every pixel has a window."""
     return np.asarray(cv2.copyMakeBorder(image, margin, margin, margin, margin, cv2.BORDER_REFLECT_101))

@@ -1,4 +1,4 @@
-"""Which displacements can be believed: the way back, and the neighbours."""
+"""Checks of displacements: the forward-backward check and the median test."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from stereolag.motion.pyramid import Flow, places
 from stereolag.settings import Settings
 
 FAR_OFF = 1e4
-"""Px: the error of a way back that there is none of."""
+"""Return error assigned where no way back exists, px."""
 
 HALF = np.float32(0.5)
 
 
 class ForwardBackwardCheck(Settings):
-    """A pixel followed to the second frame and back must return to where it came from."""
+    """Requires that a pixel followed to the second frame and back returns to its start."""
 
     tolerance: float = Field(
         default=1.5,
         title="Forward-backward tolerance",
-        description="How far from its start the way back may end, px. What fails is mostly hidden in the second frame.",
+        description="How far from its start a pixel may end when matched to the second frame and back, px. Pixels that "
+        "fail are mostly hidden in the second frame.",
         gt=0,
         le=64,
         json_schema_extra={"step": 0.5},
@@ -34,13 +35,13 @@ class ForwardBackwardCheck(Settings):
 
 
 class MedianTest(Settings):
-    """A displacement must be like those around it (the universal median test of particle image velocimetry)."""
+    """Requires a displacement to be similar to its neighbours (universal median test of particle image velocimetry)."""
 
     threshold: float = Field(
         default=6.0,
         title="Median test",
-        description="How far from the median of its eight neighbours a displacement may lie, in units of how far "
-        "these lie from it themselves. 2 is usual for particles; photographs have edges of motion and need more.",
+        description="How far a displacement may differ from the median of its eight neighbours, as a multiple of "
+        "their own median deviation. 2 is usual for particles; photographs have edges of motion and need more.",
         gt=0,
         le=100,
         json_schema_extra={"step": 0.5},
@@ -48,7 +49,7 @@ class MedianTest(Settings):
     noise: float = Field(
         default=0.3,
         title="Median test: noise",
-        description="Fluctuation that is allowed where all neighbours agree, px.",
+        description="Fluctuation allowed where all neighbours agree, px.",
         gt=0,
         le=10,
         json_schema_extra={"step": 0.1},
@@ -56,7 +57,7 @@ class MedianTest(Settings):
 
 
 def return_error(flow: Flow, back: Flow) -> FloatMap:
-    """Return (H, W) px: how far from its start a pixel ends that follows the flow there and the other one back.
+    """Return how far from its start every pixel ends after following both flows, there and back, (H, W) px.
 
     Parameters
     ----------
@@ -81,14 +82,14 @@ def median_residual(flow: Flow, spacing: int, noise: float) -> FloatMap:
     flow
         (2, H, W) px.
     spacing
-        Distance to the neighbours, px: windows that share most of their pixels are no witnesses.
+        Distance to the neighbours, px: windows that share most of their pixels are no independent evidence.
     noise
-        Px, added to the scatter.
+        Noise level added to the scatter, px.
 
     Returns
     -------
     ndarray
-        (H, W) float32, both components together; beyond about 2 it is an outlier.
+        (H, W) float32, both components combined; above about 2 is an outlier.
 
     Notes
     -----
@@ -109,7 +110,7 @@ def _add_residuals(part: Array, spacing: int, noise: Any, out: Array) -> None:
 
 @compiled
 def _middle(a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: Any) -> Any:
-    """Return the mean of the middle two of eight numbers: a sorting network without branches, less its last step."""
+    """Return the mean of the middle two of eight numbers, by a branch-free sorting network without its last step."""
     a, c = min(a, c), max(a, c)
     b, d = min(b, d), max(b, d)
     e, g = min(e, g), max(e, g)
@@ -155,7 +156,7 @@ def _add_squares(part: Array, spacing: int, noise: Any, first: int, end: int, ou
 
 
 def median_residual_reference(flow: Flow, spacing: int, noise: float) -> FloatMap:
-    """Return what :func:`median_residual` must equal, by NumPy's own median."""
+    """Return the result of :func:`median_residual`, computed with NumPy's median as a reference."""
     rows, cols = flow.shape[1:]
     padded = np.pad(flow, ((0, 0), (spacing, spacing), (spacing, spacing)), mode="reflect")
     shifts = [(y, x) for y in (0, spacing, 2 * spacing) for x in (0, spacing, 2 * spacing) if (y, x) != (spacing,) * 2]

@@ -1,4 +1,4 @@
-"""From the coarsest level to the finest: match both ways, weigh, carry over, refine, and again at twice the size."""
+"""Coarse-to-fine estimation: at each level match both ways, weight, propagate and refine, then double the size."""
 
 from __future__ import annotations
 
@@ -18,38 +18,38 @@ from stereolag.stereo.finishing.filters import MedianFilter
 from stereolag.stereo.finishing.weighted_median import weighted_median
 
 RESIDUAL = 2
-"""Px that are searched around the flow of the coarser level: 1 px to every side, and a guard for the sub-pixel fit."""
+"""Reach around the flow of the coarser level, px: 1 px in every direction, plus a margin for the sub-pixel fit."""
 
 TRUSTED_TEXTURE = 0.7
-"""Standard deviation, grey levels of 255, from which a window has its full weight among its neighbours."""
+"""Standard deviation from which a window has full weight among its neighbours, grey levels of 255."""
 
 TRUSTED_RETURN = 1.5
-"""Px of the level: a way back that misses by so much halves the weight."""
+"""Return error that halves the weight, px of the level."""
 
 ROUNDS = (1, 1, 2, 3, 2)
-"""How often the windows of a level are matched, from the finest: there is time for more where there are few pixels."""
+"""Matching rounds per level, finest first: coarse levels have few pixels and can afford more."""
 
 
 class View(NamedTuple):
-    """The flow of one level, and what its pixels are judged by."""
+    """The flow of one level, and the data by which its pixels are judged."""
 
     flow: Flow
     candidates: Candidates
-    """What the windows said, before it was carried over."""
+    """The window matches, before propagation."""
     error: FloatMap
-    """(H, W) px by which the way back misses."""
+    """(H, W) return error of the flow there and back, px."""
 
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """How the levels of two pyramids are solved, one after the other.
+    """Solver for the levels of two pyramids, one after the other.
 
     Attributes
     ----------
     window, search
-        Side of the window and reach at full size, px.
+        Side of the window, and reach at full size, px.
     median, refinement
-        How the flow is smoothed between the levels; None: not at all.
+        Smoothing of the flow between levels; None disables it.
     grey_level
         One grey level of 255 in the units of the frames.
     """
@@ -61,7 +61,7 @@ class Descent:
     grey_level: float
 
     def descend(self, firsts: list[Frame], seconds: list[Frame], progress: Progress) -> View:
-        """Return the finest level, solved.
+        """Return the solution at the finest level.
 
         Parameters
         ----------
@@ -82,7 +82,7 @@ class Descent:
     def _solve(
         self, level: int, first: Frame, second: Frame, there: Flow | None, back: Flow | None
     ) -> tuple[View, Flow]:
-        """Match one level both ways; the finest only forwards, if there is a coarser one that knows the way back."""
+        """Match one level both ways; the finest only forwards, if a coarser level provides the way back."""
         both_ways = level > 0 or back is None
         for _ in range(ROUNDS[min(level, len(ROUNDS) - 1)]):
             candidates = self._match(level, first, second, there)
@@ -104,22 +104,22 @@ class Descent:
     def _match(self, level: int, first: Frame, second: Frame, flow: Flow | None) -> Candidates:
         reach = RESIDUAL
         if flow is None:
-            # One more than asked for, as a guard: a peak on the border has no sub-pixel neighbour.
+            # One lag more than requested: a peak on the border lacks a neighbour for the sub-pixel fit.
             reach = min(-(-self.search // 2**level) + 1, max(first.shape) - 1)
         found = match_level(first.grey, second.grey, flow, self.window, reach)
         return best_of_neighbours(found, max(1, self.window // 5))
 
     def _carried_over(self, level: int, frame: Frame, candidates: Candidates, error: FloatMap) -> Flow:
-        """Return the flow carried from what is sure to what is not, along the surfaces of the frame."""
+        """Return the flow propagated from certain to uncertain pixels along the surfaces of the frame."""
         sure = np.maximum(candidates.score, 0)
         trusted = np.float32(TRUSTED_TEXTURE * self.grey_level)
         weight = sure * sure * np.minimum(1, np.square(candidates.texture / trusted))
         weight /= 1 + np.square(np.square(error / np.float32(TRUSTED_RETURN)))
         flow = edge_aware_mean(candidates.flow, weight, frame.guide)
-        # At full size the refinement does as well, and the median takes as long as the windows.
+        # At full size the refinement does as well, and the median takes as long as the matching.
         if self.median is not None and (level > 0 or self.refinement is None):
             guide, radius = frame.guide[:, :, None], self.median.radius
             for part in flow:
-                # Nine neighbours: twenty-five are no better here, and take three times as long.
+                # Nine neighbours: twenty-five are no better here and take three times as long.
                 part[...] = weighted_median(part, guide, radius, radius, self.median.contrast)
         return flow

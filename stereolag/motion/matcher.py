@@ -1,4 +1,4 @@
-"""Optical flow by windowed correlation: the settings, and the way from the coarsest level to the finished flow."""
+"""Optical flow by windowed correlation: the settings, and the computation from pyramid to finished flow."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ from stereolag.stereo.finishing.filters import MedianFilter
 from stereolag.stereo.reasons import Reason
 
 WINDOW, SEARCH = 7, 128
-"""Px; what is used unless something else is asked for."""
+"""Defaults, px."""
 
 BYTES_PER_PIXEL = 260
-"""Of the finest level: frames, matches with their neighbouring scores, both flows, planes of the mean."""
+"""Per pixel of the finest level: frames, matches with their neighbouring scores, both flows, planes of the mean."""
 
 SECONDS_PER_PIXEL = 5e-7
 
 
 class FlowMatcher(Settings):
-    """Find the window around every pixel of one frame in the next one, coarse to fine.
+    """Matcher that finds the window around every pixel of one frame in the next one, coarse to fine.
 
-    At the coarsest level of a pyramid every place within reach is tried; at each finer one the second frame is fetched
-    along the flow so far and a residual of few px searched, to a fraction of a pixel. Between the levels matches that
-    lead back to where they came from outweigh those that do not, over surfaces that end at the edges of the image.
+    At the coarsest level of a pyramid every lag within reach is tried; at each finer level the second frame is warped
+    along the flow so far and a residual of a few px is searched, with sub-pixel precision. Between levels the flow is
+    averaged over surfaces bounded by image edges, giving more weight to matches that lead back to their start.
     """
 
     window_size: Annotated[int, Pixels(), FitsImage()] = Field(
         default=WINDOW,
         title="Window",
         description="Side of the square window that is compared at every level, px; odd, so that a pixel is its "
-        "middle. Large windows are sure and blurred, small ones sharp and easily fooled.",
+        "middle. Large windows are reliable but blur edges, small ones are sharp but easily fooled.",
         ge=3,
         le=255,
         json_schema_extra={"step": 2},
@@ -53,7 +53,7 @@ class FlowMatcher(Settings):
     search: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
         default=SEARCH,
         title="Search",
-        description="How far a pixel may have moved, px, in every direction.",
+        description="How far a pixel may have moved in any direction, px.",
         ge=1,
         le=1024,
     )
@@ -61,20 +61,20 @@ class FlowMatcher(Settings):
         default=5,
         title="Levels",
         description="Most levels of the pyramid, each half the size of the one before: 1 searches everything at full "
-        "size. As many are used as the size and the search have room for.",
+        "size. Fewer are used where the frames or the search are too small for them.",
         ge=1,
         le=8,
     )
     texture: TextureTest | None = Field(
-        default=None, title="Texture test", description="Give no motion where a window holds too little to match."
+        default=None, title="Texture test", description="Give no motion where a window has too little texture."
     )
     forward_backward: ForwardBackwardCheck | None = Field(
         default=ForwardBackwardCheck(),
         title="Forward-backward check",
-        description="Give no motion where the way back from the second frame leads elsewhere.",
+        description="Give no motion where matching back from the second frame ends elsewhere.",
     )
     median_test: MedianTest | None = Field(
-        default=MedianTest(), title="Median test", description="Give no motion where it is unlike all around it."
+        default=MedianTest(), title="Median test", description="Give no motion where it differs from its surroundings."
     )
     median: MedianFilter | None = Field(
         default=MedianFilter(),
@@ -84,12 +84,12 @@ class FlowMatcher(Settings):
     refinement: VariationalRefinement | None = Field(
         default=VariationalRefinement(),
         title="Variational refinement",
-        description="Let grey levels and gradients decide the fraction of a pixel.",
+        description="Refine the motion to fractions of a pixel using grey levels and gradients.",
     )
     filling: bool = Field(
         default=False,
         title="Fill gaps",
-        description="Continue the motion of the same surface over what could not be measured.",
+        description="Fill pixels that could not be measured with the motion of the same surface.",
     )
 
     @field_validator("window_size")
@@ -100,7 +100,7 @@ class FlowMatcher(Settings):
         return value
 
     def compute(self, first: npt.ArrayLike, second: npt.ArrayLike, *, progress: Progress | None = None) -> FlowMap:
-        """Return where every pixel of the first frame is found in the second one.
+        """Find every pixel of the first frame in the second one.
 
         Parameters
         ----------
@@ -112,8 +112,8 @@ class FlowMatcher(Settings):
         Raises
         ------
         ValueError
-            Images that differ in size or type, hold NaN, are smaller than the window, or need more memory than one job
-            may take.
+            If the images differ in size or type, contain NaN, are smaller than the window, or need more memory than one
+            job may take.
         """
         images = as_image_pair(first, second, ("first", "second"))
         rows, cols = images[0].shape[:2]
@@ -129,7 +129,7 @@ class FlowMatcher(Settings):
         return FlowMap(flow[0], flow[1], score, reason, elapsed_s=time.perf_counter() - start, settings=self)
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
-        """Return what :meth:`compute` will take for two frames of a shape, with channels or without, and a dtype."""
+        """Return the memory and time of :meth:`compute` for frames of a shape, with or without channels, and dtype."""
         pixels = shape[0] * shape[1]
         sums = 0 if np.dtype(dtype) == np.uint8 else 8 * np.dtype(np.float64).itemsize
         return Estimate((BYTES_PER_PIXEL + sums) * pixels + OVERHEAD, SECONDS_PER_PIXEL * pixels)
@@ -145,7 +145,7 @@ class FlowMatcher(Settings):
         return self._judged(view, least_texture(self.texture, *grey))
 
     def _judged(self, view: View, flat: float) -> tuple[Flow, FloatMap, ReasonMap]:
-        """Return the flow without what cannot be believed, its scores, and the reasons."""
+        """Return the flow without unreliable displacements, its scores, and the reasons."""
         score = view.candidates.score
         reason = np.full(score.shape, Reason.MEASURED, np.uint8)
         tests: list[tuple[Mask, Reason]] = []
@@ -178,32 +178,32 @@ def optical_flow(
     progress: Progress | None = None,
     **settings: object,
 ) -> FlowMap:
-    """Return where every pixel of the first frame is found in the second one, by windowed correlation.
+    """Find every pixel of the first frame in the second one, by windowed correlation.
 
     Parameters
     ----------
     first, second
         (H, W), (H, W, 3) or (H, W, 4) images of one size and type: uint8, uint16 or float.
     window_size
-        Side of the window that is compared, px; odd.
+        Side of the compared window, px; odd.
     search
-        How far a pixel may have moved, px, in every direction.
+        Largest displacement in every direction, px.
     filling
-        Continue the motion of the same surface over what could not be measured.
+        Whether to extend the motion of the same surface over pixels that could not be measured.
     progress
         Called with the fraction done, 0..1.
     **settings
-        The others of :class:`~stereolag.motion.matcher.FlowMatcher`.
+        Other settings of :class:`~stereolag.motion.matcher.FlowMatcher`.
 
     Returns
     -------
     FlowMap
-        Displacement (dy, dx), second minus first, px; NaN where there is none, with a reason for every pixel.
+        Displacement (dy, dx), second minus first, px; NaN where it is missing, with a reason for every pixel.
 
     Raises
     ------
     ValueError
-        Settings that are not allowed, or frames that :meth:`FlowMatcher.compute` refuses.
+        If a setting is not allowed, or :meth:`FlowMatcher.compute` rejects the frames.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What moves against the world: tests of pixels, and regions of them."""
+"""Detection of motion against the world: tests of pixels, and the regions that they form."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ Vector: TypeAlias = npt.NDArray[np.float64]
 """(3,) metres: to the right, down, forward."""
 
 KMH = 3.6
-"""km/h of one m/s."""
+"""km/h per m/s."""
 
 OWN_ERROR = 0.01
-"""Share of the way travelled by which our own motion may be wrong, and with it that of everything else."""
+"""Error of our own motion as a share of the distance travelled; every other motion inherits it."""
 
 MOST_ERROR_KMH, MOST_SHARE = 6.0, 0.1
-"""Km/h, and a share of the speed: the larger of the two is what a speed that is told may be off by."""
+"""Largest error of a trusted speed: the larger of this value in km/h and this share of the speed."""
 
 WINDOW = 9
-"""Px, side of the window by which two flows are compared."""
+"""Side of the window in which two flows are compared, px."""
 
 LEAST_VARIANCE = 0.25
-"""Grey levels squared, added to every variance: without texture neither flow is better."""
+"""Added to every variance, grey levels squared, so that without texture neither flow is better."""
 
 
 class RigidShift(NamedTuple):
-    """How a thing moves against the world between two frames; it does not turn."""
+    """The motion of a thing against the world between two frames, without rotation."""
 
     motion: Vector
     covariance: npt.NDArray[np.float64]
@@ -47,12 +47,12 @@ class RigidShift(NamedTuple):
 
 
 class MovingTest(Settings):
-    """What moves against the world: its flow or its disparity is not what our own motion would give."""
+    """Criteria for motion against the world: flow or disparity that our own motion does not explain."""
 
     threshold: float = Field(
         default=4.0,
         title="Significance",
-        description="How many times its expected error a motion must be off from a static point's.",
+        description="Deviation from a static point's motion, in expected errors, above which a pixel counts as moving.",
         gt=0,
         le=100,
         json_schema_extra={"step": 0.5},
@@ -63,7 +63,7 @@ class MovingTest(Settings):
     relative_error: float = Field(
         default=0.05,
         title="Relative error of the flow",
-        description="What is added to it for each px that a static point would move.",
+        description="Added to the error of the flow for each px that a static point would move.",
         ge=0,
         le=1,
         json_schema_extra={"step": 0.01},
@@ -74,7 +74,7 @@ class MovingTest(Settings):
     gain: float = Field(
         default=0.1,
         title="Gain",
-        description="By how much a window must correlate better along the flow than along that of a static point.",
+        description="How much better a window must correlate along its flow than along a static point's.",
         ge=0,
         le=2,
         json_schema_extra={"step": 0.05},
@@ -82,7 +82,7 @@ class MovingTest(Settings):
     coherence: float = Field(
         default=2.0,
         title="Coherence",
-        description="How many times better one motion must explain a region than none: mismatches go anywhere.",
+        description="How many times better one motion must explain a region than no motion: mismatches go anywhere.",
         ge=0,
         le=100,
         json_schema_extra={"step": 0.5},
@@ -90,14 +90,14 @@ class MovingTest(Settings):
     smallest: int = Field(
         default=300,
         title="Smallest region",
-        description="A connected region of fewer pixels is no moving thing.",
+        description="Connected regions of fewer pixels do not count as moving objects.",
         ge=1,
         le=1_000_000,
     )
     opening: int = Field(
         default=5,
         title="Opening",
-        description="What is narrower than this is taken away before regions are formed, px.",
+        description="Parts narrower than this are removed before regions are formed, px.",
         ge=1,
         le=51,
     )
@@ -110,15 +110,16 @@ class MovingRegion:
     Attributes
     ----------
     row, col, height, width
-        The box around it in the first frame, px.
+        Its bounding box in the first frame, px.
     pixels
-        How many there are.
+        Number of pixels.
     distance_m
         Median depth in the first frame, metres.
     motion_m
-        (right, down, forward) against the world between the frames, metres, in the second frame of the camera.
+        (right, down, forward) motion against the world between the frames, metres, in camera coordinates at the second
+        frame.
     speed_kmh
-        Length of that, km/h; None without a frame rate.
+        Magnitude of that motion, km/h; None without a frame rate.
     speed_error_kmh
         Its standard error, km/h.
     """
@@ -135,7 +136,7 @@ class MovingRegion:
 
     @property
     def trusted(self) -> bool:
-        """Return whether the speed is known well enough to be told."""
+        """Return whether the speed is accurate enough to be shown."""
         if self.speed_kmh is None or self.speed_error_kmh is None:
             return False
         return self.speed_error_kmh <= max(MOST_ERROR_KMH, MOST_SHARE * self.speed_kmh)
@@ -149,9 +150,9 @@ def better_explained(images: tuple[Image, Image], flow: Flow, other: Flow, gain:
     images
         (H, W) or (H, W, 3 | 4), both frames.
     flow, other
-        (2, H, W) float32 px; NaN = none. Where either is unknown or leads out of the frame nothing is better.
+        (2, H, W) float32 px; NaN = none. False where either is unknown or leads out of the frame.
     gain
-        By how much.
+        Least difference in correlation.
     """
     first, second = (as_grey(image).astype(np.float32) for image in images)
     known = _within(flow) & _within(other)
@@ -161,7 +162,7 @@ def better_explained(images: tuple[Image, Image], flow: Flow, other: Flow, gain:
 
 
 def _within(flow: Flow) -> Mask:
-    """Return (H, W) where the flow is known and leads to a place whose window lies within the frame."""
+    """Return (H, W) where the flow is known and its end point has a whole window within the frame."""
     row, col = places(flow)
     rows, cols = row.shape
     margin = WINDOW // 2
@@ -169,12 +170,12 @@ def _within(flow: Flow) -> Mask:
 
 
 def flat_variance(level: float) -> float:
-    """Return what is added to every variance, where one grey level of 255 is so much."""
+    """Return the value added to every variance; `level` is one grey level of 255 in image units."""
     return LEAST_VARIANCE * level**2
 
 
 def correlation(one: Image, other: Image, least: float) -> FloatMap:
-    """Return Pearson's correlation of the windows around every pixel."""
+    """Return the Pearson correlation of the windows around every pixel, with `least` added to the variances."""
     size = (WINDOW, WINDOW)
     one, other = one - one.mean(), other - other.mean()
     mean, other_mean = cv2.blur(one, size), cv2.blur(other, size)
@@ -185,7 +186,7 @@ def correlation(one: Image, other: Image, least: float) -> FloatMap:
 
 
 def connected(moving: Mask, settings: MovingTest) -> Iterator[tuple[Box, Mask]]:
-    """Yield the box and the mask within it of every connected region that is large enough."""
+    """Yield the bounding box of every connected region that is large enough, and its mask within the box."""
     element = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (settings.opening, settings.opening))
     opened = cv2.morphologyEx(moving.astype(np.uint8), cv2.MORPH_OPEN, element)
     _, labels, figures, _ = cv2.connectedComponentsWithStats(opened, connectivity=8)
@@ -201,10 +202,10 @@ def moves_as_one(standing: DoubleMap, moving: DoubleMap, settings: MovingTest) -
     Parameters
     ----------
     standing, moving
-        (3, n): how many expected errors row, column and disparity are off from those of points that stand, and from
-        those of one thing that moves.
+        (3, n) deviations of row, column and disparity, in expected errors, from static points and from one moving
+        thing.
     settings
-        How far off, and how much better it must be.
+        The thresholds.
     """
     if standing.shape[1] < settings.smallest / 2:
         return False
@@ -215,7 +216,7 @@ def moves_as_one(standing: DoubleMap, moving: DoubleMap, settings: MovingTest) -
 def region_of(
     box: Box, mask: Mask, distance_m: float, shift: RigidShift, own: float, frame_rate: float | None
 ) -> MovingRegion:
-    """Return what moves there; `own` is how far the camera travelled, metres."""
+    """Return the moving region of a thing; `own` is the distance travelled by the camera, metres."""
     rows, cols = box
     row, col = np.nonzero(mask)
     length = float(np.linalg.norm(shift.motion))

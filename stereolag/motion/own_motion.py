@@ -1,4 +1,4 @@
-"""Our own motion between two frames: the one rigid motion that most of what we see agrees with."""
+"""Our own motion between two frames: the rigid motion that most of the scene agrees with."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.inputs import Image, as_grey
 
 MOST_POINTS = 4000
-"""Of all pixels, evenly over the image: more do not make the motion better."""
+"""Most points used, taken evenly over the image; more do not improve the motion."""
 
 CELL = 8
-"""Px, side of the cells of the image that give their best pixel each, where the image is known."""
+"""Side of the image cells that contribute their best pixel each, if the image is given, px."""
 
 FLAT_SHARE = 0.3
-"""Of the cells, those with the least structure: a flow errs most on what has none."""
+"""Share of the cells left out, those with the least structure: flow is least accurate without texture."""
 
 LEAST_DISPARITY = 2.0
-"""Px: what is farther away agrees with any translation, and would outvote what is near."""
+"""Least disparity used, px: farther points agree with any translation and would outvote near ones."""
 
 FEWEST_POINTS = 20
 TRIALS, CONFIDENCE = 500, 0.9999
@@ -33,7 +33,7 @@ Points = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class OwnMotion:
-    """How the static world moves in the frame of the camera: ``X2 = rotation @ X1 + translation``.
+    """Motion of the static world in camera coordinates: ``X2 = rotation @ X1 + translation``.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class OwnMotion:
     translation
         (3,) metres.
     inliers
-        Share of the pixels asked that agree, 0..1.
+        Share of the pixels used that agree, 0..1.
     """
 
     rotation: npt.NDArray[np.float64]
@@ -51,11 +51,11 @@ class OwnMotion:
 
     @property
     def travelled(self) -> npt.NDArray[np.float64]:
-        """Return where the camera has gone, in its own first frame: (3,) metres, X right, Y down, Z forward."""
+        """Return the camera's displacement in first-frame coordinates, (3,) metres: X right, Y down, Z forward."""
         return np.asarray(-self.rotation.T @ self.translation)
 
     def moved(self, points: Points) -> Points:
-        """Return where static points lie in the second frame of the camera."""
+        """Return the positions of static points in camera coordinates at the second frame."""
         return np.asarray(points @ self.rotation.T + self.translation)
 
 
@@ -73,7 +73,7 @@ def seen_points(
     col: FloatMap,
     matrix: npt.NDArray[np.float64] | None = None,
 ) -> Points:
-    """Return the points seen at places (row, col) of the left image with a disparity, px; `matrix` as of the camera."""
+    """Return the points at (row, col) in the left image with a disparity, px; `matrix` defaults to the camera's."""
     if matrix is None:
         matrix = camera_matrix(calibration, (disparity.shape[0], disparity.shape[1]))
     depth = calibration.depth(disparity).astype(np.float64)
@@ -82,7 +82,7 @@ def seen_points(
 
 
 def projected(points: Points, matrix: npt.NDArray[np.float64]) -> tuple[DoubleMap, DoubleMap]:
-    """Return (row, col) at which points are seen; NaN behind the camera."""
+    """Return the (row, col) at which points are seen; NaN behind the camera."""
     depth = np.where(points[..., 2] > 0, points[..., 2], np.nan)
     row = matrix[1, 2] + matrix[1, 1] * points[..., 1] / depth
     col = matrix[0, 2] + matrix[0, 0] * points[..., 0] / depth
@@ -99,32 +99,32 @@ def estimate_own_motion(
     farthest: float = np.inf,
     image: Image | None = None,
 ) -> OwnMotion:
-    """Return the rigid motion by which most points come to where they are seen in the second frame.
+    """Return the rigid motion that takes most points to their positions in the second frame.
 
     Parameters
     ----------
     points
         (H, W, 3) metres, seen in the first frame; NaN = none.
     row, col
-        (H, W) where the same are seen in the second frame, px; NaN = none.
+        (H, W) image positions of the same points in the second frame, px; NaN = none.
     matrix
-        (3, 3) of the camera.
+        (3, 3) camera matrix.
     tolerance
-        Px by which a static point may be seen elsewhere.
+        Largest reprojection error of a static point, px.
     farthest
-        Metres; what is farther away is not asked.
+        Largest depth used, metres.
     image
-        (H, W) or (H, W, 3 | 4), the first frame: then corners are asked, and else pixels evenly over the image.
+        (H, W) or (H, W, 3 | 4), the first frame: if given, its corners are used, otherwise evenly spread pixels.
 
     Raises
     ------
     ValueError
-        Fewer than 20 points, or no motion that enough of them agree with.
+        If there are fewer than 20 points, or not enough of them agree on a motion.
 
     Notes
     -----
-    Perspective from points by RANSAC, refined by Levenberg and Marquardt on all that agree (OpenCV's ``solvePnPRansac``
-    and ``solvePnPRefineLM``). OpenCV's random numbers begin anew with each call: the result is always the same.
+    Perspective-n-point by RANSAC, refined with Levenberg-Marquardt on all inliers (OpenCV's ``solvePnPRansac`` and
+    ``solvePnPRefineLM``). OpenCV seeds its random numbers anew in each call, so the result is deterministic.
     """
     known: Mask = np.isfinite(points).all(axis=2) & np.isfinite(row) & np.isfinite(col) & (points[..., 2] < farthest)
     places = np.flatnonzero(known) if image is None else corners(image, known)
@@ -144,7 +144,7 @@ def estimate_own_motion(
         flags=cv2.SOLVEPNP_P3P,
     )
     if not found or agreeing is None or len(agreeing) < FEWEST_POINTS:
-        raise ValueError("No rigid motion explains what is seen: nothing static seems to be in view.")
+        raise ValueError("No rigid motion explains the flow: nothing static seems to be in view.")
     for _ in range(3):
         turn, shift = cv2.solvePnPRefineLM(world[agreeing[:, 0]], seen[agreeing[:, 0]], matrix, None, turn, shift)
         rotation = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
@@ -152,14 +152,14 @@ def estimate_own_motion(
         error = np.hypot(expected[1] - seen[:, 0], expected[0] - seen[:, 1])
         agreeing = np.flatnonzero(error < tolerance)[:, None]
         if len(agreeing) < FEWEST_POINTS:
-            raise ValueError("No rigid motion explains what is seen: nothing static seems to be in view.")
+            raise ValueError("No rigid motion explains the flow: nothing static seems to be in view.")
     return OwnMotion(rotation, np.asarray(shift[:, 0], np.float64), len(agreeing) / len(chosen))
 
 
 def corners(image: Image, known: Mask) -> npt.NDArray[np.intp]:
-    """Return the places, as indices of the flat image, of the best corner of every cell among the pixels known.
+    """Return the flat indices of the best corner of every cell among the known pixels.
 
-    The smaller eigenvalue of the structure tensor says how well a window is told from its neighbours (Shi & Tomasi,
+    The smaller eigenvalue of the structure tensor measures how distinct a window is from its neighbours (Shi & Tomasi,
     "Good features to track", CVPR 1994).
     """
     grey = cv2.GaussianBlur(as_grey(image).astype(np.float32), (0, 0), 1.0)

@@ -1,4 +1,4 @@
-"""Variational refinement: the flow between the windows, by OpenCV."""
+"""Variational refinement of the flow, by OpenCV."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stereolag.settings import Settings
 
 
 class VariationalRefinement(Settings):
-    """Move the flow to where grey levels and gradients of both frames agree best and it is smooth.
+    """Adjusts the flow so that grey levels and gradients of both frames agree best while it stays smooth.
 
     OpenCV's ``VariationalRefinement``, after T. Brox, A. Bruhn, N. Papenberg & J. Weickert, "High accuracy optical flow
     estimation based on a theory for warping", ECCV 2004.
@@ -34,16 +34,16 @@ class VariationalRefinement(Settings):
 def refined(
     flow: Flow, first: npt.NDArray[np.uint8], second: npt.NDArray[np.uint8], settings: VariationalRefinement
 ) -> Flow:
-    """Return the flow refined.
+    """Return the refined flow.
 
     Parameters
     ----------
     flow
         (2, H, W) px, finite.
     first, second
-        (H, W) uint8.
+        (H, W) uint8 frames.
     settings
-        How.
+        The settings of the refinement.
     """
     refinement = cv2.VariationalRefinement.create()
     refinement.setAlpha(settings.smoothness)

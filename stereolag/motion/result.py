@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FlowMap:
-    """Where each pixel of the first frame is found in the second one.
+    """Displacements of the pixels of the first frame to the second one.
 
     Attributes
     ----------
@@ -24,13 +24,13 @@ class FlowMap:
         (H, W) float32 displacement, second minus first, px; NaN = none. The pixel at (row, col) of the first frame is
         at (row + dy, col + dx) of the second one.
     score
-        (H, W) float32 Pearson correlation of the window that was taken, -1..1; NaN where there is none.
+        (H, W) float32 Pearson correlation of the matching window, -1..1; NaN = none.
     reason
         (H, W) uint8, a :class:`~stereolag.stereo.reasons.Reason` for every pixel. LEFT_RIGHT: the way back from the
-        second frame leads elsewhere, mostly because the pixel is hidden there. SPECKLE: unlike all around it, by the
-        universal median test.
+        second frame leads elsewhere, mostly because the pixel is hidden there. SPECKLE: an outlier among its
+        neighbours by the universal median test.
     elapsed_s
-        Seconds of the computation alone.
+        Computation time, s.
     settings
         The :class:`~stereolag.motion.matcher.FlowMatcher` that made it.
 
@@ -63,12 +63,12 @@ class FlowMap:
 
     @property
     def valid(self) -> Mask:
-        """Return where there is a displacement, measured or filled."""
+        """Return the mask of pixels with a displacement, measured or filled."""
         return np.isfinite(self.dx)
 
     @property
     def filled(self) -> Mask:
-        """Return where the displacement was filled in from the surroundings instead of measured."""
+        """Return the mask of pixels whose displacement was filled in from the surroundings instead of measured."""
         return np.asarray(self.reason == Reason.FILLED)
 
     @property

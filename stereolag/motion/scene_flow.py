@@ -1,4 +1,4 @@
-"""Scene flow: the motion of every pixel in metres, our own motion, and what moves against the world."""
+"""Scene flow: the motion of every pixel in metres, our own motion, and the things that move against the world."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from stereolag.motion.things import Sight, Views, above_ground, fitted_shift, wh
 from stereolag.stereo.matcher import DisparityMap
 
 BLUR = 1.0
-"""Px, standard deviation, before it is asked where things end: a window is moved by steps that are not finer."""
+"""Standard deviation of the blur before the extent of things is found, px: windows are not shifted in finer steps."""
 
 PROBE = 0.5
-"""Px of disparity by which the static flow is varied, to learn how it depends on it."""
+"""Step in disparity for the numerical derivative of a static point's flow, px."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,26 +39,26 @@ class SceneFlow:
     Attributes
     ----------
     motion
-        (H, W, 3) float32 metres, X to the right, Y down, Z forward, in the frame of the camera, which may move itself;
+        (H, W, 3) float32 metres, X to the right, Y down, Z forward, relative to the camera, which may itself move;
         NaN = none.
     against_world
-        (H, W, 3) float32 metres, the same less what a static point would do; 0 of the static scene.
+        (H, W, 3) float32 metres, the motion minus that of a static point; 0 in the static scene.
     significance
-        (H, W) float32: how many times the expected error the pixel is off from a static one; NaN = none.
+        (H, W) float32, deviation from a static point in expected errors; NaN = none.
     moving
-        (H, W) bool, what moves against the world.
+        (H, W) bool, the pixels of things that move against the world.
     labels
-        (H, W) int32, 1 + the index of the region a pixel belongs to; 0 elsewhere.
+        (H, W) int32, 1 + the index of the region that a pixel belongs to; 0 elsewhere.
     regions
         The moving things, nearest first.
     own_motion
-        How the static world moves in the frame of the camera.
+        The motion of the static world in camera coordinates.
     own_speed_kmh
-        Km/h; None without a frame rate.
+        Our own speed, km/h; None without a frame rate.
 
     Examples
     --------
-    A flat road 1.5 m below a camera that moves 1 m forwards; a patch of it moves to the right:
+    A flat road 1.5 m below a camera that moves 1 m forwards, with a patch that moves to the right:
 
     >>> import numpy as np
     >>> import stereolag as sl
@@ -95,35 +95,35 @@ def scene_flow(
     frame_rate: float | None = None,
     test: MovingTest | None = None,
 ) -> SceneFlow:
-    """Return the motion in space of every pixel, our own motion, and what moves against the world.
+    """Return the motion in space of every pixel, our own motion, and the things that move against the world.
 
     Parameters
     ----------
     first, second
-        (H, W) disparities of the two frames, px; NaN = none. What was filled in takes no part.
+        (H, W) disparities of the two frames, px; NaN = none. Filled-in disparities are ignored.
     flow
-        From the left image of the first frame to that of the second; a pair (dy, dx) of arrays will do. It should know
-        nothing where the second frame hides the pixel, as after a forward-backward check: what stands before it there
-        would be taken for it.
+        Flow between the left images of the first and second frames, or a pair (dy, dx) of arrays. It should be blank
+        where a pixel is hidden in the second frame, as after a forward-backward check: the object in front would be
+        mistaken for it.
     calibration
-        Of the rectified camera.
+        Calibration of the rectified camera.
     frames
-        The left images of both: then nothing moves that stands as well, by the images. Flows err most on what has no
-        texture, and the road is large.
+        The left images of both frames: then pixels that match as well standing still do not count as moving. Flow errs
+        most without texture, and the road is large.
     frame_rate
         Frames per second, for speeds.
     test
-        What counts as moving.
+        Criteria for moving.
 
     Raises
     ------
     ValueError
-        Maps of different size, a frame rate that is not above 0, or a scene in which no own motion is found.
+        If the maps differ in size, the frame rate is not above 0, or our own motion cannot be found.
 
     Notes
     -----
-    Own motion by RANSAC over the pixels, then the residual of each, weighed by its expected error, as in A. Wedel
-    et al., "Stereoscopic scene flow computation for 3D motion understanding", IJCV 95, 2011.
+    Our own motion is found by RANSAC over the pixels, then each residual is weighted by its expected error, as in A.
+    Wedel et al., "Stereoscopic scene flow computation for 3D motion understanding", IJCV 95, 2011.
 
     Examples
     --------
@@ -177,7 +177,7 @@ def scene_flow(
     errors = _expected_errors(own, before, here, calibration, settings)
     deviations = (np.stack([row_2, col_2, arrived]) - expected_sight(static, calibration, matrix)) / errors
     sight = Sight(static, row_2, col_2, arrived, calibration, matrix)
-    # A pixel without a disparity in the second frame is judged by its flow alone.
+    # Without a disparity in the second frame, a pixel is judged by its flow alone.
     squares = np.square(deviations)
     significance = np.sqrt(squares[0] + squares[1] + np.where(np.isfinite(squares[2]), squares[2], 0))
     against_world = (after - static).astype(np.float32)
@@ -220,14 +220,14 @@ def scene_flow(
 
 
 def measured(disparity: DisparityMap | FloatMap) -> FloatMap:
-    """Return the disparities of a map without what was filled in; of an array all of them."""
+    """Return the measured disparities of a map, without filled-in ones; of an array, all of them."""
     if isinstance(disparity, DisparityMap):
         return np.where(disparity.filled, np.float32(np.nan), disparity.disparity)
     return np.asarray(disparity, np.float32)
 
 
 def with_gaps_filled(disparity: DisparityMap | FloatMap) -> FloatMap:
-    """Return the disparities of a map with what was filled in."""
+    """Return the disparities of a map, including filled-in ones."""
     return disparity.disparity if isinstance(disparity, DisparityMap) else np.asarray(disparity, np.float32)
 
 
@@ -238,9 +238,9 @@ def places_of(shape: tuple[int, ...]) -> tuple[FloatMap, FloatMap]:
 
 
 def disparity_at(disparity: FloatMap, row: FloatMap, col: FloatMap) -> FloatMap:
-    """Return the disparity at places between the pixels: of the nearest one, as a mean over an edge is on no surface.
+    """Return the disparity at sub-pixel positions, of the nearest pixel: a mean across an edge would be on no surface.
 
-    NaN where the place is unknown, out of the frame or without a disparity.
+    NaN where the position is unknown, outside the frame or without a disparity.
     """
     rows, cols = disparity.shape
     inside = np.isfinite(row) & np.isfinite(col)
@@ -250,7 +250,7 @@ def disparity_at(disparity: FloatMap, row: FloatMap, col: FloatMap) -> FloatMap:
 
 
 def expected_sight(points: Points, calibration: Calibration, matrix: npt.NDArray[np.float64]) -> DoubleMap:
-    """Return (3, ...): row, column and disparity, px, at which points (..., 3) are seen; NaN behind the camera."""
+    """Return the (3, ...) row, column and disparity, px, of points (..., 3); NaN behind the camera."""
     depth = np.where(points[..., 2] > 0, points[..., 2], np.nan)
     disparity = calibration.focal_px * calibration.baseline_m / depth - calibration.doffs_px
     return np.stack([*projected(points, matrix), disparity])
@@ -259,7 +259,7 @@ def expected_sight(points: Points, calibration: Calibration, matrix: npt.NDArray
 def _expected_errors(
     own: OwnMotion, before: Points, disparity: FloatMap, calibration: Calibration, settings: MovingTest
 ) -> DoubleMap:
-    """Return (3, H, W) px: the expected errors of row, column and disparity of a static point in the second frame."""
+    """Return the (3, H, W) expected errors of a static point's row, column and disparity in the second frame, px."""
     matrix = camera_matrix(calibration, disparity.shape)
     row, col = places_of(disparity.shape)
     static = expected_sight(own.moved(before), calibration, matrix)
@@ -277,7 +277,7 @@ def _views(
     calibration: Calibration,
     matrix: npt.NDArray[np.float64],
 ) -> Views:
-    """Return what says where things end."""
+    """Return the data from which the extent of things is found."""
     grey = [as_grey(image) for image in images]
     row, col = places_of(disparity.shape)
     return Views(

@@ -1,4 +1,4 @@
-"""Smoothing and filling in one: the mean of what is sure, over a surface that ends at the edges of the image."""
+"""Combined smoothing and filling: the weighted mean of a flow over surfaces bounded by image edges."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from stereolag.loops.compilation import compiled
 from stereolag.motion.pyramid import Flow
 
 REACH = 4.0
-"""Standard deviation of the mean on an even surface, px."""
+"""Standard deviation of the averaging kernel on a uniform surface, px."""
 
 EDGE = 15.0
-"""Grey levels of 255: an edge so high is as far as :data:`REACH`."""
+"""Height of an edge that counts as much as a distance of :data:`REACH`, grey levels of 255."""
 
 LEAST = np.float32(1e-6)
-"""The weight of what is not sure at all: alone among its like it still counts."""
+"""Least weight of a pixel, so that even an area without any certain pixel has a mean."""
 
 
 def edge_aware_mean(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) -> Flow:
-    """Return the weighted mean of the flow around every pixel, over neighbours on the same surface of the image.
+    """Return the weighted mean of the flow around every pixel, over neighbours on the same image surface.
 
-    What has no weight is filled from what has, however far away: the share of a neighbour falls by the distance along
-    the surface, in which edges of the guide count as ways (normalised convolution with the recursive filter of Gastal
-    & Oliveira, "Domain transform for edge-aware image and video processing", 2011).
+    Pixels without weight are filled from those with weight, however far away: a neighbour's share falls with its
+    distance along the surface, to which edges of the guide add (normalised convolution with the recursive filter of
+    Gastal & Oliveira, "Domain transform for edge-aware image and video processing", 2011).
 
     Parameters
     ----------
     flow
         (2, H, W) px, finite.
     weight
-        (H, W) float32, from 0.
+        (H, W) float32, at least 0.
     guide
         (H, W) uint8.
     """
@@ -51,7 +51,7 @@ def edge_aware_mean(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) 
 
 @compiled(fastmath={"reassoc", "contract"})
 def _along_rows(planes: Array, guide: Array, ramp: Array, first: int, end: int) -> None:
-    """Filter rows `first` to `end` there and back: each value moves on to the next by the share that `ramp` gives."""
+    """Filter rows `first` to `end` in both directions: each value passes a share, given by `ramp`, to the next."""
     cols = guide.shape[1]
     share = np.empty(cols, np.float32)
     for row in range(first, end):
@@ -71,7 +71,7 @@ def _along_rows(planes: Array, guide: Array, ramp: Array, first: int, end: int) 
 
 @compiled(fastmath={"reassoc", "contract"})
 def _along_columns(planes: Array, guide: Array, ramp: Array, first: int, end: int) -> None:
-    """Filter columns `first` to `end` there and back, row by row, as memory lies."""
+    """Filter columns `first` to `end` in both directions, row by row to follow the memory layout."""
     rows = guide.shape[0]
     share = np.empty(end - first, np.float32)
     for row in range(1, rows):
@@ -87,7 +87,7 @@ def _along_columns(planes: Array, guide: Array, ramp: Array, first: int, end: in
 
 @compiled
 def _shares(guide: Array, row: int, ramp: Array, first: int, share: Array) -> None:
-    """Set what moves between a row and the one above it."""
+    """Set the shares passed between a row and the one above it."""
     for col in range(share.size):
         share[col] = ramp[abs(np.int64(guide[row, first + col]) - np.int64(guide[row - 1, first + col]))]
 
@@ -99,7 +99,7 @@ def _move_on(source: Array, target: Array, share: Array) -> None:
 
 
 def edge_aware_mean_reference(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) -> Flow:
-    """Return what :func:`edge_aware_mean` must equal but for rounding, pixel by pixel in float64."""
+    """Return the result of :func:`edge_aware_mean` up to rounding, computed pixel by pixel in float64 for reference."""
     sure = np.maximum(weight, LEAST).astype(np.float64)
     planes = np.stack([flow[0] * sure, flow[1] * sure, sure])
     levels: Any = guide.astype(np.float64)

@@ -1,4 +1,4 @@
-"""Things that move: how each one moves as a whole, how sure that is, and where it ends."""
+"""Moving things: the motion of each as a whole, its uncertainty, and its extent."""
 
 from __future__ import annotations
 
@@ -18,66 +18,66 @@ from stereolag.motion.own_motion import Points, projected, seen_points
 from stereolag.motion.smoothing import edge_aware_mean
 
 ROUNDS = 2
-"""How often a thing is grown by its motion, and its motion fitted to all of it."""
+"""Rounds of growing a thing by its motion and refitting the motion to all of it."""
 
 STEPS = 8
-"""Of the fit: each weighs its witnesses by how well they agreed with the one before."""
+"""Steps of the fit, each weighting pixels by their residuals from the one before."""
 
 FEWEST = 30
-"""Pixels with a disparity in both frames, without which no motion is fitted."""
+"""Fewest pixels with a disparity in both frames for which a motion is fitted."""
 
 ALIKE = 64
-"""Px of a region whose errors are one: a flow is as smooth as its windows are wide."""
+"""Pixels of a region that count as one independent witness, as a flow is smooth over the width of its windows."""
 
 MOST_WITNESSES = 12
-"""What all pixels share, as a disparity drawn towards whole pixels, no mean takes away."""
+"""Most independent witnesses: averaging does not remove errors shared by all pixels, such as bias towards whole px."""
 
 LEAST_SCATTER = 0.2
-"""Px, of flow and disparity: no fit is better than that."""
+"""Least scatter of flow and disparity assumed in a fit, px."""
 
 SLACK = (-1.0, -0.67, -0.33, 0.0, 0.33, 0.67, 1.0)
-"""Px by which the disparity of a point may be wrong that stands, when frames are asked whether it does."""
+"""Disparity errors allowed for when testing whether a point stands still, px."""
 
 LENGTH = 4.0
-"""Metres by which a thing may be nearer or farther than its middle."""
+"""Largest extent of a thing in front of and behind its median depth, metres."""
 
 GAIN = 0.02
-"""By how much the windows of a thing, in their middle, must correlate better if it moves."""
+"""Least median gain in correlation over the windows of a thing if it moves rather than stands still."""
 
 MARGIN = 0.6
-"""Of the size of what is known of a thing: how far around it is looked for the rest."""
+"""Margin around the known part of a thing in which the rest is searched, as a share of its size."""
 
 LEAST_MARGIN = 16
-"""Px."""
+"""Least margin, px."""
 
 DOUBT = 0.06
-"""By how much windows may say that it stands, and it still belongs to what moves at its distance."""
+"""Evidence for standing still, in correlation, that a pixel may show and still belong to a thing at its distance."""
 
 LOWEST = 0.12
-"""Height above the ground, in heights of the camera, from which on something is no ground."""
+"""Height above the ground from which a pixel no longer counts as ground, in camera heights."""
 
 BRIDGED, BRIDGED_SHARE = 9, 0.3
-"""Px, and a share of the height of what is known: gaps up to the larger of the two are closed."""
+"""Largest gap that is closed: the larger of this many px and this share of the known part's height."""
 
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """What is asked where a thing ends.
+    """The data from which the extent of a thing is found.
 
     Attributes
     ----------
     first, second
         (H, W) float32, both frames, grey.
     guide
-        (H, W) uint8, the first of them.
+        (H, W) uint8, the first frame.
     level
-        One grey level of 255 in their units.
+        One grey level of 255 in the units of the frames.
     points
-        (H, W, 3) metres, where every pixel would be in the second frame if it stood still; gaps may be filled.
+        (H, W, 3) metres, position of every pixel in the second frame if it stood still; gaps may be filled.
     disparity
         (H, W) px of the first frame; gaps may be filled.
     standing
-        (H, W) bool, what is no ground: shadows move, too.
+        (H, W) bool, pixels above the ground; the ground is excluded because shadows move too.
     """
 
     first: FloatMap
@@ -88,21 +88,21 @@ class Views:
     disparity: FloatMap
     standing: Mask
     origin: Vector
-    """Metres: where the first camera stood, as the second one sees it."""
+    """Position of the camera at the first frame in its coordinates at the second, metres."""
     calibration: Calibration
     matrix: npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What was measured of every pixel.
+    """The measurements of every pixel.
 
     Attributes
     ----------
     static
-        (H, W, 3) metres, where it would be in the second frame if it stood still; NaN = none.
+        (H, W, 3) metres, its position in the second frame if it stood still; NaN = none.
     row, col, disparity
-        (H, W) px, as it is seen in the second frame; NaN = none.
+        (H, W) px, as seen in the second frame; NaN = none.
     """
 
     static: Points
@@ -114,7 +114,7 @@ class Sight:
 
 
 class Thing(NamedTuple):
-    """Something that moves: where it is seen in the first frame, and how it moves."""
+    """A moving thing: its place in the first frame, and its motion."""
 
     box: Box
     mask: Mask
@@ -122,7 +122,7 @@ class Thing(NamedTuple):
 
 
 def whole_things(seeds: Sequence[tuple[Box, Mask]], sight: Sight, views: Views | None, smallest: int) -> list[Thing]:
-    """Return the things that regions are parts of, none of them twice, and without those that the frames deny."""
+    """Return the distinct things that regions are part of, without those that the frames contradict."""
     taken = np.zeros(sight.row.shape, np.bool_)
     found = []
     for box, seed in sorted(seeds, key=lambda one: -np.count_nonzero(one[1])):
@@ -148,14 +148,14 @@ def whole_things(seeds: Sequence[tuple[Box, Mask]], sight: Sight, views: Views |
 
 
 def fitted_shift(sight: Sight, box: Box, mask: Mask) -> RigidShift | None:
-    """Return the shift by which the points of a thing come to where they are seen in the second frame; None of too few.
+    """Return the shift that takes a thing's points to their positions in the second frame; None with too few points.
 
-    Rows and columns say how it grows as it comes nearer, which is surer than its disparity where it is large in the
-    picture; where it is small and far, both are weak and the covariance says so.
+    Rows and columns show how a thing grows as it approaches, which is more accurate than its disparity if it is large
+    in the picture; if it is small and far, both are weak, and the covariance reflects that.
 
     Notes
     -----
-    Gauss-Newton with the weights of Geman and McClure; the scatter of each coordinate by its median.
+    Gauss-Newton with Geman-McClure weights; each coordinate's scatter is estimated from its median absolute residual.
     """
     static = sight.static[box][mask]
     row, col, disparity = (part[box][mask] for part in (sight.row, sight.col, sight.disparity))
@@ -197,13 +197,13 @@ def fitted_shift(sight: Sight, box: Box, mask: Mask) -> RigidShift | None:
 
 
 def explained(views: Views, box: Box, motion: Vector) -> FloatMap:
-    """Return by how much the windows of a box correlate better if what they show moves so than if it stands."""
+    """Return the gain in correlation of the windows in a box if their content moves by `motion` over standing still."""
     points = views.points[box]
     scale = views.calibration.focal_px * views.calibration.baseline_m
     standing = np.full(points.shape[:2], -1, np.float32)
     own = views.disparity[box] + views.calibration.doffs_px
     for slack in SLACK:
-        # A point whose disparity is a little larger is nearer by so much, along its ray.
+        # A point with a slightly larger disparity is nearer along its ray, by this factor.
         factor = own / np.maximum(own + slack, scale / 1e4)
         shifted = _moved_along(points, views, box, factor)
         standing = np.maximum(standing, _correlated(views, box, shifted))
@@ -211,10 +211,10 @@ def explained(views: Views, box: Box, motion: Vector) -> FloatMap:
 
 
 def _moved_along(points: Points, views: Views, box: Box, factor: FloatMap) -> Points:
-    """Return static points as they would be if the first frame had seen them at `factor` times their depth.
+    """Return the positions of static points in the second frame if their depth in the first were `factor` times theirs.
 
-    What the camera did between the frames is a turn and a shift; far from it, `points` moves along itself but for the
-    shift, which is `points` at depth 0.
+    The camera's motion is a rotation and a shift, so a change of depth scales the distance from `origin`, which is the
+    position at depth 0.
     """
     return np.asarray(views.origin + factor[..., None] * (points - views.origin))
 
@@ -235,10 +235,10 @@ def _correlated(views: Views, box: Box, points: Points) -> FloatMap:
 
 
 def extent(views: Views, box: Box, seed: Mask, motion: Vector) -> tuple[Box, Mask]:
-    """Return the box and the mask within it of the thing that a part of it, `seed`, belongs to.
+    """Return the box of the thing that `seed` is part of, and its mask within the box.
 
-    It is what lies as far away as the part, hangs together with it, and is seen to move as it does: evidence is
-    carried from where the frames tell one motion from the other to where they do not, up to the edges of the image.
+    The thing comprises the pixels at the distance of the seed that are connected to it and move like it. The evidence
+    is propagated from pixels where the frames distinguish the two motions to those where they do not, up to edges.
     """
     wide = _widened(box, views.first.shape)
     known = np.zeros(views.first.shape, np.bool_)
@@ -277,7 +277,7 @@ def _widened(box: Box, shape: tuple[int, ...]) -> Box:
 
 
 def above_ground(disparity: FloatMap) -> Mask:
-    """Return (H, W) what rises above the ground; everything where no ground is seen."""
+    """Return the (H, W) mask of pixels above the ground; all pixels if no ground is seen."""
     ground = ground_of(disparity)
     if ground is None:
         return np.ones(disparity.shape, np.bool_)

@@ -1,8 +1,8 @@
-"""Where every untrusted byte enters: a user's own images, recordings, disparity maps, calibrations and settings.
+"""Readers of untrusted bytes: a user's own images, recordings, disparity maps, calibrations and settings.
 
-A reader takes a path, bytes or a binary file object, bounds what it will decode before it decodes it, and answers
-with checked arrays or with a ``ValueError`` of one clear sentence. It writes nothing, runs nothing and lets no warning
-out; what it quotes from a file in an error is short and harmless.
+A reader takes a path, bytes or a binary file object, checks its size before decoding anything, and returns checked
+arrays or raises a ``ValueError`` of one clear sentence. It writes nothing, runs nothing and emits no warnings; the text
+that it quotes from a file in an error is short and harmless.
 """
 
 from stereolag.reading.calibrations import read_calibration

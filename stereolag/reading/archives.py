@@ -1,8 +1,8 @@
-"""ZIP archives from untrusted bytes: nothing is unpacked but what is asked for, within limits, and never to disk.
+"""ZIP archives from untrusted bytes: only requested files are unpacked, within limits, and never to disk.
 
-What bounds it: the size of the directory, read before it is parsed; the number of files and their sizes together as the
-directory states them, before anything is decompressed; and while a file is decompressed, the size it stated. Names are
-texts that files are asked for by; no path is made of them.
+The limits are: the size of the directory, checked before it is parsed; the number and total size of the files as stated
+in the directory, checked before anything is decompressed; and during decompression, the stated size of the file. Names
+are only keys for requesting files and never become paths.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Archive:
     Attributes
     ----------
     names
-        Of all files, in the archive's order, folders with slashes: "scene/left.png". Untrusted text.
+        Names of all files, in the archive's order, folders with slashes: "scene/left.png". Untrusted text.
     packed
         The bytes of the archive.
     """
@@ -51,11 +51,11 @@ class Archive:
 
     @cached_property
     def _opened(self) -> zipfile.ZipFile:
-        """Return what reads it, its directory parsed once: of thousands of files that takes longer than a file."""
+        """Return the opened archive, its directory parsed once: for thousands of files this is slower than a read."""
         return zipfile.ZipFile(io.BytesIO(self.packed))
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of one file; several threads may ask at once.
+        """Return the bytes of one file; several threads may call this at once.
 
         Raises
         ------
@@ -68,7 +68,7 @@ class Archive:
             with self._opened.open(name) as file:
                 data = file.read()  # no more than the directory states, which was checked
             stated = self._opened.getinfo(name).file_size
-        except Exception as error:  # zipfile and zlib raise whatever comes up on broken files
+        except Exception as error:  # zipfile and zlib raise all kinds of errors on broken files
             raise _damaged_file(name) from error
         if len(data) != stated:
             raise _damaged_file(name)
@@ -76,7 +76,7 @@ class Archive:
 
 
 def is_archive(data: bytes) -> bool:
-    """Return whether these are the bytes of a ZIP archive, as far as their beginning tells."""
+    """Return whether the bytes begin like a ZIP archive."""
     return data.startswith((b"PK\x03\x04", _END))
 
 
@@ -88,25 +88,25 @@ def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
     source
         A path, the bytes of the file, or a binary file object.
     max_files
-        How many files it may hold.
+        Largest number of files.
 
     Returns
     -------
     archive
-        Of its files without folders, hidden ones, and what macOS adds.
+        The files, without folders, hidden files and those added by macOS.
 
     Raises
     ------
     ValueError
-        An archive that is damaged, encrypted or packed by another method than "deflate", holds more files than allowed
-        or none, two of one name, more than 256 MB unpacked, or names that are too long or lead elsewhere.
+        An archive that is damaged, encrypted or packed by a method other than "deflate", or that has too many files or
+        none, two of the same name, more than 256 MB unpacked, or names that are too long or lead out of it.
     """
     packed = read_bytes(source, WHAT)
     _check_directory(packed)
     try:
         with zipfile.ZipFile(io.BytesIO(packed)) as whole:
             members = whole.infolist()
-    except Exception as error:  # zipfile raises whatever comes up on broken files
+    except Exception as error:  # zipfile raises all kinds of errors on broken files
         raise _damaged() from error
     kept = [member for member in members if not (member.is_dir() or _is_hidden(member.filename))]
     if not kept:
@@ -118,7 +118,7 @@ def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
         if member.flag_bits & _ENCRYPTED:
             raise ValueError(f"{quoted(member.filename)} in the {WHAT} is encrypted; pack it without a password.")
         if member.compress_type not in _METHODS:
-            raise ValueError(f"{quoted(member.filename)} in the {WHAT} is packed by another method than “deflate”.")
+            raise ValueError(f"{quoted(member.filename)} in the {WHAT} is packed by a method other than “deflate”.")
     unpacked = sum(member.file_size for member in kept)
     if unpacked > MAX_BYTES:
         raise ValueError(
@@ -132,7 +132,7 @@ def read_archive(source: Source, *, max_files: int = MAX_FILES) -> Archive:
 
 
 def _check_directory(packed: bytes) -> None:
-    """Refuse a directory that is too long to be parsed: every entry takes ten times its bytes in memory."""
+    """Refuse a directory that is too long to parse: every entry takes ten times its bytes in memory."""
     end = packed.rfind(_END, max(0, len(packed) - _END_BYTES - _COMMENT_BYTES))
     if end < 0 or len(packed) - end < _END_BYTES:
         raise _damaged()
@@ -151,7 +151,7 @@ def _check_name(name: str) -> None:
     if len(name) > MAX_NAME or len(parts) > MAX_DEPTH:
         raise ValueError(f"{quoted(name)} in the {WHAT} has too long a name.")
     if ".." in parts or name.startswith(("/", "\\")) or "\0" in name or ":" in parts[0]:
-        raise ValueError(f"{quoted(name)} in the {WHAT} leads out of it; names of files within are accepted.")
+        raise ValueError(f"{quoted(name)} in the {WHAT} points outside it; only names within are accepted.")
 
 
 def _is_hidden(name: str) -> bool:
@@ -172,4 +172,4 @@ def _damaged_file(name: str) -> ValueError:
 
 
 def _damaged() -> ValueError:
-    return ValueError(f"The {WHAT} is no ZIP file, or it is damaged or cut short.")
+    return ValueError(f"The {WHAT} is not a ZIP file, or it is damaged or cut short.")

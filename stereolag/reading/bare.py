@@ -1,7 +1,7 @@
-"""An image file without everything that its pixels do not need.
+"""Image files reduced to the parts that their pixels need.
 
-A decoder that never sees comments, profiles, previews or further frames cannot be slowed down or filled up by them,
-and a broken one of them does not make an intact image unreadable.
+Comments, profiles, previews and further frames cannot slow down a decoder that never sees them, or use up its memory;
+and if one of them is broken, the intact image remains readable.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ class BarePicture:
     Attributes
     ----------
     data
-        The file: the header and the pixels of the first frame alone.
+        The file, with only the header and the pixels of the first frame.
     width, height
-        As its header states, px.
+        As stated in the header, px.
     orientation
         How the camera was held, 1 to 8 as in EXIF; 1 is upright.
     canvas
-        (width, height, left, top): the canvas the frame lies on and where, for a WEBP animation; None otherwise.
+        (width, height, left, top): the canvas and the frame's position on it, for a WEBP animation; None otherwise.
     """
 
     data: bytes
@@ -33,10 +33,10 @@ class BarePicture:
 
 
 def damaged(kind: str) -> ValueError:
-    """Return the refusal of a file whose parts do not fit together."""
+    """Return the error for a file whose parts do not fit together."""
     return ValueError(f"The image ({kind}) is damaged or cut short and cannot be decoded; send it whole.")
 
 
 def too_many(kind: str, parts: str, most: int) -> ValueError:
-    """Return the refusal of a file in more parts than any program writes."""
+    """Return the error for a file with more parts than any program writes."""
     return ValueError(f"The image ({kind}) is in too many {parts}: at most {most:,} are accepted; save it again.")

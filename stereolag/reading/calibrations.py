@@ -1,4 +1,4 @@
-"""Calibrations as Middlebury, KITTI, OpenCV, ROS, Kalibr, stereodemo and this project write them."""
+"""Calibrations in the formats of Middlebury, KITTI, OpenCV, ROS, Kalibr, stereodemo and this project."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ _BASELINE = ("baseline_m", "baseline_meters", "baseline_metres")
 def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibration:
     """Read the calibration of a stereo camera.
 
-    Known are: Middlebury ``calib.txt``; KITTI ``calib*.txt`` (the colour cameras 2 and 3, which took the images of
-    its stereo benchmarks, before the grey 0 and 1) and bare projection rows of two cameras; YAML, XML or JSON of
-    OpenCV and NPZ of NumPy with both cameras (M1, D1, M2, D2, R, T and the usual other names) or of the rectified pair
-    (Q, or P1 and P2); ROS ``camera_info`` YAML of the right camera, or of both; the camera chain of Kalibr; the JSON of
-    stereodemo; JSON with ``focal_px`` and ``baseline_m`` and, if known, ``doffs_px``, ``cx``, ``cy``, ``width``,
-    ``height``, ``num_disparities``.
+    Supported are: Middlebury ``calib.txt``; KITTI ``calib*.txt`` (the colour cameras 2 and 3, which took the images of
+    its stereo benchmarks, take precedence over the grey 0 and 1) and bare projection rows of two cameras; YAML, XML or
+    JSON of OpenCV and NPZ of NumPy with both cameras (M1, D1, M2, D2, R, T and the other usual names) or the rectified
+    pair (Q, or P1 and P2); ROS ``camera_info`` YAML of the right camera, or of both; the camera chain of Kalibr; the
+    JSON of stereodemo; JSON with ``focal_px`` and ``baseline_m`` and, if known, ``doffs_px``, ``cx``, ``cy``,
+    ``width``, ``height``, ``num_disparities``.
 
     Parameters
     ----------
@@ -45,19 +45,19 @@ def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibratio
         Paths, bytes or binary file objects: one file, or several that belong together (``intrinsics.yml`` and
         ``extrinsics.yml`` of OpenCV, the two cameras of ROS).
     length_unit_m
-        The unit of length of files with both cameras, which do not name it, in metres: 0.001 where the squares of the
-        chessboard were measured in millimetres. (Middlebury is in mm, ROS, Kalibr and ours in m: not asked there.)
+        The unit of length, in metres, of files with both cameras that do not state it: 0.001 if the squares of the
+        chessboard were measured in millimetres. (Not used for Middlebury, in mm, nor for ROS, Kalibr and ours, in m.)
 
     Returns
     -------
     calibration
-        With its ``rig`` where the file holds both cameras before rectification, and how to rectify them within that
-        where the file tells it (R1, R2 with P1, P2 or Q).
+        With its ``rig`` if the file has both cameras before rectification, and their rectification within that if the
+        file states it (R1, R2 with P1, P2 or Q).
 
     Raises
     ------
     ValueError
-        A file that is empty, damaged or of another kind, or a calibration that lacks something or makes no sense.
+        A file that is empty, damaged or of another kind, or a calibration that is incomplete or makes no sense.
 
     Examples
     --------
@@ -77,7 +77,7 @@ def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibratio
 
 
 def _of_rectified_pair(entries: Entries) -> Calibration | None:
-    """Return the calibration in a format that knows rectified pairs alone, None where it is in none of them."""
+    """Return the calibration from a format for rectified pairs only, None if the file is in none of these."""
     if any(name in entries for name in _FOCAL):
         return _from_plain_numbers(entries)
     if "cam0" in entries:
@@ -90,7 +90,7 @@ def _of_rectified_pair(entries: Entries) -> Calibration | None:
 
 
 def _of_two_cameras(files: list[Entries], entries: Entries, length_unit_m: float) -> Calibration:
-    """Return the calibration of cameras by their matrices, before rectification or after it."""
+    """Return the calibration from the cameras' matrices, before or after rectification."""
     parts, metric = parts_together(files)
     unit = 1.0 if metric or entries.get("length_unit") == "m" else length_unit_m
     rig = stereo_rig(files, parts, unit)
@@ -107,7 +107,7 @@ def _of_two_cameras(files: list[Entries], entries: Entries, length_unit_m: float
 
 
 def _from_plain_numbers(entries: Entries) -> Calibration:
-    """Read numbers by their names; stereodemo calls them ``fx``, ``baseline_meters``, ``cx0`` and ``cx1``."""
+    """Read single numbers by name; stereodemo calls them ``fx``, ``baseline_meters``, ``cx0`` and ``cx1``."""
     width, height = _size(entries)
     cx, right_cx = optional_number(entries, "cx", "cx0"), optional_number(entries, "cx1")
     doffs = optional_number(entries, "doffs_px", "doffs")
@@ -177,7 +177,7 @@ def _from_reprojection(parts: Parts, length_unit_m: float) -> Calibration:
 
 
 def _forecast(rig: StereoRig) -> Calibration:
-    """Return the calibration to expect after rectification, with the rig; without a size, the centre is guessed."""
+    """Return the calibration to expect after rectification, with the rig; a missing size is guessed from the centre."""
     width = rig.width or max(1, round(2 * rig.left_matrix[0, 2] + 1))
     height = rig.height or max(1, round(2 * rig.left_matrix[1, 2] + 1))
     try:

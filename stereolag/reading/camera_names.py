@@ -1,7 +1,7 @@
-"""Which part of a stereo calibration a name means: ``leftCameraMatrix``, ``camera_matrix_left``, ``K1`` and ``mtxL``.
+"""The part of a stereo calibration that a name means: ``leftCameraMatrix``, ``camera_matrix_left``, ``K1``, ``mtxL``.
 
-Names are cut into words. One word may tell the side (left, L, 0, 1, …), and words such as "camera" tell nothing; what
-remains names the part.
+Names are split into words. One word may give the side (left, L, 0, 1, …), words such as "camera" are ignored, and the
+rest names the part.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Role(StrEnum):
 
 
 class Side(StrEnum):
-    """Whose part it is; LONE is that of the only camera in its file, BOTH that of the pair."""
+    """The camera to which a part belongs; LONE is the only camera in its file, BOTH the pair."""
 
     LEFT = "left"
     RIGHT = "right"
@@ -39,7 +39,7 @@ class Side(StrEnum):
 
 
 class Part(NamedTuple):
-    """What a name means."""
+    """The meaning of a name."""
 
     role: Role
     side: Side
@@ -74,7 +74,7 @@ _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 
 
 def stereo_parts(entries: Entries) -> Parts:
-    """Return the parts that the names in a file mean; of two names for one part the first counts."""
+    """Return the parts meant by the names in a file; of two names for one part, the first counts."""
     numbered = [(name, *meaning) for name in entries if (meaning := _meaning(name)) is not None]
     from_zero = any(side == "0" for _, role, side in numbered if role in _OF_ONE_CAMERA)
     sides = {"0": Side.LEFT, "1": Side.RIGHT} if from_zero else {"1": Side.LEFT, "2": Side.RIGHT}
@@ -87,7 +87,7 @@ def stereo_parts(entries: Entries) -> Parts:
 
 
 def _meaning(name: str) -> tuple[Role, str] | None:
-    """Return what a name means and the word for its side: "left", "right", a number, "" or "both"; None for nothing."""
+    """Return the role that a name means and its side: "left", "right", a number, "" or "both"; None if unknown."""
     words = [word.lower().replace("camera", "") for word in _words(name)]
     telling = [word for word in words if word not in _SAYING_NOTHING]
     rest = "".join(telling)
@@ -102,13 +102,13 @@ def _meaning(name: str) -> tuple[Role, str] | None:
 
 
 def _words(name: str) -> Iterable[str]:
-    """Return the words of a name; two capitals such as KL and DR are a part and its side."""
+    """Yield the words of a name; two capitals such as KL and DR are a part and its side."""
     for word in _WORDS.findall(name[:80]):
         yield from word if re.fullmatch("[KMADPR][LR]", word) else (word,)
 
 
 def _of_a_lone_camera(parts: Parts) -> Parts:
-    """Return the parts with R as what rectifies the camera, where K and P of one camera stand beside it (ROS)."""
+    """Return the parts with R as the camera's rectification if K and P of a single camera accompany it (ROS)."""
     rotation = Part(Role.ROTATION, Side.BOTH)
     alone = {Part(Role.MATRIX, Side.LONE), Part(Role.PROJECTION, Side.LONE)} <= set(parts)
     if alone and rotation in parts and Part(Role.TRANSLATION, Side.BOTH) not in parts:

@@ -1,4 +1,4 @@
-"""Disparity maps, as ground truth or as results of other programs, from untrusted bytes."""
+"""Disparity maps, as ground truth or results of other programs, from untrusted bytes."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
     source
         A path, the bytes of the file, or a binary file object.
     divisor
-        Divides the stored values to give px. Integers of 16 bits have 256 unless given otherwise (as in KITTI
-        and in this project's examples), floats 1. Integers of 8 bits need it: the data sets that use them differ
-        (Middlebury 2003: 4 for quarter size; Tsukuba: 16).
+        Divides the stored values to give px. The default is 256 for 16-bit integers (as in KITTI and in this project's
+        examples) and 1 for floats. It is required for 8-bit integers: the data sets that use them differ (Middlebury
+        2003: 4 for quarter size; Tsukuba: 16).
 
     Returns
     -------
     disparity
         (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown:
-        0 in an image of integers, infinite or NaN among floats.
+        0 in an image of integers, infinite or NaN in floats.
 
     Raises
     ------
@@ -63,16 +63,16 @@ def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArr
 
 
 class StoredDisparity(NamedTuple):
-    """A disparity map as a file holds it.
+    """A disparity map as stored in a file.
 
     Attributes
     ----------
     stored
         (rows, cols) numbers of any type.
     divisor
-        What divides them to give px, as :func:`read_disparity` takes it; None of 8 bits, which do not tell.
+        Divides them to give px, as in :func:`read_disparity`; None for 8 bits, whose divisor is unknown.
     zero_is_unknown
-        Whether it is an image of integers.
+        Whether it is an image of integers, in which 0 means unknown.
     """
 
     stored: npt.NDArray[Any]
@@ -80,12 +80,12 @@ class StoredDisparity(NamedTuple):
     zero_is_unknown: bool
 
     def divided(self, divisor: float) -> npt.NDArray[np.float32]:
-        """Return the disparities by a divisor, px, as :func:`read_disparity` does.
+        """Return the disparities for a divisor, px, as :func:`read_disparity` does.
 
         Raises
         ------
         ValueError
-            A divisor that is not above 0, or one that leaves no disparity at all.
+            A divisor that is not above 0, or no disparity at all.
         """
         if not (divisor > 0 and math.isfinite(divisor)):
             raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0.")
@@ -96,7 +96,7 @@ class StoredDisparity(NamedTuple):
 
 
 def read_stored_disparity(source: Source) -> StoredDisparity:
-    """Read a disparity map whose divisor may not be known yet; refused as by :func:`read_disparity`."""
+    """Read a disparity map whose divisor may not be known yet; errors as in :func:`read_disparity`."""
     stored, is_image = _stored_values(read_bytes(source, WHAT))
     if stored.ndim != 2:
         raise ValueError(f"The {WHAT} has shape {stored.shape}; allowed is one channel, (rows, cols).")
@@ -105,7 +105,7 @@ def read_stored_disparity(source: Source) -> StoredDisparity:
 
 
 def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool) -> npt.NDArray[np.float32]:
-    """Return the disparities, NaN where unknown, made in bands of rows: whole copies in float64 are a lot of memory."""
+    """Return the disparities, NaN where unknown, made in bands of rows: whole float64 copies take a lot of memory."""
     disparity = np.empty(stored.shape, np.float32)
     step = max(1, _BAND_PIXELS // max(1, stored.shape[1]))
     for first in range(0, len(stored), step):
@@ -120,7 +120,7 @@ def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool)
 
 
 def _stored_values(data: bytes) -> tuple[npt.NDArray[Any], bool]:
-    """Return the numbers as the file holds them, and whether they are integers of an image: there 0 is unknown."""
+    """Return the numbers as stored in the file, and whether they are an image of integers, in which 0 is unknown."""
     if data.startswith((b"Pf", b"PF")):
         return parse_pfm(data, WHAT), False
     if data.startswith((b"P2", b"P5")):

@@ -14,33 +14,33 @@ from stereolag.reading.sources import quoted
 
 Matrix: TypeAlias = npt.NDArray[np.float64]
 Entries: TypeAlias = dict[str, Matrix | str]
-"""Arrays of finite numbers (a number alone has shape (1,)), or text."""
+"""Arrays of numbers (a single number has shape (1,)), or text."""
 
 MAX_DEPTH = 16
 MAX_SIDE = 100_000
 MAX_NUMBER = 1e12
-"""No focal length, length or coefficient of a camera comes near; what is computed from such numbers stays finite."""
+"""No focal length, length or coefficient of a camera comes near it; results computed from such numbers stay finite."""
 
 _MATRIX_KEYS = {"rows", "cols", "data"}
 _ARRAY_KEYS = {"sizes", "data"}
-"""OpenCV 5 writes an array of one row so."""
+"""The keys that OpenCV 5 writes for an array of one row."""
 _NO_NUMBERS = np.array([np.nan])
-"""Stands for a list that is no array of numbers: refused where it is used, and only there."""
+"""Placeholder for a list that is not an array of numbers, refused only if it is used."""
 
 
 def flattened(tree: Any) -> Entries:
-    """Return what a tree of dictionaries and lists holds, each by the way to it: ``left.camera_matrix``.
+    """Return the leaves of a tree of dictionaries and lists by their paths: ``left.camera_matrix``.
 
     Raises
     ------
     ValueError
-        More than 16 levels, or a matrix (rows, cols, data) that does not hold as many numbers as it announces.
+        More than 16 levels, or a matrix (rows, cols, data) with another number of values than it announces.
     """
     return {name: value for name, value in _leaves("", tree, 0) if name}
 
 
 def value_of(text: str) -> Matrix | str:
-    """Return the numbers in a text, in a row; the text itself where there is anything else in it."""
+    """Return the numbers in a text as a vector; the text itself if it contains anything else."""
     tokens = re.split(r"[\s,]+", text.strip())
     try:
         return np.array([_float(token) for token in tokens])
@@ -49,7 +49,7 @@ def value_of(text: str) -> Matrix | str:
 
 
 def names_found(entries: Entries) -> str:
-    """Return the first names in words, harmless where an error is shown as Markdown or HTML."""
+    """Return the first names in words, harmless in an error shown as Markdown or HTML."""
     shown = [re.sub(r"[^\w.+-]", "?", name[:24]) for name in list(entries)[:6]]
     if not shown:
         return "no names with values"
@@ -79,7 +79,7 @@ def _leaves(name: str, tree: Any, depth: int) -> Iterator[tuple[str, Matrix | st
 
 def _array(value: Any) -> Matrix:
     if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
-        # Of YAML and XML; where a comma was forgotten at the end of a line, two numbers are one item.
+        # From YAML and XML; if a comma is missing at the end of a line, two numbers are one item.
         numbers = value_of(" ".join(value))
         return _NO_NUMBERS if isinstance(numbers, str) else numbers
     try:
@@ -89,7 +89,7 @@ def _array(value: Any) -> Matrix:
 
 
 def _float(token: str) -> float:
-    """Return the number in a text, which may be one that YAML writes otherwise than Python."""
+    """Return the number in a text, including those that YAML writes differently from Python."""
     return float(token.replace(".", "", 1) if token.lower().lstrip("+-") in (".nan", ".inf") else token)
 
 
@@ -98,7 +98,7 @@ def _value(leaf: Any) -> Matrix | str:
 
 
 def _announced(name: str, data: Any, sizes: Any) -> Matrix:
-    """Return an array of the sizes that its file announces for it."""
+    """Return an array in the shape announced by its file."""
     values, shape = _value(data), _value(sizes)
     if isinstance(values, str) or isinstance(shape, str):
         return _NO_NUMBERS
@@ -111,13 +111,13 @@ def _announced(name: str, data: Any, sizes: Any) -> Matrix:
 
 
 def optional_number(entries: Entries, *names: str) -> float | None:
-    """Return the number under the first of `names` that is there, None where none is."""
+    """Return the number under the first of `names` that exists, None if none does."""
     name = next((name for name in names if name in entries), None)
     return None if name is None else float(_numbers(entries, name, 1)[0])
 
 
 def required_number(entries: Entries, *names: str) -> float:
-    """Return the number under the first of `names` that is there; one of them must be."""
+    """Return the number under the first of `names` that exists; one of them must."""
     number = optional_number(entries, *names)
     if number is None:
         raise ValueError(
@@ -128,13 +128,13 @@ def required_number(entries: Entries, *names: str) -> float:
 
 
 def optional_count(entries: Entries, *names: str) -> int | None:
-    """Return the whole number from 1 under the first of `names` that is there, None where none is."""
+    """Return the whole number from 1 under the first of `names` that exists, None if none does."""
     number = optional_number(entries, *names)
     return None if number is None else counted(number, names[0])
 
 
 def counted(number: float, name: str) -> int:
-    """Return a whole number from 1."""
+    """Return a number from 1 to `MAX_SIDE`, rounded to a whole one."""
     if not 1 <= number <= MAX_SIDE:
         raise ValueError(f"The calibration has {number:g} for {quoted(name)}; allowed are 1 to {MAX_SIDE}.")
     return round(number)
@@ -146,7 +146,7 @@ def matrix(entries: Entries, name: str, shape: tuple[int, int]) -> Matrix:
 
 
 def vector(entries: Entries, name: str, count: int | None = None) -> Matrix:
-    """Return the numbers under `name` in a row, `count` of them if that is given."""
+    """Return the numbers under `name` as a vector, of length `count` if given."""
     return _numbers(entries, name, count).ravel()
 
 

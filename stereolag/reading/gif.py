@@ -14,7 +14,7 @@ _TRANSPARENCY = 0xF9
 
 
 def bare_gif(data: bytes) -> BarePicture:
-    """Return a GIF with its first frame alone.
+    """Return a GIF reduced to its first frame.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def _palette_size(flags: int) -> int:
 
 
 def _after_blocks(data: bytes, position: int, blocks: int) -> tuple[int, int]:
-    """Return where a row of data blocks ends, and how many blocks there have been."""
+    """Return the end of a series of data blocks, and the number of blocks so far."""
     for number in range(blocks, MAX_BLOCKS):
         if position >= len(data):
             raise damaged("GIF")

@@ -1,4 +1,4 @@
-"""What a visitor drew by hand in the browser: a box in an image, and a mask painted over a template."""
+"""Marks drawn by hand in the browser: a box in an image, and a mask painted over a template."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Box:
     Attributes
     ----------
     row, col
-        Of its top-left pixel.
+        The top-left pixel.
     height, width
-        Its size.
+        The size.
     """
 
     row: int
@@ -34,17 +34,17 @@ class Box:
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """Its rows and columns."""
+        """The rows and columns of the box."""
         return slice(self.row, self.row + self.height), slice(self.col, self.col + self.width)
 
 
 def read_box(value: object, image_shape: tuple[int, ...]) -> Box:
-    """Return the box that {"row", "col", "height", "width"} describes.
+    """Return the box described by {"row", "col", "height", "width"}.
 
     Raises
     ------
     ValueError
-        Anything else than four whole numbers, sides below :data:`LEAST_SIDE`, or a box that leaves the image.
+        Anything but four whole numbers, sides below :data:`LEAST_SIDE`, or a box that leaves the image.
     """
     names = ("row", "col", "height", "width")
     if not isinstance(value, Mapping) or set(value) != set(names):
@@ -64,7 +64,7 @@ def read_box(value: object, image_shape: tuple[int, ...]) -> Box:
     if box.row < 0 or box.col < 0 or box.row + box.height > rows or box.col + box.width > cols:
         raise ValueError(
             f"The box of {_short(box.width)} × {_short(box.height)} pixels at row {_short(box.row)}, column "
-            f"{_short(box.col)} leaves the image of {cols} × {rows}."
+            f"{_short(box.col)} extends beyond the image of {cols} × {rows}."
         )
     return box
 
@@ -74,12 +74,12 @@ def _short(number: int) -> str:
 
 
 def packed_mask(mask: npt.NDArray[Any]) -> str:
-    """Return a mask as text: its pixels row by row, a bit each, 1 where they count; base64."""
+    """Return a mask as base64 text: one bit per pixel, row by row, 1 for pixels that count."""
     return base64.b64encode(np.packbits(mask > 0).tobytes()).decode("ascii")
 
 
 def read_packed_mask(value: object, shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
-    """Return the mask, 255 where the template counts and 0 elsewhere, that :func:`packed_mask` made a text of.
+    """Return the mask encoded by :func:`packed_mask`, 255 where the template counts and 0 elsewhere.
 
     Parameters
     ----------
@@ -91,11 +91,11 @@ def read_packed_mask(value: object, shape: tuple[int, int]) -> npt.NDArray[np.ui
     Raises
     ------
     ValueError
-        Not such a text for that size, or a mask under which fewer than two pixels count.
+        Not such a text for that size, or a mask with fewer than two pixels that count.
     """
     height, width = shape
     size = -(-height * width // 8)
-    wrong = f"The painted mask is not one of {width} × {height} pixels."
+    wrong = f"The painted mask does not have {width} × {height} pixels."
     if not isinstance(value, str) or len(value) != 4 * -(-size // 3):
         raise ValueError(wrong)
     try:

@@ -18,20 +18,20 @@ ACCEPTED = "PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM and GIF"
 WHAT = "image"
 MAX_RUN_LENGTH_BYTES = 4 * 2**20
 MAX_RUN_LENGTH_PIXELS = 8_000_000
-"""Pillow reads run-length coded BMP in a Python loop, and fills up what the runs leave out pixel by pixel."""
+"""Pillow reads run-length coded BMP in a Python loop, and fills the gaps between the runs pixel by pixel."""
 
 _NETPBM = (b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"Pf")
 _BAND_PIXELS = 2**20
 _PROGRESSIVE_PIXELS = 20_000_000
-"""From here on the coefficients of a progressive JPEG and Pillow's four bytes per pixel are too much together."""
+"""Above this, the coefficients of a progressive JPEG plus Pillow's four bytes per pixel take too much memory."""
 
 
 def read_image(source: Source) -> Image:
     """Read an image: PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM or GIF (the first frame of several).
 
-    The orientation a camera noted in the file (EXIF) is applied; all other metadata is passed over, and broken
-    metadata is no fault. A palette is resolved, and so are CMYK, YCbCr and the like, to RGB; any kind of transparency
-    gives RGBA. Grey and colour of 16 bits per channel keep them; a TIFF of floats stays float.
+    The camera orientation stored in the file (EXIF) is applied; all other metadata is ignored, and broken metadata is
+    not an error. Palettes, CMYK, YCbCr and the like are converted to RGB; any kind of transparency gives RGBA. Grey and
+    colour images keep 16 bits per channel; a TIFF of floats stays float.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def _decoded(data: bytes) -> tuple[Image, int]:
         return netpbm.parse_netpbm(data, WHAT), 1
     kind, bare_image = _kind(data)
     bare = bare_image(data)
-    del data  # where nobody else holds it, its memory is free before pixels are decoded
+    del data  # unless the caller holds it, this frees its memory before pixels are decoded
     check_pixels(bare.width, bare.height, WHAT)
     if bare.canvas:
         check_pixels(*bare.canvas[:2], WHAT)
@@ -75,7 +75,7 @@ def _decoded(data: bytes) -> tuple[Image, int]:
         loaded = _loaded(kind, bare)
         del bare
         pixels = loaded if isinstance(loaded, np.ndarray) else _as_array(loaded)
-    except Exception as error:  # decoders raise whatever comes up on broken files
+    except Exception as error:  # decoders raise all kinds of errors on broken files
         raise ValueError(
             f"The image ({kind}) is damaged or cut short and cannot be decoded; accepted are whole files of {ACCEPTED}."
         ) from error
@@ -83,7 +83,7 @@ def _decoded(data: bytes) -> tuple[Image, int]:
 
 
 def _kind(data: bytes) -> tuple[str, Callable[[bytes], BarePicture]]:
-    """Return the name of the file's kind and what leaves its metadata out."""
+    """Return the name of the file's kind and the function that strips its metadata."""
     if data.startswith(png.MAGIC) and data[12:16] == b"IHDR" and len(data) >= 33:
         return "PNG", png.bare_png
     if data.startswith(jpeg.MAGIC):
@@ -114,7 +114,7 @@ def _bare_bmp(data: bytes) -> BarePicture:
 
 
 def _loaded(kind: str, bare: BarePicture) -> PillowImage.Image | Image:
-    """Return the decoded image, still Pillow's where Pillow is the better decoder."""
+    """Return the decoded image, as a Pillow image if Pillow is the better decoder."""
     if kind == "WEBP":
         return _by_opencv(bare.data)  # Pillow keeps five copies of the pixels
     if kind == "JPEG" and bare.width * bare.height > _PROGRESSIVE_PIXELS and jpeg.is_progressive_colour(bare.data):
@@ -142,7 +142,7 @@ def _by_opencv(data: bytes) -> Image:
 
 
 def _as_array(image: PillowImage.Image) -> Image:
-    """Return the pixels, converted and copied in bands of rows: a whole copy more is a lot of memory."""
+    """Return the pixels, converted and copied in bands of rows: another whole copy would take a lot of memory."""
     mode: str | None = "RGB"
     if image.has_transparency_data and not image.mode.startswith("I"):
         mode = "RGBA"
@@ -178,7 +178,7 @@ def _on_canvas(frame: Image, width: int, height: int, left: int, top: int) -> Im
 
 
 def _upright(pixels: Image, orientation: int) -> Image:
-    """Undo how the camera was held: EXIF orientation 5 to 8 are 1 to 4 with rows and columns exchanged."""
+    """Undo the camera's orientation: EXIF values 5 to 8 are 1 to 4 with rows and columns exchanged."""
     if orientation in (5, 6, 7, 8):
         pixels = np.swapaxes(pixels, 0, 1)
     if orientation in (3, 4, 7, 8):

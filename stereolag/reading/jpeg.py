@@ -22,7 +22,7 @@ _START_OF_SCAN, _END, _COMMENT, _JFIF, _EXIF, _ADOBE = 0xDA, 0xD9, 0xFE, 0xE0, 0
 
 
 def bare_jpeg(data: bytes) -> BarePicture:
-    """Return a JPEG with its tables and scans alone.
+    """Return a JPEG reduced to its tables and scans.
 
     Raises
     ------

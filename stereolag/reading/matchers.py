@@ -26,12 +26,12 @@ def read_matcher(source: Source) -> StereoMatcher:
     Returns
     -------
     matcher
-        Of the method that the file names, with its settings.
+        A matcher of the method named in the file, with the settings given there.
 
     Raises
     ------
     ValueError
-        An empty file or one that is not such JSON, an unknown method, or a setting that is unknown or out of bounds.
+        An empty file, one that is not such JSON, an unknown method, or a setting that is unknown or out of bounds.
 
     Examples
     --------
@@ -47,16 +47,16 @@ def read_matcher(source: Source) -> StereoMatcher:
 
 
 def matcher_from(document: Any, what: str) -> StereoMatcher:
-    """Return the matcher that a parsed document, from untrusted bytes, describes; ValueError as :func:`read_matcher`.
+    """Return the matcher described by a parsed, untrusted document; ValueError as in :func:`read_matcher`.
 
     Parameters
     ----------
     document
-        As :func:`stereolag.export.settings.settings_document` made it.
+        In the form made by :func:`stereolag.export.settings.settings_document`.
     what
-        Where it was found, for the errors.
+        Name of its source in errors.
     """
-    from stereolag.stereo.methods import METHODS  # who reads an image or a recording does not wait for them
+    from stereolag.stereo.methods import METHODS  # reading an image or a recording must not wait for this import
 
     if not (isinstance(document, dict) and "method" in document and isinstance(document.get("settings"), dict)):
         raise ValueError(f'The {what} must be a JSON object with "method", a name, and "settings", an object.')
@@ -72,7 +72,7 @@ def matcher_from(document: Any, what: str) -> StereoMatcher:
 
 
 def parsed_json(data: bytes, what: str) -> Any:
-    """Return what untrusted JSON holds; ValueError where it is none."""
+    """Return the content of untrusted JSON; ValueError if it is not JSON."""
     try:
         return json.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""Small damage to a text of numbers, mended where it is rare: stray NUL bytes and empty fields."""
+"""Mending of small, rare damage to a text of numbers: stray NUL bytes and empty fields."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy.typing as npt
 
 MOST_LINES = 5
 LINES_PER_MENDED = 100
-"""No more than so many lines are mended, and no more than one of so many."""
+"""At most `MOST_LINES` lines are mended, and at most one in `LINES_PER_MENDED`."""
 
 _MOST_NULS = 100
 
 _STRAY_NULS = re.compile(rb"(?<=[0-9.])\0+(?=[ \t,;\r\n]|\Z)")
-"""NUL bytes behind a whole number."""
+"""NUL bytes directly after a complete number."""
 
 
 class Mending:
-    """How many lines of a text were mended, and whether that is still few.
+    """The mending of one text, with a count of its mended lines and a limit on it.
 
     Parameters
     ----------
     data
-        The text as it is in the file.
+        The text as stored in the file.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -32,7 +32,7 @@ class Mending:
         self.lines = 0
 
     def without_nuls(self, data: bytes) -> bytes:
-        """Return the text without the NUL bytes that follow whole numbers; as it is where they are not few."""
+        """Return the text without NUL bytes directly after complete numbers; unchanged if they are not few."""
         if not self.allowed or not 0 < data.count(b"\0") <= _MOST_NULS:
             return data
         ends = {_end_of_line(data, found.end()) for found in _STRAY_NULS.finditer(data)}
@@ -41,9 +41,9 @@ class Mending:
         return _STRAY_NULS.sub(b"", data)
 
     def filled(self, chunk: str, separator: str | None, columns: int) -> str:
-        """Return whole lines with ``nan`` in the fields that are empty; as they are where they are not few.
+        """Return whole lines with ``nan`` in their empty fields; unchanged if such lines are not few.
 
-        The last column may be missing with what separates it from others still there.
+        The last field may be empty, too, if the separator before it is still there.
         """
         if separator is None or not self.allowed:
             return chunk
@@ -69,7 +69,7 @@ class Mending:
 
 
 def interpolate(table: npt.NDArray[np.float64]) -> None:
-    """Put a straight line between its neighbours in place of every NaN of the (columns, rows), in place."""
+    """Replace every NaN of the (columns, rows), in place, by linear interpolation between its neighbours."""
     for column in table:
         missing = np.flatnonzero(np.isnan(column))
         if missing.size:

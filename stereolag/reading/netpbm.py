@@ -1,7 +1,7 @@
 """The Netpbm family: PBM, PGM and PPM (bits, grey and colour integers) and PFM (grey floats).
 
-Our own small readers, because Pillow takes a Python loop for most of them, cuts colour to 8 bits and stretches a PGM
-to the full range of its type, and OpenCV 5 multiplies some PFMs by 256.
+These are our own small readers, because Pillow reads most of them in a Python loop, cuts colour to 8 bits and stretches
+a PGM to the full range of its type, and OpenCV 5 multiplies some PFMs by 256.
 Formats: https://netpbm.sourceforge.net/doc/pgm.html and https://www.pauldebevec.com/Research/HDR/PFM/
 """
 
@@ -17,7 +17,7 @@ from stereolag.reading.bare import damaged
 from stereolag.reading.sources import HEADER_BYTES, check_pixels
 
 MAX_PLAIN_BYTES = 16 * 2**20
-"""Numbers written as text take long to read."""
+"""Limited because numbers written as text are slow to read."""
 MAX_COMMENTS = 10_000
 
 _TOKEN = re.compile(rb"#[^\r\n]*|[^\s#]+")
@@ -27,18 +27,18 @@ _PLAIN = {b"P1": b"P4", b"P2": b"P5", b"P3": b"P6"}
 
 
 def parse_netpbm(data: bytes, what: str) -> npt.NDArray[Any]:
-    """Return an image of kind P1 to P6 or Pf, stretched to the full range of its type.
+    """Return a P1 to P6 or Pf image, integers stretched to the full range of their type.
 
     Returns
     -------
     pixels
-        (rows, cols) or, of P3 and P6, (rows, cols, 3); uint8, or uint16 where the largest value is above 255;
-        float32 of a PFM.
+        (rows, cols) or, for P3 and P6, (rows, cols, 3); uint8, or uint16 if the largest value is above 255; float32
+        for a PFM.
 
     Raises
     ------
     ValueError
-        A broken header, too many pixels, too few of them, or too long a text.
+        A broken header, too many or too few pixels, or too long a text.
     """
     if data.startswith(b"Pf"):
         return np.ascontiguousarray(parse_pfm(data, what), dtype=np.float32)
@@ -66,7 +66,7 @@ def parse_netpbm(data: bytes, what: str) -> npt.NDArray[Any]:
 def parse_pfm(data: bytes, what: str) -> npt.NDArray[np.floating[Any]]:
     """Return the (rows, cols) floats of a grey PFM, top row first: a view of the file in its byte order.
 
-    The sign of the scale tells the byte order; its size, which writers use for all sorts of things, is ignored.
+    The sign of the scale gives the byte order; its magnitude, which writers use for all sorts of things, is ignored.
 
     Raises
     ------
@@ -89,12 +89,12 @@ def parse_pfm(data: bytes, what: str) -> npt.NDArray[np.floating[Any]]:
 
 
 def parse_pgm(data: bytes, what: str) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Return the (rows, cols) integers of a binary PGM as stored, uint16 where its largest is above 255, else uint8.
+    """Return the (rows, cols) integers of a binary PGM as stored, uint16 if its largest is above 255, else uint8.
 
     Raises
     ------
     ValueError
-        A broken header, too many pixels, too few bytes, or numbers beyond the largest announced.
+        A broken header, too many pixels, too few bytes, or numbers above the announced largest value.
     """
     header = _header(data, b"P5", 3)
     if header is None or not all(field.isdigit() and len(field) < 10 for field in header[0]):
@@ -110,7 +110,7 @@ def parse_pgm(data: bytes, what: str) -> npt.NDArray[np.unsignedinteger[Any]]:
 
 
 def _header(data: bytes, magic: bytes, count: int) -> tuple[list[bytes], int] | None:
-    """Return the fields after the magic number and where the pixels begin: after one space or line end."""
+    """Return the fields after the magic number and the offset of the pixels, which follow one space or line end."""
     beginning = data[:HEADER_BYTES]
     if not beginning.startswith(magic) or beginning[2:3] not in (b" ", b"\t", b"\r", b"\n", b"#"):
         return None
@@ -159,14 +159,14 @@ def _from_text(data: bytes, offset: int, magic: bytes, count: int, what: str) ->
         allowed = bool(np.char.isdigit(words).all()) if words.size else True
         pixels = words.astype(np.int32) if allowed else words
     if not allowed:
-        raise ValueError(f"The {what} ({magic.decode()}) holds something else than whole numbers from 0.")
+        raise ValueError(f"The {what} ({magic.decode()}) holds something other than whole numbers from 0.")
     if pixels.size < count:
         raise damaged("PPM")
     return pixels
 
 
 def _stretched(pixels: npt.NDArray[Any], largest: int) -> npt.NDArray[Any]:
-    """Return the rows with `largest` made the largest number of their type."""
+    """Return the rows scaled so that `largest` becomes the largest number of their type."""
     dtype = np.dtype(np.uint8 if largest < 256 else np.uint16)
     full = 255 if largest < 256 else 65535
     if largest == full and pixels.dtype.kind == "u":

@@ -1,7 +1,7 @@
-"""The notations calibrations are written in, from untrusted bytes, as one table: name → array of numbers, or text.
+"""Calibration notations, from untrusted bytes, read into one table: name → array of numbers, or text.
 
-Libraries read those that nest: JSON, YAML, XML and NPZ. Two are lines of text: ``name=value`` with the matrices of
-MATLAB (Middlebury), and rows of numbers, each with its name before it (KITTI) or without.
+Libraries read the nested ones: JSON, YAML, XML and NPZ. Two are lines of text: ``name=value`` with MATLAB matrices
+(Middlebury), and rows of numbers, with a name before each (KITTI) or without.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _NAMED_ROW = re.compile(rf"^[ \t]*(\w+):?[ \t]+({_NUMBER}(?:[ \t]+{_NUMBER})+)[ 
 def parse_entries(data: bytes) -> Entries:
     """Return the entries of the file, by name.
 
-    A matrix of OpenCV or ROS (rows, cols, data) and nested lists keep their shape; a number alone is an array of
-    shape (1,). What lies within something else is named by the way to it, with dots: ``cam0.intrinsics``. Bare rows
-    are named ``row0``, ``row1``, …
+    A matrix of OpenCV or ROS (rows, cols, data) and nested lists keep their shape; a single number is an array of shape
+    (1,). Nested entries are named by their path, with dots: ``cam0.intrinsics``. Bare rows are named ``row0``,
+    ``row1``, …
 
     Raises
     ------
     ValueError
-        Too large, of a notation that cannot be parsed, or a matrix whose size is not what it announces.
+        A file that is too large or cannot be parsed, or a matrix whose size differs from the announced one.
     """
     if data.startswith(ZIP_MAGIC):
         _check_size(data, MAX_ARCHIVE_BYTES)
@@ -69,8 +69,8 @@ def _from_text(text: str) -> Entries:
 def _check_size(data: bytes, most: int) -> None:
     if len(data) > most:
         raise ValueError(
-            f"The {_WHAT} has {len(data):,} bytes; at most {most:,} are accepted: it holds the cameras alone, no maps "
-            "of pixels."
+            f"The {_WHAT} has {len(data):,} bytes; at most {most:,} are accepted: it describes cameras only, and "
+            "contains no maps of pixels."
         )
 
 
@@ -79,7 +79,7 @@ def _text(data: bytes) -> str:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(
-            f"The {_WHAT} is not a text file (UTF-8) and no .npz of NumPy; save pickles and MATLAB’s files as one of "
+            f"The {_WHAT} is not a text file (UTF-8) or an .npz of NumPy; save pickles and MATLAB’s files as one of "
             "these."
         ) from error
     if "\0" in text:
@@ -89,7 +89,7 @@ def _text(data: bytes) -> str:
 
 
 def _json(text: str) -> Any:
-    """Return what a text in braces holds: JSON, or YAML on few lines."""
+    """Return the content of a text in braces: JSON, or YAML in flow style."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

@@ -50,7 +50,7 @@ def parse_npy(data: bytes, what: str) -> npt.NDArray[Any]:
 
 
 def _header(data: bytes, what: str) -> tuple[str, int]:
-    """Return the header, a Python dictionary in its printed form, and where the numbers begin."""
+    """Return the header, a Python dictionary in its printed form, and the offset of the numbers."""
     width = 2 if data[6:7] == b"\x01" else 4
     length = int.from_bytes(data[8 : 8 + width], "little")
     end = 8 + width + length

@@ -15,15 +15,15 @@ from stereolag.reading.npy import MAGIC, parse_npy
 ZIP_MAGIC = b"PK\x03\x04"
 MAX_MEMBERS = 1000
 MAX_MEMBER_BYTES = 2**16
-"""Of one array, unpacked: more than any matrix of a camera, and less than a map of pixels."""
+"""Limit for one array, unpacked: more than any matrix of a camera, and less than a map of pixels."""
 MAX_TOTAL_BYTES = 2**22
 
-# The others do not bound what a single read unpacks, and NumPy writes neither.
+# The other methods do not bound the output of a single read, and NumPy writes none of them.
 _PACKED_AS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
 def parse_npz(data: bytes, what: str) -> dict[str, npt.NDArray[Any] | None]:
-    """Return the arrays of numbers of at most 64 kB by name, and None for what is larger or holds no numbers.
+    """Return the arrays of numbers by name, with None for members above 64 kB or without numbers.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def parse_npz(data: bytes, what: str) -> dict[str, npt.NDArray[Any] | None]:
 
 
 def _unpacked(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
-    """Return the bytes of a member, none of one that is too large: what its header says of its size may be a lie."""
+    """Return the bytes of a member, empty if it is too large; the size stated in its header may be a lie."""
     if member.compress_type not in _PACKED_AS or member.file_size > MAX_MEMBER_BYTES:
         return b""
     with archive.open(member) as file:

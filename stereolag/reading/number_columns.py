@@ -28,23 +28,23 @@ _CHUNK = 2**20
 
 
 def parse_columns(data: bytes, max_numbers: int) -> tuple[npt.NDArray[np.float64], int]:
-    """Return the columns of a text as (columns, rows), and how many of its lines were mended.
+    """Return the columns of a text as (columns, rows), and the number of mended lines.
 
-    A few lines (5 at the most, one in a hundred) may be damaged: NUL bytes behind a whole number are taken away, and an
-    empty field gets what lies between the numbers above and below it.
+    A few lines (at most 5, and one in a hundred) may be damaged: NUL bytes after a complete number are removed, and an
+    empty field is interpolated between the numbers above and below it.
 
     Parameters
     ----------
     data
-        The text: UTF-8, UTF-16 with its mark, or Latin-1; lines end in LF, CRLF or CR.
+        The text: UTF-8, UTF-16 with its byte order mark, or Latin-1; lines end in LF, CRLF or CR.
     max_numbers
-        The most numbers that are accepted, where that is less than what this reader accepts at all.
+        Largest count of numbers accepted, if below this reader's own limit.
 
     Raises
     ------
     ValueError
-        No number at all, too many, too long a text or line, or a line that holds something else, a NUL byte, or
-        another count of numbers than the first; the error tells the line.
+        No number at all, too many, too long a text or line, or a line with anything else, a NUL byte, or another count
+        of numbers than the first; the error names the line.
     """
     mending = Mending(data)
     text = _decoded(mending.without_nuls(data))
@@ -66,7 +66,7 @@ def parse_columns(data: bytes, max_numbers: int) -> tuple[npt.NDArray[np.float64
 
 
 def _decoded(data: bytes) -> bytes:
-    """Return the text in UTF-8 with lines that end in LF."""
+    """Return the text in UTF-8, with lines ending in LF."""
     if not data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and b"\0" in data:
         raise _holds_nul(data)
     if len(data) > MAX_BYTES:
@@ -93,7 +93,7 @@ def _holds_nul(data: bytes) -> ValueError:
 
 
 def _line_count(text: bytes) -> int:
-    """Return the count of lines; refuse too many and too long ones before anything is done to each."""
+    """Return the number of lines; refuse too many or too long ones before any is processed."""
     lines = text.count(b"\n") + (not text.endswith(b"\n"))
     if lines > MAX_LINES:
         raise ValueError(f"The text has {lines:,} lines; at most {MAX_LINES:,} are accepted: {INSTEAD}.")
@@ -108,9 +108,9 @@ def _line_count(text: bytes) -> int:
 
 
 def _chunks(text: bytes, skipped_lines: int = 0) -> Iterator[tuple[int, str]]:
-    """Yield pieces of about a megabyte of whole lines that hold more than comments, with their first line's number.
+    """Yield chunks of whole lines, about a megabyte each and not only comments, with their first line's number.
 
-    Comments are gone, and the first `skipped_lines` are empty.
+    Comments are removed, and the first `skipped_lines` are emptied.
     """
     line, start = 1, 0
     while start < len(text):
@@ -139,7 +139,7 @@ def _filled_lines(chunk: str, first_line: int) -> Iterator[tuple[int, str]]:
 
 
 def _layout(text: bytes) -> tuple[int, str | None, int]:
-    """Return the lines before the first line of numbers, what separates its columns (None: spaces), their count."""
+    """Return the number of lines before the first one of numbers, its separator (None: spaces) and column count."""
     for number, line in itertools.islice(_lines(text), MAX_HEADER_LINES):
         for separator in (";", "\t", ",", None):
             if (separator is None or separator in line) and _is_numeric(line, separator):
@@ -153,7 +153,7 @@ def _is_numeric(line: str, separator: str | None) -> bool:
 
 
 def _number(field: str) -> float | None:
-    """Return the number in a field, if it holds one such as NumPy reads."""
+    """Return the number in a field as NumPy reads it, None if there is none."""
     if "_" in field:
         return None
     try:
@@ -165,7 +165,7 @@ def _number(field: str) -> float | None:
 def _numbers_of(
     chunk: str, first_line: int, separator: str | None, columns: int, mending: Mending
 ) -> npt.NDArray[np.float64]:
-    """Return the (columns, rows) of a piece of the text, NaN where a field was empty."""
+    """Return the (columns, rows) of a chunk of the text, NaN where a field was empty."""
     if separator != ",":
         chunk = chunk.replace(",", ".")  # a decimal comma
     try:
@@ -177,7 +177,7 @@ def _numbers_of(
         try:
             table = _loaded(filled, separator)
         except ValueError:
-            # The fields that could be filled are not what is wrong.
+            # The fields that could be filled are not the problem.
             sound = filled.replace("nan", "0")
             raise ValueError(_what_is_wrong(sound, first_line, separator, columns)) from None
         if table.shape[1] == columns and not np.isinf(table).any():
@@ -196,7 +196,7 @@ def _holds_nan(chunk: str) -> bool:
 
 
 def _what_is_wrong(chunk: str, first_line: int, separator: str | None, columns: int) -> str:
-    """Find the first line that is no line of finite numbers, and say so."""
+    """Return a sentence about the first line that is not a line of finite numbers."""
     for line_number, line in _filled_lines(chunk, first_line):
         fields = line.split(separator)
         for field in fields:

@@ -1,4 +1,4 @@
-"""Which of many files belong together: left and right images, ground truths and calibrations, told by their names."""
+"""Matching of files by their names: left and right images, ground truths and calibrations."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ CALIBRATION_ENDINGS = frozenset(["txt", "yaml", "yml", "json", "xml", "npz"])
 
 LEFT, RIGHT = "left", "right"
 MOST_PLACES = 8
-"""In one name, at which the side may stand."""
+"""Largest number of places in one name that are tried for the side."""
 
 
 @dataclass(frozen=True)
 class PairFiles:
-    """The names of the files of one pair, and what it is called: what their names have in common.
+    """The file names of one pair, and the pair's own name: the part common to its file names.
 
-    `convention` is the place in :data:`CONVENTIONS` of what told them apart.
+    `convention` is the index in :data:`CONVENTIONS` of the convention that distinguished left from right.
     """
 
     name: str
@@ -36,13 +36,13 @@ class PairFiles:
 
 
 def _word(word: str) -> str:
-    """Return a pattern of a word that stands alone, begins with a capital within others, or ends before one."""
+    """Return a pattern for a word that stands alone, or is set off from its neighbours by capitals."""
     capital = word[0].upper() + word[1:]
     return rf"(?:(?<![A-Za-z])(?i:{word})|(?<=[a-z0-9]){capital})(?![a-z])"
 
 
 def _number(before: str, number: str) -> str:
-    """Return a pattern of a number of its own behind some letters."""
+    """Return a pattern for a complete number after the given letters."""
     return rf"(?<![A-Za-z])(?i:{before})[-_]?{number}(?![0-9])"
 
 
@@ -60,14 +60,14 @@ CONVENTIONS: tuple[tuple[str, str], ...] = (
     (r"(?:^|(?<=[-_ .]))0(?=[-_ .]|$)", r"(?:^|(?<=[-_ .]))1(?=[-_ .]|$)"),
     (r"(?:^|(?<=[-_ .]))1(?=[-_ .]|$)", r"(?:^|(?<=[-_ .]))2(?=[-_ .]|$)"),
 )
-"""How the names of left and right images differ, the surest first: each a pattern of either side, sought in every
-folder's name and in the file's without its ending."""
+"""Differences between the names of left and right images, the surest first: one pattern for each side, searched in
+all folder names and in the file name without its suffix."""
 
 _TRUTH = re.compile(r"(?<![a-z])(gt|truth|ground[-_ ]?truth|disp(?:arity|arities|map)?)(?![a-z])", re.IGNORECASE)
 _NO_IMAGE = re.compile(r"(?<![a-z])(mask|valid|occ|nocc|nonocc|conf(?:idence)?|depth)(?![a-z])", re.IGNORECASE)
 _CALIBRATION = re.compile(r"calib|camera|intrinsic|extrinsic|stereo|chain", re.IGNORECASE)
 _IN_PARTS = (re.compile("intrinsic|extrinsic", re.IGNORECASE), re.compile("left|right", re.IGNORECASE))
-"""How the files of a calibration that comes in two are called: OpenCV's sample's, and ROS's."""
+"""Names of the two files of a split calibration: those of OpenCV's sample, and of ROS."""
 _RIGHT_SIDE = re.compile(r"(?<![a-z])(?:right|r)(?![a-z])", re.IGNORECASE)
 _SIDE_NUMBER = re.compile(r"disp[a-z]*[-_]?(\d+)$", re.IGNORECASE)
 _DIGITS = re.compile(r"\d+")
@@ -75,20 +75,20 @@ _SIDE_OR_KIND = (_TRUTH, *(re.compile(part) for both in CONVENTIONS[:2] for part
 
 
 def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
-    """Return the pairs among files, by their names alone, in the order of these names.
+    """Return the pairs among files, matched by their names alone, in the order of these names.
 
     Parameters
     ----------
     names
-        Of the files, with folders where there are any: "left/000.png", "teddy/im2.png".
+        Names of the files, including any folders: "left/000.png", "teddy/im2.png".
 
     Returns
     -------
     pairs
-        Left and right images whose names differ in a word or number that tells the side (:data:`CONVENTIONS`), in
-        a folder, the file or throughout, and in nothing else. A ground truth belongs to the pair in whose folder it is
-        the only one, or with whose name, or number, it agrees; a calibration likewise, and one alone, or one above, to
-        all.
+        Left and right images whose names differ only in a word or number that gives the side (:data:`CONVENTIONS`),
+        in one folder, in the file name or throughout. A ground truth belongs to the only pair in its folder, or to the
+        pair whose name or number it shares. A calibration belongs to the pair whose name or number it shares, or to
+        all pairs in its folder and below; a single one belongs to all pairs.
     """
     pictures, truths = _pictures(names)
     found = sorted(_matched(pictures), key=lambda pair: [natural_order(pair.left), pair.left])
@@ -111,21 +111,21 @@ def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
 
 
 def left_alone(names: Sequence[str], pairs: Sequence[PairFiles], convention: int) -> list[str]:
-    """Return the pictures among files that a convention takes for left ones, and that are in none of the pairs."""
+    """Return the pictures among files that are left ones by a convention, but in none of the pairs."""
     paired = {name for pair in pairs for name in (pair.left, pair.right)}
     left = re.compile(CONVENTIONS[convention][0])
     return [name for name in _pictures(names)[0] if name not in paired and left.search(_stem_path(name))]
 
 
 def _pictures(names: Sequence[str]) -> tuple[list[str], set[str]]:
-    """Return which of files are pictures of a camera, and which are ground truths."""
+    """Return the camera pictures and the ground truths among files."""
     truths = {name for name in names if _ending(name) in TRUTH_ENDINGS and _TRUTH.search(_stem_path(name))}
     pictures = [name for name in names if _ending(name) in PICTURE_ENDINGS and name not in truths]
     return [name for name in pictures if not _NO_IMAGE.search(PurePosixPath(name).stem)], truths
 
 
 def _matched(pictures: Iterable[str]) -> list[PairFiles]:
-    """Return the pairs among pictures; each convention takes from what those before it left."""
+    """Return the pairs among pictures; each convention is applied to the pictures left over by those before it."""
     left_over = set(pictures)
     pairs: list[PairFiles] = []
     for convention, (left, right) in enumerate(CONVENTIONS):
@@ -137,7 +137,7 @@ def _matched(pictures: Iterable[str]) -> list[PairFiles]:
                 keys = [f"{path[: place.start()]}\0{path[place.end() :]}" for place in places]
                 for key in keys if len(keys) < 2 else [*keys, re.sub(pattern, "\0", path)]:
                     sides[key][side].append(name)
-        # One place tells the side, before all of them do: left/left_0.
+        # Names that differ in one place come before those that differ throughout, as in left/left_0.
         for key in sorted(sides, key=lambda key: (key.count("\0") > 1, key)):
             both = sides[key][LEFT], sides[key][RIGHT]
             if len(both[0]) == len(both[1]) == 1 and left_over.issuperset(both[0] + both[1]):
@@ -147,7 +147,7 @@ def _matched(pictures: Iterable[str]) -> list[PairFiles]:
 
 
 class _Truths:
-    """Ground truths by where they lie and what they are called: no pair is held against all of them."""
+    """Ground truths indexed by folder and name, so that no pair is compared with all of them."""
 
     def __init__(self, names: Sequence[str], pairs: Sequence[PairFiles]) -> None:
         self._names, self._pairs_in = names, Counter(_folder(pair.left) for pair in pairs)
@@ -157,7 +157,7 @@ class _Truths:
         self._by_numbers = _grouped(names, lambda name: (self._owner(name), _numbers(name)))
 
     def of(self, pair: PairFiles) -> str | None:
-        """Return the truth that belongs to a pair and to no other, None where there is none."""
+        """Return the ground truth that belongs to a pair and to no other, None if there is none."""
         folder = _folder(pair.left)
         beside = self._by_folder.get(folder, []) if self._pairs_in[folder] == 1 else []
         if beside := [name for name in beside if not _numbered_as_right(name, pair)]:
@@ -171,20 +171,20 @@ class _Truths:
         return min(alike, key=lambda name: (_nearness(name, pair.left), "noc" in name, name), default=None)
 
     def _owner(self, name: str) -> str | None:
-        """Return the folder of a truth that lies beside pairs, and is theirs; None of one that may be anyone's."""
+        """Return the folder of a ground truth that is beside pairs and belongs to them; None if it fits any pair."""
         folder = _folder(name)
         return folder if folder in self._pairs_in else None
 
 
 def _numbered_as_right(name: str, pair: PairFiles) -> bool:
-    """Return whether a ground truth has a number, as Middlebury's disp1.png, and it is not that of the left image."""
+    """Return whether a ground truth has a number, like Middlebury's disp1.png, other than the left image's."""
     number = _SIDE_NUMBER.search(PurePosixPath(name).stem)
     sides = [_DIGITS.findall(PurePosixPath(side).stem)[-1:] for side in (pair.left, pair.right)]
     return bool(number and sides[0] != sides[1] and sides[0] != [number[1]])
 
 
 class _Calibrations:
-    """Calibrations by where they lie and what they are called."""
+    """Calibrations indexed by folder and name."""
 
     def __init__(self, names: Sequence[str], pairs: Sequence[PairFiles]) -> None:
         self._names, self._several_pairs = names, len(pairs) > 1
@@ -193,7 +193,7 @@ class _Calibrations:
         self._in_folder = {folder: _clear(sorted(inside)) for folder, inside in _grouped(names, _folder).items()}
 
     def of(self, pair: PairFiles) -> tuple[str, ...]:
-        """Return those of a pair: with its name, in its folder, or in one above; none where it is not clear."""
+        """Return the calibrations of a pair: with its name, in its folder, or in one above; empty if ambiguous."""
         core, begins = _core(pair.left), PurePosixPath(pair.left).stem.split("_")[0]
         alike = {
             *(self._by_core.get(core, []) if core else []),
@@ -209,14 +209,14 @@ class _Calibrations:
 
 
 def _clear(inside: Sequence[str]) -> tuple[str, ...]:
-    """Return which of the calibrations in a folder is meant; none where it is not clear."""
+    """Return the files of the one calibration meant in a folder; empty if ambiguous."""
     if len(inside) == 1:
         return (inside[0],)
     return _in_parts(inside) or tuple(name for name in inside if "calib" in _stem_path(name).casefold())[:1]
 
 
 def _in_parts(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the two files of a calibration that comes in two; nothing where there are no such two."""
+    """Return the two files of a split calibration; empty if there are no such two."""
     for pattern in _IN_PARTS:
         found = {match[0].casefold(): name for name in names if (match := pattern.search(PurePosixPath(name).stem))}
         if len(found) == 2:
@@ -225,7 +225,7 @@ def _in_parts(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _core(name: str) -> str:
-    """Return what of a file's name is left without the words that tell its side or what it is."""
+    """Return a file's name without the words for its side or kind."""
     stem = PurePosixPath(name).stem
     for pattern in _SIDE_OR_KIND:
         stem = pattern.sub("", stem)
@@ -244,14 +244,14 @@ def _grouped(names: Iterable[str], key: Callable[[str], K]) -> dict[K, list[str]
 
 
 def _nearness(name: str, other: str) -> int:
-    """Return how many of their folders two files do not share."""
+    """Return the number of folders that two files do not share."""
     first, second = PurePosixPath(name).parts[:-1], PurePosixPath(other).parts[:-1]
     shared = sum(1 for one, two in zip(first, second, strict=False) if one == two)
     return len(first) + len(second) - 2 * shared
 
 
 def _called(keys: Sequence[str]) -> list[str]:
-    """Return what pairs are called: what their names have in common, without the folders that all of them share."""
+    """Return the names of pairs: the common parts of their file names, without the folders that all pairs share."""
     parts = [[re.sub(r"[-_ .]*\0[-_ .]*", " ", part).strip() for part in key.split("/")] for key in keys]
     parts = [[part for part in one if part] for one in parts]
     while len(parts) > 1 and all(len(one) > 1 for one in parts) and len({one[0] for one in parts}) == 1:
@@ -260,7 +260,7 @@ def _called(keys: Sequence[str]) -> list[str]:
 
 
 def natural_order(name: str) -> list[tuple[int, str]]:
-    """Return a key by which 2 comes before 10."""
+    """Return a sort key by which 2 comes before 10."""
     return [(int(part[:18]), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name.casefold())]
 
 

@@ -1,4 +1,4 @@
-"""Many pairs of pictures, read when they are needed."""
+"""Many pairs of pictures, read on demand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stereolag.reading.sources import quoted
 
 
 class PicturesOfFiles(Sequence[tuple[Image, Image]]):
-    """Pairs of pictures that are decoded anew each time they are asked for: all at once would take gigabytes."""
+    """Pairs of pictures that are decoded again on every access: all at once would take gigabytes."""
 
     def __init__(self, files: Sequence[PairFiles], read: Callable[[str], bytes]) -> None:
         self._files = files

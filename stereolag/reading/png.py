@@ -16,7 +16,7 @@ _NEEDED = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 
 
 def bare_png(data: bytes) -> BarePicture:
-    """Return a PNG with the chunks that its pixels need, each checked to lie within the file.
+    """Return a PNG reduced to the chunks that its pixels need, each checked to be within the file.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def bare_png(data: bytes) -> BarePicture:
 
 
 def _chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:
-    """Yield the kind of every chunk and where it begins and ends."""
+    """Yield the kind, beginning and end of every chunk."""
     start = len(MAGIC)
     for _ in range(MAX_CHUNKS):
         if start + 12 > len(data):

@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-import scipy  # its signal.* is not loaded before it is used: that takes a second
+import scipy  # loads scipy.signal on first use only, since that takes a second
 import soundfile
 
 from stereolag.estimates import Estimate, check_memory
@@ -27,13 +27,13 @@ MAX_CHANNELS = 64
 
 FEWEST_TICKS = 10
 UNEVENNESS = 1e-3
-"""How far a column of times may stray from a straight line, as a share of its length."""
+"""Largest deviation of a column of times from a straight line, as a share of its length."""
 
 MOST_TERMS = 10_000
-"""Of the ratio of two sampling rates: the filter between them is twenty times as long."""
+"""Largest term in the ratio of two sampling rates: the filter between them is twenty times as long."""
 
 LONGEST_DOUBLE = 30_000_000
-"""Samples, all channels, above which a recording is held with the 24 bits of float32: 11 minutes at 44.1 kHz."""
+"""Samples, all channels, above which a recording is kept with the 24 bits of float32: 11 minutes at 44.1 kHz."""
 
 Channels: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
@@ -46,18 +46,18 @@ _MP3_SYNCS = (b"\xff\xfb", b"\xff\xfa", b"\xff\xf3", b"\xff\xf2", b"\xff\xe3", b
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A recording as read from a file; as an array it is its samples, so it can be given to ``signal_lag`` as it is.
+    """A recording read from a file; it converts to an array of its samples, so ``signal_lag`` accepts it directly.
 
     Attributes
     ----------
     channels
         (channels, samples) float64, all finite; audio is scaled to -1..1. Float32 above 30 million samples in all.
     sampling_rate
-        Samples per second; None where the file does not state it (text and NPY).
+        Samples per second; None if the file does not state it (text and NPY).
     mended_lines
-        How many damaged lines of a text were mended (:mod:`stereolag.reading.mending`).
+        Number of damaged lines of a text that were mended (:mod:`stereolag.reading.mending`).
     resampled_from
-        The samples per second of the file, where :meth:`resampled` changed them; otherwise None.
+        The samples per second of the file if :meth:`resampled` changed them; otherwise None.
     """
 
     channels: Channels
@@ -66,19 +66,19 @@ class Recording:
     resampled_from: float | None = None
 
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
-        """Return the (samples,) of a single channel, or (channels, samples) of several."""
+        """Return (samples,) for a single channel, or (channels, samples) for several."""
         samples = self.channels[0] if len(self.channels) == 1 else self.channels
         return np.array(samples, dtype=dtype, copy=copy)
 
     def resampled(self, sampling_rate: float) -> Recording:
-        """Return the recording at another rate, by :func:`scipy.signal.resample_poly`; itself where that is its own.
+        """Return the recording at another rate, by :func:`scipy.signal.resample_poly`; itself if the rate is its own.
 
-        Nothing is delayed: the first sample stays the first. What lies above half the lower rate is lost.
+        Nothing is delayed: the first sample stays the first. Frequencies above half the lower rate are lost.
 
         Raises
         ------
         ValueError
-            A recording whose file states no rate, a rate that is not positive and finite, rates whose ratio takes
+            A recording whose file states no rate, a rate that is not positive and finite, rates whose ratio needs
             numbers above 10,000, or more samples than the limit in force.
         """
         if self.sampling_rate is None:
@@ -95,12 +95,12 @@ class Recording:
                 f"their ratio is {up} : {down}, and numbers up to {MOST_TERMS:,} are allowed."
             )
         _check_size(len(self.channels), -(-self.channels.shape[1] * up // down))
-        # Beyond its ends a recording goes on as its last samples do: no step to zero where it has an offset.
+        # A line continues the recording beyond its ends, so that an offset makes no step to zero.
         channels = scipy.signal.resample_poly(self.channels, up, down, axis=1, padtype="line")
         return Recording(channels, sampling_rate, self.mended_lines, self.resampled_from or self.sampling_rate)
 
     def channel(self, number: int) -> Recording:
-        """Return one channel, from 1, as a recording of its own; ValueError where there is no such channel."""
+        """Return one channel, from 1, as a recording of its own; ValueError if there is no such channel."""
         count = len(self.channels)
         if not 1 <= number <= count:
             raise ValueError(f"The channel number is {number}; the {WHAT} has {count}, counted from 1.")
@@ -108,16 +108,16 @@ class Recording:
 
     @property
     def clock(self) -> int | None:
-        """Return the number, from 0, of a channel beside others that rises evenly: times or counts, not a signal."""
+        """Return the index of a channel among several that rises evenly (times or counts, not a signal), or None."""
         if len(self.channels) == 1:
             return None
         return next((number for number, channel in enumerate(self.channels) if _rises_evenly(channel)), None)
 
 
 def at_one_rate(first: Recording, second: Recording) -> tuple[Recording, Recording]:
-    """Return both at the lower of their rates, which holds what they can have in common.
+    """Return both at the lower of their rates, which keeps all the frequencies that they can have in common.
 
-    A recording whose file states no rate is taken to have that of the other, and stays as it is.
+    If the file of one states no rate, both are assumed to have the same and returned unchanged.
 
     Raises
     ------
@@ -135,8 +135,8 @@ def read_signal(source: Source) -> Recording:
 
     Text holds one number per line, or several in columns (comma, semicolon, tab or space between them), which become
     channels. Lines before the first number are a header; lines that begin with ``#``, ``%`` or ``//`` and blank
-    lines are skipped. A comma may be the decimal sign where it is not what separates the columns. Up to 5 damaged
-    lines, at most one in a hundred, are mended and counted: NUL bytes behind a number go, an empty field gets what lies
+    lines are skipped. A comma may be the decimal sign unless it separates the columns. Up to 5 damaged lines, at most
+    one in a hundred, are mended and counted: NUL bytes after a number are removed, and an empty field is interpolated
     between its neighbours.
     An NPY array has one dimension, or two, of which the longer is time. Audio given by its path is streamed.
 
@@ -155,7 +155,7 @@ def read_signal(source: Source) -> Recording:
     ValueError
         An empty, damaged or unknown file; a word, a NUL byte, NaN or a missing number in a text (with its line);
         fewer than 2 samples, more in all than the limit in force (320 million unless set otherwise, an hour of two
-        channels) or than the memory of one job holds, or more than 64 channels.
+        channels) or than fit into the memory of one job, or more than 64 channels.
 
     Examples
     --------
@@ -167,7 +167,7 @@ def read_signal(source: Source) -> Recording:
     """
     sampling_rate, mended_lines = None, 0
     if isinstance(source, str | PathLike) and _is_audio(head := _head(source)):
-        # An hour has more bytes than are read at once.
+        # An hour has more bytes than `read_bytes` accepts.
         with _AudioFile(source) as file:
             channels, sampling_rate = _parse_audio(file, head)
     elif _is_audio(data := read_bytes(source, WHAT)):
@@ -202,7 +202,7 @@ def _float_type(samples: int) -> Literal["float32", "float64"]:
 
 
 def _rises_evenly(channel: npt.NDArray[np.floating[Any]]) -> bool:
-    """Return whether a channel never falls and keeps to a straight line, but for the rounding of its numbers."""
+    """Return whether a channel never falls and follows a straight line, apart from the rounding of its numbers."""
     if channel.size < FEWEST_TICKS or channel[-1] <= channel[0] or (channel[1:] < channel[:-1]).any():
         return False
     even = np.linspace(channel[0], channel[-1], channel.size)
@@ -219,7 +219,7 @@ def _is_audio(data: bytes) -> bool:
 
 
 class _AudioBytes(io.BytesIO):
-    """Bytes that stay where they are on an impossible seek: damaged files make libsndfile ask for negative places."""
+    """Bytes that ignore an impossible seek: damaged files make libsndfile ask for negative positions."""
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
         try:
@@ -243,7 +243,7 @@ def _parse_audio(stream: _AudioBytes | _AudioFile, head: bytes) -> tuple[Channel
         with soundfile.SoundFile(stream) as file:
             _check_size(file.channels, file.frames)
             channels, sampling_rate = _samples(file), float(file.samplerate)
-    except RuntimeError as error:  # soundfile's own errors are of this kind
+    except RuntimeError as error:  # the base class of soundfile's own errors
         if head.startswith(b"FORM") and b"DWVW" in head:
             raise ValueError(f"The {WHAT} is an AIFF in the encoding DWVW, which is not accepted.") from error
         raise ValueError(
@@ -256,9 +256,9 @@ def _parse_audio(stream: _AudioBytes | _AudioFile, head: bytes) -> tuple[Channel
 
 
 def _samples(file: soundfile.SoundFile) -> Channels:
-    """Return the (channels, samples) of an opened file, decoded in blocks into where they stay.
+    """Return the (channels, samples) of an opened file, decoded block by block into the final array.
 
-    A header may promise more than follows: memory that nothing is written to is never taken. Some encodings (GSM 6.10)
+    A header may promise more than follows: memory that is never written to costs nothing. Some encodings (GSM 6.10)
     cannot be read in one go at all.
     """
     dtype = _float_type(file.channels * file.frames)
@@ -281,5 +281,5 @@ def _parse_npy(data: bytes) -> Channels:
     if channels.shape[0] > channels.shape[1]:
         channels = channels.T
     _check_size(*channels.shape)
-    with np.errstate(invalid="ignore", over="ignore"):  # signalling NaN; the caller counts all that are not finite
+    with np.errstate(invalid="ignore", over="ignore"):  # signalling NaN; the caller counts all non-finite samples
         return np.array(channels, dtype=_float_type(channels.size), order="C")

@@ -1,4 +1,4 @@
-"""Two cameras before rectification, and how to rectify them, from the parts that calibration files hold."""
+"""Two cameras before rectification, and their rectification, from the parts in calibration files."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ _LONE_PROJECTION, _LONE_MATRIX = Part(Role.PROJECTION, Side.LONE), Part(Role.MAT
 
 
 def parts_together(files: list[Entries]) -> tuple[Parts, bool]:
-    """Return the parts in files that belong together, and whether their lengths are in metres whatever is said.
+    """Return the combined parts of files that belong together, and whether their lengths are always in metres.
 
-    Two files of one camera each are the left and the right one: by the projections (ROS), by their names, or as given.
-    ROS and Kalibr write metres.
+    Two files with one camera each are the left and the right one: by their projections (ROS), by the cameras' names, or
+    in the given order. ROS and Kalibr write metres.
 
     Raises
     ------
     ValueError
-        More than two files of one camera each, or one alone that tells nothing of the pair.
+        More than two files with one camera each, or a single one that does not describe the pair.
     """
     found = [stereo_parts(entries) for entries in files]
     lone = [index for index, parts in enumerate(found) if _LONE_PROJECTION in parts or _LONE_MATRIX in parts]
@@ -66,12 +66,12 @@ def parts_together(files: list[Entries]) -> tuple[Parts, bool]:
 
 
 def stereo_rig(files: list[Entries], parts: Parts, length_unit_m: float) -> StereoRig | None:
-    """Return both cameras; None where there are none, or only one but how the rectified pair is projected.
+    """Return both cameras; None if there are none, or some are missing but the rectified projection is known.
 
     Raises
     ------
     ValueError
-        Something that is missing, does not fit together, or is of a lens model that is not known here.
+        Parts that are missing or do not fit together, or an unsupported lens model.
     """
     if not set(_MATRICES) & set(parts):
         return None
@@ -104,7 +104,7 @@ def stereo_rig(files: list[Entries], parts: Parts, length_unit_m: float) -> Ster
 
 
 def image_size(parts: Parts) -> tuple[int | None, int | None]:
-    """Return the width and the height of the images, px, of whichever camera tells them."""
+    """Return the width and the height of the images, px, from whichever camera states them."""
     for side in (Side.LONE, Side.LEFT, Side.RIGHT):
         size, width, height = (parts.get(Part(role, side)) for role in (Role.SIZE, Role.WIDTH, Role.HEIGHT))
         if size is not None:
@@ -144,7 +144,7 @@ def _is_right(entries: Entries, parts: Parts, others: Parts) -> bool:
 
 
 def _complete_projections(parts: Parts, entries: Entries) -> None:
-    """Note what the projection of the left camera must be, where only the right one's is there (ROS)."""
+    """Derive the projection of the left camera if only that of the right one is given (ROS)."""
     left, right = PROJECTIONS
     if right in parts and left not in parts:
         name = parts[right][0]
@@ -165,7 +165,7 @@ def _complete_projections(parts: Parts, entries: Entries) -> None:
 
 
 def _rectification(parts: Parts, length_unit_m: float) -> Rectification | None:
-    """Return how the file itself rectifies the pair; None where it does not tell all of it."""
+    """Return the rectification stated in the file; None if it is incomplete."""
     if not set(_RECTIFICATIONS) <= set(parts):
         return None
     if set(PROJECTIONS) <= set(parts):
@@ -181,7 +181,7 @@ def _rectification(parts: Parts, length_unit_m: float) -> Rectification | None:
 
 
 def _projections_of(name: str, value: Matrix | str) -> tuple[Matrix, Matrix]:
-    """Return the projections of the pair whose reprojection is Q."""
+    """Return the projections of both cameras from the reprojection matrix Q."""
     q = matrix({name: value}, name, (4, 4))
     if q[3, 2] == 0:
         raise ValueError(
@@ -194,7 +194,7 @@ def _projections_of(name: str, value: Matrix | str) -> tuple[Matrix, Matrix]:
 
 
 def _pose(parts: Parts, rectification: Rectification | None, length_unit_m: float) -> tuple[Matrix, Matrix]:
-    """Return rotation and translation; where they are not there they follow from how both cameras are rectified."""
+    """Return rotation and translation, derived from the rectification of both cameras if they are missing."""
     if rectification is not None and not {ROTATION, TRANSLATION} <= set(parts):
         back = rectification.right_rotation.T
         along_rows = np.array([-rectification.baseline_m, 0.0, 0.0])
@@ -222,7 +222,7 @@ def _distortion(parts: Parts, side: Side) -> Matrix:
 
 
 def _check_models(files: list[Entries]) -> None:
-    """Refuse lenses of another model than OpenCV's ``stereoRectify`` knows: fisheyes above all."""
+    """Refuse lens models that OpenCV's ``stereoRectify`` does not support: fisheyes above all."""
     for entries in files:
         for name, value in entries.items():
             allowed = _MODELS.get(name.rsplit(".", 1)[-1])

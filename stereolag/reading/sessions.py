@@ -1,4 +1,4 @@
-"""What the depth page was set to, and its pair, from an archive that was taken away from there."""
+"""The settings of the depth page and its pair, from an archive saved in its section "Take it away"."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from stereolag.stereo.matcher import FARTHEST_FIRST, LARGEST_COUNT, StereoMatche
 from stereolag.stereo.methods import METHODS
 
 SESSION = "session.json"
-"""Its name in an archive."""
+"""Name of the session file in an archive."""
 WHAT = "session file"
 MAX_BYTES = 2**18
 MOST_SENTENCES = 20
@@ -32,9 +32,9 @@ _ADDRESS = re.compile(r":/+|www\.|(?<=\w)[:@](?=\w)")
 
 @dataclass(frozen=True)
 class Colours:
-    """How maps are coloured: the range, px, or None where the page chooses it; the palette's name, "" of none named.
+    """The colours of the maps: the range, px, None if the page chooses it; the palette's name, "" if none is named.
 
-    `outlined`: whether the outlines of the left image lie over the maps.
+    `outlined`: whether the outlines of the left image are drawn over the maps.
     """
 
     low: float | None = None
@@ -46,18 +46,18 @@ class Colours:
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """A pair in its own size and what the page was set to; all of it checked.
+    """A pair at its own size and the settings of the page, all checked.
 
     Attributes
     ----------
     left, right
         The images.
     truth, visible
-        (H, W) px and bool; None where the archive holds none.
+        (H, W) px and bool; None if missing in the archive.
     calibration
-        Of the left camera.
+        Calibration of the pair; None if missing in the archive.
     description, history
-        What is said of the pair, and what was done to it, without anything that Markdown would take for a command.
+        Description of the pair and of its processing, without any active Markdown.
     num_disparities, min_disparity
         The range that the pair needs, px.
     matchers
@@ -65,9 +65,9 @@ class Session:
     shown
         The short names of the methods shown.
     size
-        In which it was shown, as the page calls it; untrusted.
+        Name of the size at which it was shown on the page; untrusted.
     colours
-        Of the maps.
+        Colours of the maps.
     """
 
     left: Image
@@ -86,18 +86,18 @@ class Session:
 
 
 def holds_session(archive: Archive) -> bool:
-    """Return whether an archive was taken away from the depth page."""
+    """Return whether an archive was saved on the depth page."""
     return SESSION in archive.names
 
 
 def read_session(archive: Archive) -> Session:
-    """Read what was taken away from the depth page; what the session does not say is left as the page begins.
+    """Read an archive saved on the depth page; values missing in the session get the page's defaults.
 
     Raises
     ------
     ValueError
-        No session in the archive, one that is damaged, images that are missing or do not fit together, or settings
-        that are refused.
+        No session in the archive, a damaged one, images that are missing or do not fit together, or settings that are
+        refused.
     """
     data = archive.read(SESSION)
     if len(data) > MAX_BYTES:
@@ -153,7 +153,7 @@ def _list(value: object) -> list[Any]:
 
 
 def _text(value: object) -> str:
-    """Return a text as one harmless line: none of its characters, and no address, is a command to Markdown or HTML."""
+    """Return a text as one harmless line, without addresses and without characters active in Markdown or HTML."""
     if not isinstance(value, str):
         return ""
     plain = _ACTIVE.sub("", value[:LONGEST_TEXT])

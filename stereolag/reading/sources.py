@@ -1,4 +1,4 @@
-"""Shared by every reader: the bytes behind a source, their size limit, and how errors name them."""
+"""Shared by all readers: the bytes of a source, size limits, and safe quotes in errors."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import BinaryIO, TypeAlias
 from stereolag.limits import limits
 
 Source: TypeAlias = str | PathLike[str] | bytes | bytearray | memoryview | BinaryIO
-"""A path, the bytes themselves, or a binary file object such as an upload of Streamlit."""
+"""A path, the bytes themselves, or a binary file object such as a Streamlit upload."""
 
 MAX_BYTES = 256 * 2**20
 MAX_SIDE = 1_000_000
-"""Decoders keep a pointer for every row."""
+"""Limited because decoders keep a pointer for every row."""
 HEADER_BYTES = 4096
-"""How far into a file a header made of text is looked for."""
+"""Number of bytes at the beginning of a file that are searched for a text header."""
 
 
 def read_bytes(source: Source, what: str) -> bytes:
@@ -57,7 +57,7 @@ def read_bytes(source: Source, what: str) -> bytes:
 
 
 def check_pixels(width: int, height: int, what: str) -> None:
-    """Refuse an image of no or too many pixels; called on the header, before a pixel is decoded.
+    """Refuse an image with no or too many pixels; called on the header, before a pixel is decoded.
 
     Raises
     ------
@@ -79,11 +79,11 @@ def check_pixels(width: int, height: int, what: str) -> None:
 
 
 def quoted(text: str) -> str:
-    """Return the start of `text` in quotes, harmless where an error is shown as Markdown or HTML."""
+    """Return the start of `text` in quotes, harmless in an error shown as Markdown or HTML."""
     start = re.sub(r"[^\w .,:;+=-]", "?", text[:24])
     return f"“{start}…”" if len(text) > 24 else f"“{start}”"
 
 
 def harmless(text: str) -> str:
-    """Return a sentence that quotes untrusted text, without what Markdown or HTML would take for a command."""
+    """Return a sentence that quotes untrusted text, without characters active in Markdown or HTML."""
     return re.sub(r"[^\w .,:;'+=>?()-]", "?", text[:300])

@@ -1,4 +1,4 @@
-"""The directory of a TIFF, from untrusted bytes; the orientation in EXIF, which is such a directory, too.
+"""The directory of a TIFF, from untrusted bytes, and the orientation in EXIF, which is such a directory too.
 
 Format: https://www.adobe.io/content/dam/udp/en/open/standards/tiff/TIFF6.pdf; BigTIFF has longer counts and offsets.
 """
@@ -39,13 +39,13 @@ class _Entry:
     kind: int
     count: int
     where: int
-    """Where its values begin in the file."""
+    """Offset of the values in the file."""
     raw: bytes
-    """The entry as the file holds it."""
+    """The entry as stored in the file."""
 
 
 def bare_tiff(data: bytes) -> BarePicture:
-    """Return a TIFF whose one directory holds the tags that the pixels of the first page need.
+    """Return a TIFF with a single directory, reduced to the tags that the pixels of the first page need.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def bare_tiff(data: bytes) -> BarePicture:
 
 
 def exif_orientation(exif: bytes) -> int:
-    """Return the orientation that an EXIF block notes, 1 to 8; 1, upright, where it notes none or is broken."""
+    """Return the orientation stated in an EXIF block, 1 to 8; 1, upright, if it states none or is broken."""
     exif = exif.removeprefix(b"Exif\0\0")
     if not exif.startswith(MAGICS[:2]):
         return 1
@@ -120,7 +120,7 @@ def _orientation(data: bytes, entry: _Entry, order: str) -> int:
 
 
 def _integer(data: bytes, entry: _Entry, order: str) -> int:
-    """Return the first value of an entry, 0 where it is no whole number."""
+    """Return the first value of an entry, 0 if it is not a whole number."""
     code = _INTEGERS.get(entry.kind)
     if code is None or not entry.count or entry.where + _SIZES[entry.kind] > len(data):
         return 0
@@ -128,7 +128,7 @@ def _integer(data: bytes, entry: _Entry, order: str) -> int:
 
 
 def _written(entry: _Entry, value: int, order: str, big: bool) -> bytes:
-    """Return the entry as it was, or with one value where the tag has one."""
+    """Return the entry unchanged, or cut to one value if the tag has only one."""
     if entry.tag not in _SINGLE or entry.count == 1:
         return entry.raw
     count, inline = ("Q", 8) if big else ("I", 4)

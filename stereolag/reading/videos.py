@@ -1,4 +1,4 @@
-"""Frames of videos from untrusted bytes, any of them by its number, exactly."""
+"""Frames of videos from untrusted bytes, each accessible exactly by its number."""
 
 from __future__ import annotations
 
@@ -26,32 +26,32 @@ WHAT = "video"
 VIDEO_ENDINGS = frozenset(["mp4", "m4v", "mov", "mkv", "webm", "avi"])
 
 CODECS = frozenset(["h264", "hevc", "av1", "libdav1d", "vp8", "vp9", "mpeg4", "mjpeg", "ffv1", "png", "rawvideo"])
-"""What cameras and editors write; FFmpeg has hundreds more, few of them ever tried on hostile bytes."""
+"""The codecs that cameras and editors write; FFmpeg has hundreds more, few of them ever tested on hostile bytes."""
 
 USUAL_RATE = 10.0
-"""Hz; of a video that states none that could be."""
+"""Frame rate of a video that states no plausible one, Hz."""
 
 LEAST_RATE, MOST_RATE = 0.01, 1000
-"""Hz."""
+"""Range of plausible frame rates, Hz."""
 
 _HEADER_BYTES = 12
 _CONTAINERS = {b"\x1aE\xdf\xa3": "matroska", b"RIFF": "avi"}
 _BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
 _PATIENCE_PACKETS = 64
-"""Behind the one that was asked for, before a frame that does not come counts as damaged."""
+"""Number of later frames decoded before a missing frame counts as damaged."""
 
 
 class _Index(NamedTuple):
-    """When every frame is shown, in that order, and at which times decoding can begin, in units of the stream."""
+    """Sorted times of all frames, and of those at which decoding can begin, in units of the stream."""
 
     shown: tuple[int, ...]
     keys: tuple[int, ...]
 
 
 class VideoFile:
-    """The frames of a video by their numbers; a path is opened where it is first needed, and again after pickling.
+    """The frames of a video by their numbers; a path is opened again after unpickling.
 
-    Several threads may ask at once: they take turns.
+    Threads that ask at the same time take turns.
 
     Parameters
     ----------
@@ -61,8 +61,8 @@ class VideoFile:
     Raises
     ------
     ValueError
-        A file of another kind, without pictures, of a codec that is not decoded, damaged, or beyond the limits in
-        force: megapixels, frames, seconds. All are checked before a frame is decoded.
+        A file of another kind, without pictures, with an unsupported codec, damaged, or beyond the limits in force
+        (megapixels, frames, seconds). All are checked before a frame is decoded.
     """
 
     def __init__(self, source: Source) -> None:
@@ -84,7 +84,7 @@ class VideoFile:
         return (_opened_once, (self._source,)) if isinstance(self._source, Path) else (VideoFile, (self._source,))
 
     def __len__(self) -> int:
-        """Return how many frames there are."""
+        """Return the number of frames."""
         return len(self._index.shown)
 
     def frame(self, number: int) -> Image:
@@ -93,7 +93,8 @@ class VideoFile:
         Parameters
         ----------
         number
-            From 0. Frames in their order are read on; any other is sought from the last place where decoding can begin.
+            From 0. Successive frames are decoded in sequence; for any other, decoding starts at the last keyframe
+            before it.
 
         Returns
         -------
@@ -105,7 +106,7 @@ class VideoFile:
         IndexError
             No such number.
         ValueError
-            A frame that is damaged; others are not concerned.
+            A damaged frame; others are not affected.
         """
         if not 0 <= number < len(self):
             raise IndexError(f"frame {number} of a {WHAT} of {len(self)}; allowed are 0 to {len(self) - 1}.")
@@ -132,9 +133,9 @@ class VideoFile:
             name = quoted(context.name if context else "unknown")
             raise ValueError(f"The {WHAT} is coded as {name}; H.264, H.265, AV1, VP9 and Motion JPEG are decoded.")
         check_pixels(context.width, context.height, WHAT)
-        # A stream may grow on its way: FFmpeg refuses a frame beyond this before it takes memory for it.
+        # Frames may grow within a stream: FFmpeg refuses one beyond this before it allocates memory for it.
         context.options = {"max_pixels": str(limits().max_pixels), "err_detect": "explode"}
-        context.thread_count = 1  # the cores belong to the matching
+        context.thread_count = 1  # leaves the cores to the matching
         return stream
 
     def _indexed(self) -> _Index:
@@ -147,7 +148,7 @@ class VideoFile:
                     continue
                 time = packet.pts if packet.pts is not None else packet.dts
                 if time is None:
-                    raise ValueError(f"The {WHAT} does not tell when its frames are shown; save it as MP4.")
+                    raise ValueError(f"The {WHAT} does not say when its frames are shown; save it as MP4.")
                 shown.append(time)
                 if packet.is_keyframe:
                     keys.append(time)
@@ -185,19 +186,19 @@ class VideoFile:
         raise ValueError("it never came")
 
     def _walk(self) -> Iterator[VideoFrame]:
-        """Yield decoded frames from where the container stands, in the order in which they are shown."""
+        """Yield decoded frames from the container's current position, in the order in which they are shown."""
         context = self._stream.codec_context
         context.flush_buffers()
         for packet in self._container.demux(self._stream):
             try:
                 yield from packet.decode()
             except av.FFmpegError:
-                continue  # the frame of this packet does not come; those behind it may
+                continue  # the frame of this packet is lost; later ones may be intact
 
 
 @lru_cache(maxsize=8)
 def _opened_once(path: Path) -> VideoFile:
-    """Return the video at a path: a worker of many processes that reads frame after frame opens it once."""
+    """Return the video at a path, opened only once by a worker process that reads frame after frame."""
     return VideoFile(path)
 
 
@@ -207,7 +208,7 @@ def _opened(source: Path | bytes) -> InputContainer:
             beginning = stream.read(_HEADER_BYTES)
     else:
         beginning = source[:_HEADER_BYTES]
-    # Never guessed by the library: among what it knows are lists of addresses that it would go and fetch.
+    # Never let FFmpeg guess: some formats it knows are lists of addresses that it would fetch.
     kind = _container_format(beginning)
     if kind is None:
         raise ValueError(

@@ -14,12 +14,12 @@ _LOSSY, _LOSSLESS, _ALPHA, _FRAME, _EXTENDED, _EXIF = b"VP8 ", b"VP8L", b"ALPH",
 
 
 def is_webp(data: bytes) -> bool:
-    """Return whether the bytes begin as a WEBP does."""
+    """Return whether the bytes begin like a WEBP."""
     return data.startswith(b"RIFF") and data[8:12] == b"WEBP"
 
 
 def bare_webp(data: bytes) -> BarePicture:
-    """Return a WEBP with its image, or the first frame of an animation, alone.
+    """Return a WEBP reduced to its image, or to the first frame of an animation.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def bare_webp(data: bytes) -> BarePicture:
 
 
 def _chunks(data: bytes, start: int, stop: int) -> Iterator[tuple[bytes, int, int]]:
-    """Yield the kind of every chunk and where it begins and ends, its padding included."""
+    """Yield the kind, beginning and end of every chunk, including its padding."""
     for _ in range(MAX_CHUNKS):
         if start + 8 > stop:
             return
@@ -74,7 +74,7 @@ def _chunks(data: bytes, start: int, stop: int) -> Iterator[tuple[bytes, int, in
 
 
 def _size(body: bytes) -> tuple[int, int]:
-    """Return the size that the header of a VP8 or VP8L chunk tells."""
+    """Return the size stated in the header of a VP8 or VP8L chunk."""
     if body.startswith(_LOSSLESS) and len(body) >= 13 and body[8] == 0x2F:
         bits = int.from_bytes(body[9:13], "little")
         return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1

@@ -13,16 +13,16 @@ MAX_DEPTH = 16
 MAX_ELEMENTS = 20_000
 
 _ITEM = "_"
-"""What OpenCV calls the elements of a sequence."""
+"""OpenCV's name for the elements of a sequence."""
 
 
 def parse_xml(data: bytes, what: str) -> Any:
-    """Return what stands within the root element: text, lists and dictionaries.
+    """Return the content of the root element as text, lists and dictionaries.
 
     Raises
     ------
     ValueError
-        No XML, a type definition or an entity, or more than 16 levels or 20,000 elements.
+        Not XML, a type definition or an entity, or more than 16 levels or 20,000 elements.
     """
     try:
         return _tree(_root(data, what))
@@ -38,7 +38,7 @@ def parse_xml(data: bytes, what: str) -> Any:
 
 
 def _root(data: bytes, what: str) -> Element:
-    """Return the root; what is nested too deep is refused before it is read to its end."""
+    """Return the root; too deep a nesting is refused before the text is read to its end."""
     depth = elements = 0
     root: Element | None = None
     for happened, element in iterparse(io.BytesIO(data), events=("start", "end"), forbid_dtd=True):

@@ -1,7 +1,7 @@
-"""YAML from untrusted bytes: text, lists and dictionaries alone, of bounded size and depth.
+"""YAML from untrusted bytes: only text, lists and dictionaries, of bounded size and depth.
 
-Every scalar stays text and every tag is passed over: no tag makes an object, and none of the types of YAML 1.1 is
-worked out (its numbers to the base of 60 alone can take minutes).
+Every scalar stays text and every tag is ignored: no tag makes an object, and no type of YAML 1.1 is resolved (its
+base-60 numbers alone can take minutes).
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ MAX_DEPTH = 16
 MAX_NODES = 50_000
 """Scalars, lists and dictionaries, each counted as often as an alias repeats it."""
 
-# The same loader in C is ten times as fast; every wheel of PyYAML has it.
+# The loader in C is ten times as fast; every wheel of PyYAML has it.
 _LOADER: Any = yaml.CBaseLoader if yaml.__with_libyaml__ else yaml.BaseLoader
 
 _OPENCV_DIRECTIVE = re.compile(r"\A\s*%YAML:[^\n]*")
-"""OpenCV writes ``%YAML:1.0``, which is no directive of YAML."""
+"""OpenCV writes ``%YAML:1.0``, which is not a YAML directive."""
 
 
 def parse_yaml(text: str, what: str) -> Any:
@@ -28,7 +28,7 @@ def parse_yaml(text: str, what: str) -> Any:
     Raises
     ------
     ValueError
-        No YAML, more than 16 levels or 50,000 nodes, or an alias of what is not yet there as a whole.
+        Not YAML, more than 16 levels or 50,000 nodes, or an alias of a node that is missing or incomplete.
     """
     text = _OPENCV_DIRECTIVE.sub("", text, count=1)
     try:
@@ -46,14 +46,14 @@ def parse_yaml(text: str, what: str) -> Any:
 
 
 def _check(text: str, what: str) -> None:
-    """Refuse what would be too much once its aliases are followed, before anything is built of it."""
+    """Refuse a text that is too large once its aliases are followed, before anything is built from it."""
     nodes = 0
     opened: list[tuple[str | None, int]] = []
     sizes: dict[str | None, int] = {}
     for event in yaml.parse(text, Loader=_LOADER):
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in sizes:
-                raise ValueError(f"The {what} (YAML) has an alias of something that is not there or holds itself.")
+                raise ValueError(f"The {what} (YAML) has an alias of something that does not exist or contains itself.")
             nodes += sizes[event.anchor]
         elif isinstance(event, yaml.ScalarEvent):
             nodes += 1

@@ -1,4 +1,4 @@
-"""Frame sequences of stereo cameras: where frames come from, the job over all of them, and the video of its maps."""
+"""Frame sequences of stereo cameras: their sources, the job over all frames, and the video of its maps."""
 
 from stereolag.sequences.opening import example_sequence, open_sequence
 from stereolag.sequences.running import run_sequence

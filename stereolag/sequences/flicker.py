@@ -1,4 +1,4 @@
-"""How much disparity maps flicker: the change from frame to frame where the picture did not change."""
+"""Flicker of disparity maps: their change from frame to frame where the picture did not change."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ import numpy.typing as npt
 from stereolag.inputs import Image, as_eight_bit, as_grey, as_image
 
 STILL_LEVELS = 3.0
-"""Grey levels of 255; the mean change of a neighbourhood up to which it counts as still: the noise of a camera."""
+"""Mean change of a neighbourhood up to which it counts as still, grey levels of 255: about camera noise."""
 
 NEIGHBOURHOOD = 7
-"""Side, px; about that of a small window, so that what the matching saw is what did not change."""
+"""Side of the neighbourhood, px; about that of a small matching window, so that the matcher's input is unchanged."""
 
 LEAST_SHARE = 0.001
-"""Of the pixels; on fewer a figure would be chance."""
+"""Least share of the pixels for a meaningful figure."""
 
 
 def still_pixels(
     before: npt.ArrayLike, now: npt.ArrayLike, *, levels: float = STILL_LEVELS, size: int = NEIGHBOURHOOD
 ) -> npt.NDArray[np.bool_]:
-    """Return where a picture did not change.
+    """Return the mask of pixels at which a picture did not change.
 
     Parameters
     ----------
     before, now
         (H, W), (H, W, 3) or (H, W, 4): two frames of one camera, of one size.
     levels
-        The mean absolute change over a neighbourhood, grey levels of 255, up to which it counts as still.
+        Mean absolute change of a neighbourhood up to which it counts as still, grey levels of 255.
     size
         Side of the neighbourhood, px.
 
@@ -52,22 +52,22 @@ def flicker(before: npt.ArrayLike, now: npt.ArrayLike, still: npt.ArrayLike) -> 
     before, now
         (H, W) disparities of two consecutive frames, px; NaN = none.
     still
-        (H, W) bool, as :func:`still_pixels` gives it.
+        (H, W) bool from :func:`still_pixels`.
 
     Returns
     -------
     flicker
-        px; NaN where less than a thousandth of the pixels are still and have a disparity in both.
+        px; NaN if less than a thousandth of the pixels are still and have a disparity in both.
 
     Raises
     ------
     ValueError
-        Arrays of different shapes.
+        If the shapes differ.
 
     Notes
     -----
-    The world may move where the picture does not, a road that passes below the car, but then its disparity stays: what
-    changes there is the matching alone. The mean, because flicker is jumps: a median would pass over them.
+    The world may move where the picture does not, such as a road passing below the car, but its disparity then stays:
+    any change comes from the matching. The mean is used because flicker consists of jumps, which a median would miss.
     """
     first, second = np.asarray(before, dtype=np.float32), np.asarray(now, dtype=np.float32)
     unchanged = np.asarray(still, dtype=np.bool_)
@@ -79,5 +79,5 @@ def flicker(before: npt.ArrayLike, now: npt.ArrayLike, still: npt.ArrayLike) -> 
 
 
 def same_picture_size(before: Image, now: Image) -> bool:
-    """Return whether two frames can be compared: a camera may be set to another size on its way."""
+    """Return whether two frames can be compared: a camera may be switched to another size during a sequence."""
     return before.shape[:2] == now.shape[:2] and before.dtype == now.dtype

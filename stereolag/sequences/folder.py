@@ -1,4 +1,4 @@
-"""The folder a sequence is written to: what is finished stays finished, and is told from what is not."""
+"""The output folder of a sequence: finished frames are kept and recognised."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ _PNG_END = b"IEND\xaeB`\x82"
 
 
 class SequenceFolder:
-    """A folder with a map of each frame by each method, ``METHOD/FRAME.png``, and a table of figures, ``frames.csv``.
+    """A folder with a map for every frame and method, ``METHOD/FRAME.png``, and a table of figures, ``frames.csv``.
 
     Parameters
     ----------
     path
-        Made where there is none.
+        Created if missing.
     sequence, matchers, suffix, calibration, steadiness
-        What makes the maps and the table. It is noted in ``sequence.json``: a folder begun with anything else is
-        refused.
+        The inputs of the maps and the table. They are recorded in ``sequence.json``; a folder begun with other inputs
+        is refused.
     again
-        Forget what is finished, and what it was made of.
+        Whether to discard finished frames and their recorded inputs.
 
     Raises
     ------
     ValueError
-        The folder holds frames made of something else; a name of a method that is no name of a folder; a search that
-        leads out of what the files can hold.
+        If the folder has frames from other inputs, a method's name is not valid for a folder, or a search range does
+        not fit the files.
     OSError
-        The folder cannot be made or written.
+        If the folder cannot be created or written.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class SequenceFolder:
         self._names, self._methods = sequence.names, tuple(matchers)
         self._document = _document(sequence, matchers, suffix, calibration, steadiness)
         self.colours: tuple[float, float] | None = None if again else self._noted()
-        """The disparities, px, at the ends of the colours of the video; None until they are known."""
+        """The disparities at the ends of the video's colour range, px; None until known."""
         for method in matchers:
             (path / method).mkdir(parents=True, exist_ok=True)
         self._records = {} if again else self._finished()
@@ -81,29 +81,29 @@ class SequenceFolder:
         return (number, MOTION) not in self._records
 
     def files(self, number: int) -> Mapping[str, Path]:
-        """Return where the maps of a frame are, by method."""
+        """Return the paths of a frame's maps, by method."""
         return {method: self._file(number, method) for method in self._methods}
 
     def set_colours(self, colours: tuple[float, float]) -> None:
-        """Note the range of colours, so that it stays when the work goes on later."""
+        """Record the colour range, so that it is kept when the work is resumed."""
         self.colours = colours
         self._note()
 
     def write(self, frame: MatchedFrame, records: Iterable[FrameRecord]) -> None:
-        """Write the maps of a frame, each whole or not at all, and then its lines of the table."""
+        """Write the maps of a frame, each atomically, and then its rows of the table."""
         for method, one in frame.maps.items():
             write_file(self._file(frame.number, method), one.data, synced=False)
         self.add(records)
 
     def add(self, records: Iterable[FrameRecord]) -> None:
-        """Write figures to the table, in place of those of the same method."""
+        """Write figures to the table, replacing those of the same method."""
         new = {(record.number, record.method): record for record in records}
         self._table.write(lines(new.values()))
         self._table.flush()
         self._records |= new
 
     def close(self) -> None:
-        """Put the table in order."""
+        """Sort the table."""
         self._table.close()
         self._rewrite_table()
 
@@ -125,7 +125,7 @@ class SequenceFolder:
         }
 
     def _noted(self) -> tuple[float, float] | None:
-        """Return the range of colours noted in the folder; refuse one begun with something else."""
+        """Return the colour range recorded in the folder; refuse a folder begun with other inputs."""
         manifest = self._path / MANIFEST
         if not manifest.is_file():
             return None
@@ -137,8 +137,8 @@ class SequenceFolder:
             raise ValueError(f"{manifest} is damaged; begin again, or choose another folder.") from error
         if differing:
             raise ValueError(
-                f"{self._path} holds frames made with other {' and '.join(differing)}; go on with the same, begin "
-                "again, or choose another folder."
+                f"{self._path} holds frames made with other {' and '.join(differing)}; continue with the same, "
+                "begin again, or choose another folder."
             )
         return None if colours is None else (float(colours[0]), float(colours[1]))
 
@@ -157,14 +157,14 @@ def _check(matchers: Mapping[str, StereoMatcher], suffix: str) -> None:
         raise ValueError("No matcher was given; at least one is needed.")
     for name in matchers:
         if not _NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is no name of a folder; allowed are letters, digits, '-', '_' and '.'.")
+            raise ValueError(f"{name!r} is not a folder name; allowed are letters, digits, '-', '_' and '.'.")
     if suffix not in DISPARITY_FORMATS:
         raise ValueError(f"disparity_format is {suffix!r}; allowed are {', '.join(DISPARITY_FORMATS)}.")
     for name, matcher in matchers.items():
         reach = matcher.reach()
         if suffix == PNG and reach is not None and (reach[0] < 0 or sum(reach) > 256):
             raise ValueError(
-                f"{name} looks for disparities from {reach[0]} to {sum(reach) - 1} px; KITTI's PNG holds 0 to 255 px, "
+                f"{name} searches disparities from {reach[0]} to {sum(reach) - 1} px; KITTI's PNG holds 0 to 255 px, "
                 ".pfm and .npy hold any."
             )
 
@@ -176,7 +176,7 @@ def _document(
     calibration: Calibration | None,
     steadiness: Steadiness | None,
 ) -> dict[str, Any]:
-    """Return what maps and table are made of, in words that a refusal can name."""
+    """Return the inputs of maps and table, under names that an error message can use."""
     names = hashlib.sha256("\n".join(sequence.names).encode()).hexdigest()
     frames = {"count": len(sequence), "names": names, "rate": sequence.frame_rate}
     document = {
@@ -196,7 +196,7 @@ def _digest(document: Mapping[str, Any]) -> str:
 
 
 def _is_whole(path: Path) -> bool:
-    """Return whether a file is there, and its end too: after a power failure that is not the same."""
+    """Return whether a file exists and is complete: after a power failure it may be cut short."""
     try:
         with path.open("rb") as file:
             file.seek(0, 2)

@@ -1,4 +1,4 @@
-"""A video that can be watched while it is being written: the same as a file, in pieces of a second."""
+"""A video that can be watched while it is written: the same as a file, in one-second pieces."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from stereolag.sequences.video import VideoWriter, index_first
 
 
 class VideoPieces(VideoWriter):
-    """Writes pictures as a fragmented MP4 (ISO/IEC 14496-12, §8.8), in memory.
+    """Writer of pictures to a fragmented MP4 (ISO/IEC 14496-12, §8.8), in memory.
 
-    The first piece holds what decoders need to begin; each that follows a second of pictures, which begins with one of
-    its own. Players append them as they come (Media Source Extensions).
+    The first piece has the data that decoders need to start; each following piece is a second of pictures that begins
+    with a keyframe. Players append the pieces as they arrive (Media Source Extensions).
 
     Parameters
     ----------
@@ -26,9 +26,9 @@ class VideoPieces(VideoWriter):
     Attributes
     ----------
     pieces
-        Those that are complete, oldest first.
+        The complete pieces, oldest first.
     collected
-        How many pictures they hold.
+        Number of pictures in them.
     """
 
     def __init__(self, frame_rate: float) -> None:
@@ -40,7 +40,7 @@ class VideoPieces(VideoWriter):
     def write(self, picture: Rgb) -> None:
         """Append a picture, as :meth:`VideoWriter.write` does."""
         super().write(picture)
-        # What has just been written opens the next piece.
+        # The picture just written opens the next piece.
         self._collect(self.frames - 1)
 
     def close(self) -> None:
@@ -56,7 +56,7 @@ class VideoPieces(VideoWriter):
 
 
 class _Sink(io.RawIOBase):
-    """Takes what is written until it is asked for."""
+    """A stream that buffers written bytes until they are taken."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -70,13 +70,13 @@ class _Sink(io.RawIOBase):
         return len(data)
 
     def taken(self) -> bytes:
-        """Return what was written since this was asked last."""
+        """Return the bytes written since the last call."""
         written, self._written = bytes(self._written), bytearray()
         return written
 
 
 def whole_video(pieces: Sequence[bytes]) -> bytes:
-    """Return the pieces of a video as one file whose index stands first; its pictures are not encoded anew."""
+    """Return the pieces of a video as one file with its index first, without re-encoding the pictures."""
     file = io.BytesIO()
     with av.open(io.BytesIO(b"".join(pieces)), "r") as source:
         pictures = source.streams.video[0]

@@ -1,4 +1,4 @@
-"""One frame of a sequence, from its files to the bytes of its maps: the same wherever it is computed."""
+"""Processing of one frame of a sequence, from its files to the bytes of its maps, the same wherever it runs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PNG = ".png"
 
 
 class FrameTask(NamedTuple):
-    """What is to be made of a frame; it can be pickled, and is small where the frames lie in files."""
+    """The work on one frame; it can be pickled, and is small if the frames are in files."""
 
     number: int
     reader: FrameReader
@@ -35,11 +35,11 @@ class FrameTask(NamedTuple):
     suffix: str = PNG
     calibration: Calibration | None = None
     in_colour: bool = True
-    """Whether the left picture is handed back as it is, or grey will do."""
+    """Whether the left picture is returned unchanged; otherwise in grey."""
     steadiness: Steadiness | None = None
-    """How the frame before takes part."""
+    """How the previous frame is used."""
     with_truth: bool = False
-    """Whether the true disparity is handed back, too."""
+    """Whether the true disparity is returned too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +49,11 @@ class FrameMap:
     Attributes
     ----------
     disparity
-        (H, W) float32, px, NaN = none: to the bit what is read from `data`.
+        (H, W) float32, px, NaN = none: bit for bit as read from `data`.
     data
         The bytes of its file.
     figures
-        What this frame alone tells.
+        The figures computed from this frame alone.
     """
 
     disparity: FloatMap
@@ -61,26 +61,26 @@ class FrameMap:
     figures: FrameFigures
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Between machines the file alone travels: it is a fourth of the map.
+        # Only the file is sent between machines: it is a fourth of the map's size.
         return _from_file, (self.data, self.figures)
 
 
 @dataclass(frozen=True, eq=False)
 class MatchedFrame:
-    """One frame after the matching.
+    """One frame after matching.
 
     Attributes
     ----------
     number
-        Of the frame.
+        The number of the frame.
     left
-        The left picture; None of a damaged frame.
+        The left picture; None for a damaged frame.
     maps
-        By the name of the method.
+        The maps, by name of the method.
     problem
-        Why there are no maps, one sentence; "" where there are.
+        Why there are no maps, in one sentence; "" if there are.
     truth
-        The true disparity, px, where it was asked for and is known.
+        The true disparity, px, if requested and known.
     """
 
     number: int
@@ -92,18 +92,18 @@ class MatchedFrame:
 
 @dataclass(frozen=True, eq=False)
 class OwnFrame:
-    """What the matchers made of one frame by itself: what the next one may use.
+    """The maps of one frame by itself, which the next frame may use.
 
     Attributes
     ----------
     left
-        The left picture; None of a damaged frame.
+        The left picture; None for a damaged frame.
     truth
-        The true disparity where it is known, px.
+        The true disparity if known, px.
     maps
-        By the name of the method.
+        The maps, by name of the method.
     problem
-        Why there are no maps; "" where there are.
+        Why there are no maps; "" if there are.
     """
 
     left: Image | None = None
@@ -113,9 +113,9 @@ class OwnFrame:
 
 
 def matched_frame(task: FrameTask, progress: Progress | None = None) -> MatchedFrame:
-    """Read, match and encode one frame by itself; a frame that is damaged or refused says why and raises nothing.
+    """Read, match and encode one frame by itself; a damaged or rejected frame is reported in the result, not raised.
 
-    `progress` may raise to end the work early: what it raises passes through, unless it is a ``ValueError``.
+    `progress` may raise to end the work early: its exception propagates, unless it is a ``ValueError`` or ``OSError``.
     """
     return encoded_frame(task, own_frame(task, progress))
 
@@ -127,7 +127,7 @@ def own_frame(task: FrameTask, progress: Progress | None = None) -> OwnFrame:
         maps = {}
         for name, matcher in task.matchers.items():
             result = matcher.compute(frame.left, frame.right, progress=progress)
-            # Scores and vertical displacements are for no one here, and would travel between machines.
+            # Scores and vertical displacements are not needed here, and would be sent between machines.
             maps[name] = replace(result, _score=None, _dy=None)
     except (ValueError, OSError) as error:
         return OwnFrame(problem=_in_one_line(error))
@@ -135,7 +135,7 @@ def own_frame(task: FrameTask, progress: Progress | None = None) -> OwnFrame:
 
 
 def encoded_frame(task: FrameTask, own: OwnFrame, before: OwnFrame | None = None) -> MatchedFrame:
-    """Encode and measure the maps of a frame, made steady by those of the frame before where they are given."""
+    """Encode and measure the maps of a frame, steadied by those of the previous frame if given."""
     if own.left is None:
         return MatchedFrame(task.number, problem=own.problem)
     start = time.perf_counter()
@@ -158,7 +158,7 @@ def encoded_frame(task: FrameTask, own: OwnFrame, before: OwnFrame | None = None
 
 
 def finished_frame(task: FrameTask, files: Mapping[str, Source]) -> MatchedFrame:
-    """Read a frame whose maps have been written, as :func:`matched_frame` would have made it, without figures."""
+    """Read a frame whose maps have been written, as :func:`matched_frame` would return it, but without figures."""
     try:
         frame = task.reader()
         maps = {name: FrameMap(read_back(file), b"", FrameFigures()) for name, file in files.items()}
@@ -173,7 +173,7 @@ def _handed_back(task: FrameTask, left: Image, truth: Truth | None, maps: Mappin
 
 
 def as_stored(disparity: FloatMap, suffix: str) -> FloatMap:
-    """Return a map as its file holds it: figures from frame to frame are the same whether it was read back or not."""
+    """Return a map as stored in its file, so that frame-to-frame figures do not depend on whether it was read back."""
     if suffix != PNG:
         return disparity
     scaled = np.rint(disparity * np.float32(KITTI_SCALE))
@@ -181,7 +181,7 @@ def as_stored(disparity: FloatMap, suffix: str) -> FloatMap:
 
 
 def read_back(file: Source) -> FloatMap:
-    """Return the map that a file of a sequence holds; unlike a truth, it may hold no disparity at all."""
+    """Return the map in a file of a sequence; unlike a ground truth, it may have no disparity at all."""
     found = read_stored_disparity(file)
     known = found.stored.any() if found.zero_is_unknown else np.isfinite(found.stored).any()
     if not known:
@@ -192,7 +192,7 @@ def read_back(file: Source) -> FloatMap:
 def _steady(
     now: DisparityMap, before: DisparityMap, motion: Motion, settings: Steadiness, moved_s: float
 ) -> DisparityMap:
-    """Return a map made steady, with the time that this took besides."""
+    """Return the steadied map, with the time for steadying added."""
     start = time.perf_counter()
     disparity = steadied(before, now, motion, settings)
     elapsed = now.elapsed_s + moved_s + time.perf_counter() - start

@@ -1,4 +1,4 @@
-"""What moves in a sequence: the flow since the frame before, our own speed, and what moves against the world."""
+"""Motion in a sequence: the flow since the previous frame, our own speed, and things that move against the world."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import preset
 
 SAMPLED = 5
-"""Frames, spread over the sequence, that choose the length at the rim of the wheel."""
+"""Frames, spread over the sequence, that determine the displacement at the rim of the colour wheel."""
 
 ARROW_EVERY = 1 / 28
-"""Of the width, between arrows."""
+"""Spacing of the arrows, as a share of the width."""
 
 DIMMED = 0.45
-"""How bright the picture under the arrows is."""
+"""Brightness of the picture under the arrows."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameMotion:
-    """What moved between a frame and the one before it.
+    """The motion between a frame and the previous one.
 
     Attributes
     ----------
     dy, dx
-        (H, W) float32 px by which what a pixel shows has moved since the frame before; NaN = not known.
+        (H, W) float32 displacement of every pixel since the previous frame, px; NaN = unknown.
     coverage
         Share of the pixels that have a flow, 0..1.
     scene
-        The motion in metres; None without a calibration, or where nothing that stands was found.
+        The motion in metres; None without a calibration, or if no static scene was found.
     milliseconds
-        Of all of it.
+        Time for all of it.
     """
 
     dy: FloatMap
@@ -56,7 +56,7 @@ class FrameMotion:
     milliseconds: float
 
     def things(self) -> str:
-        """Return what moves against the world, nearest first, as the table has it."""
+        """Return the text for the table that lists the moving things, nearest first."""
         regions = () if self.scene is None else self.scene.regions
         return "; ".join(
             f"{one.distance_m:.1f} m" + (f" {one.speed_kmh:.0f} km/h" if one.trusted else "") for one in regions
@@ -64,25 +64,25 @@ class FrameMotion:
 
 
 class MotionWatch:
-    """Tells of each frame of a sequence what moved since the one before.
+    """Detector of the motion in each frame of a sequence since the previous one.
 
-    It looks back: in a car that drives on, what is seen now was in the picture before, and not the other way round.
+    It looks back in time: from a car driving forwards, points seen now were in the previous picture, not vice versa.
 
     Parameters
     ----------
     sequence
-        Whose frames.
+        The sequence.
     matcher
-        Gives the disparities, with a calibration.
+        Matcher for the disparities, used with a calibration.
     calibration
-        Of the left camera; without it there is the flow alone.
+        Calibration of the left camera; without it only the flow is computed.
     settings
-        What is drawn.
+        Settings of the drawing and the speeds.
 
     Attributes
     ----------
     largest
-        Px at the rim of the wheel; None until it is known.
+        Displacement at the rim of the colour wheel, px; None until known.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class MotionWatch:
         self._last: tuple[int, StereoFrame, DisparityMap | None] | None = None
 
     def since_before(self, number: int, progress: Progress | None = None) -> FrameMotion | None:
-        """Return what moved since the frame before; None of the first one, and beside a damaged one."""
+        """Return the motion since the previous frame; None for the first frame, or if either frame is damaged."""
         if number == 0:
             return None
         start = time.perf_counter()
@@ -120,12 +120,12 @@ class MotionWatch:
                     frames=(now.left, before.left),
                     frame_rate=self.settings.frame_rate or self._sequence.frame_rate,
                 )
-            except ValueError:  # nothing that stands is in view
+            except ValueError:  # no static scene in view
                 scene = None
         return FrameMotion(-flow.dy, -flow.dx, flow.coverage, scene, 1e3 * (time.perf_counter() - start))
 
     def lock_colours(self, progress: Progress | None = None) -> None:
-        """Choose the length at the rim of the wheel by frames from all over the sequence, once."""
+        """Set the displacement at the rim of the colour wheel, once, from frames spread over the sequence."""
         if self.largest is not None:
             return
         numbers = np.unique(np.linspace(1, max(1, len(self._sequence) - 1), SAMPLED).round().astype(int))
@@ -140,7 +140,7 @@ class MotionWatch:
         self.largest = largest_motion(*flows) if flows else 1.0
 
     def drawn(self, left: Image, motion: FrameMotion | None) -> tuple[Rgb, Rgb]:
-        """Return the left picture with what moves outlined in it, and the picture of the flow."""
+        """Return the left picture with moving things outlined, and the picture of the flow."""
         picture = as_rgb(left)
         if motion is None or motion.dx.shape != picture.shape[:2]:
             return picture, np.full_like(picture, NO_ANSWER)
@@ -160,7 +160,7 @@ class MotionWatch:
         return with_outlines(picture, outlines), seen
 
     def record(self, number: int, motion: FrameMotion) -> FrameRecord:
-        """Return the line of the table."""
+        """Return the row of the table."""
         speed = None if motion.scene is None else motion.scene.own_speed_kmh
         return FrameRecord(
             number,
@@ -185,7 +185,7 @@ class MotionWatch:
 def motion_watch(
     sequence: StereoSequence, method: StereoMatcher, calibration: Calibration | None, settings: SequenceMotion
 ) -> MotionWatch:
-    """Return what tells of motion beside the maps of a method: by the fast preset, over the range that it searches."""
+    """Return the motion watch to run beside a method: it uses the fast preset over the method's search range."""
     reach = method.reach()
     matcher = preset("fast")
     return MotionWatch(sequence, matcher if reach is None else matcher.with_search_range(*reach), calibration, settings)

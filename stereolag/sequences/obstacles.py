@@ -1,4 +1,4 @@
-"""The nearest thing that stands on the ground before the camera."""
+"""The nearest obstacle on the ground in front of the camera."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy.typing as npt
 from stereolag.geometry.ground import ground_of
 
 LEAST_SHARE = 0.001
-"""Of the pixels: what is smaller is a wrong match rather than an obstacle."""
+"""Least share of the pixels: anything smaller is more likely a mismatch than an obstacle."""
 
 LOWEST, HIGHEST = 0.2, 2.0
-"""Heights above the ground, in heights of the camera, between which something is an obstacle: no kerb, no bridge."""
+"""Range of heights above the ground of an obstacle, in camera heights: excludes kerbs and bridges."""
 
 
 def nearest_obstacle(disparity: npt.ArrayLike) -> float:
-    """Return the disparity of the nearest obstacle, px, robustly: that which a thousandth of the pixels exceed.
+    """Return the disparity of the nearest obstacle, px: robustly, the one that a thousandth of the pixels reach.
 
     Parameters
     ----------
@@ -27,13 +27,13 @@ def nearest_obstacle(disparity: npt.ArrayLike) -> float:
     Returns
     -------
     disparity
-        px; NaN where there is none. Pixels of the ground do not count, where a ground is seen, nor what hangs over the
-        road: a point at height h above the ground has the share ``1 - d_ground / d`` of the camera's own height.
+        px; NaN if there is none. If a ground is seen, its pixels and anything overhanging the road do not count: the
+        height of a point above the ground, as a share of the camera's, is ``1 - d_ground / d``.
 
     Raises
     ------
     ValueError
-        An array that is not (H, W).
+        If the array is not (H, W).
     """
     values = np.asarray(disparity, dtype=np.float32)
     if values.ndim != 2 or values.size == 0:

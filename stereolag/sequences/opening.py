@@ -1,4 +1,4 @@
-"""Frame sequences from what a user names: folders, patterns, an archive, videos."""
+"""Opening of frame sequences given as folders, patterns, an archive or videos."""
 
 from __future__ import annotations
 
@@ -39,26 +39,26 @@ def open_sequence(
     Parameters
     ----------
     left, right
-        Two folders of pictures or patterns of their paths ("drive/left_*.png"); two videos; `left` alone: a ZIP archive
-        of pictures whose folders or names tell the side ("left/000.png"), or one video with both pictures side by side.
-        Archives and videos may also be given as bytes or binary file objects.
+        Two folders of pictures or patterns of their paths ("drive/left_*.png"); two videos; or `left` alone: a ZIP
+        archive of pictures whose folders or names show the side ("left/000.png"), or one video with both pictures side
+        by side. Archives and videos may also be given as bytes or binary file objects.
     truth
-        A folder or pattern of true disparities, named as the left pictures or in their order; an archive brings its
-        own.
+        A folder or pattern of true disparities, with the names or in the order of the left pictures; an archive
+        includes its own.
     frame_rate
-        Hz; that of the video unless given, of pictures 10.
+        Hz; by default that of the video, or 10 for pictures.
 
     Returns
     -------
     StereoSequence
-        Pictures of one name belong together; where the two sides have no name in common, those at the same place in the
-        order of names. A left picture without a right one counts as a damaged frame.
+        Pictures with the same name are paired; if the two sides have no name in common, they are paired in the order of
+        their names. A left picture without a right one counts as a damaged frame.
 
     Raises
     ------
     ValueError
-        Nothing to read there, sides that cannot be matched, a frame rate that no camera has, or more frames, pixels or
-        seconds than the limits in force.
+        If there is nothing to read, the sides cannot be paired, the frame rate is implausible, or there are more
+        frames, pixels or seconds than the limits in force.
     """
     if frame_rate is not None and not LEAST_RATE <= frame_rate <= MOST_RATE:
         raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {LEAST_RATE} to {MOST_RATE} Hz.")
@@ -97,7 +97,7 @@ def _of_one(source: Source, frame_rate: float | None) -> StereoSequence:
 
 
 def _frames_among(names: Sequence[str]) -> list[FrameFiles]:
-    """Return the frames of one camera among files: of several cameras', those told apart by the surest convention."""
+    """Return the frames of one camera among files; with several cameras, by the most reliable naming convention."""
     pairs = matched_pairs(names)
     surest = min((pair.convention for pair in pairs), default=0)
     pairs = [pair for pair in pairs if pair.convention == surest]
@@ -117,7 +117,7 @@ def _of_pictures(left: Source, right: Source, truth: str | PathLike[str] | None,
 
 
 def _pictures(source: Source, endings: frozenset[str]) -> list[str]:
-    """Return the paths of the files in a folder, or of a pattern, as a person would put them in order."""
+    """Return the paths of the files in a folder or matching a pattern, in natural order."""
     if not isinstance(source, str | PathLike):
         raise ValueError("Pictures are named by a folder or a pattern; give a ZIP archive or videos as bytes.")
     path = Path(source)
@@ -132,21 +132,21 @@ def _pictures(source: Source, endings: frozenset[str]) -> list[str]:
 
 
 def _partners(names: Sequence[str], others: Sequence[str], what: str) -> list[str | None]:
-    """Return for each file the other one of its name, or at its place in the order where no names agree."""
+    """Return the partner of each file: the one with its name, or the one at its position if no names agree."""
     by_name = {Path(other).stem: other for other in others}
     found = [by_name.get(Path(name).stem) for name in names]
     if any(found):
         return found
     if len(names) != len(others):
         raise ValueError(
-            f"There are {len(names):,} left pictures and {len(others):,} {what}, of other names; either their names or "
-            "their number must agree."
+            f"There are {len(names):,} left pictures and {len(others):,} {what}, with other names; either their names "
+            "or their number must match."
         )
     return list(others)
 
 
 def _frame_names(paths: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of frames: of their files, with their folders, or numbered, where those are not unique."""
+    """Return the names of frames: the stems of their files, numbered if they are not unique."""
     parts = [PurePosixPath(path.replace("\\", "/")) for path in paths]
     stems = [path.stem for path in parts]
     if len(set(stems)) == len(stems):

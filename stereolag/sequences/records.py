@@ -1,4 +1,4 @@
-"""What is known of every frame: one line of a table for each frame and method."""
+"""The figures of a sequence: a table with one row for each frame and method."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from stereolag.stereo.matcher import DisparityMap
 BAD_PX = 2.0
 
 MOTION = "motion"
-"""What stands in the column of the method in the lines that tell of motion."""
+"""Entry of the method column in rows of motion figures."""
 
 
 class FrameFigures(NamedTuple):
-    """What a frame alone tells of the map of one method: those of a :class:`FrameRecord`; NaN = not known."""
+    """The figures of a :class:`FrameRecord` that follow from one frame alone; NaN = unknown."""
 
     coverage: float = math.nan
     milliseconds: float = math.nan
@@ -37,32 +37,32 @@ class FrameFigures(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FrameRecord:
-    """The figures of one frame by one method; NaN = not known.
+    """The figures of one frame by one method; NaN = unknown.
 
     Attributes
     ----------
     number, name
-        Of the frame.
+        The number and name of the frame.
     time_s
-        When it is shown, s.
+        Its time in the sequence, s.
     method
         The name of the matcher.
     coverage
         Share of the pixels that have a disparity, 0..1.
     milliseconds
-        Of the matching alone, while other frames were being matched beside it.
+        Time for the matching alone, while other frames were matched in parallel.
     nearest_px, nearest_m
-        Disparity and depth of the nearest obstacle; metres with a calibration.
+        Disparity and depth of the nearest obstacle; metres need a calibration.
     bad_2_percent, epe_px
-        Pixels that are off by more than 2 px or missing, and the mean error of the others, against the truth.
+        Percentage of pixels off by more than 2 px or missing, and the mean error of pixels with a disparity.
     own_speed_kmh
-        Of the camera since the frame before; in the lines of the motion alone, whose coverage is that of the flow.
+        Speed of the camera since the previous frame; only in rows of motion, whose coverage is that of the flow.
     moving
-        What moves against the world, nearest first: its distance, and its speed where that is known well enough.
+        Things that move against the world, nearest first: distance, and speed if known well enough.
     flicker_px
-        Mean change of the disparity since the frame before, where the picture did not change.
+        Mean change of the disparity since the previous frame, where the picture did not change.
     problem
-        Why there is no map, "" where there is one.
+        Why there is no map; "" if there is one.
     """
 
     number: int
@@ -86,11 +86,11 @@ _WHOLE, _TEXTS = {"number"}, {"name", "method", "moving", "problem"}
 
 
 def figures_of(result: DisparityMap, truth: Truth | None, calibration: Calibration | None) -> FrameFigures:
-    """Return the figures of one frame that it alone tells.
+    """Return the figures that follow from one frame alone.
 
-    A truth of another size than the map is not held against it: `bad_2_percent` and `epe_px` stay NaN.
+    A ground truth of another size than the map is ignored: `bad_2_percent` and `epe_px` stay NaN.
     """
-    # What was filled in says nothing of its own, and a filled gap beside a pole is no obstacle.
+    # Filled-in disparities are no evidence: a filled gap beside a pole is no obstacle.
     nearest = nearest_obstacle(np.where(result.filled, np.float32(np.nan), result.disparity))
     figures = FrameFigures(
         coverage=result.coverage,
@@ -105,22 +105,22 @@ def figures_of(result: DisparityMap, truth: Truth | None, calibration: Calibrati
 
 
 def damaged_records(number: int, name: str, time_s: float, methods: Sequence[str], problem: str) -> list[FrameRecord]:
-    """Return the lines of the table for a frame without maps."""
+    """Return the rows of the table for a frame without maps."""
     return [FrameRecord(number, name, time_s, method, problem=problem) for method in methods]
 
 
 def header() -> str:
-    """Return the first line of the table, with its end."""
+    """Return the header line of the table, with its newline."""
     return _line(COLUMNS)
 
 
 def lines(records: Iterable[FrameRecord]) -> str:
-    """Return records as lines of the table; a figure that is not known is left empty."""
+    """Return records as lines of the table; unknown figures are left empty."""
     return "".join(_line([_cell(value) for value in asdict(record).values()]) for record in records)
 
 
 def read_records(path: Path) -> list[FrameRecord]:
-    """Read a table back; a line that an interruption cut short, and what is behind it, is left out."""
+    """Read a table back; a line cut short by an interruption, and everything after it, is skipped."""
     records: list[FrameRecord] = []
     text = path.read_text(encoding="utf-8")
     for row in csv.DictReader(io.StringIO(text[: text.rfind("\n") + 1])):

@@ -1,4 +1,4 @@
-"""Where frames are matched: on threads of this process, or on the workers of a Dask cluster."""
+"""Runners that match frames: on threads of this process, or on the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -18,55 +18,55 @@ from stereolag.progress import Progress
 from stereolag.sequences.matching import FrameTask, MatchedFrame, OwnFrame, encoded_frame, matched_frame, own_frame
 
 LOCAL = "local"
-"""The scheduler's address that means a cluster of processes on this machine, for as long as the job takes."""
+"""Scheduler address for a cluster of processes on this machine that lasts as long as the job."""
 
 LOOKS_S = 0.1
-"""How often the job looks whether it was cancelled."""
+"""Interval at which the job checks for cancellation."""
 
 _CONNECTS_S = "10s"
 _COUNTS_S = 5.0
 
 
 class Pending(Protocol):
-    """A frame that is being matched somewhere."""
+    """A frame being matched somewhere."""
 
     def result(self, timeout: float | None = None) -> MatchedFrame:
-        """Wait for the frame; ``TimeoutError`` where it is not there in time."""
+        """Wait for the frame; raise ``TimeoutError`` if it is not ready in time."""
 
     def cancel(self) -> object:
-        """Call it off, if it has not begun."""
+        """Cancel the frame, if it has not begun."""
 
 
 class Runner(Protocol):
-    """Matches frames, several at once."""
+    """Runner that matches several frames at once."""
 
     @property
     def at_once(self) -> int:
-        """Return how many frames may be on their way: memory stays flat however long the sequence is."""
+        """Return the largest number of frames in flight, which bounds memory however long the sequence is."""
 
     def submit(self, task: FrameTask) -> Pending:
-        """Begin with a frame as soon as there is room for it."""
+        """Start a frame as soon as there is room for it."""
 
 
 class PairRunner(Runner, Protocol):
-    """Matches frames, and makes each steady by the one before."""
+    """Runner that matches frames and can steady each with the previous one."""
 
     def own(self, task: FrameTask) -> Any:
-        """Promise what a frame is by itself; to be handed to :meth:`submit_steady`, twice mostly."""
+        """Return a promise of a frame's own maps, to be passed to :meth:`submit_steady`, usually twice."""
 
     def submit_steady(self, task: FrameTask, own: Any, before: Any | None) -> Pending:
-        """Begin with a frame, of promises of its own maps and of those of the frame before."""
+        """Start a frame, given promises of its own maps and of the previous frame's."""
 
 
 class SteadyRunner:
-    """Frames made steady on another runner: no frame is matched twice, and none is waited for by itself.
+    """Runner that steadies frames on another runner, without matching any frame twice or waiting for its own maps.
 
     Parameters
     ----------
     runner
-        Where the work is done.
+        The runner that does the work.
     numbers
-        Of the frames that will be submitted, each once.
+        The numbers of the frames that will be submitted, each once.
     task
         Returns the task of any frame.
     """
@@ -78,16 +78,16 @@ class SteadyRunner:
 
     @property
     def at_once(self) -> int:
-        """Return how many frames may be on their way."""
+        """Return the largest number of frames in flight."""
         return self._runner.at_once
 
     def submit(self, task: FrameTask) -> Pending:
-        """Begin with a frame."""
+        """Start a frame."""
         before = self._own(task.number - 1) if task.number else None
         return self._runner.submit_steady(task, self._own(task.number), before)
 
     def _own(self, number: int) -> Any:
-        """Return the promise of a frame, and forget it with its last use."""
+        """Return the promise of a frame, and drop it after its last use."""
         self._uses[number] -= 1
         if number not in self._promised:
             self._promised[number] = self._runner.own(self._task(number))
@@ -95,20 +95,20 @@ class SteadyRunner:
 
 
 def in_order(runner: Runner, tasks: Iterable[FrameTask], look: Callable[[], None]) -> Iterator[MatchedFrame]:
-    """Yield the frames in the order of their tasks, with no more of them on their way than the runner allows.
+    """Yield the frames in the order of their tasks, with no more in flight than the runner allows.
 
     Parameters
     ----------
     runner, tasks
-        Where, and what.
+        The runner and its tasks.
     look
-        Called ten times a second while waiting; what it raises ends the job.
+        Called ten times a second while waiting; an exception from it ends the job.
     """
     coming = iter(tasks)
     waiting: deque[tuple[int, Pending]] = deque()
     try:
         while True:
-            room = max(0, runner.at_once - len(waiting))  # fewer may be on their way once a worker has died
+            room = max(0, runner.at_once - len(waiting))  # the limit may fall once a worker has died
             waiting.extend((task.number, runner.submit(task)) for task in islice(coming, room))
             if not waiting:
                 return
@@ -132,14 +132,14 @@ def _awaited(number: int, pending: Pending, look: Callable[[], None]) -> Matched
 
 @contextmanager
 def runner_at(scheduler: str | None) -> Iterator[PairRunner]:
-    """Open the runner of a scheduler: None means threads of this process.
+    """Open the runner for a scheduler; None means threads of this process.
 
     Raises
     ------
     ValueError
-        Dask is not installed.
+        If Dask is not installed.
     ConnectionError
-        There is no scheduler at that address.
+        If there is no scheduler at that address.
     """
     opened = ThreadRunner() if scheduler is None else _dask_runner(scheduler)
     with opened as runner:
@@ -147,13 +147,13 @@ def runner_at(scheduler: str | None) -> Iterator[PairRunner]:
 
 
 class ThreadRunner:
-    """Frames on threads of this process: while one is being decoded or encoded, another one is matched.
+    """Runner on threads of this process: while one frame is decoded or encoded, another one is matched.
 
-    Leaving it ends what is on its way within a few rows of the image.
+    On exit, frames in flight end within a few image rows.
     """
 
     def __init__(self) -> None:
-        # One more than there are cores: the serial parts of a frame leave some of them without work.
+        # One more than there are cores, as the serial parts of a frame leave some cores idle.
         threads = available_cores() + 1
         self.at_once = threads + 2
         self._stop = threading.Event()
@@ -167,15 +167,15 @@ class ThreadRunner:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def submit(self, task: FrameTask) -> Pending:
-        """Begin with a frame as soon as a thread is free."""
+        """Start a frame as soon as a thread is free."""
         return self._pool.submit(matched_frame, task, self._stop_here)
 
     def own(self, task: FrameTask) -> _Once:
-        """Promise a frame: the first thread that needs it matches it."""
+        """Return a promise of a frame: the first thread that needs it matches it."""
         return _Once(task, self._stop_here)
 
     def submit_steady(self, task: FrameTask, own: _Once, before: _Once | None) -> Pending:
-        """Begin with a frame as soon as a thread is free."""
+        """Start a frame as soon as a thread is free."""
         return self._pool.submit(_steady_frame, task, own, before)
 
     def _stop_here(self, fraction: float) -> None:
@@ -184,7 +184,7 @@ class ThreadRunner:
 
 
 class _Once:
-    """A frame by itself, matched by whoever asks first; others wait. No two ever wait for each other."""
+    """A frame's own maps, computed by the first thread to ask while others wait; it cannot deadlock."""
 
     def __init__(self, task: FrameTask, progress: Progress) -> None:
         self._task, self._progress = task, progress
@@ -230,15 +230,15 @@ def _dask_runner(scheduler: str) -> Iterator[PairRunner]:
 
 
 def dask_setup(worker: object) -> None:
-    """Let a worker on this machine pass over Ctrl-C, which its terminal sends to all: Dask calls this as it starts.
+    """Make a local worker ignore Ctrl-C, which the terminal sends to all processes; Dask calls this at startup.
 
-    Who began the job ends it, and the workers with it.
+    The process that started the job ends it, and the workers with it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 class DaskRunner:
-    """Frames on the workers of a Dask cluster, which read them themselves; those of a worker that died go to another.
+    """Runner on a Dask cluster, whose workers read the frames themselves; frames of a dead worker go to another one.
 
     Parameters
     ----------
@@ -257,16 +257,16 @@ class DaskRunner:
         return _OnWorker(task.number, self._client.submit(matched_frame, task, pure=False))
 
     def own(self, task: FrameTask) -> Any:
-        """Have a worker match a frame; what it makes of it stays there."""
+        """Have a worker match a frame and keep the result."""
         return self._client.submit(own_frame, task, pure=False)
 
     def submit_steady(self, task: FrameTask, own: Any, before: Any | None) -> Pending:
-        """Send a frame to the worker that has it."""
+        """Send a frame to the worker that has its maps."""
         self._count_workers()
         return _OnWorker(task.number, self._client.submit(encoded_frame, task, own, before, pure=False))
 
     def _count_workers(self) -> None:
-        """Let what is on its way follow the number of workers: they come and go."""
+        """Adapt the number of frames in flight to the workers, which come and go."""
         if time.monotonic() - self._looked > _COUNTS_S:
             self._looked = time.monotonic()
             workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
@@ -280,15 +280,15 @@ class _OnWorker:
         self._number, self._future = number, future
 
     def result(self, timeout: float | None = None) -> MatchedFrame:
-        """Wait for the frame; one at which worker after worker dies counts as damaged."""
+        """Wait for the frame; a frame that repeatedly kills its worker counts as damaged."""
         from distributed import KilledWorker
 
         try:
             found: MatchedFrame = self._future.result(timeout=timeout)
         except KilledWorker:
-            return MatchedFrame(self._number, problem="Every worker that took this frame died of it.")
+            return MatchedFrame(self._number, problem="This frame crashed every worker that took it.")
         return found
 
     def cancel(self) -> object:
-        """Call it off."""
+        """Cancel the frame."""
         return self._future.cancel()

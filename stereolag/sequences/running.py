@@ -1,4 +1,4 @@
-"""The job over the frames of a sequence: matched, written, drawn and told of, with what is finished left as it is."""
+"""The job over the frames of a sequence: matching, writing, drawing and reporting; finished frames are kept."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from stereolag.sequences.video import VideoWriter, common_range, panels
 from stereolag.stereo.matcher import StereoMatcher
 
 SAMPLED = 5
-"""Frames, spread over the sequence, that choose the range of colours before the first one is drawn."""
+"""Frames, spread over the sequence, that determine the colour range before the first one is drawn."""
 
 
 def run_sequence(
@@ -55,50 +55,50 @@ def run_sequence(
     Parameters
     ----------
     sequence
-        As :func:`stereolag.sequences.open_sequence` gives it.
+        From :func:`stereolag.sequences.open_sequence`.
     matchers
         One, or several by the names of their folders.
     out
-        A folder. It gets ``METHOD/FRAME.png`` (disparity × 256 in 16 bits, as KITTI stores it), ``frames.csv``
-        (:class:`~stereolag.sequences.records.FrameRecord`) and ``sequence.json``. Frames that are finished there are
-        not matched again. Or a :class:`~stereolag.sequences.targets.SequenceTarget`, which keeps them elsewhere.
+        The output folder, for ``METHOD/FRAME.png`` (disparity × 256 in 16 bits, as in KITTI), ``frames.csv``
+        (:class:`~stereolag.sequences.records.FrameRecord`) and ``sequence.json``. Frames already finished there are not
+        matched again. Or a :class:`~stereolag.sequences.targets.SequenceTarget`, which keeps them elsewhere.
     calibration
-        Gives the nearest obstacle in metres.
+        Provides the distance of the nearest obstacle in metres.
     steadiness
-        Uses the frame before where its map agrees: our own methods flicker less; each frame by itself unless given.
+        Averages each map with the previous one where they agree: our own methods flicker less; off by default.
     video
-        An ".mp4", or a binary file: the left pictures beside the maps of every method, in one range of colours; or
-        what writes it, which is left open.
+        An ".mp4" path or a binary file, for the left pictures beside the maps of every method in one colour range; or a
+        video writer, which is left open.
     colours
-        The disparities, px, at the ends of that range; chosen by five frames unless given.
+        The disparities at the ends of the colour range, px; by default chosen from five frames.
     truth_in_video
-        Whether the true disparity is shown there, too, after the maps.
+        Whether the video also shows the true disparity, after the maps.
     motion
-        Tells what moves; with a video the flow is shown there, last, and what moves is outlined in the left picture.
+        Detects motion; a video then shows the flow last, and moving things are outlined in the left picture.
     disparity_format
-        ``".png"``, or ``".pfm"`` or ``".npy"``, which hold any disparity.
+        ``".png"``, or ``".pfm"`` or ``".npy"``, which can store any disparity.
     scheduler
-        The address of a Dask scheduler, ``"tcp://host:8786"``; ``"local"``: processes of this machine; None: threads of
-        this process. The maps are the same to the bit.
+        The address of a Dask scheduler, ``"tcp://host:8786"``; ``"local"`` for processes on this machine; None for
+        threads of this process. The maps are identical bit for bit.
     again
-        Match everything anew, also where `out` was made with other settings.
+        Match everything again, even if `out` was made with other settings.
     progress
-        Told how far the job is, ten times a second.
+        Called with the state of the job ten times a second.
     cancelled
-        Asked as often; once it says yes the job ends within a second, and what was done stays.
+        Called as often; once it returns True the job ends within a second, and finished frames are kept.
 
     Returns
     -------
     SequenceResult
-        A frame that is damaged is left out, and named here.
+        Damaged frames are left out and listed here.
 
     Raises
     ------
     ValueError
-        `out` was made with other settings, frames or another version; a search beyond what the files hold; a name of a
-        method that is no name of a folder; another ending of the video; colours that are no range.
+        If `out` was made with other settings, frames or version, a search range does not fit the files, a method's name
+        is not valid for a folder, the video has another ending, or `colours` is not a range.
     OSError
-        `out` cannot be written, or there is no such scheduler.
+        If `out` cannot be written, or the scheduler cannot be reached.
     """
     named = {type(matchers).short_name: matchers} if isinstance(matchers, StereoMatcher) else dict(matchers)
     with ExitStack() as stack:
@@ -139,7 +139,7 @@ def run_sequence(
 
 
 class _Job:
-    """One call of :func:`run_sequence`."""
+    """One run of :func:`run_sequence`."""
 
     def __init__(
         self,
@@ -169,7 +169,7 @@ class _Job:
         self._last: MatchedFrame | None = None
 
     def run(self) -> SequenceResult:
-        """Go over all frames in their order."""
+        """Process all frames in order."""
         ended = False
         try:
             for frame in self._frames():
@@ -182,7 +182,7 @@ class _Job:
         )
 
     def _frames(self) -> Iterator[MatchedFrame]:
-        """Yield every frame that is to be matched, and those that were before where the video needs them."""
+        """Yield every frame to match, and finished ones that the video or the motion needs."""
         sampled: dict[int, MatchedFrame] = {}
         if self._writer is not None and self._target.colours is None:
             numbers = _spread(self._missing or range(len(self._sequence)), SAMPLED)
@@ -203,7 +203,7 @@ class _Job:
                 yield self._read_back(number)
 
     def _take(self, frame: MatchedFrame) -> None:
-        """Write a frame, if it is new, and draw it."""
+        """Write a frame if it is new, and draw it."""
         seen = None
         if self._motion is not None and not frame.problem:
             self._motion.lock_colours(self._look_at)
@@ -276,7 +276,7 @@ class _Job:
         self._look()
 
     def _look(self) -> None:
-        """Tell the progress; end the work, by CancelledError, where it was called off."""
+        """Report the progress; raise CancelledError if the job was cancelled."""
         if self._cancelled is not None and self._cancelled():
             raise CancelledError
         if self._progress is not None:
@@ -294,7 +294,7 @@ def _truth_of(frame: MatchedFrame, left: Image) -> Truth:
 
 
 def _spread(numbers: list[int] | range, count: int) -> list[int]:
-    """Return at most so many of the numbers, from the first to the last, as evenly as may be."""
+    """Return at most `count` of the numbers, from the first to the last, as evenly spaced as possible."""
     if len(numbers) <= count:
         return list(numbers)
     return [numbers[round(place * (len(numbers) - 1) / (count - 1))] for place in range(count)]

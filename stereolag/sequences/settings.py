@@ -1,4 +1,4 @@
-"""What is done with a sequence beyond matching each frame by itself."""
+"""Settings for a sequence beyond matching each frame by itself."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from stereolag.settings import Settings
 
 
 class SequenceMotion(Settings):
-    """What is told and drawn of the motion from frame to frame."""
+    """Settings for reporting and drawing the motion between frames."""
 
     arrows: bool = Field(
         default=False, title="Arrows", description="Draw the flow as arrows on the picture, not as colours."
@@ -17,24 +17,24 @@ class SequenceMotion(Settings):
     frame_rate: float | None = Field(
         default=None,
         title="Frames a second",
-        description="Of the camera, for speeds; None: that of the sequence.",
+        description="Frame rate of the camera, for speeds; None: the sequence's own.",
         gt=0,
         le=10_000,
     )
 
 
 class SequenceSettings(Settings):
-    """What is done to the maps of a sequence beyond matching each frame by itself."""
+    """Settings for the maps of a sequence beyond matching each frame by itself."""
 
     steadiness: Steadiness | None = Field(
         default=None,
         title="Steady",
-        description="Average each map with that of the frame before, carried over along the motion of the picture, "
-        "where the two agree. Our own methods flicker less by it, OpenCV's hardly.",
+        description="Average each map with that of the previous frame, moved along with the picture, where the two "
+        "agree. It reduces the flicker of our own methods, but hardly that of OpenCV's.",
     )
     motion: SequenceMotion | None = Field(
         default=None,
         title="Motion",
-        description="Tell our own speed and what moves against the world, which needs a calibration, and show the "
-        "optical flow since the frame before. It takes about a second a frame.",
+        description="Show the optical flow since the previous frame and, with a calibration, the car's own speed and "
+        "moving objects. It takes about a second a frame.",
     )

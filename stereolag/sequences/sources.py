@@ -1,4 +1,4 @@
-"""Where the frames of a stereo camera come from; any of them can be had by its number, by whoever needs it."""
+"""Sources of the frames of a stereo camera, which any process can read by number."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from stereolag.reading.images import read_image
 from stereolag.reading.videos import VideoFile
 
 USUAL_RATE = 10.0
-"""Hz; of pictures, which do not tell how fast they were taken."""
+"""Default frame rate of pictures, which do not record one, Hz."""
 
 MAX_ARCHIVED = 20_000
-"""Files of an archive of frames."""
+"""Most files in an archive of frames."""
 
 Truth: TypeAlias = npt.NDArray[np.float32]
 
 
 class StereoFrame(NamedTuple):
-    """One frame: what both cameras saw at a time, and the true disparity, px, where it is known."""
+    """One frame: the simultaneous pictures of both cameras, and the true disparity, px, if known."""
 
     left: Image
     right: Image
@@ -38,7 +38,7 @@ class StereoFrame(NamedTuple):
 
 
 class FrameFiles(NamedTuple):
-    """The names of the files of one frame; None where one is missing."""
+    """The file names of one frame; None if a file is missing."""
 
     left: str
     right: str | None
@@ -46,20 +46,20 @@ class FrameFiles(NamedTuple):
 
 
 FrameReader: TypeAlias = Callable[[], StereoFrame]
-"""Reads one frame, here or in another process; raises ``ValueError`` or ``OSError`` where that frame is damaged."""
+"""Reads one frame, here or in another process; raises ``ValueError`` or ``OSError`` if it is damaged."""
 
 
 class StereoSequence(ABC):
-    """Frames of a stereo camera by their numbers.
+    """Frames of a stereo camera, by number.
 
     Attributes
     ----------
     names
-        Of the frames, without endings: those of the left pictures, or their numbers in a video. No two are alike.
+        Unique names of the frames: those of the left pictures without endings, or the frame numbers in a video.
     frame_rate
         Hz.
     rectified
-        Whether they are rectified as they are read.
+        Whether frames are rectified when they are read.
     """
 
     names: tuple[str, ...]
@@ -68,15 +68,15 @@ class StereoSequence(ABC):
 
     @property
     def has_truth(self) -> bool:
-        """Return whether the true disparity of any frame is known."""
+        """Return whether any frame has a true disparity."""
         return False
 
     @abstractmethod
     def reader(self, number: int) -> FrameReader:
-        """Return what reads a frame: small, and it can be pickled; opens nothing yet."""
+        """Return a reader for a frame: small, picklable, and with no file open."""
 
     def __len__(self) -> int:
-        """Return how many frames there are."""
+        """Return the number of frames."""
         return len(self.names)
 
     def frame(self, number: int) -> StereoFrame:
@@ -85,16 +85,16 @@ class StereoSequence(ABC):
         Raises
         ------
         IndexError
-            No such number.
+            If there is no such frame.
         ValueError, OSError
-            A frame that is damaged or missing; others are not concerned.
+            If the frame is damaged or missing; other frames are unaffected.
         """
         if not 0 <= number < len(self):
             raise IndexError(f"frame {number} of a sequence of {len(self)}; allowed are 0 to {len(self) - 1}.")
         return self.reader(number)()
 
     def first_readable(self, looked_at: int | None = None) -> StereoFrame | None:
-        """Return the first of the frames, or of the first so many, that is not damaged; None where all are."""
+        """Return the first undamaged frame, among the first `looked_at` if given; None if all are damaged."""
         for number in range(len(self))[:looked_at]:
             try:
                 return self.frame(number)
@@ -105,7 +105,7 @@ class StereoSequence(ABC):
 
 @dataclass(frozen=True, eq=False)
 class PictureFiles(StereoSequence):
-    """Frames in picture files of their own: paths."""
+    """Frames in separate picture files, given by paths."""
 
     names: tuple[str, ...]
     files: tuple[FrameFiles, ...]
@@ -117,13 +117,13 @@ class PictureFiles(StereoSequence):
         return _any_truth(self.files)
 
     def reader(self, number: int) -> FrameReader:
-        """Return what reads a frame from its files."""
+        """Return a reader for a frame from its files."""
         return partial(_read_files, self.files[number])
 
 
 @dataclass(frozen=True, eq=False)
 class ArchivedPictures(StereoSequence):
-    """Frames in the picture files of one archive: a path, which every process opens once, or its bytes."""
+    """Frames in the picture files of one archive, given by its path, which every process opens once, or its bytes."""
 
     names: tuple[str, ...]
     files: tuple[FrameFiles, ...]
@@ -136,12 +136,12 @@ class ArchivedPictures(StereoSequence):
         return _any_truth(self.files)
 
     def reader(self, number: int) -> FrameReader:
-        """Return what reads a frame from the archive."""
+        """Return a reader for a frame from the archive."""
         return partial(_read_archived, self.archive, self.files[number])
 
 
 class TwoVideos(StereoSequence):
-    """Frames of two videos, as many as the shorter one has."""
+    """Frames of two videos, as many as in the shorter one."""
 
     def __init__(self, left: VideoFile, right: VideoFile, frame_rate: float | None = None) -> None:
         self._left, self._right = left, right
@@ -149,12 +149,12 @@ class TwoVideos(StereoSequence):
         self.frame_rate = frame_rate or left.frame_rate
 
     def reader(self, number: int) -> FrameReader:
-        """Return what reads a frame from both videos."""
+        """Return a reader for a frame from both videos."""
         return partial(_read_two, self._left, self._right, number)
 
 
 class SideBySideVideo(StereoSequence):
-    """Frames of one video, whose left half is what the left camera saw."""
+    """Frames of one video whose left half is the left camera's picture."""
 
     def __init__(self, video: VideoFile, frame_rate: float | None = None) -> None:
         if video.width < 2 or video.width % 2:
@@ -164,21 +164,21 @@ class SideBySideVideo(StereoSequence):
         self.frame_rate = frame_rate or video.frame_rate
 
     def reader(self, number: int) -> FrameReader:
-        """Return what reads a frame and halves it."""
+        """Return a reader for a frame that splits it into halves."""
         return partial(_read_halves, self._video, number)
 
 
 class RectifiedSequence(StereoSequence):
-    """Frames of a raw stereo camera, rectified as they are read.
+    """Frames of a raw stereo camera, rectified when they are read.
 
     Parameters
     ----------
     sequence
         The raw frames.
     calibration
-        With its ``rig``, the two cameras before rectification; :func:`stereolag.rectify` gives that of the result.
+        With its ``rig``, the two cameras before rectification; :func:`stereolag.rectify` returns that of the result.
     alpha
-        What is in the frame, as :func:`stereolag.rectify` takes it.
+        The framing, as for :func:`stereolag.rectify`.
     """
 
     rectified = True
@@ -188,7 +188,7 @@ class RectifiedSequence(StereoSequence):
         self.names, self.frame_rate = sequence.names, sequence.frame_rate
 
     def reader(self, number: int) -> FrameReader:
-        """Return what reads a frame and rectifies it, without its true disparity: that is of the raw pictures."""
+        """Return a reader that rectifies a frame and drops its true disparity, which belongs to the raw pictures."""
         return partial(_read_rectified, self._sequence.reader(number), self._calibration, self._alpha)
 
 

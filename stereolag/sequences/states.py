@@ -1,4 +1,4 @@
-"""How far a job over a sequence is, and what came of it."""
+"""Progress and result of a job over a sequence."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SequenceState:
-    """How far a job is.
+    """The progress of a job.
 
     Attributes
     ----------
     done, total
-        Frames; those that were finished before count as done.
+        Numbers of frames; those finished by an earlier job count as done.
     damaged
-        How many of them have no map.
+        Number of them without a map.
     elapsed_s, remaining_s
         Seconds; `remaining_s` is NaN until the first frame is done.
     """
@@ -29,20 +29,20 @@ class SequenceState:
 
 @dataclass(frozen=True)
 class SequenceResult:
-    """What came of a job.
+    """The result of a job.
 
     Attributes
     ----------
     total
-        Frames of the sequence.
+        Number of frames in the sequence.
     matched, finished_before
-        How many frames were matched now, and how many had been before.
+        Numbers of frames matched by this job, and finished by an earlier one.
     damaged
         {name of the frame: why there is no map}.
     cancelled
-        Whether it was called off before its end; calling it again goes on.
+        Whether it was cancelled before its end; running it again resumes the work.
     elapsed_s
-        Seconds.
+        Elapsed time, s.
     """
 
     total: int

@@ -1,4 +1,4 @@
-"""Steadier maps: what the frame before says goes into the map of this one, where both agree."""
+"""Steadying of maps: each is averaged with the map of the previous frame where the two agree."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.reasons import Reason
 
 SMALLEST = 16
-"""Px, of either side: the optical flow needs about as much."""
+"""Least width and height of a frame, px: the optical flow needs about that much."""
 
 SAME_LEVELS = 12
-"""Grey levels of 255; the mean change of a neighbourhood along the motion up to which both frames show the same."""
+"""Mean change of a neighbourhood along the motion up to which both frames show the same, grey levels of 255."""
 
 SAME_SIZE = 7
 """Side of that neighbourhood, px."""
 
 DRIFT_SIZE, DRIFT_LIMITS, DRIFT_SHRINKAGE = 45, (3.0, 1.5), 0.05
-"""Side, px, over which the change of disparity is averaged; how far from the change known so far a pixel may lie to
-take part; the share of a neighbourhood that speaks for the change of the whole scene where little is measured."""
+"""Side of the window over which the change of disparity is averaged, px; largest deviation of the pixels used from the
+estimate so far, px; weight of the whole scene's change where little is measured, as a share of a neighbourhood."""
 
 QUIET_SIZE, QUIET_SHARE, QUIET_LIMITS = 91, 0.9, 2.0
-"""Side, px, of the neighbourhood of a guess; the share of its measured pixels that must have stayed, and within how
-many limits of agreement."""
+"""Side of the neighbourhood of a guessed pixel, px; share of its measured pixels that must be unchanged; and the
+tolerance for that, as a multiple of the agreement limit."""
 
 EVERY, LEAST = 5, 200
-"""Every so manieth pixel along both axes tells the change of the whole scene, if there are so many."""
+"""Spacing of the pixels that give the change of the whole scene, px, and the least number of them."""
 
 
 class Steadiness(Settings):
-    """The map of a frame uses the map of the frame before, carried over, where the two agree."""
+    """Averages the map of a frame with that of the previous frame, carried over, where the two agree."""
 
     limit: float = Field(
         default=1.0,
         title="Agreement",
-        description="How far the map carried over from the frame before may lie from this one and still be averaged "
-        "with it, px.",
+        description="Largest difference at which the map carried over from the previous frame is averaged with this "
+        "one, px.",
         gt=0,
         le=16,
         json_schema_extra={"step": 0.25},
@@ -51,19 +51,19 @@ class Steadiness(Settings):
 
 
 class Motion(NamedTuple):
-    """How the picture moved since the frame before; each (H, W)."""
+    """Motion of the picture since the previous frame; each (H, W)."""
 
     col: FloatMap
-    """Where in the frame before a pixel was, px."""
+    """Position of each pixel in the previous frame, px."""
     row: FloatMap
     same: Mask
     """Whether it looks the same there."""
     still: Mask
-    """Whether the picture did not change at this place."""
+    """Whether the picture did not change at this pixel."""
 
 
 def motion_since(before: Image, now: Image) -> Motion | None:
-    """Return how the picture moved, by dense inverse search; None of frames that cannot be compared.
+    """Return the motion of the picture, by dense inverse search; None if the frames cannot be compared.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def motion_since(before: Image, now: Image) -> Motion | None:
     if not same_picture_size(before, now) or min(now.shape[:2]) < SMALLEST:
         return None
     old, new = as_eight_bit(as_grey(before), as_grey(now))
-    # The same to the bit on any number of threads, for its stripes are always eight.
+    # Identical bit for bit on any number of threads, as it always uses eight stripes.
     search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
     flow = search.calc(new, old, None)  # type: ignore[call-overload]
     rows, cols = new.shape
@@ -86,16 +86,16 @@ def motion_since(before: Image, now: Image) -> Motion | None:
 
 
 def steadied(before: DisparityMap, now: DisparityMap, motion: Motion, settings: Steadiness) -> FloatMap:
-    """Return the disparities of a frame, with those of the frame before where both agree.
+    """Return the disparities of a frame, averaged with those of the previous frame where both agree.
 
     Parameters
     ----------
     before, now
-        What a matcher made of the two frames, each by itself.
+        A matcher's maps of the two frames, each by itself.
     motion
         From :func:`motion_since`.
     settings
-        What counts as agreement.
+        The limit of agreement.
 
     Returns
     -------
@@ -104,9 +104,9 @@ def steadied(before: DisparityMap, now: DisparityMap, motion: Motion, settings: 
 
     Notes
     -----
-    Disparities of what comes nearer grow. What is carried over is therefore first changed as the measured pixels of the
-    neighbourhood changed: averaging takes away what is theirs alone. Guesses, pixels filled in both maps, are averaged
-    even if they differ where neither the picture nor the measured pixels around changed.
+    Disparities of approaching points grow, so the carried-over map is first corrected by the mean change of the
+    measured pixels nearby; averaging removes their individual errors. Guesses, pixels filled in both maps, are averaged
+    even if they differ, provided neither the picture nor the measured pixels around them changed.
     """
     carried = _fetched(before.disparity, motion, cv2.INTER_LINEAR)
     measured = _measured(now)
@@ -131,10 +131,10 @@ def _fetched(values: FloatMap | np.ndarray, motion: Motion, interpolation: int) 
 
 
 def _drift(carried: FloatMap, now: FloatMap, witnesses: Mask) -> FloatMap:
-    """Return by how much disparities grew since the frame before, px: smooth, from the pixels measured in both.
+    """Return the smooth growth of the disparities since the previous frame, px, from the pixels measured in both.
 
-    Where these are few it is what the approach to a static scene makes of the disparity: 1/d shrinks by the same
-    everywhere.
+    Where these are few, it is the growth expected when approaching a static scene, in which 1/d shrinks by the same
+    amount everywhere.
     """
     change = now - carried
     approach = _approach(carried[::EVERY, ::EVERY], now[::EVERY, ::EVERY], witnesses[::EVERY, ::EVERY])
@@ -152,7 +152,7 @@ def _drift(carried: FloatMap, now: FloatMap, witnesses: Mask) -> FloatMap:
 
 
 def _approach(carried: FloatMap, now: FloatMap, witnesses: Mask) -> np.float32:
-    """Return by how much 1/d shrank, per px: the weighted median, for near pixels tell it best."""
+    """Return the decrease of 1/d, per px: a median weighted towards near pixels, which are the most accurate."""
     chosen = witnesses & (carried > 1) & (now > 1)
     if np.count_nonzero(chosen) < LEAST:
         return np.float32(0)
@@ -165,7 +165,7 @@ def _approach(carried: FloatMap, now: FloatMap, witnesses: Mask) -> np.float32:
 
 
 def _quiet(before: DisparityMap, now: DisparityMap, limit: np.float32) -> Mask:
-    """Return where nearly all measured pixels of the neighbourhood kept their disparity."""
+    """Return the mask of pixels around which nearly all measured pixels kept their disparity."""
     both, size = _measured(before) & _measured(now), (QUIET_SIZE, QUIET_SIZE)
     with np.errstate(invalid="ignore"):
         kept = both & (np.abs(now.disparity - before.disparity) <= limit)

@@ -1,4 +1,4 @@
-"""Where the maps and figures of a sequence go: a folder, or the memory of who asked for them."""
+"""Targets for the maps and figures of a sequence: a folder, or the memory of the caller."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from stereolag.sequences.records import MOTION, FrameRecord
 
 
 class SequenceTarget(Protocol):
-    """Takes frame after frame in their order, and knows which it has."""
+    """Receives frames in order, and knows which are finished."""
 
     @property
     def colours(self) -> tuple[float, float] | None:
-        """Return the disparities, px, at the ends of the colours of the video; None until they are known."""
+        """Return the disparities at the ends of the video's colour range, px; None until known."""
 
     def set_colours(self, colours: tuple[float, float]) -> None:
-        """Keep the range of colours."""
+        """Store the colour range."""
 
     def __contains__(self, number: int) -> bool:
         """Return whether a frame is finished."""
@@ -30,24 +30,24 @@ class SequenceTarget(Protocol):
         """Return the maps of a finished frame, by method."""
 
     def add(self, records: Iterable[FrameRecord]) -> None:
-        """Keep figures of a frame whose maps are kept, in place of those of the same method."""
+        """Store figures of a frame whose maps are stored, replacing those of the same method."""
 
     def write(self, frame: MatchedFrame, records: Iterable[FrameRecord]) -> None:
-        """Keep a frame and its figures, one record a method; of a damaged frame there are records alone."""
+        """Store a frame and its figures, one record per method; a damaged frame has only records."""
 
     def close(self) -> None:
-        """Be told that no more frames come."""
+        """Finish; no more frames follow."""
 
 
 class SequenceMemory:
-    """Keeps everything in memory: nothing that a visitor uploads is written to disk.
+    """Target that keeps everything in memory: nothing that a visitor uploads is written to disk.
 
     Attributes
     ----------
     maps
-        {(number of the frame, method): the bytes of its map}.
+        {(frame number, method): bytes of the map}.
     records
-        {(number of the frame, method): its figures}, in the order in which the frames came.
+        {(frame number, method): figures}, in order of arrival.
     colours
         As in :class:`SequenceTarget`.
     """
@@ -59,7 +59,7 @@ class SequenceMemory:
         self._finished: dict[int, tuple[str, ...]] = {}
 
     def set_colours(self, colours: tuple[float, float]) -> None:
-        """Keep the range of colours."""
+        """Store the colour range."""
         self.colours = colours
 
     def __contains__(self, number: int) -> bool:
@@ -75,15 +75,15 @@ class SequenceMemory:
         return {method: self.maps[number, method] for method in self._finished[number]}
 
     def add(self, records: Iterable[FrameRecord]) -> None:
-        """Keep figures, those of motion added later after all others."""
+        """Store figures; motion added later comes after all others."""
         self.records |= {(one.number, one.method): one for one in records}
 
     def write(self, frame: MatchedFrame, records: Iterable[FrameRecord]) -> None:
-        """Keep a frame."""
+        """Store a frame and its figures."""
         self.add(records)
         if not frame.problem:
             self.maps |= {(frame.number, method): one.data for method, one in frame.maps.items()}
             self._finished[frame.number] = tuple(frame.maps)
 
     def close(self) -> None:
-        """Have nothing to do."""
+        """Do nothing."""

@@ -1,4 +1,4 @@
-"""The video of a sequence: the left picture beside the map of every method, in one range of colours throughout."""
+"""The video of a sequence: the left picture beside the map of every method, in one colour range throughout."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from stereolag.inputs import Image
 
 CODEC: Final = "libx264"
 MOST_WIDTH = 3840
-"""Px; what decoders in browsers and phones take for certain."""
+"""Largest width that decoders in browsers and phones reliably accept, px."""
 
 ROUNDED_TO = 4
-"""Px to which the ends of a range of colours are rounded."""
+"""Step to which the ends of a colour range are rounded, px."""
 
 FRAGMENTED: Final[dict[str, str]] = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
 AT_ONCE: Final[dict[str, str]] = {"tune": "zerolatency"}
-"""Every picture is encoded before the next one comes: a piece ends where its second does."""
+"""Encodes every picture before the next one arrives, so that each piece ends exactly with its second."""
 
 _QUALITY = "20"
 _SPEED = "ultrafast"
-"""Twice as fast as the next one; the files are a sixth larger."""
+"""Twice as fast as the next preset, with files a sixth larger."""
 
 
 def common_range(maps: Sequence[FloatMap]) -> tuple[float, float]:
-    """Return the disparities, px, at the ends of the colours: all but the outermost 1 % of the maps lies between."""
+    """Return the ends of the colour range, px: it covers the maps' disparities except the outermost 1 % at each end."""
     known = np.concatenate([np.empty(0, np.float32), *(one[::4, ::4][np.isfinite(one[::4, ::4])] for one in maps)])
     if not known.size:
         return 0.0, float(ROUNDED_TO)
@@ -52,9 +52,9 @@ def panels(
     *,
     more: Sequence[Rgb] = (),
 ) -> Rgb:
-    """Return the left picture, the maps and `more` pictures side by side, near bright, (H, n * W, 3) uint8.
+    """Return the left picture, the maps (near is bright) and `more` pictures side by side, (H, n * W, 3) uint8.
 
-    Each is cut to an even width and height: H.264 has one colour for two by two pixels, and none lies in two pictures.
+    Each is cropped to even width and height: H.264 stores one colour per 2 × 2 px, which must not span two pictures.
     """
     rows, cols = (side // 2 * 2 for side in left.shape[:2])
     table = np.ascontiguousarray(colour_table(VIRIDIS)[:, None])
@@ -64,31 +64,31 @@ def panels(
 
 
 def index_first(most_frames: int) -> dict[str, str]:
-    """Return the options of an MP4 whose index stands first, with room for so many pictures."""
+    """Return the options for an MP4 with its index first, with room for `most_frames` pictures."""
     return {"moov_size": str(8192 + 32 * most_frames)}
 
 
 class VideoWriter:
-    """Writes pictures as a video that every browser plays: H.264, yuv420p, in an MP4 whose index stands first.
+    """Writer of pictures to a video that every browser plays: H.264, yuv420p, in an MP4 with its index first.
 
-    Every second begins with a picture of its own, so that players can go to any. A file takes its name once it is
-    complete; one that the work was called off at, or failed at, holds what was written until then.
+    Every second begins with a keyframe, so that players can seek. A file gets its final name when it is closed; if the
+    work is cancelled or fails, it has the pictures written until then.
 
     Parameters
     ----------
     target
-        A path that ends in ".mp4", or a binary file object that can be read, written and sought.
+        A path that ends in ".mp4", or a readable, writable and seekable binary file object.
     frame_rate
         Hz.
     most_frames
-        How many pictures will be written at the most; the room for the index is kept free for so many.
+        Largest number of pictures that will be written; space for their index is reserved.
     fragmented
-        Whether the file is made of pieces of a second, each with its own index, which can be read as they are written.
+        Whether to write one-second pieces, each with its own index, which can be read as they are written.
 
     Raises
     ------
     ValueError
-        Another ending.
+        If the path has another ending.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class VideoWriter:
             raise ValueError(f"video ends in {self._path.suffix!r}; a video is written as '.mp4'.")
         self._part = self._path and self._path.with_name(f".{uuid4().hex}.part")
         self._rate = Fraction(frame_rate).limit_denominator(1001)
-        # The index of MP4 takes some 20 bytes a picture; written ahead, it need not be moved there afterwards.
+        # The index of an MP4 takes some 20 bytes per picture; reserving its space avoids moving the pictures later.
         self._container = av.open(
             str(self._part) if self._part else target,
             "w",
@@ -123,7 +123,7 @@ class VideoWriter:
         self.close()
 
     def write(self, picture: Rgb) -> None:
-        """Append a picture, (H, W, 3) uint8; the first one's size, made even, is that of all."""
+        """Append a picture, (H, W, 3) uint8; all take the size of the first one, made even."""
         if self._stream is None:
             self._stream = self._begun(picture.shape[1], picture.shape[0])
             for _ in range(self._awaiting):
@@ -138,14 +138,14 @@ class VideoWriter:
         self._container.mux(self._stream.encode(frame))
 
     def write_blank(self) -> None:
-        """Append a grey picture in place of a damaged frame: those behind it keep their time."""
+        """Append a grey picture in place of a damaged frame, so that later frames keep their time."""
         if self._stream is None:
             self._awaiting += 1  # until the size is known
         else:
             self.write(np.full((self._stream.height, self._stream.width, 3), NO_ANSWER, np.uint8))
 
     def close(self) -> None:
-        """Complete the file and give it its name; without a picture there is none."""
+        """Complete the file and give it its final name; without any pictures there is no file."""
         try:
             if self._stream is not None:
                 self._container.mux(self._stream.encode())
@@ -163,14 +163,14 @@ class VideoWriter:
         stream.pix_fmt = "yuv420p"
         stream.codec_context.time_base = 1 / self._rate
         stream.codec_context.gop_size = max(1, round(self._rate))
-        # What OpenCV's conversion makes: limited range, by the weights of Rec. 601.
+        # As OpenCV converts: limited range, with the weights of Rec. 601.
         stream.codec_context.color_range, stream.codec_context.colorspace = ColorRange.MPEG, Colorspace.ITU601
         stream.options = {"preset": _SPEED, "crf": _QUALITY, **(AT_ONCE if self._fragmented else {})}
         return stream
 
 
 def _fitted(picture: Rgb, width: int, height: int) -> Rgb:
-    """Return a picture in another size: cut by a pixel to an even size, or scaled."""
+    """Return a picture at another size: cropped by a pixel to an even size, or scaled."""
     rows, cols = picture.shape[:2]
     if (cols - width, rows - height) in ((0, 1), (1, 0), (1, 1)):
         return np.ascontiguousarray(picture[:height, :width])

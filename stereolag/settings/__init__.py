@@ -1,4 +1,4 @@
-"""Settings: one declaration makes the validation, the control, the flag and the JSON."""
+"""Settings: one declaration gives the validation, the control, the flag and the JSON."""
 
 from stereolag.settings.fields import Applies, Bounds, FitsImage, Number, OfThePair, Pixels, Usual, marker, title_of
 from stereolag.settings.model import Settings, changed, scaled_settings, setting

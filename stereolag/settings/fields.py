@@ -1,4 +1,4 @@
-"""What a field of settings says of itself: marks, bounds, choices, and the settings within it."""
+"""The declaration of a settings field: markers, bounds, choices and nested settings."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Pixels:
-    """Marks a length (power 1) or an area (power 2) in the image: it scales with the image.
+    """Marks a length (power 1) or an area (power 2) in the image, which scales with the image.
 
-    What is `rounded_up` then, to the multiple that is allowed, leaves nothing out of a search.
+    If `rounded_up`, it is scaled up to the next allowed multiple, so that nothing drops out of a search.
     """
 
     power: int = 1
@@ -30,12 +30,12 @@ class Pixels:
 
 @dataclass(frozen=True)
 class OfThePair:
-    """Marks what the pair asks for and not taste: its control is kept for each pair apart."""
+    """Marks a setting that depends on the pair, not on taste: its control is kept separately for each pair."""
 
 
 @dataclass(frozen=True)
 class Usual:
-    """Marks the part of what is allowed that a slider offers; None: as far as allowed."""
+    """Marks the part of the allowed range that a slider offers; None: up to the allowed end."""
 
     low: Number | None = None
     high: Number | None = None
@@ -43,21 +43,21 @@ class Usual:
 
 @dataclass(frozen=True)
 class FitsImage:
-    """Marks a side in px that must fit into the image."""
+    """Marks a side, px, that must fit into the image."""
 
 
 @dataclass(frozen=True)
 class Applies:
-    """Marks a setting that has an effect only beside some values of others, which are declared before it.
+    """Marks a setting that has an effect only with some values of others, which are declared before it.
 
     Attributes
     ----------
     condition
         Takes the settings, or anything with the same attributes.
     reason
-        What it needs, as the end of a sentence that begins with its name: "needs ...".
+        The unmet need, as the end of a sentence that begins with the setting's name: "needs ...".
     otherwise
-        Values that are no contradiction where the condition does not hold, besides None, False and the default.
+        Values accepted even if the condition does not hold, besides None, False and the default.
     """
 
     condition: Callable[[Any], bool]
@@ -67,7 +67,7 @@ class Applies:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Which numbers a field allows: the ends (None: open) and the step between allowed values."""
+    """The numbers that a field allows: the ends (None: open) and the step between allowed values."""
 
     low: Number | None
     high: Number | None
@@ -92,7 +92,7 @@ class Bounds:
         return cls(low, high, step)
 
     def narrowed(self, low: Number | None, high: Number | None) -> Bounds:
-        """Return the part of these bounds that lies between `low` and `high`."""
+        """Return the part of these bounds between `low` and `high`."""
         return Bounds(
             max((end for end in (self.low, low) if end is not None), default=None),
             min((end for end in (self.high, high) if end is not None), default=None),
@@ -100,7 +100,7 @@ class Bounds:
         )
 
     def through(self, value: Number) -> Bounds:
-        """Return the bounds moved inwards until they lie whole steps away from `value`."""
+        """Return the bounds moved inwards until they are whole steps away from `value`."""
         if self.low is None or self.high is None:
             return self
         down = max(_whole_steps(value - self.low, self.step), 0)
@@ -108,7 +108,7 @@ class Bounds:
         return Bounds(_tidy(value - down * self.step), _tidy(value + up * self.step), self.step)
 
     def nearest(self, value: Number) -> Number:
-        """Return the value moved by whole steps until it lies within; the lower end where no such step does."""
+        """Return the value moved by whole steps into the bounds; the lower end if no whole step gets there."""
         if self.high is not None and value > self.high:
             value = _tidy(value + _whole_steps(self.high - value, self.step) * self.step)
         if self.low is not None and value < self.low:
@@ -118,7 +118,7 @@ class Bounds:
 
 
 def marker(field: FieldInfo, kind: type[T]) -> T | None:
-    """Return the mark of a kind that a field carries, None where it carries none."""
+    """Return a field's marker of the given kind, None if it has none."""
     return next((one for one in field.metadata if isinstance(one, kind)), None)
 
 
@@ -128,18 +128,18 @@ def base_type(field: FieldInfo) -> Any:
 
 
 def choices(field: FieldInfo) -> tuple[str, ...]:
-    """Return the texts among which a field lets one choose; none of a field that is no choice."""
+    """Return the options of a field that is a choice of texts; empty for other fields."""
     return get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
 
 
 def nested(field: FieldInfo) -> tuple[type[BaseModel], ...]:
-    """Return the settings classes that a field may hold; none of a field that holds no settings."""
+    """Return the settings classes allowed as a field's value; empty for a field without nested settings."""
     kinds = (field.annotation, *get_args(field.annotation))
     return tuple(kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel))
 
 
 def title_of(kind: type[BaseModel], name: str) -> str:
-    """Return what a page calls a setting; a name with dots reaches into the settings that one holds."""
+    """Return the title of a setting on a page; a name with dots reaches into nested settings."""
     first, _, inner = name.partition(".")
     field = kind.model_fields[first]
     if not inner:
@@ -153,5 +153,5 @@ def _whole_steps(span: Number, step: Number) -> int:
 
 
 def _tidy(value: Number) -> Number:
-    """Return a float without the dust of binary fractions; an int as it is."""
+    """Return a float without the rounding error of binary fractions; an int unchanged."""
     return round(value, 9)

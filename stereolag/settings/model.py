@@ -1,4 +1,4 @@
-"""The one base of every settings object: immutable, validated in one place, described by its own fields."""
+"""The base class of all settings: immutable, validated in one place, described by its own fields."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ S = TypeVar("S", bound="Settings")
 class Settings(BaseModel):
     """Immutable, validated settings.
 
-    Each field carries title, description, bounds and step, and what :class:`Pixels`, :class:`OfThePair`,
-    :class:`Usual`, :class:`FitsImage` and :class:`Applies` say of it, so that one declaration makes the validation, the
-    control on a page, the flag of a command and the JSON.
+    Each field declares its title, description, bounds and step, and its markers :class:`Pixels`, :class:`OfThePair`,
+    :class:`Usual`, :class:`FitsImage` and :class:`Applies`, so that one declaration gives the validation, the control
+    on a page, the flag of a command and the JSON.
 
     Raises
     ------
     SettingsError
-        A ``ValueError`` of one sentence that names the setting, its value and what is allowed.
+        A ``ValueError`` of one sentence that names the setting, its value and the allowed values.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
@@ -38,7 +38,7 @@ class Settings(BaseModel):
 
     @classmethod
     def model_validate(cls, obj: Any, **options: Any) -> Self:
-        """Return the settings that a document, nested dictionaries, describes; as the constructor otherwise."""
+        """Return the settings described by a document of nested dictionaries; raises as the constructor does."""
         try:
             return super().model_validate(obj, **options)
         except ValidationError as error:
@@ -46,12 +46,12 @@ class Settings(BaseModel):
 
     @classmethod
     def obstacle(cls, name: str, values: Any) -> str | None:
-        """Return what a setting needs to have an effect beside these values of the others; None where it has one."""
+        """Return why a setting has no effect with these values of the others ("needs ..."); None if it has one."""
         rule = marker(cls.model_fields[name], Applies)
         return None if rule is None or rule.condition(values) else rule.reason
 
     def after_scaling(self, document: dict[str, Any]) -> dict[str, Any]:
-        """Return a document that describes these settings for images of another size, made to fit together again."""
+        """Return the document of these settings scaled to another image size, with its values consistent again."""
         return document
 
     @model_validator(mode="after")
@@ -67,7 +67,7 @@ class Settings(BaseModel):
 
 
 def setting(settings: Settings, name: str) -> Any:
-    """Return the value of a setting; a name with dots reaches into a setting that has settings of its own.
+    """Return the value of a setting; a name with dots reaches into nested settings.
 
     Raises
     ------
@@ -83,14 +83,14 @@ def setting(settings: Settings, name: str) -> Any:
 
 
 def changed(settings: S, changes: Mapping[str, object]) -> S:
-    """Return settings with some values changed and everything validated anew.
+    """Return settings with some values changed and everything validated again.
 
     Parameters
     ----------
     settings
-        What to start from.
+        The settings to change.
     changes
-        {name: value}; a name with dots reaches into a setting that has settings of its own: "search.vertical".
+        {name: value}; a name with dots reaches into nested settings: "search.vertical".
 
     Raises
     ------
@@ -111,13 +111,13 @@ def changed(settings: S, changes: Mapping[str, object]) -> S:
 def scaled_settings(settings: S, factor: float) -> S:
     """Return settings whose windows and search area cover the same part of images at `factor` times their size.
 
-    Sizes are rounded to what their field allows, the number of disparities upwards: nothing drops out of the search.
-    What would be larger than allowed becomes as large as allowed, but for the search.
+    Sizes are rounded to values that their field allows, the number of disparities upwards, so that nothing drops out
+    of the search. Sizes above the allowed maximum are reduced to it, except in the search.
 
     Raises
     ------
     ValueError
-        So small that the settings no longer fit together, or a search that is larger than allowed.
+        A factor so small that the settings become inconsistent, or a search larger than allowed.
     """
     return type(settings).model_validate(_scaled(settings, factor))
 
@@ -136,7 +136,7 @@ def _scaled(settings: Settings, factor: float) -> dict[str, Any]:
 
 
 def _rounded(value: int, wanted: float, field: FieldInfo, *, rounded_up: bool) -> int:
-    """Return the allowed whole number next to `wanted`, in whole steps from the allowed `value`; never 0."""
+    """Return the allowed whole number nearest to `wanted`, in whole steps from the allowed `value`; never 0."""
     if rounded_up:
         declared = marker(field, MultipleOf)
         multiple = int(declared.multiple_of) if declared else 1  # type: ignore[call-overload]

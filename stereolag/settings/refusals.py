@@ -1,4 +1,4 @@
-"""Refused settings in one sentence: the setting, its value, and what is allowed."""
+"""Errors of refused settings, in one sentence: the setting, its value, and the allowed values."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ LONGEST_SHOWN = 60
 
 
 class Problem(NamedTuple):
-    """What is wrong with one setting: its name, with dots where it lies within others, and a sentence."""
+    """A problem with one setting: its name, with dots if it is nested, and a sentence."""
 
     name: str
     sentence: str
 
 
 class SettingsError(ValueError):
-    """Settings that are refused: the message is one sentence, about the first of the `problems`."""
+    """The error of refused settings: the message is one sentence, about the first of the `problems`."""
 
     def __init__(self, problems: tuple[Problem, ...]) -> None:
         super().__init__(problems[0].sentence)
@@ -32,7 +32,7 @@ class SettingsError(ValueError):
 
 
 def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Problem]:
-    """Give what pydantic found, each as a name and one sentence of ours."""
+    """Yield the errors found by pydantic, each as a name and a sentence of our own."""
     for found in error.errors():
         path, field = _followed(kind, found["loc"])
         name = ".".join(path)
@@ -54,7 +54,7 @@ def problems_of(kind: type[BaseModel], error: ValidationError) -> Iterator[Probl
 
 
 def _kind_refused(name: str, found: Mapping[str, Any]) -> str:
-    """Return a sentence about settings of a kind that does not exist, or of none."""
+    """Return a sentence about settings whose kind is unknown or missing."""
     context = found["ctx"]
     kind = context["discriminator"].strip("'")
     if "tag" not in context:
@@ -63,7 +63,7 @@ def _kind_refused(name: str, found: Mapping[str, Any]) -> str:
 
 
 def _followed(kind: type[BaseModel], place: tuple[int | str, ...]) -> tuple[list[str], FieldInfo | None]:
-    """Return the names on the way to a place and the last one's field; the mark of a kind in a union is no name."""
+    """Return the names on the path to an error, without the tags of unions, and the field of the last name."""
     path: list[str] = []
     field: FieldInfo | None = None
     kinds: tuple[type[BaseModel], ...] = (kind,)
@@ -73,14 +73,14 @@ def _followed(kind: type[BaseModel], place: tuple[int | str, ...]) -> tuple[list
             field = holder.model_fields[part]
             kinds = nested(field)
             path.append(part)
-        elif number == len(place) - 1:  # a name that does not exist
+        elif number == len(place) - 1:  # an unknown name
             path.append(part)
             field = None
     return path, field
 
 
 def allowed_values(field: FieldInfo) -> str:
-    """Return what a field allows, as the end of a sentence."""
+    """Return the allowed values of a field, as the end of a sentence."""
     options, kind, inner = choices(field), base_type(field), nested(field)
     if options:
         return f"are {_listed([repr(one) for one in options])}"
@@ -99,7 +99,7 @@ def allowed_values(field: FieldInfo) -> str:
 
 
 def _shown(value: object) -> str:
-    """Return a value as Python writes it, cut short: it may come from anywhere."""
+    """Return a value as Python writes it, shortened, since it may come from anywhere."""
     if isinstance(value, int) and abs(value) > 10**LONGEST_SHOWN:
         return f"a number of more than {LONGEST_SHOWN} digits"
     if isinstance(value, dict | list | tuple) or len(text := repr(value)) > LONGEST_SHOWN:
@@ -112,7 +112,7 @@ def _listed(words: list[str]) -> str:
 
 
 def unknown_setting(kind: type[BaseModel], name: str) -> str:
-    """Return a sentence about a name that does not exist, with the one that is probably meant."""
+    """Return a sentence about an unknown name, with the name that is probably meant."""
     known = dict(_names(kind))
     plain = _plain(name.rpartition(".")[2])
     meant = [full for full in known if _plain(full.rpartition(".")[2]) == plain]
@@ -121,7 +121,7 @@ def unknown_setting(kind: type[BaseModel], name: str) -> str:
 
 
 def _names(kind: type[BaseModel], path: str = "") -> Iterator[tuple[str, FieldInfo]]:
-    """Give every setting by its full name, outer ones first."""
+    """Yield every setting by its full name, outer ones first."""
     for name, field in kind.model_fields.items():
         yield f"{path}{name}", field
     for name, field in kind.model_fields.items():
@@ -130,5 +130,5 @@ def _names(kind: type[BaseModel], path: str = "") -> Iterator[tuple[str, FieldIn
 
 
 def _plain(name: str) -> str:
-    """Return a name without what tells OpenCV's spelling from ours: ``numDisparities`` is ``num_disparities``."""
+    """Return a name in a spelling in which OpenCV's ``numDisparities`` equals our ``num_disparities``."""
     return name.replace("_", "").lower()

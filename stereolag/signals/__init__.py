@@ -1,4 +1,4 @@
-"""The lag between two recordings: by correlation of the whole, by phase, by votes of samples, or lag by lag."""
+"""The lag between two recordings: by FFT correlation, by phase, by votes of samples, or lag by lag."""
 
 from stereolag.searches import SignalMethod
 from stereolag.signals.estimates import estimate_lag

@@ -1,4 +1,4 @@
-"""Two recordings on one clock, the lag between them undone."""
+"""Two recordings on a common clock, with the lag between them removed."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ def aligned(
     *,
     means: tuple[float, float] | None = None,
 ) -> Vector:
-    """Return both recordings side by side, (samples, 2) float64, moved until the lag between them is 0.
+    """Return both recordings side by side, (samples, 2) float64, shifted so that the lag between them is 0.
 
-    Nothing is cut off: where one of them has not begun or is over, its mean stands, which no correlation sees.
+    Nothing is cut off: before its start and after its end, a recording is padded with its mean, which no correlation
+    sees.
 
     Parameters
     ----------
     signal_1, signal_2
         (N1,) and (N2,) finite numbers.
     lag
-        Samples, as :class:`~stereolag.signals.SignalLag` has it: positive where signal 2 hears the event later.
+        Samples, as in :class:`~stereolag.signals.SignalLag`: positive if signal 2 records the event later.
     first, last
-        The samples wanted, of the :func:`aligned_length` that there are; all unless given.
+        Range of samples to return, out of :func:`aligned_length`; all by default.
     means
-        Of both recordings, where they are known.
+        Means of both recordings, if known.
     """
     last = aligned_length(signal_1.size, signal_2.size, lag) if last is None else last
     both = np.empty((max(0, last - first), 2))
@@ -42,22 +43,22 @@ def aligned(
 
 
 def aligned_length(size_1: int, size_2: int, lag: int) -> int:
-    """Return how many samples the earlier beginning and the later end of the aligned recordings lie apart."""
+    """Return the number of samples from the earlier start to the later end of the aligned recordings."""
     offset_1, offset_2 = _offsets(lag)
     return max(offset_1 + size_1, offset_2 + size_2)
 
 
 def together(signal_1: Vector, signal_2: Vector, lag: int, most: int) -> Vector:
-    """Return both recordings equally loud in one, (samples,) float64: an echo, or with its lag undone one sound.
+    """Return both recordings mixed equally loud, (samples,) float64: an echo, or one sound with the lag removed.
 
     Parameters
     ----------
     signal_1, signal_2
         (N1,) and (N2,) finite numbers.
     lag
-        To undo, samples; 0 leaves the recordings as they were made.
+        Lag to remove, samples; 0 leaves the recordings as they were made.
     most
-        Samples wanted at the most. Where there are more, they begin where both recordings have begun.
+        Largest number of samples. A longer mix is cut to start where both recordings have started.
     """
     if aligned_length(signal_1.size, signal_2.size, lag) > most:
         later_2, later_1 = _offsets(lag)
@@ -70,5 +71,5 @@ def together(signal_1: Vector, signal_2: Vector, lag: int, most: int) -> Vector:
 
 
 def _offsets(lag: int) -> tuple[int, int]:
-    """Return how many samples into the common clock each recording begins."""
+    """Return the start of each recording on the common clock, samples."""
     return max(0, lag), max(0, -lag)

@@ -1,4 +1,4 @@
-"""Correlation of long recordings for few lags, by overlap-save: neither recording is ever held converted as a whole.
+"""Correlation of long recordings at few lags, by overlap-save: neither recording is ever converted as a whole.
 
 W. Press et al., "Numerical Recipes", 3rd ed. (2007), section 13.1: convolution of very large data sets.
 """
@@ -19,27 +19,27 @@ from stereolag.progress import Progress, silent
 from stereolag.signals.overlaps import FLAT, cross_spectrum, overlap_slices
 
 SHORTEST_BLOCK = 2**16
-"""Points of the smallest transform: shorter ones take no less time per sample."""
+"""Points of the smallest transform: shorter ones are no faster per sample."""
 
 _BLOCKS_PER_REACH = 4
-"""A transform is so many times as long as there are lags: of each block that many parts less one are new samples."""
+"""Length of a transform over the number of lags: all but one of this many parts of a block are new samples."""
 
 _TRANSFORM_PER_BLOCK = 4
-"""Blocks pay where the recording is so many times as long as they are."""
+"""Blocks pay off if the recording is at least this many times as long."""
 
 _PIECE = 2**18
-"""Samples that are converted at a time where no transform needs them."""
+"""Samples converted at a time where no transform is involved."""
 
 
 class CentredRecording:
-    """A recording of any number type, read piece by piece as float64, free of its mean and of height 1.
+    """A recording of any number type, read piece by piece as float64 with zero mean and height 1.
 
     Parameters
     ----------
     signal
         (N,) integers or floats, all finite and not all equal.
     on_read
-        Called whenever a part was read.
+        Called after every read.
     """
 
     def __init__(self, signal: npt.NDArray[Any], on_read: Callable[[], None] | None = None) -> None:
@@ -49,7 +49,7 @@ class CentredRecording:
         self.size = signal.size
 
     def fill(self, row: Vector, start: int) -> None:
-        """Fill `row` with the samples from `start` on; zeros before the first sample and behind the last."""
+        """Fill `row` with the samples from `start` on; zeros before the first sample and after the last."""
         first, stop = np.clip((start, start + row.size), 0, self.size)
         before, end = first - start, stop - start
         row[:before] = 0
@@ -60,7 +60,7 @@ class CentredRecording:
             self._on_read()
 
     def pieces(self, start: int, stop: int) -> Iterator[Vector]:
-        """Yield the samples from `start` to before `stop`, a quarter of a million at a time."""
+        """Yield the samples from `start` to `stop`, exclusive, a quarter of a million at a time."""
         for first in range(start, stop, _PIECE):
             piece = np.empty(min(_PIECE, stop - first))
             self.fill(piece, first)
@@ -90,7 +90,7 @@ class CentredRecording:
 
 
 def block_length(lags: int) -> int:
-    """Return the length of the transforms for so many lags."""
+    """Return the length of the transforms for this many lags."""
     return int(fft.next_fast_len(max(SHORTEST_BLOCK, _BLOCKS_PER_REACH * lags), real=True))
 
 
@@ -102,7 +102,7 @@ def suits_blocks(longest: int, lags: int) -> bool:
 def block_curve(
     signal_1: CentredRecording, signal_2: CentredRecording, first: int, last: int, progress: Progress = silent
 ) -> Vector:
-    """Return what :func:`stereolag.signals.curves.fft_curve` returns, for any `first` and `last`.
+    """Return the curve of :func:`stereolag.signals.curves.fft_curve`, for any `first` and `last`.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def block_curve(
 
 
 def _weigh_piece(products: Vector, first: int, signal_1: CentredRecording, signal_2: CentredRecording) -> None:
-    """Turn the products of the lag `first` and those that follow into the weighted correlation, in place."""
+    """Turn the products from the lag `first` on into the weighted correlation, in place."""
     last = first + products.size - 1
     sizes = np.array([signal_1.size, signal_2.size])
     # Where the overlap begins and ends in either recording, at the last lag and at the first.
@@ -156,14 +156,14 @@ def weigh_overlaps(
     Parameters
     ----------
     products
-        (lags,) ``sum(signal_1[i] * signal_2[i + lag])`` over the overlap, for the lag `first` and those that follow.
+        (lags,) ``sum(signal_1[i] * signal_2[i + lag])`` over the overlap, for the lag `first` and the lags after it.
     sizes, flat
-        (2,) the lengths of the recordings, and the energy that flat parts of them do not exceed.
+        (2,) lengths of the recordings, and the energy that their flat parts do not exceed.
     edges
-        (4,) how many samples the first columns of the following sum.
+        (4,) number of samples summed in the first column of each of the arrays below.
     before_1, until_1, before_2, until_2
-        (2, columns) sums and sums of squares of the samples before the overlap begins and until it ends, of as many
-        samples as `edges` tells, one more, and so on.
+        (2, columns) sums and sums of squares of the samples before the overlap starts and up to its end: of as many
+        samples as in `edges`, and one more in each further column.
     """
     longest = min(sizes[0], sizes[1])
     for index in range(products.size):
@@ -191,11 +191,11 @@ def block_products(
     size: int,
     progress: Progress = silent,
 ) -> Vector:
-    """Return ``sum(signal_1[i] * signal_2[i + lag])`` for every lag from `first` to `last`, nothing wrapped around.
+    """Return ``sum(signal_1[i] * signal_2[i + lag])`` for every lag from `first` to `last`, without wrap-around.
 
-    Every block of signal 1 meets the part of signal 2 that the lags bring upon it. All blocks lie alike in their
-    transforms, so their spectra are summed, and only the sum is transformed back. `size` is that of the transforms,
-    more than there are lags.
+    Every block of signal 1 is multiplied by the part of signal 2 that the lags align with it. All blocks have the same
+    position in their transforms, so their spectra are summed, and only the sum is transformed back. `size` is the
+    length of the transforms, larger than the number of lags.
     """
     lags = last - first + 1
     step = size - lags + 1
@@ -214,7 +214,7 @@ def block_products(
 
 
 def block_pearson(signal_1: CentredRecording, signal_2: CentredRecording, lag: int) -> float:
-    """Return what :func:`stereolag.signals.overlaps.overlap_pearson` returns."""
+    """Return the result of :func:`stereolag.signals.overlaps.overlap_pearson`, computed piece by piece."""
     part_1, part_2 = overlap_slices(signal_1.size, signal_2.size, lag)
     overlap = part_1.stop - part_1.start
     means = [

@@ -1,6 +1,6 @@
 """Correlation of two recordings as a function of their lag: by FFT, whitened (GCC-PHAT), and summed lag by lag.
 
-All take mean-free float64 vectors and return one value for each lag from ``first`` (≤ 0) to ``last`` (≥ 0).
+All take zero-mean float64 vectors and return one value for each lag from ``first`` (≤ 0) to ``last`` (≥ 0).
 """
 
 from __future__ import annotations
@@ -26,31 +26,31 @@ _FADED_SHARE = 0.03
 _WHITENING_FLOOR = 1e-3
 
 _LARGEST_KEPT = 2**20
-"""Points of a right angle that is kept for the next call: 16 MB."""
+"""Points of the longest right angle that is cached for the next call: 16 MB."""
 
 _TRANSFORMS_KEPT = 16
-"""Lengths for which SciPy keeps the factors of its transforms."""
+"""Number of lengths for which SciPy caches the twiddle factors."""
 
 _PRODUCTS_PER_CALL = 200_000_000
-"""About 0.03 s of the sliding sum: how long it runs before it reports progress."""
+"""Products of the sliding sum between two progress reports: about 0.03 s."""
 
 
 def fft_curve(signal_1: Vector, signal_2: Vector, first: int, last: int) -> Vector:
-    """Return the weighted Pearson correlation of every lag, from one zero-padded FFT and running sums."""
+    """Return the weighted Pearson correlation at every lag, from one FFT and running sums."""
     curve = _lag_products(signal_1, signal_2, first, last, whiten=False)
     sums_1, sums_2 = running_sums(signal_1), running_sums(signal_2)
     weighted_pearson(curve[-first:], 0, *sums_1, *sums_2)
-    # A negative lag is a positive one with the recordings exchanged.
+    # A negative lag is a positive one with the recordings swapped.
     weighted_pearson(curve[:-first][::-1], 1, *sums_2, *sums_1)
     return curve
 
 
 def phat_curve(signal_1: Vector, signal_2: Vector, first: int, last: int) -> Vector:
-    """Return the phase correlation of every lag: every magnitude of the FFT's cross-spectrum made 1.
+    """Return the phase correlation at every lag: the FFT's cross-spectrum with every magnitude set to 1.
 
-    Whitening amplifies the weakest parts of a recording. Two of them are the same in every recording and would claim a
-    lag of 0: the two ends, which are cut off sharply and are therefore faded, 3 % at each; and frequencies with nothing
-    but rounding, so magnitudes below a thousandth of the mean are made less than 1.
+    Whitening amplifies the weakest parts of a recording. Two of them are the same in every recording and would suggest
+    a lag of 0: the two ends, whose sharp cuts are therefore faded, 3 % at each; and frequencies with nothing but
+    rounding errors, so magnitudes below a thousandth of the mean are set to less than 1.
 
     C. Knapp and G. Carter, "The generalized correlation method for estimation of time delay", IEEE Trans. ASSP 24
     (1976), the PHAT processor.
@@ -59,7 +59,7 @@ def phat_curve(signal_1: Vector, signal_2: Vector, first: int, last: int) -> Vec
 
 
 def direct_curve(signal_1: Vector, signal_2: Vector, first: int, last: int, progress: Progress) -> Vector:
-    """Return what :func:`fft_curve` returns, the products of every lag summed one by one. Any `first` and `last`."""
+    """Return the curve of :func:`fft_curve`, every lag's products summed one by one, for any `first` and `last`."""
     curve = np.empty(last - first + 1)
     lags_per_call = max(1, _PRODUCTS_PER_CALL // min(signal_1.size, signal_2.size))
     for start in range(0, curve.size, lags_per_call):
@@ -69,7 +69,7 @@ def direct_curve(signal_1: Vector, signal_2: Vector, first: int, last: int, prog
 
 
 def _faded(signal: Vector) -> Vector:
-    """Return a copy that rises from zero at its start and falls back to zero at its end, by raised cosines."""
+    """Return a copy faded in from zero at its start and out to zero at its end, by raised cosines."""
     faded = signal.copy()
     length = round(_FADED_SHARE * signal.size)
     rise = np.sin(0.5 * np.pi * (np.arange(length) + 0.5) / max(length, 1)) ** 2
@@ -79,12 +79,12 @@ def _faded(signal: Vector) -> Vector:
 
 
 def _lag_products(signal_1: Vector, signal_2: Vector, first: int, last: int, *, whiten: bool) -> Vector:
-    """Return ``sum(signal_1[i] * signal_2[i + lag])`` for every lag, nothing wrapped around.
+    """Return ``sum(signal_1[i] * signal_2[i + lag])`` for every lag, without wrap-around.
 
-    To `whiten` the spectrum the signals are faded first, see :func:`phat_curve`.
+    If `whiten` is set, the signals are faded first (see :func:`phat_curve`).
 
-    Both signals are turned in the complex plane, by a right angle over the length of the transform. A product that
-    wraps around the end is then a right angle off the others: it falls into the imaginary part, and is that of a
+    Both signals are rotated in the complex plane, by a right angle over the length of the transform. A product that
+    wraps around the end is then at a right angle to the others: it ends up in the imaginary part and belongs to a
     negative lag. So a complex transform of length N replaces a zero-padded real one of length 2 N, in about half the
     time (the "right-angle convolution" of negacyclic transforms).
     """
@@ -93,7 +93,7 @@ def _lag_products(signal_1: Vector, signal_2: Vector, first: int, last: int, *, 
     turn = _right_angle(size)
     for signal, row in zip((signal_1, signal_2), turned, strict=True):
         turn_forth(_faded(signal) if whiten else signal, turn, row)
-    # The transforms need the most memory: arrays that are quickly recomputed do not outlast them.
+    # The transforms need the most memory, so arrays that are quick to recompute are freed first.
     del turn
     spectrum = cross_spectrum(*fft.fft(turned, axis=1, workers=2, overwrite_x=True))
     if whiten:
@@ -105,25 +105,25 @@ def _lag_products(signal_1: Vector, signal_2: Vector, first: int, last: int, *, 
 
 
 def _whiten(spectrum: Spectrum) -> None:
-    """Make every magnitude 1, or less where it is below a thousandth of their mean, in place."""
+    """Set every magnitude to 1, or to less if it is below a thousandth of their mean, in place."""
     magnitude = np.abs(spectrum)
     spectrum /= magnitude + _WHITENING_FLOOR * magnitude.mean()
 
 
 def _forget_transforms() -> None:
-    """Let SciPy keep what it prepared for short transforms in place of long ones: 16 bytes per point of the last 16."""
+    """Replace the long transforms in SciPy's cache by short ones: it keeps 16 bytes per point of the last 16."""
     for length in range(2, 2 + _TRANSFORMS_KEPT):
         fft.fft(np.zeros(length, dtype=np.complex128))
 
 
 def transform_length(size: int) -> int:
     """Return the length of the transforms for recordings of at most `size` samples."""
-    # Many factors of two make a length a tenth faster than the shortest fast one.
+    # A length with many factors of two is a tenth faster than the shortest fast one.
     return 128 * int(fft.next_fast_len(-(-size // 128)))
 
 
 def _right_angle(size: int) -> Spectrum:
-    """Return ``exp(-0.5j * pi * i / size)``; the last two of them stay in memory unless they are large."""
+    """Return ``exp(-0.5j * pi * i / size)``; the last two are cached unless they are large."""
     return _kept_right_angle(size) if size <= _LARGEST_KEPT else _computed_right_angle(size)
 
 
@@ -133,7 +133,7 @@ def _kept_right_angle(size: int) -> Spectrum:
 
 
 def _computed_right_angle(size: int) -> Spectrum:
-    """Return ``exp(-0.5j * pi * i / size)``, as products of coarse and fine steps: few exponentials, which are slow."""
+    """Return ``exp(-0.5j * pi * i / size)``, as products of coarse and fine steps: exponentials are slow."""
     fine = int(np.sqrt(size)) + 1
     angle = -0.5j * np.pi / size
     steps = np.outer(np.exp(angle * fine * np.arange(-(-size // fine))), np.exp(angle * np.arange(fine)))

@@ -1,4 +1,4 @@
-"""How a lag changes over the recordings: measured in blocks, its slope the drift of one clock against the other."""
+"""Change of the lag over the recordings, measured in blocks; its slope is the drift of one clock against the other."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from stereolag.signals.whitening import Pair
 
 _BLOCKS = 16
 _SHORTEST, _LONGEST = 1024, 2**14
-"""Samples of a block; of a longer one the middle is used."""
+"""Shortest and longest block, samples; of longer blocks the middle is used."""
 
 _FARTHEST_PPM = 300
 _CLEAR = 5.5
-"""Standard deviations by which the peak of a block rises above its chance; the highest of 1,600 lags is at 3.8."""
+"""The peak of a block is clear above this many standard deviations of noise; the highest of 1,600 lags is at 3.8."""
 
 _STRAY = 2.0
-"""Samples off the line from which on a block has found something else."""
+"""A block this far off the line has found something else, samples."""
 
 _MOST, _FEWEST = 0.6, 5
-"""The share, and the number, of blocks that must lie on the line."""
+"""Least share and least number of blocks on the line."""
 
 
 @dataclass(frozen=True)
 class Drift:
-    """The lag over time.
+    """The lag as a function of time.
 
     Attributes
     ----------
     start
-        The lag at the first sample that both have in common, samples.
+        Lag at the first sample common to both recordings, samples.
     ppm
-        Samples by which the lag grows per million; positive where the clock of recording 2 runs faster.
+        Growth of the lag, samples per million; positive if the clock of recording 2 runs faster.
     error_ppm
-        Its standard error.
+        Standard error of `ppm`.
     spread
-        Standard deviation of the lag of a block about the line, samples.
+        Standard deviation of the blocks' lags about the line, samples.
     span
-        By how much the lag changes from the first to the last sample in common, samples, signed.
+        Change of the lag from the first to the last common sample, samples, signed.
     places, lags
-        (blocks,) where in recording 1 the middle of each block that lies on the line is, and its lag, samples.
+        (blocks,) centre of each block on the line, as a position in recording 1, and its lag, samples.
     """
 
     start: float
@@ -58,22 +58,22 @@ class Drift:
 
     @property
     def blocks(self) -> int:
-        """How many blocks lie on the line."""
+        """Number of blocks on the line."""
         return len(self.lags)
 
     @property
     def shows(self) -> bool:
-        """Whether the lag changes by more than it is uncertain, and by enough to smear the peak."""
+        """Whether the lag changes by more than its uncertainty, and by enough to smear the peak."""
         return abs(self.span) >= 1.0 and abs(self.ppm) > 4 * self.error_ppm
 
 
 def measure_drift(pair: Pair, lag: int) -> Drift | None:
-    """Return how the lag changes about `lag`; None where the blocks are too short or find no common line.
+    """Return the drift of the lag around `lag`; None if the blocks are too short or share no line.
 
-    The samples in common are cut into at most 16 blocks. Each is looked for by itself, up to 300 ppm of the whole
-    (at least 32 samples) beside `lag`; a straight line through those that are found clearly is the drift, by the
-    median of all slopes (P. K. Sen, "Estimates of the regression coefficient based on Kendall's tau", J. Am. Stat.
-    Assoc. 63 (1968)) and then least squares.
+    The overlap is cut into at most 16 blocks. Each is searched separately, up to 300 ppm of the overlap (at least 32
+    samples) on either side of `lag`. The drift is a straight line through the blocks with a clear peak, by the median
+    of all slopes (P. K. Sen, "Estimates of the regression coefficient based on Kendall's tau", J. Am. Stat. Assoc. 63
+    (1968)) and then least squares.
     """
     part_1, _ = overlap_slices(*pair.sizes, lag)
     size = part_1.stop - part_1.start
@@ -93,14 +93,14 @@ def measure_drift(pair: Pair, lag: int) -> Drift | None:
 
 
 def _cut(size: int, count: int) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], int]:
-    """Return where `count` blocks begin, and their length."""
+    """Return the starts of `count` blocks, and their length."""
     whole = size // count
     length = min(whole, _LONGEST)
     return np.arange(count) * whole + (whole - length) // 2, length
 
 
 def _block_curves(blocks_1: Vector, blocks_2: Vector, reach: int) -> Vector:
-    """Return (blocks, 2 * reach + 1) products of each block of recording 1 with recording 2 up to `reach` beside it."""
+    """Return (blocks, 2 * reach + 1) product sums of each block with recording 2, up to `reach` on either side."""
     points = int(fft.next_fast_len(blocks_2.shape[1], real=True))
     spectra = np.conj(fft.rfft(blocks_1, points)) * fft.rfft(blocks_2, points)
     return np.asarray(fft.irfft(spectra, points)[:, : 2 * reach + 1])

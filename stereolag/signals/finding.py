@@ -1,4 +1,4 @@
-"""Where each method finds the lag of two recordings."""
+"""The search of each method for the lag between two recordings."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Found:
 
 
 def normalised(given: npt.NDArray[Any]) -> Vector:
-    """Return the signal without its mean and of height 1, so that the squares of no unit over- or underflow."""
+    """Return the signal with zero mean and height 1, so that squares neither over- nor underflow in any unit."""
     signal = given.astype(np.float64, copy=False)
     centred = signal - signal.mean()
     return np.asarray(centred / max(centred.max(), -centred.min()))
@@ -57,7 +57,7 @@ def search_whole(signal_1: Vector, signal_2: Vector, reach: int, method: SignalM
 
 
 def search_blocks(signal_1: CentredRecording, signal_2: CentredRecording, reach: int, progress: Progress) -> Found:
-    """Return what :func:`search_whole` finds with the method "fft", block by block."""
+    """Return the result of :func:`search_whole` with the method "fft", computed block by block."""
     first, last = -min(reach, signal_1.size - 1), min(reach, signal_2.size - 1)
     curve = block_curve(signal_1, signal_2, first, last, progress)
     return _peak_of(curve, first, partial(overlap_length, signal_1.size, signal_2.size))
@@ -75,7 +75,7 @@ def _peak_of(curve: Vector, first: int, overlap: Callable[[Lags], Lags]) -> Foun
 
 
 def search_votes(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None, progress: Progress) -> Found:
-    """Return the lag that most samples vote for; ValueError where none is found."""
+    """Return the lag with the most votes; ValueError if there are none."""
     votes = sampled_votes(signal_1, signal_2, reach, np.random.default_rng(seed), progress)
     if not votes:
         raise ValueError(
@@ -85,7 +85,7 @@ def search_votes(signal_1: Vector, signal_2: Vector, reach: int, seed: int | Non
     lag, count = next(iter(votes.items()))
     rivals = [others for other, others in votes.items() if abs(other - lag) > 1]
     ratio = count / max(rivals) if rivals else float("inf")
-    # Votes that chance brings together are no lag, and so many of them no ties.
+    # Votes that coincide by chance are not a lag, and equal counts of them are not ties.
     enough = enough_votes(votes, lag)
     ties = sum(others == count for others in votes.values()) if enough else 1
     opposite = None if enough else _opposite_vote(signal_1, signal_2, reach, seed)
@@ -97,7 +97,7 @@ def search_votes(signal_1: Vector, signal_2: Vector, reach: int, seed: int | Non
 
 
 def _opposite_vote(signal_1: Vector, signal_2: Vector, reach: int, seed: int | None) -> int | None:
-    """Return the lag for which enough samples vote where the sign of signal 2 is turned, None where too few do."""
+    """Return the lag with enough votes when signal 2 is inverted, None if there are too few."""
     votes = sampled_votes(signal_1, -signal_2, reach, np.random.default_rng(seed), silent)
     lag = next(iter(votes), None)
     return lag if lag is not None and enough_votes(votes, lag) else None

@@ -26,19 +26,19 @@ from stereolag.signals.verdict import Judgement, Verdict, judge
 from stereolag.signals.whitening import Pair, WhitePair
 
 _SEARCHING = 0.8
-"""The share of the time that the search takes of long recordings, the rest the judgement."""
+"""Share of the time that the search of long recordings takes; the rest is the judgement."""
 
 
 @dataclass(frozen=True, eq=False)
 class SignalLag:
-    """By how much `signal_2` lags behind `signal_1`, and how sure that is.
+    """The lag of `signal_2` behind `signal_1`, and how reliable it is.
 
     Attributes
     ----------
     lag
-        Samples; positive where signal 2 hears the event later: ``signal_1[i]`` is heard in ``signal_2[i + lag]``.
+        Samples; positive if signal 2 records the event later: ``signal_1[i]`` corresponds to ``signal_2[i + lag]``.
     lag_subsample
-        The same with its fraction, samples.
+        The lag including its fraction, samples.
     time_s
         ``lag / sampling_rate``, seconds, signed as `lag`.
     distance_m
@@ -48,23 +48,22 @@ class SignalLag:
     peak_ratio
         Height of the peak over the highest value outside its main lobe
         (:func:`stereolag.signals.peaks.peak_ratio`); for "sampled" the votes for the lag over those for the runner-up.
-        Infinite where there is no rival, NaN where nothing outside the main lobe was searched or the peak is not
-        positive.
+        Infinite if there is no rival, NaN if nothing outside the main lobe was searched or the peak is not positive.
     ties
-        How many lags are equally good, this one among them: more than 1 for periodic recordings.
+        Number of equally good lags, including this one: more than 1 for periodic recordings.
     lags, correlation
-        (N,) int64 and float64: the lags searched and the curve whose peak `lag` is. None for "sampled". Where every
-        lag of long recordings was searched ("fft", see :func:`signal_lag`) both are reduced: of each stretch of lags
-        the one where the curve may be highest, and how high; measured within 4,096 samples of the peak and its rivals,
-        an upper bound elsewhere, which is no higher than the peak.
+        (N,) int64 and float64: the lags searched and the curve that peaks at `lag`. None for "sampled". If every lag of
+        long recordings was searched ("fft", see :func:`signal_lag`), both are reduced to one point per stretch of lags:
+        where the curve may be highest, and its height there. The heights are measured within 4,096 samples of the peak
+        and its rivals; elsewhere they are an upper bound, never above the peak.
     votes
-        Lag to number of votes, the winner first; "sampled" only, otherwise None.
+        Votes per lag, the winner first; "sampled" only, otherwise None.
     elapsed_s
-        Seconds that the search took, without the checks of the input and the judgement.
+        Duration of the search, without input checks and judgement, seconds.
 
     Examples
     --------
-    A tone of 50 samples fits as well one period later:
+    A tone with a period of 50 samples fits equally well one period later:
 
     >>> import numpy as np
     >>> import stereolag as sl
@@ -89,11 +88,11 @@ class SignalLag:
 
     @cached_property
     def judgement(self) -> Judgement | None:
-        """Whether the lag can be relied on, and why: `verdict`, `rivals` and what follows read it.
+        """Whether the lag is reliable, and why; `verdict`, `rivals` and the properties below read it.
 
-        Made when it is first read, which takes about twice as long as the search, and until then the result holds the
-        recordings; made at once for long recordings, and where :func:`signal_lag` is given a `progress`. None where
-        there is nothing to judge by.
+        Computed on first access, which takes about twice as long as the search; until then the result keeps the
+        recordings in memory. Computed at once for long recordings, and if :func:`signal_lag` is given a `progress`.
+        None if there is nothing to judge by.
         """
         judge = self._judge
         judgement = judge() if judge else None
@@ -107,23 +106,23 @@ class SignalLag:
 
     @property
     def rivals(self) -> tuple[int, ...]:
-        """Lags as good as this one, samples, nearest to it first."""
+        """Lags as good as this one, samples, nearest first."""
         return self.judgement.rivals if self.judgement else ()
 
     @property
     def inverted(self) -> bool:
-        """Whether the opposite of one recording fits better, as with a microphone connected the wrong way round."""
+        """Whether one recording fits better with its sign inverted, as from a microphone with reversed polarity."""
         return self.judgement is not None and self.judgement.opposite_lag is not None
 
     @property
     def drift_ppm(self) -> float:
-        """Samples by which the lag grows per million samples; NaN where it cannot be told."""
+        """Growth of the lag in samples per million samples; NaN if it cannot be measured."""
         drift = self.judgement.drift if self.judgement else None
         return drift.ppm if drift else float("nan")
 
     @property
     def uncertainty(self) -> float:
-        """Standard deviation of the lag over blocks of the recordings, samples; NaN where it cannot be told."""
+        """Standard deviation of the lag over blocks of the recordings, samples; NaN if it cannot be measured."""
         drift = self.judgement.drift if self.judgement else None
         return drift.spread if drift else float("nan")
 
@@ -139,52 +138,52 @@ def signal_lag(
     seed: int | None = None,
     progress: Progress | None = None,
 ) -> SignalLag:
-    """Return by how much `signal_2` lags behind `signal_1`: positive where signal 2 hears the event later.
+    """Return the lag of `signal_2` behind `signal_1`: positive if signal 2 records the event later.
 
-    Means are removed first, and nothing wraps around: a delay past half a recording does not fold back. The peak is
-    that of the signed correlation, so a copy with its sign turned is not a match.
+    Means are removed first, and nothing wraps around: a delay beyond half a recording does not alias. The peak is that
+    of the signed correlation, so an inverted copy is not a match.
 
     Parameters
     ----------
     signal_1, signal_2
-        (N1,) and (N2,) numbers of any type, or what :func:`stereolag.read_signal` returns; lengths may differ.
+        (N1,) and (N2,) numbers of any type, or recordings from :func:`stereolag.read_signal`; lengths may differ.
     sampling_rate
-        Samples per second of both. None: as the recordings tell that were read from files, 44,100 where none does.
+        Samples per second of both. None: the rate of recordings read from files, or 44,100 if neither has one.
     speed
-        Of the wave, metres per second.
+        Speed of the wave, metres per second.
     method
         ``"fft"``
-            Pearson's correlation of every overlap, by a zero-padded FFT and running sums. The plain product sum
-            favours long overlaps and loud passages, Pearson alone the two or three last samples, which agree by
-            chance; so the curve is Pearson times ``sqrt(overlap / longest overlap)``, in proportion to how many
-            standard deviations above chance the agreement is.
+            Pearson's correlation of every overlap, by FFT and running sums. The plain product sum favours long overlaps
+            and loud passages; Pearson's correlation alone favours overlaps of two or three samples, which agree by
+            chance. The curve is therefore Pearson's correlation times ``sqrt(overlap / longest overlap)``, proportional
+            to the number of standard deviations by which the agreement exceeds chance.
         ``"phat"``
-            The phase correlation (GCC-PHAT): sharp to fractions of a sample, also in rooms that echo.
+            Phase correlation (GCC-PHAT): sharp to fractions of a sample, even in rooms with echoes.
         ``"sampled"``
             Random samples of one recording, looked up by value in the other, vote for a lag (see
             :func:`stereolag.signals.sampling.sampled_votes`). Reliable while the noise of each recording stays 10 dB
-            below the sound; reads no more of the recordings than it must.
+            below the sound; reads no more of the recordings than necessary.
         ``"direct"``
-            The curve of "fft", its products summed lag by lag: slow, and simple enough to trust.
+            The curve of "fft", with the products summed lag by lag: slow, and simple enough to trust.
     max_lag
-        Search ``-max_lag..max_lag`` only, samples. Where that is little beside the recordings, "fft" goes through them
-        in blocks, to the same result: an hour takes the memory of a few `max_lag`. Above 8 million samples (3 minutes
-        at 44.1 kHz) every other search of "fft" goes through them in bands of frequency
+        Search ``-max_lag..max_lag`` only, samples. If that is small compared with the recordings, "fft" processes them
+        in blocks, with the same result: an hour takes only the memory of a few `max_lag`. Above 8 million samples
+        (3 minutes at 44.1 kHz) every other "fft" search works in bands of frequency
         (:func:`stereolag.signals.long_search.search_bands`): the lag is that of the whole curve wherever the recordings
-        have something in common, `correlation` is reduced, and `peak_ratio` and `ties` are no more than those of the
-        whole. The other methods hold the whole, and refuse what that takes too much memory for.
+        have something in common, `correlation` is reduced, and `peak_ratio` and `ties` do not exceed those of the whole
+        curve. The other methods process the recordings whole, and refuse them if that takes too much memory.
     seed
-        Of the random samples, for "sampled"; None draws others each time.
+        Seed of the random samples for "sampled"; None draws new ones each time.
     progress
-        Called with the fraction done, 0..1, the judgement included.
+        Called with the fraction done, 0..1, including the judgement.
 
     Raises
     ------
     ValueError
         A recording that is empty, constant or not finite; a sampling rate or speed that is not positive; sampling
-        rates that contradict each other; an unknown method; a `max_lag` that is not one of 0 to the longer recording's
-        length - 1; recordings that are constant wherever they overlap within `max_lag`; more memory needed than one job
-        may take (:func:`~stereolag.signals.estimate_lag`).
+        rates that contradict each other; an unknown method; a `max_lag` that is not an integer from 0 to the longer
+        recording's length - 1; recordings that are constant wherever they overlap within `max_lag`; more memory needed
+        than one job may take (:func:`~stereolag.signals.estimate_lag`).
 
     Examples
     --------
@@ -270,6 +269,7 @@ def _checked_reach(max_lag: int | None, longest: int) -> int:
         reach = -1
     if not 0 <= reach < longest:
         raise ValueError(
-            f"max_lag is {max_lag!r}; allowed are whole samples from 0 to {longest - 1}, the longer recording less one."
+            f"max_lag is {max_lag!r}; allowed are whole samples from 0 to {longest - 1}, one less than the longer "
+            "recording."
         )
     return reach

@@ -1,6 +1,6 @@
-"""What two long recordings have in common at a lag: read piece by piece, never whitened as a whole.
+"""Agreement of two long recordings at a lag, read piece by piece and never whitened as a whole.
 
-The same figures as :class:`stereolag.signals.whitening.WhitePair` gives, from sums over all of the recordings.
+Gives the same figures as :class:`stereolag.signals.whitening.WhitePair`, from sums over the whole recordings.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from stereolag.signals.whitening import (
 )
 
 _PIECE = 2**16
-"""Samples that are read at a time: a multiple of the longest run."""
+"""Samples read at a time: a multiple of the longest run."""
 
 _TILE = 2**11
-"""Samples that are filtered at a time: they stay in the nearest cache."""
+"""Samples filtered at a time: few enough to stay in the L1 cache."""
 
 
 class _Readable(Protocol):
@@ -42,7 +42,7 @@ class _Readable(Protocol):
 
 
 class _WhiteRecording:
-    """A recording whitened while it is read."""
+    """A recording that is whitened as it is read."""
 
     def __init__(self, recording: CentredRecording, taps: Vector) -> None:
         self.size = recording.size
@@ -51,20 +51,20 @@ class _WhiteRecording:
         self._mean = total / self.size
 
     def fill(self, row: Vector, start: int) -> None:
-        """Fill `row` with the samples from `start` on; zeros before the first sample and behind the last."""
+        """Fill `row` with the samples from `start` on; zeros before the first sample and after the last."""
         order = self._taps.size - 1
         samples = np.empty(row.size + order)
         self._recording.fill(samples, start - order)
         whiten(samples, self._taps, row)
         row -= self._mean
-        # The first samples have none before them to be predicted from; the filter would ring behind the last.
+        # The first samples have no predecessors to be predicted from; after the last, the filter would ring.
         row[: max(0, order - start)] = -self._mean
         row[: max(0, -start)] = 0.0
         row[max(0, self.size - start) :] = 0.0
 
 
 class LongPair(Pair):
-    """Two recordings made white by the one filter that suits both, as they are read."""
+    """Two recordings whitened by one common filter as they are read."""
 
     def __init__(self, recording_1: CentredRecording, recording_2: CentredRecording) -> None:
         self.sizes = recording_1.size, recording_2.size
@@ -79,24 +79,24 @@ class LongPair(Pair):
         return common_colour(*(_loud(one, one.energy_steps) for one in self._white))
 
     def agreement(self, lag: int) -> Agreement:
-        """Return what the whitened recordings have in common at `lag` itself."""
+        """Return the agreement of the whitened recordings at exactly `lag`."""
         if lag not in self._known:
             self._measure(lag, lag)
         return self._known[lag]
 
     def best_agreement(self, lag: int, within: int = 1) -> Agreement:
-        """Return the best agreement at `lag` and up to `within` samples beside it; the recordings are read once."""
+        """Return the best agreement up to `within` samples from `lag`; the recordings are read once."""
         self._measure(max(1 - self.sizes[0], lag - within), min(self.sizes[1] - 1, lag + within))
         return super().best_agreement(lag, within)
 
     def pearson(self, lag: int) -> float:
-        """Return Pearson's correlation of the recordings as they are, -1..1; NaN where flat."""
+        """Return Pearson's correlation of the original recordings, -1..1; NaN where flat."""
         if lag not in self._scores:
             self._scores[lag] = block_pearson(*self._raw, lag)
         return self._scores[lag]
 
     def loudest(self, lag: int, longest: int, *, white: bool = True) -> tuple[Vector, Vector]:
-        """Return the parts of both that are loudest together."""
+        """Return the parts of both recordings that are loudest together."""
         one, other = self._white if white else self._raw
         part, _ = overlap_slices(*self.sizes, lag)
         size = part.stop - part.start
@@ -121,7 +121,7 @@ class LongPair(Pair):
         return blocks_1, blocks_2
 
     def _measure(self, first: int, last: int) -> None:
-        """Measure the agreement of neighbouring lags, all in one reading."""
+        """Measure the agreement at neighbouring lags, if possible in one pass."""
         lags = [lag for lag in range(first, last + 1) if lag not in self._known]
         sums = self._sums(lags, LONGEST_RUN)
         for lag, found in zip(lags, sums, strict=True):
@@ -138,7 +138,7 @@ class LongPair(Pair):
             self._known[lag] = Agreement(lag, total / energy, total / deviation, carried / deviation)
 
     def _sums(self, lags: list[int], together: int) -> Vector:
-        """Return (lags, 9) what :func:`add_agreement` sums over the whole overlap at each of neighbouring lags."""
+        """Return (lags, 9) sums of :func:`add_agreement` over the whole overlap at each of the neighbouring lags."""
         sums = np.zeros((len(lags), 9))
         if not lags:
             return sums
@@ -165,7 +165,7 @@ class LongPair(Pair):
 def _steps(
     one: _Readable, other: _Readable, start: int, lag: int, size: int, step: int
 ) -> tuple[float, npt.NDArray[np.float64]]:
-    """Return the sum of `one` and the energy of the products of both, squared, for every `step` of `size` samples."""
+    """Return the sum of `one`, and the sum of the squared products of both for every `step` of `size` samples."""
     energy, total = np.zeros(-(-size // step)), 0.0
     first, second = np.empty(step), np.empty(step)
     for number, offset in enumerate(range(0, size, step)):
@@ -193,7 +193,7 @@ def _loud(one: _Readable, energy: Vector | None) -> Vector:
 
 @compiled(fastmath={"reassoc", "contract"})
 def whiten(samples: Vector, taps: Vector, whitened: Vector) -> None:
-    """Fill `whitened` (N,) with `samples` (N + taps - 1,), filtered."""
+    """Fill `whitened` (N,) with the filtered `samples` (N + taps - 1,)."""
     order = taps.size - 1
     for start in range(0, whitened.size, _TILE):
         tile = whitened[start : start + _TILE]
@@ -217,17 +217,17 @@ def add_energy(one: Vector, other: Vector) -> tuple[float, float]:
 
 @compiled(fastmath={"reassoc", "contract"})
 def add_agreement(one: Vector, other: Vector, together: int, sums: Vector) -> None:
-    """Add two parts that lie on each other to `sums`.
+    """Add the sums of two overlapping parts to `sums`.
 
     Parameters
     ----------
     one, other
         (N,).
     together
-        Samples of a run.
+        Samples per run.
     sums
-        (9,) of the products, their squares and magnitudes; of the squares of `one` and of `other`; of the squares of
-        the sums over whole runs, and how many these are; of the run that goes on, and its samples.
+        (9,) sums of the products, their squares and their magnitudes; of the squares of `one` and of `other`; of the
+        squared sums over complete runs, and the number of these; the sum of the unfinished run, and its length.
     """
     place = 0
     while place < one.size:
@@ -255,17 +255,17 @@ def add_agreement(one: Vector, other: Vector, together: int, sums: Vector) -> No
 
 
 def whiten_reference(samples: Vector, taps: Vector) -> Vector:
-    """Return what :func:`whiten` must fill in."""
+    """Return the expected result of :func:`whiten`."""
     return np.convolve(samples, taps, mode="valid")
 
 
 def add_energy_reference(one: Vector, other: Vector) -> tuple[float, float]:
-    """Return what :func:`add_energy` must equal."""
+    """Return the expected result of :func:`add_energy`."""
     return float(one.sum()), float(((one * other) ** 2).sum())
 
 
 def add_agreement_reference(one: Vector, other: Vector, together: int) -> Vector:
-    """Return what :func:`add_agreement` must make of zeros."""
+    """Return the expected result of :func:`add_agreement` on zeros."""
     products = one * other
     runs = np.add.reduceat(products, np.arange(0, products.size, together))
     left = products.size % together

@@ -1,9 +1,9 @@
-"""Every lag of long recordings: looked for in narrow bands of frequency, and refined where it may lie.
+"""Search over every lag of long recordings: in narrow bands of frequency, then sample by sample at the best places.
 
-The correlation of two hours in one transform takes many gigabytes. In bands it takes little: each is correlated at a
-fraction of the sampling rate, the strongest first, and the sum of their magnitudes tells how high the correlation may
-be at all lags. When no other place can be as high as the best, it is correlated sample by sample
-(:func:`stereolag.signals.blocks.block_curve`), and so are those that may still rival it.
+Correlating two hours in one transform takes many gigabytes. Bands take little: each is correlated at a fraction of
+the sampling rate, the strongest first, and the sum of their magnitudes is an upper bound of the correlation at all
+lags. When no other place can be as high as the best, the best and its possible rivals are correlated sample by sample
+(:func:`stereolag.signals.blocks.block_curve`).
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from stereolag.signals.peaks import REACH, Lags, find_peak, main_lobe, refine_pe
 from stereolag.signals.subbands import Bands, band_energies, band_products, band_signals
 
 LAGS_OF_A_BAND = 3_000_000
-"""At most so many lags are correlated at once: with a few bands their transforms take 0.4 GB."""
+"""Most lags correlated at once: with a few bands, their transforms take 0.4 GB."""
 
 SMALLEST_STEP = 8
 BANDS_AT_ONCE = 8
 
 KEPT_LAGS = 2**18
-"""The curve is reduced to no more lags."""
+"""Most lags in the reduced curve."""
 
 AROUND = 4096
-"""Samples on either side of a place among which the lag is looked for sample by sample."""
+"""Samples on either side of a place that are searched sample by sample."""
 
 _MOST_PLACES = 6
 _RIVAL = 0.6
-"""The share of the best place's bound from which on another may be higher: bands of tones promise too much."""
+"""From this share of the best bound on, another place may be higher: the bound is loose for bands of tones."""
 
 _KEPT_OF_BOUND = 0.7
-"""The least share of its bound that a clear peak has."""
+"""A clear peak reaches at least this share of its bound."""
 
 _REST = 0.01
-"""The share of the energy that is not looked at."""
+"""Share of the energy that is left out."""
 
 _CELLS_AT_ONCE = 2**18
 _GRAIN = 1024
-"""Samples from one running sum that is kept to the next."""
+"""Samples between stored running sums."""
 
 
 class _Bound:
-    """How high the correlation may be in each cell of `step` lags, as far as bands were added."""
+    """Upper bound of the correlation in each cell of `step` lags, from the bands added so far."""
 
     def __init__(self, signal_1: CentredRecording, signal_2: CentredRecording, reach: int, step: int) -> None:
         self.step = step
@@ -65,31 +65,31 @@ class _Bound:
         self._weigh(signal_1, signal_2)
 
     def centres(self, cells: Lags) -> Lags:
-        """Return the lags in the middle of cells."""
+        """Return the lags at the centres of cells."""
         lags = (self.first + cells) * self.step + self.step // 2
         return np.clip(lags, 1 - self.sizes[0], self.sizes[1] - 1)
 
     def add(self, band: int, first: Bands, second: Bands) -> None:
-        """Add the magnitudes of another band: of what both recordings have in it."""
+        """Add the magnitudes of the recordings' correlation in another band."""
         products = band_products(first, second)[self._cells.start : self._cells.stop + 1]
         if band == 0:
-            # The means of the overlap are no agreement.
+            # The product of the overlap's means is not agreement.
             products.real[:-1] -= self.means
             products.real[-1] -= self.means[-1]
         power = products.real**2
         power += products.imag**2
-        # Between two lags a band may be as high as both together.
+        # Between two lags, a band may be as high as both combined.
         magnitude = np.sqrt(power[:-1] + power[1:])
         with self._lock:
             self.total += magnitude
 
     def weighted(self) -> FloatMap:
-        """Return the bound of Pearson's correlation times ``sqrt(overlap / longest overlap)``."""
-        # A short overlap, be it in full agreement, weighs no more than its length.
+        """Return the upper bound of Pearson's correlation times ``sqrt(overlap / longest overlap)``."""
+        # Even in full agreement, a short overlap weighs no more than its length allows.
         return np.asarray(np.minimum(self.total * self.weights, self.most))
 
     def _weigh(self, signal_1: CentredRecording, signal_2: CentredRecording) -> None:
-        """Take from running sums what makes Pearson's correlation of the products at each lag."""
+        """Compute, from running sums, the factors that turn the products at each lag into Pearson's correlation."""
         sums = [_Sums(signal) for signal in (signal_1, signal_2)]
         longest = min(self.sizes)
         for start in range(0, self.total.size, _CELLS_AT_ONCE):
@@ -108,7 +108,7 @@ class _Bound:
 
 
 class _Sums:
-    """Running sums of a recording and of its squares, one for every grain."""
+    """Running sums of a recording and of its squares, stored once per grain."""
 
     def __init__(self, signal: CentredRecording) -> None:
         steps = [_grains(piece) for piece in signal.pieces(0, signal.size)]
@@ -117,7 +117,7 @@ class _Sums:
         self.energy = float(self._sums[1, -1])
 
     def between(self, start: Lags, stop: Lags) -> tuple[Vector, Vector]:
-        """Return the sums and the sums of squares of the samples from `start` to before `stop`."""
+        """Return the sums and the sums of squares of the samples from `start` to `stop`, exclusive."""
         total, squares = (np.interp(stop, self._ends, one) - np.interp(start, self._ends, one) for one in self._sums)
         return np.asarray(total), np.asarray(squares)
 
@@ -128,11 +128,11 @@ def _grains(piece: Vector) -> DoubleMap:
 
 
 def search_bands(signal_1: CentredRecording, signal_2: CentredRecording, reach: int, progress: Progress) -> Found:
-    """Return what :func:`stereolag.signals.finding.search_whole` finds with "fft", of its curve what can be kept.
+    """Return the result of :func:`stereolag.signals.finding.search_whole` with "fft", its curve reduced.
 
-    `lags` are every so many lags, and `correlation` is the most that it may be about there; where it was
-    measured sample by sample, about the peak and its rivals, the highest and where it is. `peak_ratio` is no more than
-    that of the whole curve, and `ties` are those in sight of the peak and its rivals.
+    The curve is reduced to one point per stretch of lags, with an upper bound in `correlation`; near the peak and its
+    rivals, which are measured sample by sample, it is the highest value and its lag. `peak_ratio` does not exceed
+    that of the whole curve, and `ties` counts only those near the peak and its rivals.
     """
     step = cell_size(signal_1.size, signal_2.size)
     bound = _Bound(signal_1, signal_2, reach, step)
@@ -154,13 +154,13 @@ def search_bands(signal_1: CentredRecording, signal_2: CentredRecording, reach: 
 
 
 def cell_size(size_1: int, size_2: int) -> int:
-    """Return how many lags make a cell: a power of two."""
+    """Return the number of lags per cell: a power of two."""
     cells = max(SMALLEST_STEP, -(-(size_1 + size_2) // LAGS_OF_A_BAND))
     return 1 << (cells - 1).bit_length()
 
 
 def _leads(bound: FloatMap, around: int, rest: float) -> bool:
-    """Return whether the best cell is higher than any but its neighbours can become by the rest of the energy."""
+    """Return whether the rest of the energy cannot lift any cell above the best, its neighbours aside."""
     best = int(np.argmax(bound))
     highest = float(bound[best])
     bound[max(0, best - around) : best + around + 1] = 0
@@ -168,7 +168,7 @@ def _leads(bound: FloatMap, around: int, rest: float) -> bool:
 
 
 def _places(bound: _Bound) -> list[int]:
-    """Return the lags about which the highest correlation may be, the best first."""
+    """Return the lags around which the correlation may be highest, best first."""
     weighted, around = bound.weighted(), AROUND // bound.step
     best = int(np.argmax(weighted))
     places, highest = [best], float(weighted[best])
@@ -183,7 +183,7 @@ def _places(bound: _Bound) -> list[int]:
 
 
 def _nearest_ties(bound: _Bound, weighted: FloatMap, best: int) -> list[int]:
-    """Return the cells nearest to a lag of 0, of either sign, that may tie with the best (:func:`find_peak`)."""
+    """Return the cells nearest to lag 0, on either side, that may tie with the best (:func:`find_peak`)."""
     high = np.flatnonzero(weighted >= _KEPT_OF_BOUND * np.sqrt(0.5) * weighted[best])
     share = overlap_length(*bound.sizes, bound.centres(high)) / overlap_length(
         *bound.sizes, bound.centres(np.array([best]))
@@ -195,7 +195,7 @@ def _nearest_ties(bound: _Bound, weighted: FloatMap, best: int) -> list[int]:
 
 
 def _windows(places: list[int], first: int, last: int) -> list[tuple[int, int]]:
-    """Return the first and the last lag of the windows about all places, ascending and apart."""
+    """Return the first and last lags of the windows around all places, ascending and disjoint."""
     windows: list[tuple[int, int]] = []
     for place in sorted(places):
         low, high = max(first, place - AROUND), min(last, place + AROUND)
@@ -215,7 +215,7 @@ def _refined(
     for number, window in enumerate(windows):
         curves.append(block_curve(signal_1, signal_2, *window))
         progress(0.7 + 0.3 * (number + 1) / len(windows))
-    # A zero between two windows keeps their ends from passing for neighbours.
+    # A zero between two windows keeps their ends from counting as neighbours.
     lags = np.concatenate([np.arange(low - 1, high + 1) for low, high in windows])[1:]
     values = np.concatenate([np.append(0.0, curve) for curve in curves])[1:]
     peak, ties = find_peak(values, lags, lambda some: overlap_length(*bound.sizes, some))
@@ -247,15 +247,15 @@ def _refined(
 
 
 class _Reduced:
-    """A curve of few enough lags to be kept: the highest of every stretch of cells.
+    """A curve reduced to the highest point of every stretch of cells.
 
     Attributes
     ----------
     lags, values
-        Ascending, and the bound there, no more than the height of the peak, until measured values are put in its
-        place.
+        Ascending lags, and the bound at each, capped at the height of the peak; replaced by measured values where
+        there are any.
     beyond
-        The highest bound beyond what was measured.
+        Highest bound outside the measured windows.
     """
 
     def __init__(self, bound: _Bound, windows: list[tuple[int, int]], height: float) -> None:
@@ -274,7 +274,7 @@ class _Reduced:
         self.beyond = float(self.values.max())
 
     def put(self, low: int, curve: Vector) -> None:
-        """Take what was measured from the lag `low` on."""
+        """Enter the values measured from lag `low` on."""
         stretch = (np.arange(low, low + curve.size) - self._begin) // self._step
         starts = np.flatnonzero(np.diff(stretch, prepend=-1))
         for start, stop in zip(starts.tolist(), (*starts[1:].tolist(), curve.size), strict=True):
@@ -282,6 +282,6 @@ class _Reduced:
             self.mark(low + top, float(curve[top]))
 
     def mark(self, lag: int, value: float) -> None:
-        """Put a measured value in its place."""
+        """Enter a measured value."""
         stretch = (lag - self._begin) // self._step
         self.lags[stretch], self.values[stretch] = lag, value

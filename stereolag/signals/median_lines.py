@@ -1,4 +1,4 @@
-"""A straight line through points of which some are far off it."""
+"""A straight line through points with outliers."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from stereolag.arrays import Vector
 
 
 def median_line(places: Vector, values: Vector) -> tuple[float, float]:
-    """Return slope and intercept of the line by medians, after Theil (1950) and Sen (1968).
+    """Return slope and intercept of the median line of Theil (1950) and Sen (1968).
 
-    Agrees with :func:`scipy.stats.theilslopes`, whose package takes a second to load.
+    Agrees with :func:`scipy.stats.theilslopes`, whose package takes a second to import.
 
     Parameters
     ----------
     places, values
-        (points,) the abscissae, not all the same, and the ordinates.
+        (points,) abscissae, not all equal, and ordinates.
     """
     apart = places[:, np.newaxis] - places
     later = apart > 0

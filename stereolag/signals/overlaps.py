@@ -1,6 +1,6 @@
 """Pearson's correlation over the overlap of two recordings: the plain formula, and the loops over every lag.
 
-At lag ``l`` sample ``i`` of signal 1 lies on sample ``i + l`` of signal 2; the parts that lie so are the overlap.
+At lag ``l``, sample ``i`` of signal 1 is paired with sample ``i + l`` of signal 2; the paired samples are the overlap.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from stereolag.loops.compilation import compiled
 Spectrum = npt.NDArray[np.complex128]
 
 FLAT = 1e-10
-"""An overlap holding less than this share of a recording's energy is flat: rounding would decide its correlation."""
+"""An overlap with less than this share of a recording's energy is flat: rounding would decide its correlation."""
 
 
 def overlap_length(size_1: int, size_2: int, lags: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return how many samples overlap at each of the `lags`."""
+    """Return the number of samples that overlap at each of the `lags`."""
     return np.asarray(np.minimum(size_1, size_2 - lags) - np.maximum(0, -lags))
 
 
 def overlap_slices(size_1: int, size_2: int, lag: int) -> tuple[slice, slice]:
-    """Return the parts of signal 1 and of signal 2 that lie on each other at `lag`."""
+    """Return the parts of signal 1 and of signal 2 that overlap at `lag`."""
     start, stop = max(0, -lag), min(size_1, size_2 - lag)
     return slice(start, stop), slice(start + lag, stop + lag)
 
@@ -34,7 +34,7 @@ def overlap_pearson(signal_1: Vector, signal_2: Vector, lag: int) -> float:
     Parameters
     ----------
     signal_1, signal_2
-        (N1,) and (N2,) float64, each free of its mean.
+        (N1,) and (N2,) float64, each with zero mean.
     lag
         Samples, ``-N1 < lag < N2``.
     """
@@ -49,7 +49,7 @@ def overlap_pearson(signal_1: Vector, signal_2: Vector, lag: int) -> float:
 
 @compiled(fastmath={"reassoc", "contract"})
 def _dot(first: Vector, second: Vector) -> float:
-    # numpy hands a long dot product to all threads of BLAS, which on a busy machine takes 100 times as long.
+    # NumPy runs a long dot product on all BLAS threads, which takes 100 times as long on a busy machine.
     total = 0.0
     for i in range(first.size):
         total += first[i] * second[i]
@@ -73,7 +73,7 @@ def running_sums(signal: Vector) -> tuple[Vector, Vector]:
 
 @compiled
 def turn_forth(signal: Vector, turn: Spectrum, turned: Spectrum) -> None:
-    """Fill `turned` (N,) with ``signal * turn``, and with zeros behind the end of the signal."""
+    """Fill `turned` (N,) with ``signal * turn``, and with zeros after the end of the signal."""
     for i in range(signal.size):
         turned[i] = complex(signal[i] * turn[i].real, signal[i] * turn[i].imag)
     turned[signal.size :] = 0
@@ -92,7 +92,7 @@ def cross_spectrum(spectrum_1: Spectrum, spectrum_2: Spectrum) -> Spectrum:
 
 @compiled
 def turn_back(products: Spectrum, turn: Spectrum, first: int, last: int) -> Vector:
-    """Return the lags from `first` (≤ 0) to `last` (≥ 0) of ``products * conj(turn)``: negative ones are imaginary.
+    """Return lags `first` (≤ 0) to `last` (≥ 0) of ``products * conj(turn)``: negative lags are the imaginary part.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def weighted_pearson(
     Parameters
     ----------
     products
-        (lags,) ``sum(signal_1[i] * signal_2[i + lag])`` over the overlap, for `first_lag` ≥ 0 and those that follow.
+        (lags,) ``sum(signal_1[i] * signal_2[i + lag])`` over the overlap, for `first_lag` ≥ 0 and the lags after it.
     sums_1, squares_1, sums_2, squares_2
         The :func:`running_sums` of both signals.
     """
@@ -130,7 +130,7 @@ def weighted_pearson(
         stop = min(size_1, size_2 - lag)
         overlap = float(stop)
         sum_1, sum_2 = sums_1[stop], sums_2[stop + lag] - sums_2[lag]
-        # Everything times the overlap: it saves divisions, of which the loop would be made otherwise.
+        # Everything is multiplied by the overlap to save divisions, which would dominate the loop.
         energy_1 = overlap * squares_1[stop] - sum_1 * sum_1
         energy_2 = overlap * (squares_2[stop + lag] - squares_2[lag]) - sum_2 * sum_2
         value = (overlap * products[index] - sum_1 * sum_2) * np.sqrt(overlap / (longest * energy_1 * energy_2))
@@ -140,9 +140,9 @@ def weighted_pearson(
 
 @compiled(fastmath={"reassoc", "contract"})
 def sliding_pearson(signal_1: Vector, signal_2: Vector, first_lag: int, curve: Vector) -> None:
-    """Fill `curve` as :func:`weighted_pearson` does, every overlap summed separately.
+    """Fill `curve` like :func:`weighted_pearson`, with every overlap summed separately.
 
-    `first_lag` may be negative; `curve` holds it and the lags that follow.
+    `first_lag` may be negative; it is the lag of ``curve[0]``.
     """
     size_1, size_2 = signal_1.size, signal_2.size
     longest = min(size_1, size_2)
@@ -167,30 +167,30 @@ def sliding_pearson(signal_1: Vector, signal_2: Vector, first_lag: int, curve: V
 
 
 def running_sums_reference(signal: Vector) -> tuple[Vector, Vector]:
-    """Return what :func:`running_sums` must equal, by plain NumPy."""
+    """Return the expected result of :func:`running_sums`, by plain NumPy."""
     return np.append(0.0, np.cumsum(signal)), np.append(0.0, np.cumsum(signal**2))
 
 
 def turn_forth_reference(signal: Vector, turn: Spectrum) -> Spectrum:
-    """Return what :func:`turn_forth` must fill in."""
+    """Return the expected result of :func:`turn_forth`."""
     return np.asarray(np.pad(signal, (0, turn.size - signal.size)) * turn)
 
 
 def cross_spectrum_reference(spectrum_1: Spectrum, spectrum_2: Spectrum) -> Spectrum:
-    """Return what :func:`cross_spectrum` must equal."""
+    """Return the expected result of :func:`cross_spectrum`."""
     return np.asarray(spectrum_1.conj() * spectrum_2)
 
 
 def turn_back_reference(products: Spectrum, turn: Spectrum, first: int, last: int) -> Vector:
-    """Return what :func:`turn_back` must equal."""
+    """Return the expected result of :func:`turn_back`."""
     turned = products * turn.conj()
     return np.concatenate((turned.imag[turned.size + first :], turned.real[: last + 1]))
 
 
 def weighted_pearson_reference(signal_1: Vector, signal_2: Vector, lags: npt.NDArray[np.int64]) -> Vector:
-    """Return what :func:`weighted_pearson` and :func:`sliding_pearson` must make of each lag, by the plain formula.
+    """Return the results expected of :func:`weighted_pearson` and :func:`sliding_pearson`, by the plain formula.
 
-    So must :func:`stereolag.signals.blocks.weigh_overlaps`.
+    The same results are expected of :func:`stereolag.signals.blocks.weigh_overlaps`.
     """
     scores = np.array([overlap_pearson(signal_1, signal_2, int(lag)) for lag in lags])
     weight = overlap_length(signal_1.size, signal_2.size, lags) / min(signal_1.size, signal_2.size)

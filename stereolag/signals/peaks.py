@@ -1,4 +1,4 @@
-"""Peaks of a one-dimensional correlation: where, how many as high, how clear, and where between two samples."""
+"""Peaks of a one-dimensional correlation: position, ties, peak ratio and subsample position."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from stereolag.loops.compilation import compiled
 Lags = npt.NDArray[np.int64]
 
 EQUAL = 1e-9
-"""Two correlations (-1..1) that differ by less are equal: the FFT's rounding is some 1e-15, noise far above."""
+"""Two correlations (-1..1) that differ by less are equal: FFT rounding is around 1e-15, noise far above."""
 
 REACH = 32
-"""Samples on either side from which a peak between two samples is interpolated."""
+"""Samples on either side used to interpolate a peak between two samples."""
 
 _POSITIONS = 65
 _KAISER = 6.0
 
 
 def find_peak(curve: Vector, lags: Lags, overlap: Callable[[Lags], Lags]) -> tuple[int, int]:
-    """Return the index of the best lag and how many lags are equally good (1 if it is alone).
+    """Return the index of the best lag and the number of equally good lags (1 if it is alone).
 
-    Best is the maximum of the weighted `curve`. Lags whose unweighted correlation equals its own within ``EQUAL`` tie
-    with it, if they overlap by at least half as much (shorter overlaps agree by chance); neighbours count once. Of
-    those that tie the smallest ``|lag|`` wins, of two opposite lags the positive one.
+    The best lag is the maximum of the weighted `curve`. Lags whose unweighted correlation equals its own within
+    ``EQUAL`` tie with it if their overlap is at least half as long (shorter overlaps agree by chance); neighbours count
+    once. Among ties the smallest ``|lag|`` wins, and of two opposite lags the positive one.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def find_peak(curve: Vector, lags: Lags, overlap: Callable[[Lags], Lags]) -> tup
     lags
         (N,) ascending.
     overlap
-        How many samples overlap at given lags; the same number for all where the curve has no weights.
+        Returns the overlap at given lags, samples; the same number for all if the curve has no weights.
     """
     best = int(np.argmax(curve))
     if curve[best] <= 0:
@@ -46,7 +46,7 @@ def find_peak(curve: Vector, lags: Lags, overlap: Callable[[Lags], Lags]) -> tup
     # Half the overlap weighs sqrt(1/2): nothing lower can tie, and few lags are higher.
     high = np.flatnonzero(curve >= (curve[best] - EQUAL) * np.sqrt(0.5))
     share = overlap(lags[high]) / overlap(lags[best : best + 1])
-    # A shorter overlap that agrees even better does so by chance: it is no tie either.
+    # A shorter overlap that agrees even better does so by chance, and is not a tie either.
     tied = high[(np.abs(curve[high] / np.sqrt(share) - curve[best]) <= EQUAL) & (share >= 0.5)]
     tops = _tops(curve, tied)
     nearest = tops[np.lexsort((-lags[tops], np.abs(lags[tops])))[0]]
@@ -59,15 +59,15 @@ def _tops(curve: Vector, indices: Lags) -> Lags:
     starts = np.flatnonzero(np.diff(indices, prepend=indices[0] - 2) > 1)
     highest = np.repeat(np.maximum.reduceat(values, starts), np.diff(starts, append=indices.size))
     tops = np.flatnonzero(values == highest)
-    # A run may hold its highest value more than once: the first of them is the one that follows its start.
+    # A run may contain its highest value more than once: take the first one from the run's start on.
     return np.asarray(indices[tops[np.searchsorted(tops, starts)]])
 
 
 def peak_ratio(curve: Vector, peak: int) -> float:
     """Return the height of the peak over the highest value outside its main lobe.
 
-    The main lobe reaches, on either side, down to half the peak and on to the next minimum. Infinite where nothing
-    outside is positive, NaN where there is no outside or the peak itself is not positive.
+    On either side, the main lobe extends down to half the peak and on to the next minimum. Infinite if nothing outside
+    is positive, NaN if there is nothing outside or the peak itself is not positive.
     """
     first, end = main_lobe(curve, peak)
     outside = [side.max() for side in (curve[:first], curve[end:]) if side.size]
@@ -78,17 +78,17 @@ def peak_ratio(curve: Vector, peak: int) -> float:
 
 
 def refine_peak(window: Vector) -> float:
-    """Return where between two samples a band-limited curve peaks, relative to the middle of `window`: -0.5..0.5.
+    """Return the subsample position of a band-limited curve's peak, relative to the middle of `window`: -0.5..0.5.
 
     A parabola through three samples is off by up to 0.1 sample where the curve is as sharp as sampling allows (white
-    or whitened recordings), so the curve is interpolated as it was sampled: by a sinc under a Kaiser window.
-    A peak on the border of the lags searched has no neighbours (reach 0): the offset is 0.
+    or whitened recordings), so the curve is interpolated with a Kaiser-windowed sinc.
+    A peak on the border of the searched lags has no neighbours (reach 0): the offset is 0.
 
     Parameters
     ----------
     window
-        (2 * reach + 1,) values around the peak; a reach of ``REACH`` is off by 0.01 sample at most, and by less than
-        0.001 where the curve holds nothing above 0.95 of the Nyquist frequency.
+        (2 * reach + 1,) values around the peak. With a reach of ``REACH`` the error is 0.01 sample at most, and less
+        than 0.001 if the curve contains nothing above 0.95 of the Nyquist frequency.
     """
     reach = window.size // 2
     if reach == 0:
@@ -103,7 +103,7 @@ def refine_peak(window: Vector) -> float:
 
 @lru_cache(maxsize=REACH)
 def _interpolation(reach: int) -> Vector:
-    """Return (positions, 2 * reach + 1) weights that give a band-limited curve at positions from -0.5 to 0.5."""
+    """Return (positions, 2 * reach + 1) weights that interpolate a band-limited curve at positions from -0.5 to 0.5."""
     positions = np.linspace(-0.5, 0.5, _POSITIONS)
     distance = positions[:, np.newaxis] - np.arange(-reach, reach + 1)
     taper = np.i0(_KAISER * np.sqrt(1 - (distance / (reach + 1)) ** 2)) / np.i0(_KAISER)
@@ -114,9 +114,9 @@ def _interpolation(reach: int) -> Vector:
 
 @compiled
 def main_lobe(curve: npt.NDArray[np.float64], peak: int) -> tuple[int, int]:
-    """Return the first index of the main lobe around `peak` and the one behind its last.
+    """Return the first index of the main lobe around `peak` and the index after its last.
 
-    On either side the lobe goes down to half the peak, and on to the next minimum.
+    On either side, the lobe extends down to half the peak and on to the next minimum.
     """
     first, last = peak, peak
     while first > 0 and (curve[first] >= curve[peak] / 2 or curve[first - 1] <= curve[first]):

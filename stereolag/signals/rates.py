@@ -1,4 +1,4 @@
-"""The sampling rate of two recordings: what is given, or what they bring with them."""
+"""The sampling rate of two recordings: as given, or as stored with them."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from numbers import Real
 import numpy as np
 
 AUDIO_RATE = 44_100.0
-"""Samples per second where nothing tells them."""
+"""Samples per second if neither the caller nor a recording gives a rate."""
 
 
 def common_rate(signal_1: object, signal_2: object, given: float | None) -> float:
-    """Return the samples per second of both recordings.
+    """Return the sampling rate of both recordings, samples per second.
 
     Parameters
     ----------
     signal_1, signal_2
         Arrays, or recordings with a `sampling_rate` of their own, which may be None.
     given
-        The rate asked for; None: that of the recordings, and 44,100 where neither has one.
+        The requested rate; None: the rate of the recordings, or 44,100 if neither has one.
 
     Raises
     ------
     ValueError
-        A rate that is not positive and finite, two recordings of different rates, or a rate given beside a recording
-        of another.
+        A rate that is not positive and finite, two recordings with different rates, or a given rate that differs from a
+        recording's.
     """
     if given is not None:
         check_positive(given, "sampling_rate", "samples per second")

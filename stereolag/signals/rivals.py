@@ -1,4 +1,4 @@
-"""Other lags that fit as well as the one that was found: in whatever repeats."""
+"""Other lags that fit as well as the one found, because the recordings repeat."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from stereolag.signals.peaks import Lags, main_lobe
 from stereolag.signals.whitening import Agreement, Pair, local_curve
 
 _RIVAL = 0.85
-"""The share of its height at which another lag is as good; noise alone lowers a tooth of a comb by some per cent."""
+"""Another lag is as good from this share of the height on; noise alone lowers a tooth of a comb by a few per cent."""
 
 _STRETCH, _REACH = 2**16, 2**14
-"""Samples in which repetition is looked for, and how far apart it may lie there."""
+"""Length of the stretch searched for repetition, and largest distance between repeats, samples."""
 
 _LINES, _LINE_SHARE = 8, 0.7
-"""Tones that a curve may consist of, and the share of its power that they must hold then."""
+"""Most lines in the spectrum of a tonal curve, and the least share of its power that they contain."""
 
 _FEWEST_PERIODS = 8
 _FAINT = 0.05
-"""The share of the strongest line's power below which another is noise."""
+"""Lines below this share of the strongest line's power are noise."""
 
 _TEETH_SHARE = 0.5
-"""The part of the curve over which the teeth of a tone reach."""
+"""Least share of the curve over which the teeth of a tone extend."""
 
 _REGULAR = 0.75
-"""The share of the rivals that lie in regular distances, at least."""
+"""Least share of the rivals that are evenly spaced."""
 
 _MOST_RIVALS = 16
 
@@ -42,7 +42,7 @@ def rivals_of(
     lags: Lags | None,
     curve: Vector | None,
 ) -> tuple[int, ...]:
-    """Return the lags from `first` to `last` at which the whitened recordings agree as well, nearest first."""
+    """Return the lags from `first` to `last` at which the whitened recordings agree equally well, nearest first."""
     nearby = _repetitions(pair, agreement.lag, first, last, needed)
     if agreement.height >= needed and lags is not None and curve is not None:
         for other in _high_points(pair, agreement.lag, lags, curve):
@@ -50,7 +50,7 @@ def rivals_of(
             if there.score >= _RIVAL * agreement.score and there.height >= needed:
                 nearby.add(there.lag)
     rivals = _nearest(nearby, agreement.lag)
-    # A horn that is blown again fits again, but not what is heard beside it: a rival fits with and without whitening.
+    # A horn blown twice fits itself again, but the sounds around it do not: a rival fits with and without whitening.
     least = _RIVAL * pair.pearson(agreement.lag) if rivals else 0.0
     return tuple(other for other in rivals if pair.pearson(other) >= least)
 
@@ -60,10 +60,10 @@ def _nearest(found: set[int], lag: int) -> tuple[int, ...]:
 
 
 def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> tuple[int, ...]:
-    """Return the lags about `lag` at which tones that both recordings hold line up.
+    """Return the lags around `lag` at which tones common to both recordings line up.
 
-    Whitening takes tones away, and noise hides their teeth in the curve. They are told by its spectrum: a few lines
-    hold most of it. The curve that these lines make alone has the teeth without the noise.
+    Whitening removes tones, and noise hides their teeth in the curve. The curve's spectrum reveals them: a few lines
+    contain most of its power. The curve rebuilt from these lines alone has the teeth without the noise.
     """
     one, other = pair.loudest(lag, _STRETCH, white=False)
     reach = min(_REACH, one.size // 2)
@@ -84,12 +84,12 @@ def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> tuple[int, ...]:
         left[max(0, line - 2) : line + 3] = 0.0
     if power[held].sum() < _LINE_SHARE * power.sum():
         return ()
-    # In the middle half, where the window is not small.
+    # Only the middle half, where the window is not small.
     middle = slice(reach // 2, curve.size - reach // 2)
     clean = (fft.irfft(np.where(held, spectrum, 0.0), curve.size) / np.maximum(np.hanning(curve.size), 0.1))[middle]
     best = int(np.argmax(clean))
     tops = _tops(clean, best, _RIVAL * clean[best])
-    # Two sounds that happen to hold a note for a while have a few teeth, a tone has them everywhere.
+    # Two sounds that happen to share a note for a while give a few teeth; a tone gives them everywhere.
     if tops.size < 2 or tops.size * float(np.median(np.diff(tops))) < _TEETH_SHARE * clean.size:
         return ()
     found = {lag - reach + middle.start + int(top) for top in (best, *tops)}
@@ -97,7 +97,7 @@ def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> tuple[int, ...]:
 
 
 def _repetitions(pair: Pair, lag: int, first: int, last: int, needed: float) -> set[int]:
-    """Return the lags about `lag` at which the loudest stretch in common fits as well as where it fits best."""
+    """Return the lags around `lag` at which the loudest common stretch fits as well as at its best lag."""
     one, other = pair.loudest(lag, _STRETCH)
     reach = min(_REACH, one.size // 2)
     if reach < 2:
@@ -125,7 +125,7 @@ def _high_points(pair: Pair, lag: int, lags: Lags, curve: Vector) -> list[int]:
 
 
 def _tops(curve: Vector, peak: int, least: float) -> Lags:
-    """Return where the curve has a maximum of `least` or more, outside the main lobe of `peak`."""
+    """Return where the curve has a maximum of at least `least`, outside the main lobe of `peak`."""
     begin, end = main_lobe(curve, peak)
     high = np.flatnonzero(curve >= least)
     high = high[((high < begin) | (high >= end)) & (high > 0) & (high < curve.size - 1)]
@@ -133,7 +133,7 @@ def _tops(curve: Vector, peak: int, least: float) -> Lags:
 
 
 def regular_spacing(rivals: tuple[int, ...], lag: int) -> float | None:
-    """Return the distance from one rival to the next where all are alike, within a sample or 2 %."""
+    """Return the spacing of evenly spaced rivals, within one sample or 2 %; None if they are irregular."""
     if len(rivals) < 2:
         return None
     places = np.array(sorted({*rivals, lag}), dtype=np.float64)
@@ -141,7 +141,7 @@ def regular_spacing(rivals: tuple[int, ...], lag: int) -> float | None:
     numbers = np.round((places - rivals[0]) / apart)
     if np.unique(numbers).size < 3:
         return None
-    # By medians, for a lag that a method put between two teeth is none itself.
+    # By medians, because a lag that a method put between two teeth is not on the grid.
     spacing, _ = median_line(numbers, places)
     away = places - spacing * numbers
     regular = np.abs(away - np.median(away)) <= max(1.0, 0.02 * apart)

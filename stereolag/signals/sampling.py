@@ -1,4 +1,4 @@
-"""The lag by voting: samples of one recording looked up by value in the other (Appendix A of the source report)."""
+"""Lag by voting: samples of one recording looked up by value in the other (Appendix A of the source report)."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from stereolag.progress import Progress
 from stereolag.signals.overlaps import FLAT, running_sums
 
 SLICE_LENGTH = 100
-"""Samples that are correlated around a match, as in the report."""
+"""Samples correlated for each candidate, as in the source report."""
 
 _ROUNDS = ((512, 256, 16), (1024, 256, 1024), (2048, 256, 8192))
-"""Samples drawn, the most distinctive of them that are looked up, and candidates for each."""
+"""Per round: samples drawn, how many of the most distinctive are looked up, and candidates for each."""
 
 _VALID_SHARE = 0.8
 _DECISIVE_SHARE = 0.1
@@ -24,11 +24,11 @@ _DECISIVE_LEAD = 2
 
 
 class _Slices:
-    """The slices of a recording, one beginning at every sample, and the sample's value relative to its slice."""
+    """The slices of a recording, one starting at every sample, and each sample's value relative to its slice."""
 
     def __init__(self, signal: Vector, shortest: int) -> None:
         self.signal = signal
-        # At most a quarter of a short recording, so that the rest leaves room for a lag.
+        # At most a quarter of a short recording, which leaves room for a lag.
         self.length = min(SLICE_LENGTH, max(2, shortest // 4))
         sums, squares = running_sums(signal)
         self.means = (sums[self.length :] - sums[: -self.length]) / self.length
@@ -39,15 +39,15 @@ class _Slices:
 
     @cached_property
     def by_value(self) -> Indices:
-        """The starts of the slices that vary, sorted by their :meth:`values`."""
+        """The starts of the slices that are not flat, sorted by their :meth:`values`."""
         return np.asarray(self.varying[np.argsort(self.values(self.varying))])
 
     def values(self, starts: Indices) -> Vector:
-        """Return the samples at `starts` relative to the slices that they begin, in root energies."""
+        """Return the samples at `starts` minus the mean of their slice, over the root of the slice's energy."""
         return np.asarray((self.signal[starts] - self.means[starts]) * self.scales[starts])
 
     def at(self, starts: Indices) -> Vector:
-        """Return (starts, length) slices, mean-free and of unit energy."""
+        """Return (starts, length) slices with zero mean and unit energy."""
         slices = np.lib.stride_tricks.sliding_window_view(self.signal, self.length)[starts]
         return np.asarray((slices - self.means[starts, np.newaxis]) * self.scales[starts, np.newaxis])
 
@@ -55,28 +55,29 @@ class _Slices:
 def sampled_votes(
     signal_1: Vector, signal_2: Vector, max_lag: int, random: np.random.Generator, progress: Progress
 ) -> dict[int, int]:
-    """Return how many samples voted for which lag, most votes first; empty where nothing is found within `max_lag`.
+    """Return the number of votes for each lag, most votes first; empty if nothing is found within `max_lag`.
 
-    Samples of signal 1 are drawn at random without replacement (of the shorter recording, which lies wholly in the
-    longer one more often). Each is looked up among the sorted values of the other recording; the slice that begins
-    there is correlated with the slice that begins at the sample, and the best place votes for its lag.
+    Samples of the shorter recording are drawn at random without replacement: it is more often contained whole in the
+    longer one than the other way round. Each sample is looked up among the sorted values of the other recording; the
+    slice that starts there is correlated with the slice that starts at the sample, and the best candidate votes for
+    its lag.
 
-    The report looked for *equal* values, which sensor noise leaves none of. Therefore:
+    The source report looked for *equal* values, but sensor noise leaves none. Therefore:
 
-    * values are compared relative to their own slice (mean and standard deviation), which gain and offset leave alone;
-    * not the equal value but the nearest ones in the sorted order are candidates: 16 at first, and where no lag wins
-      clearly, 1,024 and then 8,192, so that recordings without noise stay fast;
-    * of the samples drawn the most distinctive are looked up, those whose values are rare: noise leaves the right
-      place among the nearest values of a rare value, not among those of a common one;
-    * the best candidate slides to the top of its correlation, so that a neighbour of the right place will do, and
-      votes only if that is at least 0.8 of the best correlation of all.
+    * values are compared relative to their own slice (mean and standard deviation), so gain and offset do not matter;
+    * the candidates are the nearest values in sorted order, not equal ones: 16 at first, and if no lag wins clearly,
+      1,024 and then 8,192, so recordings without noise stay fast;
+    * of the samples drawn, the most distinctive are looked up, those with rare values: despite noise, the right place
+      is among the nearest values of a rare value, but not of a common one;
+    * the best candidate slides to the top of its correlation, so a neighbour of the right place is good enough, and
+      votes only if it reaches at least 0.8 of the best correlation of all.
 
     Parameters
     ----------
     signal_1, signal_2
-        (N1,) and (N2,) float64, each free of its mean.
+        (N1,) and (N2,) float64, each with zero mean.
     max_lag
-        The largest ``|lag|`` that may be voted for, samples.
+        Largest ``|lag|`` that can get votes, samples.
     """
     if signal_2.size < signal_1.size:
         mirrored = sampled_votes(signal_2, signal_1, max_lag, random, progress)
@@ -97,7 +98,7 @@ def sampled_votes(
 
 
 def _look_up(pool_1: _Slices, pool_2: _Slices, starts: Indices, looked_up: int, nearest: int, max_lag: int) -> Indices:
-    """Return the lags that the `looked_up` most distinctive of the samples at `starts` vote for."""
+    """Return the lags that the `looked_up` most distinctive samples at `starts` vote for."""
     order = pool_2.by_value
     values_2, values_1 = pool_2.values(order), pool_1.values(starts)
     nearest = min(nearest, order.size)
@@ -111,7 +112,7 @@ def _look_up(pool_1: _Slices, pool_2: _Slices, starts: Indices, looked_up: int, 
 
 
 def _count(lags: Indices) -> dict[int, int]:
-    """Return the lags and their numbers, the most frequent first, of equals the smallest ``|lag|`` first."""
+    """Return the number of votes for each lag, most votes first; equal counts with the smallest ``|lag|`` first."""
     voted, counts = np.unique(lags, return_counts=True)
     ranking = np.lexsort((-voted, np.abs(voted), -counts))
     return {int(voted[rank]): int(counts[rank]) for rank in ranking}
@@ -136,29 +137,29 @@ def best_matches(
     candidates: Indices,
     max_lag: int,
 ) -> tuple[Indices, Vector]:
-    """Return the lag at which each slice of signal 1 correlates best with signal 2, beginning from its candidates.
+    """Return the lag at which each slice of signal 1 correlates best with signal 2, starting from its candidates.
 
-    From the best candidate the match slides uphill, a sample at a time: noise makes the right value's neighbour the
-    nearest value. Of equally good candidates the one with the smallest ``|lag|`` wins.
+    From the best candidate the match climbs one sample at a time, since noise can make a neighbour of the right value
+    the nearest one. Of equally good candidates the one with the smallest ``|lag|`` wins.
 
     Parameters
     ----------
     slices_1
-        (samples, length) slices of signal 1, mean-free and of unit energy.
+        (samples, length) slices of signal 1, with zero mean and unit energy.
     starts_1
-        (samples,) where they begin.
+        (samples,) where the slices start.
     signal_2
         (N,).
     scales_2
-        (N - length + 1,) one over the root of the energy about the mean of the slice that begins there; 0 where flat.
+        (N - length + 1,) one over the root of each slice's energy about its mean; 0 where flat.
     candidates
-        (samples, candidates) where in signal 2 to compare.
+        (samples, candidates) starts in signal 2 to compare.
     max_lag
-        Candidates with a larger ``|lag|`` are passed over.
+        Candidates with a larger ``|lag|`` are skipped.
 
     Returns
     -------
-    (samples,) lags, and the correlation there: -2 for a sample none of whose candidates is within `max_lag`.
+    (samples,) lags, and the correlation at each: -2 for a sample without a candidate within `max_lag`.
     """
     lags = np.full(starts_1.size, signal_2.size)
     scores = np.full(starts_1.size, -2.0)
@@ -192,7 +193,7 @@ def best_matches(
 
 @compiled(fastmath={"reassoc", "contract"})
 def _product(piece: Vector, signal: Vector, start: int) -> float:
-    # The piece is mean-free, so the mean of the other slice drops out.
+    # The piece has zero mean, so the mean of the other slice drops out.
     total = 0.0
     for i in range(piece.size):
         total += piece[i] * signal[start + i]

@@ -1,9 +1,8 @@
-"""Recordings cut into narrow bands of frequency, each at a fraction of the sampling rate, and correlated there.
+"""Recordings split into narrow bands of frequency, each at a fraction of the sampling rate, and correlated there.
 
-A band of width w is known by w complex samples a second (R. Crochiere and L. Rabiner, "Multirate Digital Signal
-Processing" (1983), section 7.2: the block transform as a filter bank). Over all bands the correlation of the
-recordings is the sum of the bands' correlations, each turned by its frequency; so nowhere is it above the sum of their
-magnitudes.
+A band of width w is fully described by w complex samples a second (R. Crochiere and L. Rabiner, "Multirate Digital
+Signal Processing" (1983), section 7.2: the block transform as a filter bank). The correlation of the recordings is the
+sum of the bands' correlations, each rotated by its frequency, so it never exceeds the sum of their magnitudes.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from stereolag.arrays import Vector
 from stereolag.signals.blocks import CentredRecording
 
 BLOCK = 2**15
-"""Samples that are transformed at a time."""
+"""Samples transformed at a time."""
 
 _BLOCKS_AT_ONCE = 16
 
@@ -26,7 +25,7 @@ Bands = npt.NDArray[np.complex64]
 
 
 def band_energies(recording: CentredRecording, step: int) -> Vector:
-    """Return the energy of each of the ``step / 2`` bands, in squares of samples."""
+    """Return the energy of each of the ``step / 2`` bands, in squared sample units."""
     energies = np.zeros(step // 2)
     for _, spectra in _spectra(recording):
         power = spectra.real**2 + spectra.imag**2
@@ -35,9 +34,9 @@ def band_energies(recording: CentredRecording, step: int) -> Vector:
 
 
 def band_signals(recording: CentredRecording, bands: Sequence[int], step: int) -> Bands:
-    """Return (bands, ceil(samples / step)): the complex envelopes of some of the bands, at every `step`-th sample.
+    """Return (bands, ceil(samples / step)): the complex envelopes of the given bands, at every `step`-th sample.
 
-    Scaled so that the real part of their product is that of the recording's samples.
+    Scaled so that the real part of their product equals the product of the recordings' samples.
     """
     points = BLOCK // step
     signals = np.zeros((len(bands), -(-recording.size // step)), dtype=np.complex64)
@@ -51,24 +50,24 @@ def band_signals(recording: CentredRecording, bands: Sequence[int], step: int) -
 
 
 def _spectra(recording: CentredRecording) -> Iterator[tuple[int, Bands]]:
-    """Yield where some blocks begin, and their (blocks, BLOCK / 2) spectra without the highest frequency."""
+    """Yield the start of a group of blocks, and their (blocks, BLOCK / 2) spectra without the highest frequency."""
     rows = np.empty((_BLOCKS_AT_ONCE, BLOCK))
     for start in range(0, recording.size, rows.size):
         recording.fill(rows.ravel(), start)
         count = min(_BLOCKS_AT_ONCE, -(-(recording.size - start) // BLOCK))
         spectra = np.asarray(fft.rfft(rows[:count].astype(np.float32), axis=1, workers=2), dtype=np.complex64)
-        # The mean of a block is no wave that a band holds half of.
+        # Unlike the other frequencies, the mean of a block has no negative counterpart.
         spectra[:, 0] *= np.float32(np.sqrt(0.5))
         yield start, spectra[:, :-1]
 
 
 def band_products(first: Bands, second: Bands) -> Bands:
-    """Return (N1 + N2,) the correlation of one band at the lags of the band from ``1 - N1`` to N2.
+    """Return (N1 + N2,) the correlation of one band at the band's lags from ``1 - N1`` to N2.
 
     Parameters
     ----------
     first, second
-        (N1,) and (N2,) what :func:`band_signals` has of the band.
+        (N1,) and (N2,) envelopes of the band, from :func:`band_signals`.
     """
     size = int(fft.next_fast_len(first.size + second.size))
     rows = np.zeros((2, size), dtype=np.complex64)

@@ -1,4 +1,4 @@
-"""Whether a lag can be relied on: sure, ambiguous, or nothing but chance; codes and numbers, no sentences."""
+"""Whether a lag is reliable: sure, ambiguous, or nothing but chance; in codes and numbers, without sentences."""
 
 from __future__ import annotations
 
@@ -18,42 +18,42 @@ Verdict: TypeAlias = Literal["sure", "ambiguous", "nothing"]
 Reason: TypeAlias = Literal["clear", "drift", "repeats", "rivals", "chance", "too_little", "few_votes", "opposite_sign"]
 
 MARGIN = 1.8
-"""Standard deviations above what chance gives at most from which on an agreement is none of chance's."""
+"""An agreement this many standard deviations above the highest expected by chance is not due to chance."""
 
 LEAST_VOTES = 5
-"""Of 256 samples that are looked up; among thousands of lags chance brings two or three together."""
+"""Out of 256 samples looked up; among thousands of lags, chance brings two or three votes together."""
 
 _SAMPLED = 2**16
-"""Points of a curve that its spread is taken from."""
+"""Points of a curve used to estimate its spread."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What speaks for a lag and what against it.
+    """The evidence for and against a lag.
 
     Attributes
     ----------
     verdict, reason
-        ``"sure"``: ``"clear"``, or ``"drift"`` where the lag changes so much that it smears the peak.
-        ``"ambiguous"``: ``"repeats"`` (rivals in regular distances) or ``"rivals"``.
-        ``"nothing"``: ``"chance"``; ``"too_little"`` (so few samples carry it that none could convince);
-        ``"few_votes"``; ``"opposite_sign"`` (nothing in common, but with the opposite of one recording).
+        ``"sure"``: ``"clear"``, or ``"drift"`` if the lag changes enough to smear the peak.
+        ``"ambiguous"``: ``"repeats"`` (evenly spaced rivals) or ``"rivals"``.
+        ``"nothing"``: ``"chance"``; ``"too_little"`` (too few samples carry the agreement to be convincing);
+        ``"few_votes"``; ``"opposite_sign"`` (the recordings match only if one of them is inverted).
     rivals
-        Lags as good as the one found, within those searched, nearest to it first; at most 16.
+        Lags as good as the one found, among those searched, nearest first; at most 16.
     spacing
-        Samples from one to the next where they lie regularly, otherwise None.
+        Distance between neighbouring rivals if they are evenly spaced, samples; otherwise None.
     evidence, needed
-        Standard deviations by which the whitened recordings agree at the lag, and how many convince.
+        Standard deviations by which the whitened recordings agree at the lag, and the number needed to be sure.
     height
-        The peak over the median of the curve, in its robust standard deviations (1.4826 · MAD); NaN without a curve.
+        Height of the peak above the curve's median, in robust standard deviations (1.4826 · MAD); NaN without a curve.
     chance
-        The height that the highest of as many lags has by chance: ``sqrt(2 ln N)``.
+        Height that the highest of as many lags reaches by chance: ``sqrt(2 ln N)``.
     ribbon
-        The values of the curve between which chance leaves it, or None without a curve.
+        The values between which chance keeps the curve, or None without a curve.
     opposite_lag
-        Where the opposite of recording 2 fits, None where it does not fit better.
+        The lag at which the inverted recording 2 fits, None if it does not fit better.
     drift
-        How the lag changes over time, None where it cannot be told.
+        How the lag changes over time, None if it cannot be measured.
     """
 
     verdict: Verdict
@@ -79,27 +79,27 @@ def judge(
     votes: dict[int, int] | None = None,
     opposite_lag: int | None = None,
 ) -> Judgement:
-    """Return whether `lag` can be relied on, however it was found.
+    """Return whether `lag` is reliable, whatever method found it.
 
-    The height of a peak in its curve says too little: two unrelated recordings with one loud event each have a curve
-    that is flat but for where the events meet, at any height. So the recordings are whitened
-    (:mod:`stereolag.signals.whitening`) and their agreement at `lag` is counted in standard deviations of chance;
-    the highest of N lags has ``sqrt(2 ln N)`` of them by chance, and ``MARGIN`` more convince.
+    The height of a peak in its curve is not enough: the curve of two unrelated recordings with one loud event each is
+    flat except where the events meet, and that peak can have any height. So the recordings are whitened
+    (:mod:`stereolag.signals.whitening`) and their agreement at `lag` is measured in standard deviations of chance.
+    The highest of N lags reaches ``sqrt(2 ln N)`` by chance; ``MARGIN`` more is convincing.
 
     Parameters
     ----------
     pair
-        The recordings, whitened.
+        The recordings, original and whitened.
     lag
         The lag found, samples.
     reach
         The largest ``|lag|`` that was searched.
     lags, curve
-        (N,) ascending lags and the curve over them, where the method has one; lags may be left out.
+        (N,) ascending lags and the curve over them, if the method has one; there may be gaps between the lags.
     votes
-        Lag to number of votes, where the method has them.
+        Votes per lag, if the method has them.
     opposite_lag
-        Where the opposite of recording 2 may fit, for curves that cannot tell it.
+        The lag at which the inverted recording 2 may fit, for curves that do not show it.
     """
     first, last = -min(reach, pair.sizes[0] - 1), min(reach, pair.sizes[1] - 1)
     chance = math.sqrt(2 * math.log(last - first + 2))
@@ -153,7 +153,7 @@ def _decided(
 
 
 def enough_votes(votes: dict[int, int], lag: int) -> bool:
-    """Return whether so many samples voted for `lag`, or a sample beside it, that chance would not bring them."""
+    """Return whether `lag` and its neighbours have more votes than chance would bring together."""
     return _pooled(votes, lag) >= LEAST_VOTES
 
 
@@ -162,7 +162,7 @@ def _pooled(votes: dict[int, int], lag: int) -> int:
 
 
 def _height(curve: Vector, chance: float) -> tuple[float, tuple[float, float]]:
-    """Return the robust height of the highest point, and the values between which chance leaves the curve."""
+    """Return the robust height of the highest point, and the values between which chance keeps the curve."""
     some = curve[:: max(1, curve.size // _SAMPLED)]
     middle = float(np.median(some))
     deviation = 1.4826 * float(np.median(np.abs(some - middle)))
@@ -171,12 +171,12 @@ def _height(curve: Vector, chance: float) -> tuple[float, tuple[float, float]]:
 
 
 def _lowest_point(lags: Lags, curve: Vector) -> int | None:
-    """Return the lag of the lowest point of the curve, if it is farther from zero than the highest."""
+    """Return the lag of the curve's lowest point if it is clearly farther from zero than the highest, else None."""
     lowest = int(np.argmin(curve))
     return int(lags[lowest]) if -curve[lowest] > 1.1 * curve.max() else None
 
 
 def _opposite(pair: Pair, agreement: Agreement, lag: int, needed: float) -> int | None:
-    """Return `lag` if the opposite of recording 2 agrees better there; None otherwise."""
+    """Return `lag` if the inverted recording 2 agrees better there; None otherwise."""
     disagreement = -pair.agreement(lag).height
     return lag if disagreement >= max(needed, agreement.height) else None

@@ -1,7 +1,7 @@
-"""What two recordings have in common at a lag, beyond what chance gives, whatever they sound like.
+"""Agreement of two recordings at a lag in excess of chance, whatever they sound like.
 
-Rumbling recordings agree with each other by chance over long stretches, loud events by chance in few samples. Both are
-taken away: the recordings are whitened, and the agreement is counted in its own standard deviations, sample by sample.
+Rumbling recordings agree by chance over long stretches, loud events by chance in a few samples. Both effects are
+removed: the recordings are whitened, and their agreement is measured in its own standard deviations, sample by sample.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from stereolag.signals.overlaps import overlap_pearson, overlap_slices
 
 _ORDER = 16
 _FLOOR = 1e-4
-"""White noise that is added to the autocorrelation: 40 dB below the recording, so that a tone leaves something."""
+"""White noise added to the autocorrelation, 40 dB below the recording, so that a tone leaves something."""
 
 LONGEST_LOUD = 2**17
-"""Samples that the autocorrelations are taken from: the loudest stretch in common."""
+"""Samples used for the autocorrelations: the loudest stretch of each recording."""
 
 _RUNS, LONGEST_RUN = 64, 1024
-"""Into how many runs the samples that carry an agreement are divided, and the samples of the longest."""
+"""Number of runs into which the samples carrying an agreement are divided, and length of the longest, samples."""
 
 STEPS = 8
-"""The loudest stretch begins at a multiple of so small a part of its length."""
+"""The loudest stretch starts at a multiple of its length over this number."""
 
 _FEW_LAGS = 32
-"""Below so many lags sums of products take less time than transforms."""
+"""Below this number of lags, sums of products are faster than transforms."""
 
 _MEMORY = 256
-"""Lags over which whitened recordings may still resemble themselves."""
+"""Lags over which whitened recordings may still be autocorrelated."""
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """What two recordings have in common at a lag.
+    """The agreement of two recordings at a lag.
 
     Attributes
     ----------
@@ -49,9 +49,9 @@ class Agreement:
     score
         Pearson's correlation of the whitened recordings there, -1..1.
     height
-        Standard deviations of chance in which they agree.
+        Agreement in standard deviations of chance.
     reachable
-        The height that these samples would give if all of them agreed: the root of how many carry the agreement.
+        Height if all of these samples agreed: the root of the number that carry the agreement.
     """
 
     lag: int
@@ -61,42 +61,42 @@ class Agreement:
 
 
 class Pair(ABC):
-    """Two recordings, as they are and whitened, in what they have in common at a lag."""
+    """Two recordings, original and whitened, and their agreement at a lag."""
 
     sizes: tuple[int, int]
 
     @abstractmethod
     def agreement(self, lag: int) -> Agreement:
-        """Return what the whitened recordings have in common at `lag` itself."""
+        """Return the agreement of the whitened recordings at exactly `lag`."""
 
     @abstractmethod
     def pearson(self, lag: int) -> float:
-        """Return Pearson's correlation of the recordings as they are where they overlap, -1..1; NaN where flat."""
+        """Return Pearson's correlation of the original recordings where they overlap, -1..1; NaN where flat."""
 
     @abstractmethod
     def loudest(self, lag: int, longest: int, *, white: bool = True) -> tuple[Vector, Vector]:
-        """Return the parts of both that are loudest together at `lag`, of `longest` samples at the most."""
+        """Return the parts of both recordings that are loudest together at `lag`, at most `longest` samples."""
 
     @abstractmethod
     def blocks(self, lag: int, starts: npt.NDArray[np.int64], length: int, margin: int) -> tuple[Vector, Vector]:
         """Return blocks of the whitened overlap at `lag`, (blocks, length), with a margin in the second recording.
 
-        The blocks of the second are (blocks, length + 2 * margin), zero beyond the overlap; `starts` count from where
-        it begins.
+        The blocks of the second are (blocks, length + 2 * margin), zero beyond the overlap; `starts` count from the
+        start of the overlap.
         """
 
     def best_agreement(self, lag: int, within: int = 1) -> Agreement:
-        """Return the best agreement at `lag` and up to `within` samples beside it."""
+        """Return the best agreement up to `within` samples from `lag`."""
         last, first = self.sizes[1] - 1, 1 - self.sizes[0]
         near = range(max(first, lag - within), min(last, lag + within) + 1)
         return max((self.agreement(each) for each in near), key=lambda one: one.height)
 
 
 class WhitePair(Pair):
-    """Two recordings made white by the one filter that suits both, so that their lag stays as it was.
+    """Two recordings whitened by one common filter, so that their lag is unchanged.
 
     The filter predicts each sample from the 16 before it (linear prediction by the autocorrelation method; J. Makhoul,
-    "Linear prediction: a tutorial review", Proc. IEEE 63 (1975)) and leaves what could not be predicted.
+    "Linear prediction: a tutorial review", Proc. IEEE 63 (1975)) and leaves the part that could not be predicted.
     """
 
     def __init__(self, signal_1: Vector, signal_2: Vector) -> None:
@@ -105,22 +105,22 @@ class WhitePair(Pair):
 
     @cached_property
     def white(self) -> tuple[Vector, Vector]:
-        """Both recordings, whitened when they are first asked for."""
+        """Both recordings, whitened on first access."""
         taps = whitening_taps(_loudest(self.raw[0]), _loudest(self.raw[1]), min(self.sizes))
         return _filtered(self.raw[0], taps), _filtered(self.raw[1], taps)
 
     @cached_property
     def colour(self) -> float:
-        """By how much the agreement by chance varies more than that of white recordings."""
+        """Standard deviation of chance agreement, relative to that of white recordings."""
         return common_colour(_loudest(self.white[0]), _loudest(self.white[1]))
 
     def overlap(self, lag: int) -> tuple[Vector, Vector]:
-        """Return the parts of the whitened recordings that lie on each other at `lag`."""
+        """Return the parts of the whitened recordings that overlap at `lag`."""
         part_1, part_2 = overlap_slices(*self.sizes, lag)
         return self.white[0][part_1], self.white[1][part_2]
 
     def agreement(self, lag: int) -> Agreement:
-        """Return what the whitened recordings have in common at `lag` itself."""
+        """Return the agreement of the whitened recordings at exactly `lag`."""
         first, second = self.overlap(lag)
         energy = math.sqrt(float(np.einsum("i,i", first, first)) * float(np.einsum("i,i", second, second)))
         products = first * second
@@ -136,11 +136,11 @@ class WhitePair(Pair):
         return Agreement(lag, total / energy, total / deviation, carried / deviation)
 
     def pearson(self, lag: int) -> float:
-        """Return Pearson's correlation of the recordings as they are, -1..1; NaN where flat."""
+        """Return Pearson's correlation of the original recordings, -1..1; NaN where flat."""
         return overlap_pearson(*self.raw, lag)
 
     def loudest(self, lag: int, longest: int, *, white: bool = True) -> tuple[Vector, Vector]:
-        """Return the parts of both that are loudest together."""
+        """Return the parts of both recordings that are loudest together."""
         part_1, part_2 = overlap_slices(*self.sizes, lag)
         one, other = self.white if white else self.raw
         one, other = one[part_1], other[part_2]
@@ -158,7 +158,7 @@ class WhitePair(Pair):
 
 
 def whitening_taps(loud_1: Vector, loud_2: Vector, shortest: int) -> Vector:
-    """Return the filter that suits both recordings, from a loud stretch of each and the length of the shorter."""
+    """Return the common filter of both recordings, from a loud stretch of each and the length of the shorter."""
     mean = (autocorrelation(loud_1, _ORDER) + autocorrelation(loud_2, _ORDER)) / 2
     order = min(_ORDER, shortest // 8)
     mean[0] *= 1 + _FLOOR
@@ -166,7 +166,7 @@ def whitening_taps(loud_1: Vector, loud_2: Vector, shortest: int) -> Vector:
 
 
 def common_colour(loud_1: Vector, loud_2: Vector) -> float:
-    """Return by how much what remains of two recordings' colours makes their agreement by chance vary more (Bartlett).
+    """Return the factor by which residual colour in both recordings widens chance agreement (Bartlett).
 
     `loud_1` and `loud_2` are loud stretches of the whitened recordings.
     """
@@ -175,18 +175,18 @@ def common_colour(loud_1: Vector, loud_2: Vector) -> float:
 
 
 def run_length(carried: float, deviation: float) -> int:
-    """Return how many samples count as one: a note that both happen to hold agrees over hundreds at once.
+    """Return how many samples count as one: a note that both happen to share agrees over hundreds at once.
 
     Parameters
     ----------
     carried, deviation
-        The sum of the products' magnitudes, and the root of the sum of their squares.
+        Sum of the products' magnitudes, and root of the sum of their squares.
     """
     return int(min(LONGEST_RUN, (carried / deviation) ** 2 / _RUNS))
 
 
 def local_curve(first: Vector, second: Vector, reach: int) -> Vector:
-    """Return the mean product of two equally long parts for lags of ``-reach..reach``, over that at perfect agreement.
+    """Return the mean product of two equally long parts at lags ``-reach..reach``, relative to perfect agreement.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def local_curve(first: Vector, second: Vector, reach: int) -> Vector:
 
 
 def loudest_stretch(first: Vector, second: Vector, longest: int) -> slice:
-    """Return where `longest` samples of both are loudest together, or everything where there are no more."""
+    """Return the `longest` samples in which both are loudest together, or everything if there are no more."""
     if first.size <= longest:
         return slice(0, first.size)
     step = longest // STEPS
@@ -213,7 +213,7 @@ def loudest_stretch(first: Vector, second: Vector, longest: int) -> slice:
 
 
 def loudest_start(energy: Vector, size: int, longest: int) -> int:
-    """Return where the loudest stretch begins, given the energy of each eighth of its length."""
+    """Return the start of the loudest stretch, given the energy of each eighth of its length."""
     start = longest // STEPS * int(np.argmax(np.convolve(energy, np.ones(STEPS), mode="valid")))
     return min(start, size - longest)
 
@@ -224,13 +224,13 @@ def _loudest(given: Vector) -> Vector:
 
 def _filtered(given: Vector, taps: npt.NDArray[np.float64]) -> Vector:
     filtered = np.convolve(given, taps)[: given.size]
-    # The first samples have none before them to be predicted from: a jump that is no sound.
+    # The first samples have no predecessors to be predicted from: their jump is not sound.
     filtered[: taps.size - 1] = 0.0
     return np.asarray(filtered - filtered.mean())
 
 
 def autocorrelation(given: Vector, reach: int) -> Vector:
-    """Return Pearson's autocorrelation for lags of 0 to `reach`, 0 beyond the recording."""
+    """Return Pearson's autocorrelation at lags 0 to `reach`, 0 beyond the recording."""
     if reach < _FEW_LAGS:
         few = range(min(reach + 1, given.size))
         products = [float(np.einsum("i,i", given[: given.size - lag], given[lag:])) for lag in few]
@@ -241,5 +241,5 @@ def autocorrelation(given: Vector, reach: int) -> Vector:
 
 
 def _relative(found: Vector) -> Vector:
-    """Return values relative to the first of them, zeros where that is zero."""
+    """Return the values divided by the first of them, zeros if that is zero."""
     return np.asarray(found / found[0]) if found[0] > 0 else np.zeros_like(found)

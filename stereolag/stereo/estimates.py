@@ -1,6 +1,6 @@
-"""What the estimates of all stereo matchers share.
+"""Memory and time figures shared by the estimates of all stereo matchers.
 
-Bytes are counted for each pixel, or each window, of the stage that holds most of them.
+Bytes are counted per pixel, or per window, in the stage that uses the most.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from stereolag.estimates import Estimate, largest_fitting
 Shape = tuple[int, ...]
 
 ANSWER = 17
-"""A pixel of the map: disparity, dy, dx, score and reason."""
+"""Bytes per pixel of the map: disparity, dy, dx, score and reason."""
 
 FINISHING = 48
-"""A pixel while the map is filtered and filled: the maps before and after, their reasons, and what OpenCV takes."""
+"""Bytes per pixel while the map is filtered and filled: maps before and after, their reasons, OpenCV's buffers."""
 
 PIXEL_SECONDS = 1.2e-7
-"""Seconds per pixel, for the checks, filters and maps."""
+"""Seconds per pixel for the checks, filters and maps."""
 
 DISPARITY_STEP, MOST_DISPARITIES = 16, 1024
-"""Numbers of disparities that a refusal names are multiples of the one, up to the other."""
+"""A refusal suggests a number of disparities that is a multiple of the first and at most the second."""
 
 
 def fitting_pair(
@@ -34,7 +34,7 @@ def fitting_pair(
     of_shape: Callable[[Shape], Estimate],
     of_disparities: Callable[[int], Estimate] | None,
 ) -> str:
-    """Return a sentence that names what share of the size, or how many disparities, would fit."""
+    """Return a sentence naming the share of the image size, or the number of disparities, that would fit."""
 
     def of_percent(percent: int) -> Estimate:
         return of_shape((*(max(1, side * percent // 100) for side in shape[:2]), *shape[2:]))
@@ -54,7 +54,7 @@ def fitting_pair(
 
 
 def grey_bytes(shape: Shape, dtype: npt.DTypeLike) -> int:
-    """Return the bytes of both images as grey, and of one's colours in one piece where they lie beside an alpha."""
+    """Return the bytes of both grey images, plus a contiguous copy of one's colours if there is an alpha channel."""
     if len(shape) == 2:
         return 0
     pixel = np.dtype(dtype).itemsize

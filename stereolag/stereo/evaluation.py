@@ -1,4 +1,4 @@
-"""How right a disparity map is, held against ground truth."""
+"""Evaluation of disparity maps against ground truth."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from stereolag.arrays import FloatMap
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The usual figures of a disparity map against its truth.
+    """Standard error measures of a disparity map against ground truth.
 
     Attributes
     ----------
     density
         Share of the pixels with ground truth that have an estimate, 0..1.
     epe
-        Mean absolute error of the estimated ones, px (end-point error); NaN where nothing was estimated.
+        Mean absolute error of the estimated pixels, px (end-point error); NaN if nothing was estimated.
     bad
         {threshold px: % of the pixels with ground truth that are off by more than the threshold *or missing*}.
     bad_measured
-        {threshold px: % of the estimated truth pixels that are off by more}; NaN where nothing was estimated.
+        {threshold px: % of the estimated pixels with ground truth that are off by more}; NaN if nothing was estimated.
     d1_all
         % of the pixels with ground truth that are missing, or off by more than 3 px *and* 5 % (KITTI's D1-all).
     truth_pixels
-        How many pixels the figures rest on.
+        Number of pixels that the figures are based on.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def evaluate(
     thresholds
         Errors above which a pixel counts as bad, px.
     mask
-        (H, W) bool: judge these pixels alone, for example the non-occluded ones.
+        (H, W) bool: evaluate only these pixels, for example the non-occluded ones.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def evaluate(
 def judged_pixels(
     disparity: npt.ArrayLike, ground_truth: npt.ArrayLike, mask: npt.ArrayLike | None
 ) -> npt.NDArray[np.bool_]:
-    """Return (H, W) where a disparity map is judged: where there is truth, and the mask allows it.
+    """Return the (H, W) mask of pixels to evaluate: those with ground truth that `mask` allows.
 
     Raises
     ------
@@ -129,25 +129,25 @@ def judged_pixels(
     judged = np.isfinite(truth)
     if mask is not None:
         if np.shape(mask) != truth.shape:
-            raise ValueError(f"mask has shape {np.shape(mask)}; it must be that of the ground truth, {truth.shape}.")
+            raise ValueError(f"mask has shape {np.shape(mask)}; it must match the ground truth's, {truth.shape}.")
         judged &= np.asarray(mask, dtype=np.bool_)
     if not judged.any():
-        raise ValueError("ground_truth holds no finite disparity to compare with.")
+        raise ValueError("ground_truth contains no finite disparity to compare with.")
     return judged
 
 
 MOST_POINTS = 200
-"""A curve of more would look the same."""
+"""Largest number of points of a curve; more would look the same."""
 
 
 @dataclass(frozen=True, eq=False)
 class CoverageCurve:
-    """The error of a disparity map as its least sure pixels are given up.
+    """Error of a disparity map as its least certain pixels are discarded.
 
     Attributes
     ----------
     coverage
-        (n,) share of the pixels with ground truth that are kept, 0..1, ascending; one point without a score.
+        (n,) share of the pixels with ground truth that are kept, 0..1, ascending; a single point without a score.
     bad
         (n,) % of the kept pixels that are off by more than the threshold.
     """
@@ -164,23 +164,23 @@ def error_against_coverage(
     threshold: float = 2.0,
     mask: npt.ArrayLike | None = None,
 ) -> CoverageCurve:
-    """Keep the pixels of the best score, then more and more of them, and judge what is kept.
+    """Return the error of the best-scored pixels as more and more of them are kept.
 
     Parameters
     ----------
     disparity, ground_truth
         (H, W) px; NaN or infinite = no disparity, no ground truth.
     score
-        (H, W), higher is surer; NaN throughout where the method gives none: the curve is then a single point.
+        (H, W), higher is more certain; all NaN if the method has none: the curve is then a single point.
     threshold
         Error above which a pixel counts as bad, px.
     mask
-        (H, W) bool: judge these pixels alone.
+        (H, W) bool: evaluate only these pixels.
 
     Returns
     -------
     CoverageCurve
-        Without any point where nothing was measured. Pixels of one and the same score are kept or given up together.
+        Empty if nothing was measured. Pixels of equal score are kept or discarded together.
 
     Raises
     ------
@@ -189,8 +189,8 @@ def error_against_coverage(
 
     Notes
     -----
-    The curve of error rate over density of Hu & Mordohai, "A Quantitative Evaluation of Confidence Measures for
-    Stereo Vision", PAMI 2012. A good score makes it rise to the right; a score that knows nothing leaves it flat.
+    This is the curve of error rate over density of Hu & Mordohai, "A Quantitative Evaluation of Confidence Measures for
+    Stereo Vision", PAMI 2012. A good score makes it rise to the right; an uninformative score leaves it flat.
     """
     if not threshold > 0:
         raise ValueError(f"threshold is {threshold} px; it must be above 0 px.")
@@ -201,7 +201,7 @@ def error_against_coverage(
     estimate, truth, sureness = (np.asarray(one, dtype=np.float64) for one in (disparity, ground_truth, score))
     measured = judged & np.isfinite(estimate)
     error, sureness = np.abs(estimate - truth)[measured], sureness[measured]
-    # What has no score, filled pixels say, comes after all that has one.
+    # Pixels without a score, such as filled ones, come after all others.
     order = np.argsort(np.where(np.isnan(sureness), np.inf, -sureness), kind="stable")
     kept = _counts(sureness[order])
     return CoverageCurve(
@@ -211,7 +211,7 @@ def error_against_coverage(
 
 
 def _counts(falling: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
-    """Return how many pixels to keep at each point of the curve: never some of those that share a score."""
+    """Return how many pixels to keep at each point of the curve, never splitting pixels of equal score."""
     if not falling.size:
         return np.empty(0, dtype=np.intp)
     differs = (falling[1:] != falling[:-1]) & ~(np.isnan(falling[1:]) & np.isnan(falling[:-1]))
@@ -221,7 +221,7 @@ def _counts(falling: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
 
 
 CONSENSUS_PX = 1.0
-"""Answers agree when the largest and the smallest of them are at most so far apart."""
+"""Largest spread of the disparities of maps that agree, px."""
 
 
 def consensus(maps: Sequence[FloatMap]) -> npt.NDArray[np.uint8]:
@@ -235,7 +235,7 @@ def consensus(maps: Sequence[FloatMap]) -> npt.NDArray[np.uint8]:
     Returns
     -------
     ndarray
-        (H, W) uint8: the size of the largest group that agrees; 1 where every answer stands alone, 0 without any.
+        (H, W) uint8: the size of the largest group that agrees; 1 where no two agree, 0 where no map has a disparity.
 
     Raises
     ------
@@ -244,7 +244,7 @@ def consensus(maps: Sequence[FloatMap]) -> npt.NDArray[np.uint8]:
     """
     sizes = {one.shape for one in maps}
     if len(sizes) != 1:
-        raise ValueError(f"maps have the sizes {sorted(sizes)}; allowed are one or more maps of one size.")
+        raise ValueError(f"maps have the sizes {sorted(sizes)}; allowed are one or more maps of the same size.")
     ordered = np.sort(np.stack(maps), axis=0)  # NaN goes last
     agreeing: npt.NDArray[np.uint8] = np.isfinite(ordered[0]).astype(np.uint8)
     for size in range(2, len(maps) + 1):

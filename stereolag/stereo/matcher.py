@@ -1,4 +1,4 @@
-"""The face of every stereo matcher: immutable settings that describe themselves, one ``compute``, and its result."""
+"""The interface of every stereo matcher: immutable, self-describing settings, one ``compute``, and its result."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from stereolag.stereo.estimates import ANSWER, PIXEL_SECONDS, fitting_pair
 from stereolag.stereo.reasons import Reason
 
 FARTHEST_FIRST, LARGEST_COUNT = 512, 1024
-"""The first disparity of a search, either way, and the number of disparities that the settings of all methods allow."""
+"""Limits shared by all methods: the first disparity, in either direction, and the number of disparities."""
 
 NumDisparities = Annotated[
     int,
@@ -53,37 +53,37 @@ MinDisparity = Annotated[
 
 
 class PixelMatches(NamedTuple):
-    """What a matcher finds, each (H, W) in the frame of the left image."""
+    """Result of a matcher: (H, W) maps in the frame of the left image."""
 
     disparity: FloatMap
     """px; NaN = none."""
     reason: ReasonMap
     """:class:`~stereolag.stereo.reasons.Reason` of every pixel."""
     score: FloatMap | None = None
-    """Higher is surer; None where the method gives none."""
+    """Higher is more certain; None if the method has no score."""
     dy: FloatMap | None = None
-    """Vertical displacement, right minus left, px; None where the search runs along the row: then it is 0."""
+    """Vertical displacement, right minus left, px; None if the search runs along the row only, so that it is 0."""
 
 
 class StereoMatcher(Settings):
-    """Base of every stereo method: a subclass is its settings, its description and one :meth:`match`.
+    """Base class of every stereo method: a subclass defines its settings, its description and :meth:`match`.
 
-    A method is offered everywhere, on the page, in addresses, sweeps, settings files and tables, once
-    :data:`stereolag.stereo.methods.METHODS` lists it.
+    Listing a method in :data:`stereolag.stereo.methods.METHODS` makes it available everywhere: on the page and in
+    addresses, sweeps, settings files and tables.
     """
 
     title: ClassVar[str] = ""
-    """The heading on the page; the name of the class unless given."""
+    """Heading on the page; defaults to the class name."""
     short_name: ClassVar[str] = ""
-    """The name in an address; the name of the class in small letters unless given."""
+    """Name in an address; defaults to the class name in lower case."""
     first_shown: ClassVar[tuple[str, ...]] = ()
-    """The settings that most visitors want; all others are folded away below them. None given: all are shown."""
+    """Settings that most visitors want; all others are folded away below them. If empty, all are shown."""
     gives_reasons: ClassVar[bool] = True
-    """Whether the reasons of its maps say why a pixel is blank."""
+    """Whether the reasons in its maps say why a pixel is blank."""
 
     @classmethod
     def other_name(cls, name: str) -> str:
-        """Return the name under which a setting is known elsewhere, shown beside its title; "" without one."""
+        """Return the name a setting has elsewhere, shown beside its title, or "" if it has none."""
         return ""
 
     @classmethod
@@ -106,12 +106,12 @@ class StereoMatcher(Settings):
         Returns
         -------
         DisparityMap
-            Disparity and displacement in px, NaN where there is none, with a reason for every pixel.
+            Disparity and displacement in px, NaN where the pixel is blank, with a reason for every pixel.
 
         Raises
         ------
         ValueError
-            Images that differ in size or type, hold NaN, are smaller than the method needs, or need more memory than
+            Images that differ in size or type, contain NaN, are smaller than the method needs, or need more memory than
             one job may take (:meth:`estimate`).
         """
         for name, image in (("left", left), ("right", right)):
@@ -125,36 +125,36 @@ class StereoMatcher(Settings):
 
     @abstractmethod
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
-        """Match two checked images; called by :meth:`compute`, which checks and times."""
+        """Match two checked images; called by :meth:`compute`, which does the checking and timing."""
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
-        """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype.
+        """Return the memory and time of :meth:`compute` for images of a shape (rows, cols[, channels]) and dtype.
 
-        A method that holds more than its maps overrides this.
+        A method that needs memory beyond its maps overrides this.
         """
         pixels = shape[0] * shape[1]
         return Estimate(3 * ANSWER * pixels + OVERHEAD, 3 * PIXEL_SECONDS * pixels)
 
     def search_range(self) -> tuple[int, int] | None:
-        """Return the first disparity searched and how many, px; None of a search without ends."""
+        """Return the first disparity searched and the number of disparities, px; None for an unlimited search."""
         if not {"min_disparity", "num_disparities"} <= set(type(self).model_fields):
             return None
         values = dict(self)
         return values["min_disparity"], values["num_disparities"]
 
     def reach(self) -> tuple[int, int] | None:
-        """Return the first disparity that a map can hold and how many, px; other than the range where it wraps."""
+        """Return the first disparity a map can contain and how many, px; not the search range if that wraps."""
         return self.search_range()
 
     def with_search_range(self, min_disparity: int, num_disparities: int) -> Self:
-        """Return the matcher with another range, or as much of it as the method allows; itself if it has none.
+        """Return the matcher with another range, as far as the method allows it; itself if it has no range.
 
         Parameters
         ----------
         min_disparity
             The first disparity, px.
         num_disparities
-            How many; rounded up to the multiple that the method needs.
+            Number of disparities; rounded up to the multiple that the method needs.
         """
         if self.search_range() is None:
             return self
@@ -184,7 +184,7 @@ class StereoMatcher(Settings):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DisparityMap:
-    """A disparity map in the frame of the left image, with what is known about every pixel.
+    """Disparity map in the frame of the left image, with reason, score and displacement of every pixel.
 
     Attributes
     ----------
@@ -193,13 +193,13 @@ class DisparityMap:
     reason
         (H, W) uint8, a :class:`~stereolag.stereo.reasons.Reason` for every pixel.
     score
-        (H, W) float32 score of the match, higher is surer; NaN throughout where the method gives none.
+        (H, W) float32 score of the match, higher is more certain; all NaN if the method has none.
     dy, dx
         (H, W) float32 displacement, right minus left, px; NaN = no disparity.
     elapsed_s
-        Seconds of the computation alone.
+        Time of the computation alone, s.
     settings
-        The matcher that made it.
+        The matcher that made the map.
 
     Examples
     --------
@@ -236,7 +236,7 @@ class DisparityMap:
 
     @property
     def score(self) -> FloatMap:
-        """Return the scores; a method without any takes no memory for them."""
+        """Return the scores; all NaN, using no memory, if the method has none."""
         if self._score is None:
             return np.broadcast_to(np.float32(np.nan), self.disparity.shape)
         return self._score
@@ -255,7 +255,7 @@ class DisparityMap:
 
     @property
     def lag(self) -> FloatMap:
-        """Return the Euclidean lag ``hypot(dy, dx)``, px: what the depth maps of the report show."""
+        """Return the Euclidean lag ``hypot(dy, dx)``, px, as in the source report's depth maps."""
         return np.hypot(self.dy, self.dx)
 
     @property

@@ -15,15 +15,15 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 
 METHODS: list[type[StereoMatcher]] = [CorrelationMatcher, StereoBM, StereoSGBM, SemiGlobalMatcher]
-"""Every method, in the order in which the page offers them; an address means the first where it names none."""
+"""Every method, in the order the page offers them; an address that names none means the first."""
 
 PresetName = Literal["report", "fast", "accurate"]
 
 
 class Preset(NamedTuple):
-    """Settings that serve a purpose: the heading on the page, what they are good for, and what makes them.
+    """Matcher settings for one purpose: heading on the page, description, and factory.
 
-    `make` takes the first disparity and how many, px.
+    `make` takes the first disparity and the number of disparities, px.
     """
 
     title: str
@@ -34,7 +34,7 @@ class Preset(NamedTuple):
 PRESETS: dict[PresetName, Preset] = {
     "report": Preset(
         "The report’s",
-        "The source report’s own: windows of 20 px, each looked for within its own 20 px; far things are bright.",
+        "The source report’s method: windows of 20 px, each searched for within its own 20 px; far objects are bright.",
         lambda first, count: CorrelationMatcher(window_size=20, overlap=0.9, search=SearchArea.centred(20)),
     ),
     "fast": Preset(
@@ -52,7 +52,7 @@ PRESETS: dict[PresetName, Preset] = {
     ),
     "accurate": Preset(
         "Accurate",
-        "Correlation with census and gradient, weighed along eight paths; takes longer.",
+        "Correlation with census and gradient, optimised along eight paths; takes longer.",
         lambda first, count: SemiGlobalMatcher(
             num_disparities=count,
             min_disparity=first,
@@ -67,22 +67,22 @@ PRESETS: dict[PresetName, Preset] = {
 
 
 def preset(name: PresetName, num_disparities: int = 64, min_disparity: int = 0) -> StereoMatcher:
-    """Return a matcher whose settings serve a purpose.
+    """Return a matcher with the settings of a preset.
 
     Parameters
     ----------
     name
-        "report": the source report's depth maps (Figs. 3.3, 3.5, 4.2), windows of 20 px, overlap 0.9, search area
-        20 px: unpadded, it wraps around and reaches ±10 px, whatever the range. "fast": every pixel by the best ZNCC
-        of its window, checked, filled and smoothed, in a few hundredths of a second. "accurate": correlation joined
-        with census and gradient, semi-global optimisation, checked, filled and smoothed.
+        "report": as for the source report's depth maps (Figs. 3.3, 3.5, 4.2): windows of 20 px, overlap 0.9, search
+        area 20 px; unpadded, so it wraps around and reaches ±10 px whatever the range. "fast": the best ZNCC match of
+        every pixel's window, checked, filled and smoothed, in a few hundredths of a second. "accurate": correlation
+        combined with census and gradient, semi-global optimisation, checked, filled and smoothed.
     num_disparities, min_disparity
-        The range searched, px.
+        Range of disparities searched, px.
 
     Raises
     ------
     ValueError
-        Another name, or a range that is not allowed.
+        Unknown name, or a range that is not allowed.
 
     Examples
     --------

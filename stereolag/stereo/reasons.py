@@ -1,4 +1,4 @@
-"""Why a pixel has the disparity it has, or none."""
+"""Reasons why a pixel is blank, or how it got its disparity."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Reason(IntEnum):
-    """Why a pixel has the disparity it has, or none.
+    """Reason why a pixel is blank, or how it got its disparity.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Where a template lies in an image: every position scored by correlation, or a few found by exact pixels."""
+"""Template search in an image: every position scored by correlation, or a few found by exact pixels."""
 
 from stereolag.searches import TemplateMethod
 from stereolag.templates.estimates import estimate_search

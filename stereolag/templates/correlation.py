@@ -24,7 +24,7 @@ def pearson(products: Array64, energy: Array64, norm: float, tolerance: float) -
     norm
         Root of the summed squared deviations of the template.
     tolerance
-        A window of no more energy than this is flat.
+        A window with no more energy than this is flat.
     """
     varies = energy > tolerance
     scores = products / (norm * np.sqrt(np.where(varies, energy, 1.0)))
@@ -33,9 +33,9 @@ def pearson(products: Array64, energy: Array64, norm: float, tolerance: float) -
 
 @compiled
 def fill_pearson(scores: npt.NDArray[Any], products: Array64, energy: Array64, norm: float, tolerance: float) -> None:
-    """Write :func:`pearson` into `scores` (rows, cols); the other arrays may be larger, their excess is not read."""
+    """Write :func:`pearson` into `scores` (rows, cols); the other arrays may be larger; their excess is not read."""
     rows, cols = scores.shape
-    # A contiguous line of its own lets the compiler take several columns at once.
+    # A separate contiguous line lets the compiler vectorise over the columns.
     line = np.empty(cols, dtype=np.float32)
     for row in range(rows):
         for col in range(cols):
@@ -47,14 +47,14 @@ def fill_pearson(scores: npt.NDArray[Any], products: Array64, energy: Array64, n
 
 
 def running_box_energy_reference(planes: Array64, height: int, width: int) -> Array64:
-    """Return the squared deviations of each window from the mean of each channel, summed over all its channels.
+    """Return the squared deviations of each window from the mean of each channel, summed over all channels.
 
     Parameters
     ----------
     planes
         (channels, rows, cols).
     height, width
-        Of the window, px.
+        Size of the window, px.
 
     Returns
     -------
@@ -68,9 +68,9 @@ def running_box_energy_reference(planes: Array64, height: int, width: int) -> Ar
 
 @compiled
 def running_box_energy(planes: Array64, height: int, width: int) -> Array64:
-    """Return what :func:`running_box_energy_reference` does at a cost independent of the window.
+    """Return the result of :func:`running_box_energy_reference` at a cost independent of the window.
 
-    Sums run down the columns, then along the row. Those of integers below 2**26 are exact. Bring the mean of other
+    Sums run down the columns, then along the row. Sums of integers below 2**26 are exact. Shift the mean of other
     numbers near 0 first: a running sum adds and subtracts every value, with a rounding error relative to the largest.
     """
     channels, rows, cols = planes.shape
@@ -119,11 +119,11 @@ def score_at(
     image
         (rows, cols, channels).
     deviations
-        (channels, height, width), the template free of its mean, 0 where not opaque.
+        (channels, height, width), the template with its mean removed, 0 where not opaque.
     opaque
         (height, width), the pixels that are compared.
     row, col
-        Of the top-left pixel of the position.
+        Top-left pixel of the position.
     """
     height, width = opaque.shape
     pixels = image[row : row + height, col : col + width][opaque].astype(np.float64)
@@ -154,7 +154,7 @@ def scores_at(
         product = 0.0
         energy = 0.0
         for channel in range(channels):
-            # Relative to its first pixel a flat window is 0 exactly, and a large offset costs no digits.
+            # Relative to its first pixel, a flat window is exactly 0, and a large offset costs no precision.
             first = float(image[top, left, channel])
             total = 0.0
             for row in range(height):

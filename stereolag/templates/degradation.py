@@ -15,16 +15,16 @@ from stereolag.inputs import Image, grey_level
 from stereolag.settings import Settings
 
 LEAST_ROWS, LEAST_COLS = 480, 640
-"""The part of the image is no smaller than this, px, nor than twice the template, unless the image is."""
+"""The part is at least this large, px, and at least twice as large as the template, unless the image is smaller."""
 
 
 class Degradation(Settings):
-    """What is done to the image, in this order: resize and turn, contrast and brightness, cover, noise."""
+    """Changes made to the image, in this order: resize and turn, contrast and brightness, cover, noise."""
 
     contrast: float = Field(
         default=1.0,
         title="Contrast",
-        description="1 leaves it; at 0.1 all values lie close to their mean.",
+        description="1 leaves the image as it is; at 0.1 all values are close to their mean.",
         ge=0.1,
         le=1,
         json_schema_extra={"step": 0.05},
@@ -58,7 +58,7 @@ class Degradation(Settings):
     cover: float = Field(
         default=0.0,
         title="Cover",
-        description="Share of the template’s place that a grey box hides, from below.",
+        description="Share of the template’s area that a grey box hides, from the bottom up.",
         ge=0,
         le=1,
         json_schema_extra={"step": 0.05},
@@ -74,9 +74,9 @@ class DegradedPart:
     pixels
         (rows, cols) or (rows, cols, 3), of the image's dtype.
     top, left
-        Where its first pixel lay in the image, px, when nothing is turned or resized.
+        Position of its first pixel in the image, px, if nothing is turned or resized.
     row, col
-        Top-left pixel, within the part, of a window of the template's size about the template's centre.
+        Top-left pixel, within the part, of a window of the template's size centred on the template.
     """
 
     pixels: Image
@@ -89,7 +89,7 @@ class DegradedPart:
 def degraded_part(
     image: Image, place: tuple[int, int], shape: tuple[int, int], degradation: Degradation
 ) -> DegradedPart:
-    """Cut the part of an image around a template's place and degrade it; the template's centre stays where it is.
+    """Cut out the part of an image around a template's place and degrade it, leaving the template's centre in place.
 
     Parameters
     ----------
@@ -100,12 +100,12 @@ def degraded_part(
     shape
         (height, width) of the template, px.
     degradation
-        What is done, noise always the same. Nothing changes a pixel while all of it is at its defaults.
+        Changes to make; the noise is always the same. With all of them at their defaults, no pixel changes.
 
     Raises
     ------
     ValueError
-        A place at which the template does not lie within the image.
+        A place at which the template is not inside the image.
     """
     (row, col), (height, width) = place, shape
     if row < 0 or col < 0 or row + height > image.shape[0] or col + width > image.shape[1]:
@@ -133,7 +133,7 @@ def part_shape(image_shape: tuple[int, ...], shape: tuple[int, int]) -> tuple[in
 
 
 def _around(first: int, length: int, wanted: int, end: int) -> slice:
-    """Return `wanted` pixels with `length` ones from `first` on in the middle, moved or cut to lie within 0 … `end`."""
+    """Return `wanted` pixels centred on the `length` pixels from `first` on, moved or cut to stay within 0 … `end`."""
     start = min(max(0, first + length // 2 - wanted // 2), end - wanted)
     return slice(start, start + wanted)
 
@@ -141,12 +141,12 @@ def _around(first: int, length: int, wanted: int, end: int) -> slice:
 def _warped(
     image: Image, rows: slice, cols: slice, centre: tuple[float, float], degradation: Degradation
 ) -> npt.NDArray[Any]:
-    """Return the part in `rows` and `cols` turned and resized about `centre` (row, col), the rim mirrored."""
+    """Return the part in `rows` and `cols` turned and resized about `centre` (row, col), its rim mirrored."""
     reach = math.hypot(rows.stop - rows.start, cols.stop - cols.start) / degradation.resize
-    # Only what can be seen is handed on: OpenCV refuses to warp images of more than 32767 pixels a side.
+    # Only the visible area is passed on: OpenCV refuses to warp images of more than 32767 pixels a side.
     top, left = (max(0, math.floor(middle - reach)) for middle in centre)
     source = np.ascontiguousarray(image[top : math.ceil(centre[0] + reach), left : math.ceil(centre[1] + reach)])
-    # From a pixel (x, y) of the part to the place in the source that it shows; y points down.
+    # Maps a pixel (x, y) of the part to the place in the source that it shows; y points down.
     turn = math.radians(degradation.turn)
     cosine, sine = math.cos(turn) / degradation.resize, math.sin(turn) / degradation.resize
     linear = np.array([[cosine, -sine], [sine, cosine]])
@@ -162,9 +162,9 @@ def _warped(
 def _altered(
     part: npt.NDArray[Any], inside: tuple[int, int], shape: tuple[int, int], level: float, degradation: Degradation
 ) -> Image:
-    """Return a part with another contrast and brightness, covered, and with noise, in its own dtype.
+    """Return a part with its contrast and brightness changed, covered, and with noise, in its own dtype.
 
-    `level` is one grey level of 255 in its units.
+    `level` is one grey level of 255 in the part's units.
     """
     values = part.astype(np.float64)
     mean = float(values.mean())

@@ -1,4 +1,4 @@
-"""The memory and time that a template search needs, from the arrays that each method allocates."""
+"""Memory and time that a template search needs, from the arrays that each method allocates."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from stereolag.templates.score_maps import tiling
 Shape = tuple[int, ...]
 
 DOUBLE, SCORE = 8, 4
-"""Bytes of a number the search reckons with, and of a score."""
+"""Bytes of a number in the computation, and of a score."""
 
 FFT_SECONDS = 1.2e-9
-"""Seconds per point of a tile and doubling of their number, one thread: one transform and the sums beside it."""
+"""Seconds per point of a tile and doubling of their number, on one thread, for one transform and the sums with it."""
 
 PRODUCT_SECONDS = 2.8e-10
 """Seconds per product of a pixel of the image and one of the template."""
@@ -29,10 +29,10 @@ PIXEL_SECONDS = 4e-9
 """Seconds per pixel compared with a rare value."""
 
 PEAK = 40
-"""Bytes that the search for the peaks of a map takes for each of its scores, at the most."""
+"""Most bytes per score that the search for the peaks of a map takes."""
 
 REFINING_SECONDS = 0.8
-"""Seconds in which the best places are refined in size and angle."""
+"""Seconds for refining the best places in size and angle."""
 
 FEWEST_MEGAPIXELS = 0.01
 """Smaller images are not worth suggesting."""
@@ -50,25 +50,25 @@ def estimate_search(
 ) -> Estimate:
     """Return the memory and time that :func:`stereolag.templates.match_template` needs.
 
-    All methods hold the template's deviations from its mean, in float64, and twice as much while they are made.
-    Beside them, at the most,
+    All methods keep the template's deviations from its mean, in float64, and twice as much while these are computed.
+    In addition, at most,
 
-    * "fft" holds the map of scores, the spectrum of every channel of the template, and for every thread that works
-      on a tile the tile's channels, the spectra of one of them and of the sum, and the energy of its windows;
-    * "direct" holds the image in float64, its squares, and for every position the products and sums of each
-      channel; it takes as long as there are positions times pixels of the template;
-    * "sampled" holds three marks for each position. Where no value of the template is rare in the image it needs
+    * "fft" allocates the score map, the spectrum of every channel of the template, and for every thread that works on
+      a tile the tile's channels, the spectra of one of them and of the sum, and the energy of its windows;
+    * "direct" allocates the image in float64, its squares, and for every position the products and sums of each
+      channel; its time is proportional to the number of positions times the template's pixels;
+    * "sampled" allocates three marks for each position. If no value of the template is rare in the image it needs
       more: such a search is refused once the positions with the value are counted.
 
-    Over sizes and angles, "fft" holds the maps of a reduced image, one for every thread, and then a colour image of
-    half the size and the templates that are refined in it.
+    Over sizes and angles, "fft" allocates the maps of a reduced image, one for every thread, and then a colour image of
+    half the size and the templates refined in it.
 
     Parameters
     ----------
     image_shape, template_shape
         (rows, cols) or (rows, cols, channels), the template no larger than the image.
     dtype
-        Of the image.
+        Dtype of the image.
     method
         As for :func:`~stereolag.templates.match_template`.
     masked
@@ -83,7 +83,7 @@ def estimate_search(
     places = (rows - height + 1) * (cols - width + 1)
     pixel_type = np.dtype(dtype)
     kept = 0
-    if not both_coloured and len(image_shape) == 3:  # its luminance, and its colours in one piece where it has alpha
+    if not both_coloured and len(image_shape) == 3:  # its luminance, and with alpha a contiguous copy of its colours
         kept += pixels * pixel_type.itemsize * (4 if image_shape[2] == 4 else 1)
     deviations = DOUBLE * channels * size
     making = kept + 3 * deviations + channels * pixel_type.itemsize * size
@@ -111,19 +111,19 @@ def estimate_search(
 def _with_poses(
     image_shape: Shape, template_shape: Shape, channels: int, dtype: np.dtype[np.generic], made: int, poses: PoseRange
 ) -> Estimate:
-    """Return what a search over sizes and angles takes: the coarse maps at once, then warped templates.
+    """Return the estimate for a search over sizes and angles: the coarse maps at once, then the warped templates.
 
     Parameters
     ----------
     made
-        Bytes of what is made of image and template before.
+        Bytes of everything prepared from image and template before.
     """
     (rows, cols), factor, grid = image_shape[:2], poses.coarse_factor(template_shape), poses.grid()
     largest = max(scale for scale, _ in grid)
     sides = [math.ceil(side * largest / factor) for side in template_shape[:2]]
     little = max(rows / factor, sides[0]), max(cols / factor, sides[1])
     search = _Tiles.of((math.ceil(little[0]), math.ceil(little[1])), tuple(sides), 1, np.dtype(np.float32), masked=True)
-    # Of each map: its scores, their copies in the search for peaks, and these.
+    # For each map, its scores and their copies in the search for peaks come on top.
     pixels = math.ceil(little[0]) * math.ceil(little[1])
     threads = max(1, cv2.getNumThreads())
     each = search.shared + search.at_once * search.memory + (SCORE + PEAK) * pixels
@@ -137,18 +137,18 @@ def _with_poses(
 
 
 class _Tiles:
-    """How the image is cut into tiles for the FFT, and the memory that they need.
+    """The tiles into which the image is cut for the FFT, and the memory that they need.
 
     Attributes
     ----------
     points
-        Of the transform of a tile.
+        Points in the transform of a tile.
     at_once
-        Tiles that are worked on at one time.
+        Tiles processed at one time.
     shared, memory
         Bytes of the template's spectra, and of the work on one tile.
     transforms
-        In all, forth and back.
+        Number of transforms, forward and inverse.
     """
 
     def __init__(self, points: int, at_once: int, shared: int, memory: int, transforms: int) -> None:
@@ -167,7 +167,7 @@ class _Tiles:
         planes = DOUBLE * channels * (down + height - 1) * (across + width - 1)
         of_place = DOUBLE * down * across
         deviations = DOUBLE * channels * height * width
-        # One channel's spectrum beside the sum; then the sum, the energy, and the norm and flatness of each window.
+        # One channel's spectrum and the sum; then the sum, the energy, and the norm and flatness of each window.
         squares = planes if dtype.kind == "f" else 0
         memory = planes + max(min(channels, 2) * spectrum, spectrum + of_place + max(deviations, squares))
         if masked:
@@ -186,9 +186,9 @@ def has_alpha(shape: Shape) -> bool:
 def fitting_image(
     estimate: Callable[[Shape, Shape], Estimate], image_shape: Shape, template_shape: Shape, allowed: int
 ) -> str:
-    """Return a sentence that names the size of an image, or else of a template, that would fit into the bytes allowed.
+    """Return a sentence with the size of an image, or else of a template, that would fit into `allowed` bytes.
 
-    Both keep their shape: the image shrinks down to the template, then the template with it.
+    Both keep their aspect ratio: the image shrinks down to the template; if that is not enough, the template shrinks.
 
     Parameters
     ----------

@@ -19,19 +19,19 @@ from stereolag.templates.patterns import Pattern
 Indices = npt.NDArray[np.intp]
 
 ATTEMPTS = 8
-"""Anchors tried, each of another colour, before the template is given up: some may be covered in the image."""
+"""Anchors tried, each of another colour, before giving up: some may be covered in the image."""
 
 SAMPLE = 20_000
-"""Pixels of the image from which the rarity of a colour is judged."""
+"""Pixels of the image used to judge the rarity of a colour."""
 
 GRID_REACH = 1
-"""The grid of positions scored around a hit reaches this far to every side, px."""
+"""The grid of positions scored around a hit extends this far to every side, px."""
 
 HIT_BYTES = 64
-"""Bytes of the indices and pixels of one position with the anchor's value."""
+"""Bytes per position with the anchor's value, for its indices and pixels."""
 
 BATCH = 10_000_000
-"""Pixel values compared between two calls of the progress."""
+"""Pixel values compared between two progress calls."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,11 @@ class ExactPlacements:
     Parameters
     ----------
     rows, cols
-        Of their top-left pixels, in reading order.
+        Top-left pixels, in reading order.
     scores
         -1..1, NaN where flat.
     candidates
-        How many positions were scored on the way, those of failed anchors included.
+        Number of positions scored on the way, including those of failed anchors.
     """
 
     rows: Indices
@@ -56,14 +56,14 @@ class ExactPlacements:
 
 @dataclass(frozen=True)
 class AnchorStages:
-    """What is left of the positions, stage by stage, once an anchor is chosen; each as rows and columns.
+    """The positions left at each stage once an anchor is chosen, as rows and columns.
 
     Parameters
     ----------
     run
         First and last column of the opaque run along the anchor's row.
     coloured
-        Positions at which the image holds the anchor's exact value.
+        Positions at which the image has the anchor's exact value.
     agreeing
         Those at which both ends of the run agree too.
     scored
@@ -79,9 +79,9 @@ class AnchorStages:
 def exact_positions(
     image: Image, pattern: Pattern, min_score: float, seed: int | None, progress: Progress
 ) -> ExactPlacements:
-    """Score the positions at which three exact pixels of the template lie in the image (Appendix B of the report).
+    """Score the positions at which the image has three exact pixels of the template (Appendix B of the source report).
 
-    The anchor is an opaque pixel of a colour that is rare in the image. Where the image holds its value, and
+    The anchor is an opaque pixel of a colour that is rare in the image. Where the image has its value, and
     the two end pixels of the anchor's opaque run along the row agree too, a small grid of positions is scored.
     If none reaches `min_score`, the next rarest colour becomes the anchor; if none ever does, the positions are
     those of the anchor that came closest.
@@ -95,7 +95,7 @@ def exact_positions(
     min_score
         The score that ends the search for an anchor.
     seed
-        Of the sample of the image by which rarity is judged, and of the order of equally rare colours.
+        Seed of the image sample used to judge rarity, and of the order of equally rare colours.
     progress
         Called with the fraction done, as if all anchors were needed; 1 at the end.
     """
@@ -124,14 +124,14 @@ def exact_positions(
 
 
 def rare_pixels(image: Image, pattern: Pattern, seed: int | None, most: int = ATTEMPTS) -> list[tuple[int, int]]:
-    """Return (row, col) of opaque template pixels of different colour, the rarest in a sample of the image first.
+    """Return (row, col) of opaque template pixels of different colours, the rarest in a sample of the image first.
 
     Parameters
     ----------
     image, pattern, seed
-        As :func:`exact_positions` takes them.
+        As for :func:`exact_positions`.
     most
-        How many at the most.
+        Largest number of pixels.
     """
     random = np.random.default_rng(seed)
     rows, cols = np.nonzero(pattern.opaque)
@@ -153,7 +153,7 @@ def _codes(pixels: Image) -> npt.NDArray[np.float64]:
 
 
 def anchor_stages(image: Image, pattern: Pattern, row: int, col: int) -> AnchorStages:
-    """Return the positions that the template's pixel (row, col), as the anchor, leaves to be scored, and how.
+    """Return the positions left at each stage with the template's pixel (row, col) as the anchor.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def anchor_stages(image: Image, pattern: Pattern, row: int, col: int) -> AnchorS
     Raises
     ------
     ValueError
-        The value is so common that its positions would need more memory than one job may take.
+        A value so common that its positions would need more memory than one job may take.
     """
     gaps = np.flatnonzero(~pattern.opaque[row])
     run_start = int(gaps[gaps < col].max(initial=-1)) + 1
@@ -186,7 +186,7 @@ def anchor_stages(image: Image, pattern: Pattern, row: int, col: int) -> AnchorS
 
 
 def _grid(rows: Indices, cols: Indices, places: tuple[int, int]) -> tuple[Indices, Indices]:
-    """Return the positions, of `places` down and across, within the grid's reach of any of these, each once."""
+    """Return each position within the grid's reach of any of these once; there are `places` down and across."""
     near = np.zeros(places, dtype=np.uint8)
     near[rows, cols] = 1
     side = 2 * GRID_REACH + 1
@@ -194,7 +194,7 @@ def _grid(rows: Indices, cols: Indices, places: tuple[int, int]) -> tuple[Indice
 
 
 def _nonzero(marks: npt.NDArray[Any]) -> tuple[Indices, Indices]:
-    """Return the same as :func:`numpy.nonzero` for a plane of uint8, several times faster."""
+    """Return the result of :func:`numpy.nonzero` for a uint8 plane, several times faster."""
     found = cv2.findNonZero(marks)
     cols, rows = np.empty((2, 0), dtype=np.intp) if found is None else found.reshape(-1, 2).T.astype(np.intp)
     return rows, cols

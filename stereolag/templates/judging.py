@@ -1,4 +1,4 @@
-"""From scored positions to an answer: the matches, the rivals, and whether the matches can be relied on."""
+"""From scored positions to an answer: the matches, the rivals, and whether the matches are reliable."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class Places:
     Parameters
     ----------
     rows, cols, scores
-        Of each position; no score is NaN.
+        One for each position; no score is NaN.
     shape
-        Height and width of the template, px; of a template that is resized or turned, arrays.
+        Height and width of the template, px; arrays if the template is resized or rotated.
     poses
-        Scale and rotation at each position, None where there is none.
+        Scale and rotation at each position, None if the template is searched only as given.
     """
 
     rows: Indices
@@ -66,9 +66,9 @@ def judged(
     max_matches, min_score
         As for :func:`~stereolag.templates.match_template`.
     score_map, candidates
-        Of the result, whose `elapsed_s` is left at 0.
+        Passed on to the result, whose `elapsed_s` is left at 0.
     matchable
-        How many of the places, the first, may be matches; all of them unless given.
+        Number of places, from the first on, that may be matches; all of them by default.
     """
     rows, cols, scores, shape = places.rows, places.cols, places.scores, places.shape
     enough = np.flatnonzero(scores[:matchable] >= min_score)

@@ -1,4 +1,4 @@
-"""The same search by OpenCV: ``matchTemplate`` with TM_CCOEFF_NORMED, under a mask where the template has one."""
+"""The same search by OpenCV: ``matchTemplate`` with TM_CCOEFF_NORMED, masked if the template has a mask."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from stereolag.inputs import Image, as_image
 from stereolag.templates.patterns import alike, opaque_pixels, pattern_of
 
 FLOAT = 4
-"""Bytes of the numbers that OpenCV reckons with."""
+"""Bytes of the numbers that OpenCV computes with."""
 
 COPIES = 9
-"""Images of floats that OpenCV holds at one time, measured under a mask: the image, its squares, products."""
+"""Float images that OpenCV allocates at one time, measured under a mask: the image, its squares, products."""
 
 PIXEL_SECONDS, MASKED_PIXEL_SECONDS = 1e-7, 4e-7
 """Seconds per pixel of the image, all channels."""
@@ -30,13 +30,13 @@ class OpenCVSearch:
     Attributes
     ----------
     row, col
-        Top-left pixel of the place of the highest score that is a number; -1 where none is.
+        Top-left pixel of the place with the highest defined score; -1 if there is none.
     score
-        That score, NaN where none is a number.
+        That score, NaN if there is none.
     undefined
-        Places whose score is NaN or infinite. One NaN is enough for ``cv2.minMaxLoc`` to name no place.
+        Number of places whose score is NaN or infinite. A single NaN makes ``cv2.minMaxLoc`` return no place.
     score_map
-        (rows - height + 1, cols - width + 1) float32, as OpenCV gives it.
+        (rows - height + 1, cols - width + 1) float32, as returned by OpenCV.
     elapsed_s
         Seconds ``matchTemplate`` took.
     """
@@ -58,25 +58,25 @@ def estimate_opencv(image_shape: tuple[int, ...], masked: bool) -> Estimate:
 
 
 def is_masked(template: Image, mask: Image | None) -> bool:
-    """Return whether some pixels of a template do not count."""
+    """Return whether some pixels of a template are excluded."""
     return not bool(opaque_pixels(template, mask).all())
 
 
 def opencv_search(image: npt.ArrayLike, template: npt.ArrayLike, *, mask: npt.ArrayLike | None = None) -> OpenCVSearch:
-    """Find a template with OpenCV's ``matchTemplate`` (TM_CCOEFF_NORMED), given what `match_template` compares.
+    """Find a template with OpenCV's ``matchTemplate`` (TM_CCOEFF_NORMED), from the same input as `match_template`.
 
-    Images of 16 bits and of doubles become float32: OpenCV takes nothing else.
+    Images of 16 bits or doubles are converted to float32, as OpenCV accepts nothing else.
 
     Parameters
     ----------
     image, template, mask
-        As :func:`stereolag.templates.match_template` takes them.
+        As for :func:`stereolag.templates.match_template`.
 
     Raises
     ------
     ValueError
-        What ``match_template`` refuses: no images, a template larger than the image, a mask of another size or
-        without a marked pixel, a constant template; more memory needed than one job may take.
+        Anything ``match_template`` refuses: arrays that are not images, a template larger than the image, a mask of
+        another size or without a marked pixel, a constant template; more memory needed than one job may take.
     """
     large, small = as_image(image, "image"), as_image(template, "template")
     if small.shape[0] > large.shape[0] or small.shape[1] > large.shape[1]:
@@ -87,7 +87,7 @@ def opencv_search(image: npt.ArrayLike, template: npt.ArrayLike, *, mask: npt.Ar
     opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
     check_memory(estimate_opencv(large.shape, not opaque.all()), "A smaller image would fit.")
     searched, colours = alike(large, small)
-    pattern_of(colours, opaque)  # refuses what has no correlation
+    pattern_of(colours, opaque)  # raises if no correlation is defined
     kind = np.dtype(np.uint8 if searched.dtype == colours.dtype == np.uint8 else np.float32)
     marks: Image | None = None if opaque.all() else opaque.astype(kind)
     given: Image = np.ascontiguousarray(searched, dtype=kind)

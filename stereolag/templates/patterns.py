@@ -1,4 +1,4 @@
-"""A template prepared for the search: its opaque pixels, mean-free."""
+"""A template prepared for the search: its opaque pixels with their mean removed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stereolag.inputs import Image, as_grey
 
 @dataclass(frozen=True)
 class Pattern:
-    """A template ready to be compared.
+    """A template ready for comparison.
 
     Parameters
     ----------
@@ -37,22 +37,22 @@ class Pattern:
 
     @cached_property
     def count(self) -> int:
-        """Opaque pixels."""
+        """Number of opaque pixels."""
         return int(np.count_nonzero(self.opaque))
 
     @cached_property
     def norm(self) -> float:
-        """Root of the summed squares of the deviations."""
+        """Root of the sum of squared deviations."""
         return float(np.sqrt(np.square(self.deviations).sum()))
 
 
 def pattern_of(colours: Image, opaque: Mask) -> Pattern:
-    """Return the pattern of a template's (height, width, channels) colours and the mask of its opaque pixels.
+    """Return the pattern of a template from its (height, width, channels) colours and its mask of opaque pixels.
 
     Raises
     ------
     ValueError
-        No opaque pixel, or every channel constant over them: the correlation coefficient would be 0/0.
+        No opaque pixels, or every channel constant over them: the correlation coefficient would be 0/0.
     """
     if not opaque.any():
         raise ValueError("template has no opaque pixel under its mask; at least 2 of different value are needed.")
@@ -63,7 +63,7 @@ def pattern_of(colours: Image, opaque: Mask) -> Pattern:
             f"template is constant ({value} in all its {len(pixels)} opaque pixels); "
             "a correlation needs something that varies."
         )
-    # Relative to its first pixel a constant channel is 0 exactly, whatever the rounding of its mean.
+    # Relative to its first pixel, a constant channel is exactly 0, whatever the rounding of its mean.
     relative = pixels.astype(np.float64) - pixels[0].astype(np.float64)
     deviations = np.zeros((colours.shape[2], *opaque.shape))
     deviations[:, opaque] = (relative - relative.mean(axis=0)).T
@@ -71,10 +71,10 @@ def pattern_of(colours: Image, opaque: Mask) -> Pattern:
 
 
 def opaque_pixels(template: Image, mask: Image | None) -> Mask:
-    """Return which pixels of a checked template count: those its mask marks, else those its alpha leaves opaque.
+    """Return the pixels of a checked template that count: those its mask marks, else those its alpha leaves opaque.
 
-    A mask marks with any value above 0. Of an alpha channel only the highest value it holds counts as opaque,
-    because a half-transparent rim pixel shows the background through it.
+    Any mask value above 0 marks a pixel. In an alpha channel only the highest value present counts as opaque, because
+    the background shows through a half-transparent rim pixel.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def opaque_pixels(template: Image, mask: Image | None) -> Mask:
 
 
 def alike(image: Image, template: Image) -> tuple[Image, Image]:
-    """Return both as (rows, cols, channels) without alpha; where one of them is grey, the other's luminance."""
+    """Return both as (rows, cols, channels) without alpha; if one of them is grey, the luminance of the other."""
     if image.ndim == 2 or template.ndim == 2:
         return as_grey(image)[:, :, np.newaxis], as_grey(template)[:, :, np.newaxis]
     return image[:, :, :3], template[:, :, :3]

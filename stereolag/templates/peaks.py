@@ -1,4 +1,4 @@
-"""The places of a score map: its local maxima, and the best of them that lie apart."""
+"""Local maxima of a score map, and the best of them that do not overlap."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Indices = npt.NDArray[np.intp]
 Scores = npt.NDArray[np.floating[Any]]
 
 ROWS_AT_ONCE = 256
-"""Rows of a score map searched for peaks at a time: the copies that this takes stay small."""
+"""Rows of a score map searched for peaks at a time, to keep the copies small."""
 
 NEIGHBOURS = np.ones((3, 3), dtype=np.uint8)
 
@@ -20,7 +20,7 @@ NEIGHBOURS = np.ones((3, 3), dtype=np.uint8)
 def peaks(score_map: npt.NDArray[np.float32], min_score: float) -> tuple[Indices, Indices]:
     """Return rows and columns of the local maxima of at least `min_score`: no neighbour scores higher.
 
-    The slopes of a peak are left out, so that they do not return as matches just outside its suppressed half.
+    The slopes of a peak are left out, so they do not come back as matches just outside its suppressed half.
     NaN is never a peak.
     """
     found = [
@@ -33,7 +33,7 @@ def peaks(score_map: npt.NDArray[np.float32], min_score: float) -> tuple[Indices
 def _peaks_of_rows(
     score_map: npt.NDArray[np.float32], first: int, end: int, min_score: float
 ) -> tuple[Indices, Indices]:
-    """Return the peaks of the rows from `first` to `end`; those next to them are looked at too."""
+    """Return the peaks of the rows from `first` to `end`, compared with the adjacent rows too."""
     start = max(0, first - 1)
     part = np.nan_to_num(score_map[start : end + 1], nan=-2.0)
     highest = (part >= cv2.dilate(part, NEIGHBOURS).reshape(part.shape)) & (part >= max(min_score, -1.0))
@@ -42,14 +42,14 @@ def _peaks_of_rows(
 
 
 Shape = tuple[int | Indices, int | Indices]
-"""Height and width of the rectangles at all positions, or of each."""
+"""Height and width of the rectangles: one for all positions, or one each."""
 
 
 def suppress(rows: Indices, cols: Indices, scores: Scores, shape: Shape, max_matches: int) -> list[int]:
-    """Return the indices of the positions kept, best first: each removes all that it overlaps by more than half.
+    """Return the indices of the positions kept, best first: each removes those it overlaps by more than half.
 
-    Positions are rectangles of `shape` with their top-left pixel at (row, col); half is of the smaller of two; of
-    equal scores the first listed wins.
+    Positions are rectangles of `shape` with their top-left pixel at (row, col). Half refers to the smaller of the two;
+    of equal scores the first listed wins.
     """
     boxes = _Boxes(rows, cols, shape)
     left = np.arange(len(rows))
@@ -62,9 +62,9 @@ def suppress(rows: Indices, cols: Indices, scores: Scores, shape: Shape, max_mat
 
 
 def next_elsewhere(rows: Indices, cols: Indices, scores: Scores, shape: Shape, kept: list[int]) -> list[float]:
-    """Return for each position kept the best score elsewhere than it and those before it, -1 where there is none.
+    """Return, for each position kept, the best score elsewhere than it and those before it, -1 if there is none.
 
-    A position on the flank of a peak shares most of its pixels: only what shares none is another place.
+    A position on the flank of a peak shares most of its pixels: only one that shares none is another place.
     """
     boxes = _Boxes(rows, cols, shape)
     left = np.arange(len(rows))
@@ -76,7 +76,7 @@ def next_elsewhere(rows: Indices, cols: Indices, scores: Scores, shape: Shape, k
 
 
 def elsewhere(rows: Indices, cols: Indices, scores: Scores, shape: Shape, kept: list[int], count: int) -> list[int]:
-    """Return the indices of the `count` best positions that share no pixel with those kept, nor with one another."""
+    """Return the indices of the `count` best positions that share no pixel with those kept or with one another."""
     boxes = _Boxes(rows, cols, shape)
     left = np.arange(len(rows))
     for one in kept:
@@ -90,14 +90,14 @@ def elsewhere(rows: Indices, cols: Indices, scores: Scores, shape: Shape, kept: 
 
 
 class _Boxes:
-    """The rectangles at positions."""
+    """Rectangles at the positions."""
 
     def __init__(self, rows: Indices, cols: Indices, shape: Shape) -> None:
         self._rows, self._cols = rows, cols
         self._heights, self._widths = (np.broadcast_to(side, rows.shape) for side in shape)
 
     def shared(self, some: Indices, one: int) -> Indices:
-        """Return how many pixels each of some rectangles shares with one."""
+        """Return the number of pixels that each of some rectangles shares with one."""
         down = np.minimum(self._rows[some] + self._heights[some], self._rows[one] + self._heights[one])
         right = np.minimum(self._cols[some] + self._widths[some], self._cols[one] + self._widths[one])
         down -= np.maximum(self._rows[some], self._rows[one])
@@ -105,5 +105,5 @@ class _Boxes:
         return np.asarray(np.maximum(down, 0) * np.maximum(right, 0))
 
     def areas(self, some: Indices | int) -> Indices:
-        """Return the pixels of rectangles."""
+        """Return the number of pixels in each rectangle."""
         return np.asarray(self._heights[some] * self._widths[some])

@@ -1,4 +1,4 @@
-"""Which sizes and angles of a template are searched."""
+"""Sizes and angles at which a template is searched."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ Range = tuple[float, float]
 
 SCALE_STEP = 1.1
 ROTATION_STEP = 10.0
-"""Of the coarse grid, a ratio and degrees: half of it moves the rim of a template of that size by about 2 px."""
+"""Steps of the coarse grid, a ratio and degrees: half a step moves the rim of the reduced template by about 2 px."""
 
 COARSE_SIDE = 20
-"""Px of the smallest template's side, the root of its area, in the reduced image."""
+"""Side of the smallest template in the reduced image, the root of its area, px."""
 
 SCALES_ALLOWED = 0.1, 10.0
 ROTATIONS_ALLOWED = -180.0, 180.0
@@ -22,19 +22,19 @@ ROTATIONS_ALLOWED = -180.0, 180.0
 
 @dataclass(frozen=True)
 class PoseRange:
-    """Sizes and angles.
+    """A range of sizes and angles.
 
     Parameters
     ----------
     scales, rotations
-        Least and largest, as for :func:`~stereolag.templates.match_template`.
+        Smallest and largest, as for :func:`~stereolag.templates.match_template`.
     """
 
     scales: Range
     rotations: Range
 
     def grid(self) -> list[tuple[float, float]]:
-        """Return the scales and rotations that the coarse search tries, both ends among them."""
+        """Return the scales and rotations of the coarse search, both ends included."""
         sizes = math.ceil(math.log(self.scales[1] / self.scales[0]) / math.log(SCALE_STEP) - 1e-9) + 1
         angles = math.ceil((self.rotations[1] - self.rotations[0]) / ROTATION_STEP - 1e-9) + 1
         return [
@@ -44,23 +44,23 @@ class PoseRange:
         ]
 
     def within(self, scale: float, rotation: float) -> tuple[float, float]:
-        """Return the nearest scale and rotation that are searched."""
+        """Return the nearest scale and rotation within the ranges."""
         (least, most), (first, last) = self.scales, self.rotations
         return min(max(scale, least), most), min(max(rotation, first), last)
 
     def coarse_factor(self, shape: tuple[int, ...]) -> float:
-        """Return by how much the image is made smaller for the coarse search for a template of that shape."""
+        """Return the factor by which the image is reduced in the coarse search for a template of that shape."""
         sides = shape[:2]
         return max(1.0, self.scales[0] * min(math.sqrt(sides[0] * sides[1]) / COARSE_SIDE, min(sides) / 5))
 
 
 def checked_poses(method: str, scales: Range | None, rotations: Range | None) -> PoseRange | None:
-    """Return the sizes and angles to search, None where only the template's own is.
+    """Return the sizes and angles to search, None if only the template's own are.
 
     Raises
     ------
     ValueError
-        Not two numbers in order, out of bounds, or another method than "fft".
+        Not two numbers in order, out of bounds, or a method other than "fft".
     """
     if scales is None and rotations is None:
         return None
@@ -76,11 +76,11 @@ def _checked_range(given: Range | None, name: str, allowed: Range, alone: float)
     if given is None:
         return alone, alone
     if np.shape(given) != (2,):
-        raise ValueError(f"{name} is {given!r}; allowed are a least and a largest number.")
+        raise ValueError(f"{name} is {given!r}; allowed are a smallest and a largest number.")
     low, high = (float(end) for end in given)
     if not allowed[0] <= low <= high <= allowed[1]:
         raise ValueError(
-            f"{name} is ({low:g}, {high:g}); allowed are a least and a largest number from {allowed[0]:g} to "
+            f"{name} is ({low:g}, {high:g}); allowed are a smallest and a largest number from {allowed[0]:g} to "
             f"{allowed[1]:g}."
         )
     return low, high

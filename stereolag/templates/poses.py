@@ -1,7 +1,7 @@
-"""A template that may be smaller or larger in the image, and turned: found coarse to fine.
+"""Search for a template that may be resized and rotated in the image, from coarse to fine.
 
-On a reduced grey image every size and angle of a grid is searched at every place; the best places are then refined in
-colour, with ever smaller steps of size and angle, on ever larger images.
+Every size and angle of a grid is searched at every place of a reduced grey image; the best places are then refined in
+colour, in ever smaller steps of size and angle, on ever larger images.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from stereolag.templates.score_maps import fft_score_map, finished
 from stereolag.templates.warping import grey_pattern, reduced, warped, warped_shape
 
 FINE_SIDE = 160
-"""Px of a template's side beyond which refinement is on a reduced image too."""
+"""Template side above which refinement is on a reduced image too, px."""
 
 PER_POSE, REFINED, FINAL = 10, 30, 10
-"""Places kept of each size and angle, refined once, and refined to the end."""
+"""Places kept per size and angle, refined once, and refined to the end."""
 
 COARSE_SHARE = 0.6
-"""Of the time, roughly."""
+"""Rough share of the time that the coarse search takes."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a template lies, how large and how turned.
+    """Position, size and angle of a template.
 
     Parameters
     ----------
     row, col
-        Of its centre in the full image, px from the top-left corner of the top-left pixel.
+        Centre in the full image, px from the top-left corner of the top-left pixel.
     scale, rotation
-        As of :class:`~stereolag.templates.TemplateMatch`.
+        As in :class:`~stereolag.templates.TemplateMatch`.
     score
         Correlation there.
     """
@@ -56,7 +56,7 @@ class Pose:
 
 
 def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Progress) -> tuple[Places, int]:
-    """Return the best places of a template in any size and angle of the ranges, and how many positions were scored.
+    """Return the best places of a template at any size and angle in the ranges, and the number of positions scored.
 
     Parameters
     ----------
@@ -97,9 +97,9 @@ def posed_places(image: Image, pattern: Pattern, poses: PoseRange, progress: Pro
 def _coarse(
     image: Image, pattern: Pattern, factor: float, poses: PoseRange, progress: Progress
 ) -> tuple[list[Pose], int]:
-    """Return the best places over all sizes and angles, best first, and how many positions were scored."""
+    """Return the best places over all sizes and angles, best first, and the number of positions scored."""
     grey = grey_pattern(pattern)
-    plain = grey is None  # a template of one luminance is told by its colours
+    plain = grey is None  # a template of one luminance can only be found by its colours
     flat = image if plain or image.shape[2] == 1 else as_grey(image)[:, :, np.newaxis]
     little = reduced(flat, factor)
     scaled = image.shape[0] / little.shape[0], image.shape[1] / little.shape[1]
@@ -135,7 +135,7 @@ def _coarse(
 
 
 class _Level:
-    """The image at one size, in which poses are refined."""
+    """The image at one resolution, in which poses are refined."""
 
     def __init__(self, image: Image, full: tuple[int, ...], pattern: Pattern, poses: PoseRange) -> None:
         self._image = image
@@ -145,21 +145,21 @@ class _Level:
 
     @staticmethod
     def scored(poses: int, rounds: int) -> int:
-        """Return about how many positions that many poses and rounds of refinement scored."""
+        """Return about how many positions this many poses and rounds of refinement scored."""
         return poses * rounds * 9 * 25
 
     def refined(self, pose: Pose, log_scale: float, rotation: float, reach: int) -> Pose:
-        """Return the best of the poses that are one step of size or angle away or none, within `reach` px."""
+        """Return the best of the poses at most one step of size and angle away, within `reach` px."""
         return max(
             (self._near(pose, *around, reach) for around in self._around(pose, log_scale, rotation)),
             key=lambda one: one.score,
         )
 
     def finished(self, pose: Pose, log_scale: float, rotation: float) -> Pose:
-        """Return a pose refined with smaller and smaller steps."""
+        """Return a pose refined in ever smaller steps."""
         for divisor, reach in ((2, 2), (4, 1), (8, 1)):
             pose = self.refined(pose, log_scale / divisor, rotation / divisor, reach)
-        # Between the steps of the grid its own size and angle, the likeliest of all, would never be hit.
+        # The steps of the grid would never hit the template's own size and angle, the likeliest of all.
         upright = self._near(pose, *self._poses.within(1.0, 0.0), 1)
         return max(pose, upright, key=lambda one: one.score)
 
@@ -169,7 +169,7 @@ class _Level:
                 yield self._poses.within(pose.scale * math.exp(down * log_scale), pose.rotation + across * rotation)
 
     def _near(self, pose: Pose, scale: float, rotation: float, reach: int) -> Pose:
-        """Return the best place of a size and angle around a pose; -1 is the score where it does not fit."""
+        """Return the best place of a size and angle around a pose; its score is -1 where the template does not fit."""
         tall, wide = self._scaled
         pattern = warped(self._pattern, scale / math.sqrt(tall * wide), rotation)
         nowhere = replace(pose, scale=scale, rotation=rotation, score=-1.0)
@@ -194,7 +194,7 @@ class _Level:
 
 
 def _apart(poses: list[Pose], shape: tuple[int, int], share: float) -> list[Pose]:
-    """Return poses best first without those whose centre lies within that share of a better one's size."""
+    """Return poses, best first, without those whose centre is within that share of a better one's size."""
     kept: list[Pose] = []
     side = math.sqrt(shape[0] * shape[1])
     for pose in sorted(poses, key=lambda one: -one.score):
@@ -204,7 +204,7 @@ def _apart(poses: list[Pose], shape: tuple[int, int], share: float) -> list[Pose
 
 
 def _as_places(poses: list[Pose], full: tuple[int, ...], pattern: Pattern) -> Places:
-    """Return poses as positions of the upright boxes around them, those within the image that have a score."""
+    """Return poses as positions of the upright boxes around them: those in the image that have a score."""
     boxes = []
     for pose in poses:
         height, width = warped_shape(pattern.shape, pose.scale, pose.rotation)

@@ -15,15 +15,15 @@ from stereolag.templates.score_maps import fft_score_map
 from stereolag.templates.warping import grey_pattern, reduced, warped
 
 REDUCED_SIDE = 28
-"""Px of a template's side, the root of its area, in the reduced image: enough to tell it from most of the rest."""
+"""Side of a template in the reduced image, the root of its area, px: enough to tell it from most other places."""
 
 
 THINNED = 200
-"""Pixels of the template, at the least, by which a place is judged before all are compared."""
+"""Least number of template pixels used to judge a place before all are compared."""
 
 
 def reduction(shape: tuple[int, int]) -> float:
-    """Return by how much an image may be made smaller in the search for a template of that height and width."""
+    """Return the factor by which an image may be reduced in the search for a template of that height and width."""
     return max(1.0, min(math.sqrt(shape[0] * shape[1]) / REDUCED_SIDE, min(shape) / 6))
 
 
@@ -39,9 +39,9 @@ def likely_places(
     pattern
         The template.
     count
-        Of places.
+        Number of places.
     least
-        Of these, places that score less than this by some 200 of their pixels are left out; None: none is.
+        Places that score less than this on some 200 of their pixels are left out; None: none are.
     """
     nowhere = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp), np.empty(0)
     factor = reduction(pattern.shape)
@@ -77,7 +77,7 @@ def likely_places(
 
 
 def _grid_near(image: Image, pattern: Pattern, row: int, col: int, reach: int) -> tuple[Indices, Indices]:
-    """Return the rows and columns of all positions within `reach` px of one, or of the nearest in the image."""
+    """Return the rows and columns of all positions within `reach` px of one, or of the nearest one in the image."""
     last_row, last_col = image.shape[0] - pattern.shape[0], image.shape[1] - pattern.shape[1]
     row, col = min(max(row, 0), last_row), min(max(col, 0), last_col)
     near_rows = np.arange(max(0, row - reach), min(last_row, row + reach) + 1)
@@ -87,7 +87,7 @@ def _grid_near(image: Image, pattern: Pattern, row: int, col: int, reach: int) -
 
 
 def _thinned_scores(image: Image, pattern: Pattern, rows: Indices, cols: Indices) -> Scores:
-    """Return the score of each position by some of its pixels alone, spread over all that are opaque; 0 where flat."""
+    """Return the score of each position from some of its opaque pixels, spread over all of them; 0 where flat."""
     inner_rows, inner_cols = np.nonzero(pattern.opaque)
     some = slice(None, None, max(1, len(inner_rows) // THINNED))
     inner_rows, inner_cols = inner_rows[some], inner_cols[some]
@@ -100,7 +100,7 @@ def _thinned_scores(image: Image, pattern: Pattern, rows: Indices, cols: Indices
 
 
 def _best_of(image: Image, pattern: Pattern, rows: Indices, cols: Indices) -> tuple[int, int, float]:
-    """Return the best of these positions and its score, NaN where all are flat."""
+    """Return the best of these positions and its score, NaN if all are flat."""
     scores = scores_at(np.ascontiguousarray(image), pattern.deviations, pattern.opaque, rows, cols)
     if np.isnan(scores).all():
         return int(rows[0]), int(cols[0]), float("nan")

@@ -1,4 +1,4 @@
-"""What a template search returns."""
+"""The matches and the result of a template search."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ class TemplateMatch:
     Parameters
     ----------
     row, col
-        Of the top-left pixel, px; of a turned template, of the upright box around it.
+        Top-left pixel, px; for a rotated template, of the upright box around it.
     height, width
-        Of the template there, px; of a turned one, of that box.
+        Size of the template there, px; for a rotated template, of that box.
     score
         Pearson's correlation coefficient, -1..1: 1 for an exact copy, whatever its brightness and contrast.
     scale
         Size in the image over size of the template.
     rotation
-        By how much the template is turned in the image, degrees, positive counter-clockwise as seen.
+        Rotation of the template in the image, degrees, positive counter-clockwise as seen.
 
     Examples
     --------
@@ -55,30 +55,30 @@ class TemplateSearch:
     Parameters
     ----------
     matches
-        Places that score enough, best first, never overlapping by more than half of their area; empty where no score
-        is high enough. Only the first `clear` of them can be relied on.
+        Places that score high enough, best first, never overlapping by more than half of their area; empty if no score
+        is high enough. Only the first `clear` of them are reliable.
     score_map
         (rows - height + 1, cols - width + 1) float32: the score with the template's top-left pixel at each
-        (row, col), NaN where the window is flat. None for "sampled", and where sizes or angles were searched.
+        (row, col), NaN where the window is flat. None for "sampled", and if sizes or angles were searched.
     candidates
         Number of positions scored.
     elapsed_s
         Seconds the search took.
     best
-        The place that scores highest, enough or not; None where nothing could be scored.
+        The place with the highest score, high enough or not; None if nothing could be scored.
     rivals
-        The best places elsewhere than the clear matches (where none is clear, than the best place), best first; they
-        share no pixel with those, nor with one another.
+        The best places other than the clear matches (other than the best place if no match is clear), best first; they
+        share no pixel with those or with one another.
     clear
-        How many of the matches, best first, fit clearly better than every other place.
+        Number of matches, best first, that fit clearly better than every other place.
     reason
-        Of `found`: "clear"; "look_alikes", where others fit about as well; "low_score", where no place scores enough;
-        "other_colours" or "mirrored", where the best fits clearly better with the template's colour channels in
-        another order, or with its mirror image.
+        Reason for `found`: "clear"; "look_alikes" if others fit about as well; "low_score" if no place scores high
+        enough; "other_colours" or "mirrored" if the best place fits clearly better with the template's colour channels
+        in another order, or with its mirror image.
 
     Examples
     --------
-    A template that is there twice is found only where two are looked for:
+    A template that occurs twice is found only if two are wanted:
 
     >>> import numpy as np
     >>> import stereolag as sl
@@ -103,12 +103,12 @@ class TemplateSearch:
 
     @property
     def found(self) -> bool:
-        """Whether the template is in the image: at least one place scores enough and has a clear lead."""
+        """Whether the template is in the image: at least one place scores high enough and has a clear lead."""
         return self.clear > 0
 
     @property
     def look_alikes(self) -> list[TemplateMatch]:
-        """The best place and the rivals over which it has no clear lead, best first; empty for another reason."""
+        """The best place and the rivals without a clear gap to it, best first; empty for any other reason."""
         best = self.best
         if best is None or self.reason != "look_alikes":
             return []

@@ -1,9 +1,9 @@
-"""The correlation coefficient (ZNCC) of a template at every place of an image, fast by FFT and plainly by sliding.
+"""The correlation coefficient (ZNCC) of a template at every place of an image: fast by FFT, or plainly by sliding.
 
 Both compute, over the opaque pixels of the template T and the window I under them, channels c with their own means:
 ``sum_c (I_c - mean I_c)(T_c - mean T_c) / sqrt(sum_c (I_c - mean I_c)**2 * sum_c (T_c - mean T_c)**2)``.
-Taking the mean off the template alone already frees the products of the window's mean; the window's spread follows
-from its sums (Lewis, Fast Normalized Cross-Correlation, 1995), under a mask from correlations with the mask
+Removing the mean of the template alone already cancels the window's mean in the products; the window's spread follows
+from its sums (Lewis, Fast Normalized Cross-Correlation, 1995), or under a mask from correlations with the mask
 (Padfield, Masked Object Registration in the Fourier Domain, 2012).
 """
 
@@ -28,13 +28,13 @@ Planes = npt.NDArray[np.float64]
 ScoreMap = npt.NDArray[np.float32]
 
 LONGEST_FFT = 720
-"""Tiles are no longer than this, px, unless the template is: they fit the cache, and most of a tile is new to it."""
+"""Longest tile, px, unless the template is large: tiles fit the cache, and overlap little."""
 
 FFT_UNIT = 48
-"""OpenCV transforms doubles of 48 · 2**i · 3**j · 5**k points fastest; of 512 points it needs twice as long."""
+"""OpenCV transforms doubles fastest at 48 · 2**i · 3**j · 5**k points; 512 points take twice as long."""
 
 FLAT_INTEGERS = 0.25
-"""Of integers, the squared deviations of a window that varies at all sum to 0.5 or more."""
+"""For integers, the squared deviations of any window that varies sum to 0.5 or more."""
 
 FLAT_FLOATS = 1e-11
 """A window of floats is flat if its variance is below this share of the largest square: the rounding error of 0."""
@@ -78,8 +78,8 @@ def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> Scor
 def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
     """Return the score of every position by FFT, tile by tile (overlap-save), as :func:`direct_score_map` does.
 
-    All in float64: sums of 8-bit pixels are exact, and the residue of a flat window is far below any real variation.
-    The tiles run on as many threads as OpenCV uses; `progress` is called in the caller's own.
+    Everything is in float64: sums of 8-bit pixels are exact, and the residue of a flat window is far below any real
+    variation. The tiles run on as many threads as OpenCV uses; `progress` is called in the caller's own thread.
     """
     height, width = pattern.shape
     places = image.shape[0] - height + 1, image.shape[1] - width + 1
@@ -102,16 +102,16 @@ def fft_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMa
         for fraction in finished(jobs):
             progress(fraction)
     finally:
-        # A progress callback may raise to cancel the search: tiles that have not begun then never do.
+        # A progress callback may raise to cancel the search: tiles that have not started then never do.
         pool.shutdown(cancel_futures=True)
     return scores
 
 
 @dataclass(frozen=True)
 class _Spectra:
-    """Spectra, as :func:`cv2.dft` packs them, of the template's deviations and of its mask.
+    """Spectra of the template's deviations and of its mask, packed as by :func:`cv2.dft`.
 
-    The mask has none where it is the full rectangle: running sums are faster then.
+    A mask that is the full rectangle has none: running sums are faster then.
     """
 
     shape: tuple[int, int]
@@ -135,14 +135,14 @@ def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, spectra: _Spec
         squares = _spectrum(np.square(planes).sum(axis=0), spectra.shape)
         energy = exact(_positions(_times(squares, spectra.mask, out=squares), rows))
     total: Plane | None = None
-    # One channel after the other: the spectra take most of the memory.
+    # One channel after the other, because the spectra take most of the memory.
     for plane, template in zip(planes, spectra.deviations, strict=True):
         channel = _spectrum(plane, spectra.shape)
         if spectra.mask is not None:
             energy -= np.square(exact(_positions(_times(channel, spectra.mask), rows))) / pattern.count
         _times(channel, template, out=channel)
         total = channel if total is None else np.add(total, channel, out=total)
-        del channel  # or it would outlive the making of the next
+        del channel  # or it would still be there when the next is computed
     assert total is not None
     products = _positions(total, rows)
     if spectra.mask is None:
@@ -151,14 +151,14 @@ def _score_tile(scores: ScoreMap, block: Image, pattern: Pattern, spectra: _Spec
 
 
 def _spectrum(plane: Plane, shape: tuple[int, int]) -> Plane:
-    """Return the packed spectrum of a plane that zeros extend to `shape`."""
+    """Return the packed spectrum of a plane that is padded with zeros to `shape`."""
     padded = np.zeros(shape)
     padded[: plane.shape[0], : plane.shape[1]] = plane
     return np.asarray(cv2.dft(padded, dst=padded, nonzeroRows=plane.shape[0]))
 
 
 def _times(image: Plane, template: Plane, out: Plane | None = None) -> Plane:
-    """Return the packed spectrum of a circular correlation, given those of its operands; `out` may be one of them."""
+    """Return the packed spectrum of a circular correlation from those of its operands; `out` may be one of them."""
     return np.asarray(cv2.mulSpectrums(image, template, 0, c=out, conjB=True))
 
 
@@ -184,7 +184,7 @@ def _flatness(image: Image, planes: Planes, pattern: Pattern) -> float:
 
 
 def tiling(places: int, size: int) -> tuple[int, int]:
-    """Return, along one axis, how many positions a tile takes and the length of its FFT, for the least FFTs in all."""
+    """Return, along one axis, how many positions a tile takes and the length of its FFT, for the least work in all."""
     longest = max(LONGEST_FFT, 2 * _fft_length(size))
     fewest = -(-places // (longest - size + 1))
     choices = [(-(-places // tiles), tiles) for tiles in range(fewest, 2 * fewest + 1)]
@@ -197,7 +197,7 @@ def _fft_length(least: int) -> int:
 
 
 def finished(jobs: list[Future[Any]]) -> Iterator[float]:
-    """Yield the fraction of jobs done, at least ten times a second, until all are; raise what a job raised."""
+    """Yield the fraction of jobs done, at least ten times a second, until all are; raise any exception of a job."""
     pending = set(jobs)
     while pending:
         done, pending = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)

@@ -27,13 +27,13 @@ from stereolag.templates.score_maps import direct_score_map, fft_score_map
 from stereolag.templates.variants import as_given
 
 EXACT = 0.999
-"""What an exact copy scores at the least."""
+"""Least score of an exact copy."""
 
 LIKELY = 6
-"""Rivals looked for beside the exact pixels."""
+"""Number of rivals looked for in addition to the exact pixels."""
 
 NEAR_EXACT = 0.9
-"""What a rival of an exact copy scores at the least by some of its pixels: by all of them it needs 0.996."""
+"""Least score of an exact copy's rival on some of its pixels: on all of them it needs 0.996."""
 
 
 def match_template(
@@ -51,54 +51,54 @@ def match_template(
 ) -> TemplateSearch:
     """Find a template in an image by the zero-mean normalised cross-correlation (ZNCC).
 
-    Each channel loses its own mean over the compared pixels; products and squares are then summed over all channels
-    (Pearson's coefficient, as OpenCV's TM_CCOEFF_NORMED). Its sign counts: a negative of the template is no match.
-    Every position fully inside the image is searched.
+    The mean of each channel over the compared pixels is subtracted; products and squares are then summed over all
+    channels (Pearson's coefficient, as in OpenCV's TM_CCOEFF_NORMED). The sign counts: a negative of the template is
+    not a match. Every position fully inside the image is searched.
 
     Parameters
     ----------
     image
         (rows, cols) grey or (rows, cols, 3 | 4) RGB(A); uint8, uint16 or float. Its alpha is ignored.
     template
-        Likewise, no larger than the image. Only its most opaque pixels are compared. Where one of the two is grey,
-        the luminance of the other is compared.
+        Likewise, no larger than the image. Only its most opaque pixels are compared. If one of the two is grey, the
+        luminance of the other is compared.
     method
         "fft" scores every position, in a time that hardly depends on the size of the template.
-        "direct" gives the same by sliding the template along every row: minutes for a photograph.
-        "sampled" (Appendix B of the source report) scores only where the image holds the exact values of a rare
-        pixel of the template and of the two ends of its opaque run: the fastest, but blind where an image was
-        recompressed, rescaled or dimmed, where "fft" still finds the template, and slow in an image of so few
-        values that none is rare. What it finds is compared with the likeliest places of a smaller image, which takes
-        longer than finding it.
+        "direct" gives the same result by sliding the template along every row: minutes for a photograph.
+        "sampled" (Appendix B of the source report) scores only positions where the image has the exact values of a rare
+        pixel of the template and of the two ends of its opaque run. It is the fastest, but finds nothing in an image
+        that was recompressed, rescaled or dimmed, where "fft" still finds the template, and it is slow in an image with
+        so few values that none is rare. Its matches are compared with the likeliest places of a smaller image, which
+        takes longer than finding them.
     mask
-        (height, width) of the template: its pixels above 0 are compared, whatever the template's alpha.
+        (height, width) of the template: its pixels above 0 are compared, regardless of the template's alpha.
     max_matches
-        The largest number of matches, each a local maximum of the score. The lead is counted after the last of them
-        that has one: of three equal copies none is found alone, and all three are where three are wanted.
+        Largest number of matches, each a local maximum of the score. The lead is measured after the last match that has
+        one: of three equal copies, one alone is not found, but all three are if three are wanted.
     min_score
         Least score of a match, -1..1.
     scales
-        Least and largest size of the template in the image over its own; None: its own size alone. For "fft".
+        Smallest and largest size of the template in the image relative to its own; None: its own size only. For "fft".
     rotations
-        Least and largest angle by which it is turned there, degrees, positive counter-clockwise as seen; None: upright
-        alone. For "fft".
+        Smallest and largest rotation of the template in the image, degrees, positive counter-clockwise as seen; None:
+        upright only. For "fft".
     seed
-        Of the choices of "sampled"; the other methods make none.
+        Seed of the random choices of "sampled"; the other methods make none.
     progress
         Called with the fraction done, 0..1.
 
     Returns
     -------
     TemplateSearch
-        `found` only where a position reaches `min_score` and has a clear lead over all others
-        (:mod:`stereolag.templates.verdict`); `matches` is empty where none reaches `min_score`.
+        `found` only if a position reaches `min_score` and has a clear lead over all others
+        (:mod:`stereolag.templates.verdict`); `matches` is empty if none reaches `min_score`.
 
     Raises
     ------
     ValueError
-        Arrays that are no images, a template larger than the image, a mask of another size, no opaque pixel,
-        opaque pixels all of one value, an unknown method, numbers out of their bounds; for "sampled" also image
-        and template of different type; more memory needed than one job may take
+        Arrays that are not images, a template larger than the image, a mask of another size, no opaque pixels,
+        opaque pixels all of one value, an unknown method, numbers out of bounds; for "sampled" also image and template
+        of different types; more memory needed than one job may take
         (:func:`~stereolag.templates.estimate_search`).
 
     Examples
@@ -135,10 +135,10 @@ def match_template(
 
 
 def _with_rivals(image: Image, pattern: Pattern, positions: ExactPlacements, min_score: float) -> tuple[Places, int]:
-    """Return the positions that share exact pixels, how many they are, and after them the likely places elsewhere.
+    """Return the positions that share exact pixels, followed by likely places elsewhere, and the number of the former.
 
-    A copy that is exact has rivals too, of another brightness or contrast, which share none of its pixels; only those
-    that come near it count.
+    An exact copy can also have rivals of another brightness or contrast, which share none of its pixels; only those
+    that score close to it count.
     """
     scored = np.isfinite(positions.scores)
     places = Places(positions.rows[scored], positions.cols[scored], positions.scores[scored], pattern.shape)
@@ -164,7 +164,7 @@ def _checked(
     method: TemplateMethod,
     poses: PoseRange | None,
 ) -> tuple[Image, Pattern]:
-    """Return the image (rows, cols, channels) and the pattern to look for in it, if the search has room for it."""
+    """Return the image (rows, cols, channels) and the pattern to search for, if there is memory for the search."""
     large, small = as_images(image, template, ("image", "template"))
     least = 1.0 if poses is None else poses.scales[0]
     if small.shape[0] * least > large.shape[0] or small.shape[1] * least > large.shape[1]:

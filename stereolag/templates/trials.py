@@ -1,4 +1,4 @@
-"""Whether each method still finds a template whose place is known."""
+"""Whether each method still finds a template at a known place."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ TrialMethod = Literal["fft", "sampled", "opencv"]
 Outcome = Literal["right", "elsewhere", "missed", "refused"]
 
 TOLERANCE: Final = 0.1
-"""How far from its place a template may be found, as a share of its shorter side: interpolation moves the peak."""
+"""Tolerance of a template's place, as a share of its shorter side: interpolation moves the peak."""
 
 LEAST_TOLERANCE_PX: Final = 2.0
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What became of one method.
+    """The outcome of one method.
 
     Attributes
     ----------
     method
         "fft" and "sampled" of :func:`~stereolag.templates.match_template`, or "opencv".
     outcome
-        "right": found at its place; "elsewhere": found at another; "missed": no score reaches the least one;
+        "right": found at its place; "elsewhere": found at another; "missed": no score reaches `min_score`;
         "refused": the method cannot search here.
     row, col
-        Top-left pixel of the best place, None where no place has a score.
+        Top-left pixel of the best place, None if no place has a score.
     score
-        Of that place, -1..1; NaN where there is none.
+        Score of that place, -1..1; NaN if there is none.
     elapsed_s
         Seconds the search took.
     refusal
-        Why it cannot, in a sentence.
+        Why the method cannot search, as a sentence.
     """
 
     method: TrialMethod
@@ -55,16 +55,16 @@ class Trial:
 def try_methods(
     image: Image, template: Image, place: tuple[int, int], *, mask: Image | None = None, min_score: float = 0.5
 ) -> tuple[Trial, ...]:
-    """Search with every method, and judge the best place of each by the place that is known.
+    """Search with every method, and judge the best place of each against the known place.
 
-    To be found, its score has to reach the least one, and nothing more: OpenCV knows no other test.
+    To count as found, its score only has to reach `min_score`: OpenCV has no other test.
 
     Parameters
     ----------
     image, template, mask, min_score
-        As :func:`~stereolag.templates.match_template` takes them; `min_score` holds for OpenCV too.
+        As for :func:`~stereolag.templates.match_template`; `min_score` applies to OpenCV too.
     place
-        (row, col) of the template's top-left pixel, the truth.
+        (row, col) of the template's top-left pixel, the ground truth.
     """
     tolerance = max(LEAST_TOLERANCE_PX, TOLERANCE * min(template.shape[:2]))
 

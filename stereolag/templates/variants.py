@@ -17,14 +17,14 @@ from stereolag.templates.verdict import Reason, leads
 from stereolag.templates.warping import warped
 
 MOVED = 4
-"""A mirror image lies within this part of a side of the place that resembles it."""
+"""A mirror image is searched within the template's side over this number around the place that resembles it."""
 
 
 def as_given(search: TemplateSearch, image: Image, pattern: Pattern) -> TemplateSearch:
-    """Return a search of whose clear matches none fits clearly better with a variant of the template.
+    """Return a search whose clear matches end before the first that fits clearly better with a variant of the template.
 
-    Lights and cameras change the brightness and the contrast of each channel; none exchanges two of them. Upside down
-    is mirrored and half a turn.
+    Lighting and cameras change the brightness and contrast of each channel, but never swap channels. Upside down is
+    a mirror image turned by 180 degrees.
     """
     if not search.found:
         return search
@@ -39,7 +39,7 @@ def as_given(search: TemplateSearch, image: Image, pattern: Pattern) -> Template
 
 
 def _better_variant(image: Image, pattern: Pattern, match: TemplateMatch) -> Reason | None:
-    """Return why a match is none; None where no variant fits clearly better."""
+    """Return why a match does not count; None if no variant fits clearly better."""
     upright = (match.scale, match.rotation) == (1.0, 0.0)
     posed = pattern if upright else warped(pattern, match.scale, match.rotation)
     if posed is None:

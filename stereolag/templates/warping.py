@@ -1,4 +1,4 @@
-"""A template in another size and turned, and an image made smaller: what a search for both compares."""
+"""Resized and rotated templates, and reduced images, for a search over both sizes and angles."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from stereolag.inputs import Image, as_grey
 from stereolag.templates.patterns import Pattern, pattern_of
 
 MOSTLY_OPAQUE = 0.75
-"""A pixel of a warped template counts if its neighbours of which it was interpolated are opaque by this much."""
+"""A pixel of a warped template counts if the pixels it is interpolated from are opaque by at least this share."""
 
 
 def warped(pattern: Pattern, scale: float, rotation: float) -> Pattern | None:
-    """Return a template resized and turned, around its centre, in the upright box that then holds it.
+    """Return a template resized and rotated about its centre, in the upright box that then contains it.
 
-    Pixels that are left out do not bleed into those that count: colours are weighed by the mask, which is warped with
-    them and thresholded.
+    Excluded pixels do not bleed into those that count: colours are weighted by the mask, which is warped with them and
+    thresholded.
 
     Parameters
     ----------
     pattern
         The template.
     scale
-        Size afterwards over size before.
+        Size after over size before.
     rotation
         Degrees, positive counter-clockwise as seen.
 
     Returns
     -------
     Pattern or None
-        Of float32 colours; None where fewer than two pixels of different value are left.
+        With float32 colours; None if fewer than two pixels of different value are left.
     """
     (height, width), (rows, cols) = pattern.shape, warped_shape(pattern.shape, scale, rotation)
     matrix = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), rotation, scale)
@@ -41,7 +41,7 @@ def warped(pattern: Pattern, scale: float, rotation: float) -> Pattern | None:
     weight = pattern.opaque.astype(np.float32)
     layers = np.dstack([pattern.colours.astype(np.float32) * weight[:, :, np.newaxis], weight])
     if scale < 1:
-        # As wide as the area of the source that one pixel then stands for.
+        # As wide as the area of the source that one pixel then covers.
         blur = math.sqrt((1 / scale**2 - 1) / 12)
         layers = cv2.GaussianBlur(layers, (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
     layers = cv2.warpAffine(layers, matrix, (cols, rows), flags=cv2.INTER_LINEAR)
@@ -55,7 +55,7 @@ def warped(pattern: Pattern, scale: float, rotation: float) -> Pattern | None:
 
 
 def warped_shape(shape: tuple[int, int], scale: float, rotation: float) -> tuple[int, int]:
-    """Return height and width, px, of the upright box around a resized and turned rectangle."""
+    """Return height and width, px, of the upright box around a resized and rotated rectangle."""
     height, width = shape
     sine, cosine = abs(math.sin(math.radians(rotation))), abs(math.cos(math.radians(rotation)))
     tall, wide = scale * (height * cosine + width * sine), scale * (width * cosine + height * sine)
@@ -63,7 +63,7 @@ def warped_shape(shape: tuple[int, int], scale: float, rotation: float) -> tuple
 
 
 def grey_pattern(pattern: Pattern) -> Pattern | None:
-    """Return the luminance of a template, None where it is all one."""
+    """Return the pattern of a template's luminance, None if that is uniform."""
     grey = as_grey(pattern.colours if pattern.colours.shape[2] == 3 else pattern.colours[:, :, 0])
     if not np.ptp(grey[pattern.opaque]):
         return None
@@ -71,7 +71,7 @@ def grey_pattern(pattern: Pattern) -> Pattern | None:
 
 
 def reduced(image: Image, factor: float) -> npt.NDArray[np.float32]:
-    """Return an image (rows, cols, channels) made smaller by `factor`, 1 or more: the means of areas, float32."""
+    """Return an image (rows, cols, channels) reduced by `factor`, 1 or more, by averaging areas, float32."""
     rows, cols = (max(1, round(side / factor)) for side in image.shape[:2])
     smaller = cv2.resize(image, (cols, rows), interpolation=cv2.INTER_AREA)
     return np.asarray(smaller, dtype=np.float32).reshape(rows, cols, -1)

@@ -1,1 +1,1 @@
-"""Good settings for a pair: how good they are, all combinations of two, and the search for the best."""
+"""Settings for a pair: judging them, sweeping two at a time, and searching for the best."""

@@ -1,7 +1,7 @@
-"""The settings among which a search looks for better ones: steps that go well together, all in combination.
+"""The candidate settings of a search: all combinations of steps that work well together.
 
-The range searched is the pair's and not a matter of taste, and what a check tolerates only says which matches are
-believed: neither is varied.
+The search range is given by the pair, and the tolerance of a check only decides which matches are believed, so neither
+is varied.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from stereolag.stereo.windows.search import CentredSearch
 from stereolag.tuning.parameters import parameters
 
 Step = dict[str, Any]
-"""Settings to change together, named as in :func:`stereolag.settings.changed`."""
+"""Settings to change together, with names as in :func:`stereolag.settings.changed`."""
 
 AS_SET: Step = {}
 SIZES = 7
-"""Values tried of a side of which nothing else is known."""
+"""Number of values tried for a side about which nothing else is known."""
 
 WINDOW_SIZES = (9, 11, 7, 13, 15, 5, 21)
 EVERY_PIXEL = 0.95
-"""The overlap at which windows of up to 29 px stand at every pixel, as the left-right check needs them."""
+"""The overlap that places windows of up to 29 px at every pixel, as the left-right check requires."""
 
 MEDIAN_RADII = (6, 10)
 BLOCK_SIZES = (11, 9, 13, 15, 17, 7, 21)
 GRADIENT_CAPS = (63, 31)
 SMALL_BLOCK_SIZES = (9, 1, 7, 3, 5, 11)
 JUMP_PENALTIES = (16, 32, 64, 128)
-"""P2 per pixel of the block: StereoSGBM's costs are sums over it. P1 is a quarter, as in OpenCV's own examples."""
+"""P2 per pixel of the block, as StereoSGBM sums costs over it. P1 is a quarter of P2, as in OpenCV's own examples."""
 
 SLANT_SHARE = 4
 GRADIENT_CAP_SUMMED = 31
@@ -46,15 +46,15 @@ PENALTY_FACTORS = (1.0, 0.5, 2.0)
 
 
 def candidates(matcher: StereoMatcher) -> list[StereoMatcher]:
-    """Return the settings to try in place of a matcher's, those that are likely to be good first.
+    """Return the settings to try in place of a matcher's, most promising first.
 
-    All search the same range as the matcher, which is not among them.
+    All have the same search range as the matcher, which is not included.
     """
     found: list[StereoMatcher] = []
     for choice in _likely_first(*steps(matcher)):
         try:
             tried = changed(matcher, {name: value for step in choice for name, value in step.items()})
-        except ValueError:  # steps that do not fit together
+        except ValueError:  # incompatible steps
             continue
         if tried != matcher and tried not in found and tried.search_range() == matcher.search_range():
             found.append(tried)
@@ -62,16 +62,16 @@ def candidates(matcher: StereoMatcher) -> list[StereoMatcher]:
 
 
 def _likely_first(*axes: Sequence[Any]) -> list[tuple[Any, ...]]:
-    """Return every combination of one value of each axis, by how far down the axes its values stand together."""
+    """Return every combination of one value per axis, ordered by the sum of the values' positions on their axes."""
     ranked = sorted(product(*map(enumerate, axes)), key=lambda choice: sum(rank for rank, _ in choice))
     return [tuple(value for _, value in choice) for choice in ranked]
 
 
 @singledispatch
 def steps(matcher: StereoMatcher) -> Sequence[Sequence[Step]]:
-    """Return the steps that are tried in every combination: along each axis one, the likely ones first.
+    """Return the axes of steps, most promising first, of which all combinations are tried.
 
-    Of a method that is not known here: the sides that must fit into the image, and the stages that all share.
+    The default for other methods varies the sides that must fit into the image, and the stages that all methods share.
     """
     known = parameters(matcher)
     sides = [
@@ -92,7 +92,7 @@ def _of_windows(matcher: CorrelationMatcher) -> Sequence[Sequence[Step]]:
 
 
 def _of_window(matcher: CorrelationMatcher, size: int) -> Step:
-    """Return the step to a window, with a square around it that reaches as far as before."""
+    """Return the step to a window size, with a search square that keeps its reach."""
     search = matcher.search
     if not isinstance(search, CentredSearch):
         return {"window_size": size}
@@ -141,9 +141,9 @@ def _of_semi_global(matcher: SemiGlobalMatcher) -> Sequence[Sequence[Step]]:
 
 
 def _finishing(matcher: StereoMatcher) -> list[Step]:
-    """Return all stages with medians of different reach, then what is set; checks that are set keep their tolerance.
+    """Return all stages with medians of different radius, then the current settings.
 
-    A hole counts as wrong, so to check and then fill is better than either alone.
+    Active checks keep their tolerance. A hole counts as wrong, so checking and then filling beats either alone.
     """
     if not {"left_right", "speckle", "filling", "median"} <= set(type(matcher).model_fields):
         return [AS_SET]
@@ -166,13 +166,13 @@ def _finishing(matcher: StereoMatcher) -> list[Step]:
 
 
 def side_of(matcher: StereoMatcher) -> int:
-    """Return the side of a matcher's window or block, px; 0 of a method without any."""
+    """Return the side of a matcher's window or block, px; 0 if it has none."""
     fields = type(matcher).model_fields
     return next((getattr(matcher, name) for name, field in fields.items() if marker(field, FitsImage) is not None), 0)
 
 
 def differences(before: Settings, after: Settings, path: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Give what differs between two settings of one class: the name, with dots, and the value of either."""
+    """Yield the differences between two settings of one class: dotted name, old value and new value."""
     for name in type(before).model_fields:
         old, new = getattr(before, name), getattr(after, name)
         if isinstance(old, Settings) and type(old) is type(new):

@@ -1,4 +1,4 @@
-"""A map held against a reference, and how sure it is that one is better than another."""
+"""Comparison of a map with a reference, and the certainty that one map is better than another."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ import numpy.typing as npt
 from stereolag.arrays import FloatMap, Mask
 
 BAD_PX = 2.0
-"""A disparity that is off by more is bad."""
+"""A disparity that is off by more than this is bad."""
 
 BY_CHANCE = 2.5
-"""Standard errors. Of two dozen equal settings the luckiest lies about two above the others (the mean of the largest of
-24 normal deviates is 1.95)."""
+"""Gain in standard errors that chance may produce. Of two dozen equal settings, the luckiest is about two standard
+errors above the rest (the expected maximum of 24 normal deviates is 1.95)."""
 
 BLOCKS = 8
-"""A map is judged in so many times so many blocks."""
+"""Number of blocks along each side of a map in which it is judged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """A map held against a reference.
+    """The result of comparing a map with a reference.
 
     Attributes
     ----------
     wrong, judged
-        (64,) pixels in each block of the images: those that are off by more than 2 px or missing, of those judged.
+        (64,) pixel counts per block of the images: those off by more than 2 px or missing, and those judged.
     dense
         Whether the map has a disparity at every pixel.
     """
@@ -39,12 +39,12 @@ class Judgement:
 
     @classmethod
     def of(cls, disparity: FloatMap, reference: FloatMap) -> Judgement:
-        """Judge a map by a reference, (H, W) px, NaN = not judged.
+        """Judge a map against a reference, (H, W) px, NaN = not judged.
 
         Raises
         ------
         ValueError
-            Arrays of different shape.
+            If the shapes differ.
         """
         if disparity.shape != reference.shape:
             raise ValueError(
@@ -63,29 +63,29 @@ class Judgement:
 
     @property
     def bad(self) -> float:
-        """Return the % of the judged pixels that are wrong, lower is better; NaN where none is judged."""
+        """Return the percentage of judged pixels that are wrong, lower is better; NaN if none is judged."""
         judged = self.judged.sum()
         return float(100 * self.wrong.sum() / judged) if judged else float("nan")
 
 
 @dataclass(frozen=True)
 class Gain:
-    """By how many points of bad-2 settings are better than others, and the standard error of that."""
+    """The improvement in bad-2 of settings over others, in percentage points, and its standard error."""
 
     points: float
     error: float
 
     @property
     def sure(self) -> float:
-        """Return the gain that is left when it is taken to be as much too high as it may be by chance."""
+        """Return the gain minus the part that may be due to chance."""
         return self.points - BY_CHANCE * self.error
 
     @classmethod
     def between(cls, before: Sequence[Judgement], after: Sequence[Judgement]) -> Gain:
         """Return the mean gain over pairs, each judged before and after.
 
-        The standard error is that of a ratio over the blocks of each pair (W. Cochran, *Sampling Techniques*, 1977,
-        6.8): a gain that one corner or one border of the images makes alone may be chance, or their frame's doing.
+        The standard error is that of a ratio estimate over the blocks of each pair (W. Cochran, *Sampling Techniques*,
+        1977, 6.8): a gain from a single corner or border of the images may be chance or a border effect.
         """
         parts = [cls._of_one(*both) for both in zip(before, after, strict=True)]
         return cls(

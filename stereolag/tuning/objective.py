@@ -1,4 +1,4 @@
-"""How wrong settings are on a pair: one figure, with ground truth or without."""
+"""The error of settings on a pair as a single figure, with or without ground truth."""
 
 from __future__ import annotations
 
@@ -21,38 +21,38 @@ from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.tuning.judgement import Judgement
 
 LEAST_MEASURED = 0.25
-"""A reference that measured a smaller share of the pixels speaks for too little of the pair: two unrelated images, or
-left and right exchanged, leave 2 to 12 %, rows 10 px off 22 %, sound pairs more than half."""
+"""Smallest share of measured pixels for which a reference represents the pair: two unrelated images, or left and right
+exchanged, leave 2 to 12 %, rows 10 px off leave 22 %, sound pairs more than half."""
 
 JUDGEMENT_BYTES = 80
-"""Of a pixel while a map is compared with its reference, in float64."""
+"""Bytes per pixel while a map is compared with its reference, in float64."""
 
 JUDGEMENT_SECONDS = 5e-8
-"""Per pixel."""
+"""Seconds per pixel."""
 
 STRIP_ROWS, SEAM_ROWS = 64, 12
-"""Rows of a strip of the images, and how many of them at either end are matched but not judged."""
+"""Rows in a strip of the images, and rows at either end of it that are matched but not judged."""
 
 WHOLE_FROM = 0.75
-"""Strips that make up such a share of the images take as long as the whole."""
+"""Strips that cover this share of the images or more take as long as the whole images."""
 
 
 class Unjudged(StrEnum):
-    """Why there is nothing to judge settings by where no ground truth is known."""
+    """Why settings cannot be judged without ground truth."""
 
     JUDGES_ITSELF = "judges itself"
-    """The reference would be their own map, or its near kin's: a figure from it means nothing."""
+    """The reference would come from the same or a closely related method, so a figure from it means nothing."""
     TOO_LITTLE_MEASURED = "too little measured"
-    """The accurate preset measured too little of the pair to speak for it."""
+    """The accurate preset measured too little of the pair to represent it."""
 
 
 class Criterion(StrEnum):
-    """What settings are judged by: the share of pixels, %, off by more than 2 px or missing, and of which pixels."""
+    """The figure that settings are judged by: the percentage of pixels off by more than 2 px or missing."""
 
     TRUE_BAD_2 = "true bad-2"
-    """Of those with ground truth."""
+    """Over the pixels with ground truth."""
     ESTIMATED_BAD_2 = "estimated bad-2"
-    """Of those that the accurate preset measured, by what it measured."""
+    """Over the pixels that the accurate preset measured, relative to its disparities."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +64,9 @@ class TuningPair:
     left, right
         The images.
     reference
-        (H, W) px, the disparities against which maps are held; NaN where they are not judged.
+        (H, W) disparities with which maps are compared, px; NaN where they are not judged.
     criterion
-        What the reference is.
+        Whether bad-2 relative to the reference is true or estimated.
     """
 
     left: Image
@@ -84,7 +84,7 @@ class TuningPair:
         search_range: tuple[int, int] | None = None,
         progress: Progress | None = None,
     ) -> TuningPair:
-        """Return a pair judged by its ground truth or, without any, by :func:`measured_reference`.
+        """Return a pair judged against its ground truth or, without one, against :func:`measured_reference`.
 
         Parameters
         ----------
@@ -93,14 +93,14 @@ class TuningPair:
         truth
             (H, W) disparity, px; NaN or infinite = unknown.
         search_range
-            First disparity and how many, px, over which the reference is measured; the preset's own unless given.
+            First disparity and number, px, over which the reference is measured; by default the preset's own.
         progress
-            Called with the fraction of the reference that is computed.
+            Called with the fraction of the reference computed.
 
         Raises
         ------
         ValueError
-            Images or a truth that do not fit together, a truth without any disparity, or a reference that needs more
+            If the images or the truth do not fit together, the truth has no disparity, or the reference needs more
             memory than one job may take.
         """
         images = as_stereo_pair(left, right)
@@ -113,17 +113,17 @@ class TuningPair:
                 f"truth has shape {known.shape} and the images {images[0].shape[:2]}; both must be the same."
             )
         if not np.isfinite(known).any():
-            raise ValueError("truth holds no finite disparity to compare with.")
+            raise ValueError("truth contains no finite disparity to compare with.")
         return cls(*images, known, Criterion.TRUE_BAD_2)
 
     @classmethod
     def unjudgeable(cls, left: npt.ArrayLike, right: npt.ArrayLike) -> TuningPair:
-        """Return a pair that judges nothing, for settings of which only the maps are wanted: every bad-2 is NaN."""
+        """Return a pair without a reference, for when only the maps are wanted: every bad-2 is NaN."""
         images = as_stereo_pair(left, right)
         return cls(*images, np.full(images[0].shape[:2], np.nan, dtype=np.float32), Criterion.ESTIMATED_BAD_2)
 
     def unjudged(self, matcher: StereoMatcher) -> Unjudged | None:
-        """Return why this pair cannot judge the settings of a matcher; None where it can."""
+        """Return why this pair cannot judge the settings of a matcher; None if it can."""
         if self.criterion is Criterion.TRUE_BAD_2:
             return None
         if judges_itself(matcher):
@@ -131,11 +131,11 @@ class TuningPair:
         return Unjudged.TOO_LITTLE_MEASURED if np.isfinite(self.reference).mean() < LEAST_MEASURED else None
 
     def strips(self, share: float, lowest: int = 0) -> TuningPair:
-        """Return about a share of the rows, as strips of full width spread evenly over the images, stacked.
+        """Return roughly the given share of the rows, as stacked full-width strips spread evenly over the images.
 
-        They are matched as the whole is, pixel for pixel, but for the rows beside their seams, which are not judged:
-        a reduced pair would mean other windows, other penalties and other errors. The whole is returned where strips
-        would not save much, would hold nothing to judge, or would be lower than `lowest`, px.
+        Strips are matched pixel for pixel like the whole images, except for the rows beside their seams, which are not
+        judged; a pair scaled down would need other windows and penalties and make other errors. The whole pair is
+        returned if strips would not save much, have nothing to judge, or be lower than `lowest`, px.
         """
         height = len(self.reference)
         count = max(1, round(share * height / STRIP_ROWS))
@@ -152,7 +152,7 @@ class TuningPair:
         return replace(self, left=self.left[rows], right=self.right[rows], reference=stacked)
 
     def estimate(self, matcher: StereoMatcher) -> Estimate:
-        """Return what :meth:`judge` will take."""
+        """Return the memory and time of :meth:`judge`."""
         once = matcher.estimate(self.left.shape, self.left.dtype)
         pixels = self.reference.size
         return Estimate(
@@ -165,17 +165,17 @@ class TuningPair:
         Raises
         ------
         ValueError
-            Settings that do not fit the images, or that need more memory than one job may take.
+            If the settings do not fit the images, or need more memory than one job may take.
         """
         return matcher.compute(self.left, self.right, progress=progress).disparity
 
     def judge(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> Judgement:
-        """Return how wrong the map of a matcher is; raises as :meth:`map_of` does."""
+        """Judge the map of a matcher; raises as :meth:`map_of` does."""
         return Judgement.of(self.map_of(matcher, progress=progress), self.reference)
 
 
 def criterion_of(pairs: Sequence[TuningPair]) -> Criterion:
-    """Return what the mean over pairs is: an estimate where that of any pair is."""
+    """Return the criterion of a mean over pairs: estimated if any pair's is."""
     estimated = any(pair.criterion is Criterion.ESTIMATED_BAD_2 for pair in pairs)
     return Criterion.ESTIMATED_BAD_2 if estimated else Criterion.TRUE_BAD_2
 
@@ -187,17 +187,17 @@ def measured_reference(
     search_range: tuple[int, int] | None = None,
     progress: Progress | None = None,
 ) -> FloatMap:
-    """Return the disparities that the accurate preset measured: what maps are judged by where no truth is known.
+    """Return the disparities measured by the accurate preset, the reference for maps without ground truth.
 
-    What it filled in, or gave no disparity, judges nothing. Its own errors are few, and those of settings to be
-    compared fall on them alike, so that an order by it is nearly the order by the truth.
+    Pixels that it filled in or left blank are not judged. Its own errors are few and affect all compared settings
+    alike, so the ranking is nearly the ranking by ground truth.
 
     Parameters
     ----------
     left, right
         Images of one size and type.
     search_range
-        First disparity and how many, px; the preset's own unless given.
+        First disparity and number, px; by default the preset's own.
     progress
         Called with the fraction done.
 
@@ -209,7 +209,7 @@ def measured_reference(
     Raises
     ------
     ValueError
-        Images that do not fit together, or a range that needs more memory than one job may take.
+        If the images do not fit together, or the range needs more memory than one job may take.
     """
     found = _judge(search_range).compute(left, right, progress=progress)
     return np.where(found.reason == Reason.MEASURED, found.disparity, np.float32(np.nan))
@@ -218,7 +218,7 @@ def measured_reference(
 def estimate_reference(
     search_range: tuple[int, int] | None, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8
 ) -> Estimate:
-    """Return what :func:`measured_reference` will take for two images of a shape and a dtype."""
+    """Return the memory and time of :func:`measured_reference` for two images of a shape and dtype."""
     return _judge(search_range).estimate(shape, dtype)
 
 
@@ -228,7 +228,7 @@ def _judge(search_range: tuple[int, int] | None) -> StereoMatcher:
 
 
 def widest_range(matchers: Iterable[StereoMatcher]) -> tuple[int, int] | None:
-    """Return the first disparity and how many, px, of the range that holds those of all matchers; None of none."""
+    """Return the range that covers those of all matchers, (first disparity, number), px; None if none has a range."""
     ranges = [found for found in (matcher.search_range() for matcher in matchers) if found is not None]
     if not ranges:
         return None
@@ -237,5 +237,5 @@ def widest_range(matchers: Iterable[StereoMatcher]) -> tuple[int, int] | None:
 
 
 def judges_itself(matcher: StereoMatcher) -> bool:
-    """Return whether a matcher is the judge of :func:`measured_reference`, or its near kin."""
+    """Return whether a matcher is the one behind :func:`measured_reference`, or closely related to it."""
     return isinstance(matcher, SemiGlobalMatcher)

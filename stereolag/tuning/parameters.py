@@ -13,7 +13,7 @@ HALF_OCTAVE = math.sqrt(2)
 OUTWARDS = [sign * number for number in range(1, 13) for sign in (1, -1)]
 ENOUGH_TO_TELL = 3
 WHOLE_RANGE_UP_TO = 1.0
-"""A fraction is tried over all that is allowed, everything else around what it is set to."""
+"""Parameters with an allowed range up to this wide are tried over all of it, the others around their current value."""
 
 
 @dataclass(frozen=True)
@@ -23,13 +23,13 @@ class Parameter:
     Attributes
     ----------
     name
-        With dots where it belongs to settings within the settings: "search.vertical".
+        Dotted for nested settings: "search.vertical".
     title
-        What the page calls it.
+        Its label on the page.
     value
-        What it is set to.
+        Its current value.
     bounds
-        What it may be.
+        Its allowed range.
     """
 
     name: str
@@ -38,10 +38,10 @@ class Parameter:
     bounds: Bounds
 
     def values(self, count: int) -> tuple[Number, ...]:
-        """Return at most `count` allowed values worth trying, ascending; the one it is set to is among them.
+        """Return at most `count` allowed values worth trying, ascending, including the current one.
 
-        Sizes are tried in half octaves around their value, fractions over their whole range, and numbers that may be
-        negative or are zero in doubling steps away from it.
+        Sizes are tried in half octaves around their value, fractions over their whole range, and numbers that are zero
+        or may be negative in doubling steps away from their value.
         """
         low, high, step = self.bounds.low, self.bounds.high, self.bounds.step
         if low is not None and high is not None and high - low <= WHOLE_RANGE_UP_TO:
@@ -58,7 +58,7 @@ class Parameter:
         return tuple(sorted(found))
 
     def _nearest(self, wanted: float) -> Number | None:
-        """Return the number whole steps from the value that is nearest to the one wanted; None beyond the bounds."""
+        """Return the number nearest to `wanted` that is whole steps from the value; None beyond the bounds."""
         low, high, step = self.bounds.low, self.bounds.high, self.bounds.step
         nearest = self.value + step * round((wanted - self.value) / step)
         if (low is not None and nearest < low) or (high is not None and nearest > high):
@@ -67,12 +67,12 @@ class Parameter:
 
 
 def parameters(matcher: StereoMatcher) -> dict[str, Parameter]:
-    """Return the numbers among the settings of a matcher that have an effect, by name, as they are declared."""
+    """Return the numeric settings of a matcher that have an effect, by name, in order of declaration."""
     return {parameter.name: parameter for parameter in _within(matcher, "") if _free(matcher, parameter)}
 
 
 def _free(matcher: StereoMatcher, parameter: Parameter) -> bool:
-    """Return whether the other settings leave a parameter any other value than the one it is set to."""
+    """Return whether the other settings allow a parameter any value but its current one."""
     for value in parameter.values(ENOUGH_TO_TELL):
         try:
             if changed(matcher, {parameter.name: value}) != matcher:

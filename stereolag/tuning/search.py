@@ -1,4 +1,4 @@
-"""The trials of a search for good settings, within a time, and what they come to."""
+"""The trials of a search for good settings within a time budget, and their outcome."""
 
 from __future__ import annotations
 
@@ -16,61 +16,61 @@ from stereolag.tuning.judgement import Gain, Judgement
 from stereolag.tuning.objective import Criterion, TuningPair, Unjudged, criterion_of
 
 SMALLEST_GAIN = 0.1
-"""Points of bad-2; a change that brings less is not worth making."""
+"""Percentage points of bad-2; a change that gains less is not worth making."""
 
 FOR_ALL = 0.75
-"""Whole images are used throughout where that should take no more of the time left; on a busy machine it takes more."""
+"""Whole images are used throughout if that is estimated to take at most this share of the time left."""
 
 FOR_STRIPS, LEAST_SHARE = 0.5, 0.1
-"""The part of the time left that trials on strips may take, and the least share of the rows that they are made on."""
+"""Share of the time left that trials on strips may take, and least share of the rows in the strips."""
 
 
 LIKELIEST = 6
-"""So many are tried on strips whatever the time: a busy machine must not keep all from being tried."""
+"""Number tried on strips however little time is left, so that a busy machine does not prevent all trials."""
 
 
 class Outcome(StrEnum):
-    """What a search came to."""
+    """The outcome of a search."""
 
     BETTER = "better"
-    """The settings found are better on the whole images, by more than chance makes of equal ones."""
+    """The settings found are better on the whole images, by more than chance could produce."""
     AS_GOOD = "as good"
-    """None of those tried is: the settings to begin with stay."""
+    """None of those tried is better: the initial settings stay."""
 
 
 class Trial(NamedTuple):
-    """Settings that were tried."""
+    """One set of settings tried."""
 
     matcher: StereoMatcher
     bad: float
     """Their bad-2, %."""
     gain: float
-    """Points by which it is lower than that of the settings to begin with, on the same pixels."""
+    """Decrease relative to the initial settings on the same pixels, in percentage points."""
     whole: bool
-    """Whether on the whole images, or on strips of them."""
+    """Whether tried on the whole images rather than on strips."""
 
 
 @dataclass(frozen=True)
 class Suggestion:
-    """Settings found by search, and why.
+    """The settings found by a search, and the trials behind them.
 
     Attributes
     ----------
     start
-        The settings to begin with.
+        The initial settings.
     matcher
-        The best settings; those to begin with where no others are really better.
+        The best settings; the initial ones if no others are really better.
     outcome
-        Which of both, or why there was nothing to judge them by.
+        Whether better settings were found, or why none could be judged.
     criterion
-        What the figures are: true or estimated bad-2.
+        Whether the figures are true or estimated bad-2.
     bad, bad_before
-        Bad-2 of the settings found and of those to begin with, on the whole images, %; NaN where nothing was judged.
+        Bad-2 of the settings found and of the initial ones, on the whole images, %; NaN if nothing was judged.
     trials
-        The settings tried besides those to begin with, one after another; those tried on strips and then on the whole
-        images twice.
+        All trials besides the initial settings, in order; settings tried on strips and then on the whole images appear
+        twice.
     finished
-        Whether all was tried that was to be tried, and not ended by the time or a cancel.
+        Whether all trials were made, rather than cut short by the time budget or a cancel.
 
     Examples
     --------
@@ -98,17 +98,17 @@ class Suggestion:
 
     @property
     def changes(self) -> dict[str, tuple[Any, Any]]:
-        """Return {name: (old value, new value)} of what was changed, with dots for settings within settings."""
+        """Return the changed settings as {name: (old value, new value)}, with dotted names for nested settings."""
         return {name: (old, new) for name, old, new in differences(self.start, self.matcher)}
 
     @property
     def tried(self) -> int:
-        """Return how many different settings were tried besides those to begin with."""
+        """Return the number of different settings tried besides the initial ones."""
         return len({trial.matcher for trial in self.trials})
 
 
 class Clock:
-    """The time of a search: what is left of it, what of it is told, and whether it was called off."""
+    """The clock of a search: time left, progress reported, and whether it was cancelled."""
 
     def __init__(self, budget_s: float, progress: Progress, cancelled: Callable[[], bool]) -> None:
         if not 0 < budget_s < math.inf:
@@ -121,26 +121,26 @@ class Clock:
 
     @property
     def left_s(self) -> float:
-        """Return the seconds left; negative where it takes longer."""
+        """Return the seconds left; negative after the budget is used up."""
         return self._end - time.perf_counter()
 
     def report(self, done: float) -> None:
-        """Tell what is done of all there is to do, or the share of the time that is gone where that is more."""
+        """Report the fraction done, or the share of the budget used if that is larger."""
         self._told = min(1.0, max(self._told, done, 1 - self.left_s / self._budget_s))
         self._progress(self._told)
 
     def tick(self, _: float) -> None:
-        """Tell the time within a trial."""
+        """Report the time used, from within a trial."""
         self.report(self._told)
 
 
 def search(
     start: StereoMatcher, pairs: Sequence[TuningPair], clock: Clock, found: Callable[[Suggestion], None] | None
 ) -> Suggestion:
-    """Try all candidates on the whole images; where the time is short, on strips first, and then the best of them.
+    """Try all candidates on the whole images or, if time is short, on strips first and then the best on the whole.
 
-    Only whole images decide, and only a gain that is sure (:attr:`Gain.sure`) where bad-2 is an estimate. Pairs that
-    cannot judge are left out.
+    Only whole images decide, and if bad-2 is an estimate, only a certain gain (:attr:`Gain.sure`). Pairs that cannot
+    judge are left out.
     """
     why = [pair.unjudged(start) for pair in pairs]
     pairs = [pair for pair, reason in zip(pairs, why, strict=True) if reason is None]
@@ -168,7 +168,7 @@ def search(
 
 
 def nothing_to_judge_by(start: StereoMatcher, why: Unjudged, clock: Clock) -> Suggestion:
-    """Return the settings to begin with, because there is nothing to judge others by."""
+    """Return the initial settings, because others cannot be judged."""
     clock.report(1.0)
     return Suggestion(start, start, why, Criterion.ESTIMATED_BAD_2)
 
@@ -203,7 +203,7 @@ class _Run:
         self._tell()
 
     def seconds(self, matcher: StereoMatcher) -> float:
-        """Return how long a trial on the whole images should take, by what those to begin with took."""
+        """Return the expected seconds of a trial on the whole images, scaled from the initial settings' time."""
         mine, first = (sum(pair.estimate(one).seconds for pair in self.pairs) for one in (matcher, self.start))
         return self._once_s * mine / first
 
@@ -218,7 +218,7 @@ class _Run:
         at_least: int = 0,
         despite_cancel: bool = False,
     ) -> tuple[bool, list[_Found]]:
-        """Try settings one after another; return whether there was time for all, and what they gain, best first.
+        """Try settings one after another; return whether all were tried, and the results, best first.
 
         Parameters
         ----------
@@ -227,15 +227,15 @@ class _Run:
         those
             The settings.
         steps
-            Trials of the search altogether.
+            Total number of trials in the search.
         whole
             Whether the pairs are whole.
         reserved_s
-            Seconds to be left besides what a trial takes.
+            Seconds that must remain after a trial.
         at_least
-            So many are tried whatever the time.
+            Number to try however little time is left.
         despite_cancel
-            And whether or not the search was called off.
+            Whether to try these even if the search was cancelled.
         """
         before = self._before if whole else self._judged(self.start, pairs)
         results: list[_Found] = []
@@ -247,7 +247,7 @@ class _Run:
                 return False, self._ranked(results)
             try:
                 after = self._judged(matcher, pairs)
-            except ValueError:  # settings that do not fit the images, or their memory
+            except ValueError:  # settings that do not fit the images, or need too much memory
                 continue
             gain = Gain.between(before, after)
             results.append(_Found(matcher, after, gain))
@@ -257,7 +257,7 @@ class _Run:
         return True, self._ranked(results)
 
     def outcome(self, ranked: Sequence[_Found], *, finished: bool) -> Suggestion:
-        """Return what the trials on the whole images come to, the best first."""
+        """Return the suggestion that follows from the trials on the whole images, given best first."""
         self.clock.report(1.0)
         end = replace(self._so_far, trials=tuple(self.trials), finished=finished)
         better = [one for one in ranked if self._merit(one.gain) > 0 and one.gain.points > SMALLEST_GAIN]
@@ -268,11 +268,11 @@ class _Run:
 
     @staticmethod
     def _finest(better: Sequence[_Found]) -> _Found:
-        """Return the settings of the smallest window among the best and those that cannot be told from them.
+        """Return the settings with the smallest window among the best and those indistinguishable from them.
 
-        Dense maps of other windows differ at the edges of surfaces. The reference, made with windows itself, is blurred
-        there too, and what is hidden from one camera it does not judge: it favours large windows a little. So one
-        standard error decides for the smaller one (Breiman et al., *Classification and Regression Trees*, 1984, 3.4).
+        Dense maps from different windows differ at the edges of surfaces. The reference is blurred there too, as it is
+        made with windows, and it does not judge occluded areas, so it slightly favours large windows. Hence within one
+        standard error the smaller window wins (Breiman et al., *Classification and Regression Trees*, 1984, 3.4).
         """
         best = better[0]
 

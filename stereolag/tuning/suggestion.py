@@ -1,4 +1,4 @@
-"""Good settings for one pair, or for several together."""
+"""Suggested settings for one pair, or for several together."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ def suggest(
 ) -> Suggestion:
     """Search for settings of a matcher that suit a pair better.
 
-    Good steps are tried in combination (:mod:`stereolag.tuning.candidates`); the range searched and the tolerances of
-    checks stay as they are. What is suggested is better on the whole images, or it is what the search began with.
-    Without ground truth settings are judged by what the accurate preset measured over the same range
+    Promising steps are tried in combination (:mod:`stereolag.tuning.candidates`); the search range and the tolerances
+    of checks are kept. The suggestion is better on the whole images, or it is the initial settings. Without ground
+    truth, settings are judged against the disparities measured by the accurate preset over the same range
     (:func:`stereolag.tuning.objective.measured_reference`).
 
     Parameters
     ----------
     matcher
-        The settings to begin with.
+        The initial settings.
     left, right
         (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
     ground_truth
         (H, W) disparity, px; NaN or infinite = unknown.
     budget_s
-        Seconds in which all should be done. Where that is too short, it still computes the reference and the settings
-        to begin with, tries the likeliest others on strips of the images and the best of these on the whole.
+        Time budget, s. If it is too short, the search still computes the reference and the initial settings, tries the
+        most promising others on strips of the images and the best of these on the whole images.
     progress
-        Called with the share that is done, 0..1.
+        Called with the fraction done, 0..1.
     found
-        Called after every trial with those so far; the settings in it are those to begin with.
+        Called after every trial with the trials so far; its settings are still the initial ones.
     cancelled
-        Asked before every trial; True ends the search, and the best so far is tried on the whole images.
+        Called before every trial; True ends the search, after the best so far is tried on the whole images.
 
     Returns
     -------
@@ -59,12 +59,12 @@ def suggest(
     Raises
     ------
     ValueError
-        Images or a ground truth that do not fit together, settings to begin with that do not fit the images, a range
-        that needs more memory than one job may take, or a budget that is not a finite number above 0.
+        If the images or the ground truth do not fit together, the initial settings do not fit the images, the range
+        needs more memory than one job may take, or the budget is not a finite number above 0.
 
     Examples
     --------
-    A pair with noise, and windows that are too small for it:
+    A noisy pair, and windows that are too small for it:
 
     >>> import numpy as np
     >>> import stereolag as sl
@@ -93,18 +93,18 @@ def suggest_for_all(
     found: Callable[[Suggestion], None] | None = None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Suggestion:
-    """Search for settings that suit several pairs together better, by the mean of their bad-2; as :func:`suggest`.
+    """Search for settings that suit several pairs better together, by their mean bad-2; otherwise as :func:`suggest`.
 
     Parameters
     ----------
     pairs
-        At least one; what it takes to make them, if they are made one by one, is within the budget. The mean is an
-        estimate where that of any pair is; pairs that cannot judge are left out.
+        At least one; if they are generated lazily, the time to make them counts against the budget. The mean is an
+        estimate if any pair's bad-2 is; pairs that cannot judge are left out.
 
     Raises
     ------
     ValueError
-        No pairs, or settings to begin with that do not fit the images.
+        If there are no pairs, or the initial settings do not fit the images.
     """
     clock = Clock(budget_s, progress or silent, cancelled)
     made = []
@@ -119,9 +119,9 @@ def suggest_for_all(
 def estimate_suggestion(
     matcher: StereoMatcher, shape: tuple[int, ...], dtype: npt.DTypeLike, *, blind: bool, budget_s: float
 ) -> Estimate:
-    """Return what :func:`suggest` will take for two images of a shape and a dtype, without a ground truth or with one.
+    """Return the memory and time of :func:`suggest` for two images of a shape and dtype.
 
-    Settings that alone need more than one job may take are not tried.
+    `blind` means without ground truth. Settings that alone need more memory than one job may take are not tried.
     """
     jobs = [one.estimate(shape, dtype) for one in (matcher, *candidates(matcher))]
     if blind:

@@ -1,4 +1,4 @@
-"""A pair at every combination of two settings."""
+"""Sweep of a pair over every combination of two settings."""
 
 from __future__ import annotations
 
@@ -35,17 +35,16 @@ class Sweep:
     rows, cols
         (name, values) of the two parameters.
     bad
-        (n_rows, n_cols) mean bad-2 over the pairs, %, lower is better; NaN where there is no map, or nothing to judge
-        it by.
+        (n_rows, n_cols) mean bad-2 over the pairs, %, lower is better; NaN without a map or a reference to judge it.
     criterion
-        What `bad` is: true or estimated bad-2.
+        Whether `bad` is true or estimated bad-2.
     maps
-        The disparity maps of the first pair, row by row, px; None where the settings do not fit together, do not fit
-        the images, or were not tried.
+        The disparity maps of the first pair, row by row, px; None if the settings are incompatible, do not fit the
+        images, or were not tried.
     matchers
-        The settings of each cell; None where there is no map.
+        The settings of each cell; None without a map.
     finished
-        Whether all combinations were tried, and the sweep was not called off.
+        Whether all combinations were tried, and the sweep was not cancelled.
     """
 
     rows: tuple[str, tuple[Any, ...]]
@@ -58,7 +57,7 @@ class Sweep:
 
     @property
     def best(self) -> tuple[int, int] | None:
-        """Return (row, col) of the best cell; None where none could be judged."""
+        """Return the (row, col) of the best cell; None if none could be judged."""
         if np.isnan(self.bad).all():
             return None
         row, col = divmod(int(np.nanargmin(self.bad)), self.bad.shape[1])
@@ -74,27 +73,27 @@ def sweep(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Sweep:
-    """Compute one or more pairs at every combination of two parameters.
+    """Match one or more pairs at every combination of two parameters.
 
     Parameters
     ----------
     matcher
-        Gives all other settings.
+        Provides all other settings.
     pairs
-        At least one; they are judged together, without those that judge nothing. Where one parameter is of the range
-        searched, a reference in place of the truth must have been measured over the widest of all
+        At least one; they are judged together, without those that cannot judge. If a parameter affects the search
+        range, a reference measured in place of ground truth must cover the widest range of the sweep
         (:func:`range_of_sweep`).
     rows, cols
         (name, values), named as in :func:`stereolag.settings.changed`.
     progress
         Called with the fraction done.
     cancelled
-        Asked before every cell; True ends the sweep with what there is.
+        Called before every cell; True ends the sweep with the cells so far.
 
     Raises
     ------
     ValueError
-        No pairs, a parameter that does not exist, one and the same twice, or no values.
+        If there are no pairs, a parameter does not exist or is given twice, or it has no values.
     """
     if not pairs:
         raise ValueError("pairs is empty; give at least one.")
@@ -127,14 +126,14 @@ def sweep(
 
 
 def range_of_sweep(matcher: StereoMatcher, *, rows: Axis, cols: Axis) -> tuple[int, int] | None:
-    """Return the first disparity and how many, px, of the range that holds those of all combinations."""
+    """Return the range that covers those of all combinations, (first disparity, number), px."""
     return widest_range(_fitting(matcher, rows, cols))
 
 
 def estimate_sweep(matcher: StereoMatcher, pairs: Sequence[TuningPair], *, rows: Axis, cols: Axis) -> Estimate:
-    """Return what :func:`sweep` will take: its largest cell, and the first pair's maps of all.
+    """Return the memory and time of :func:`sweep`; memory is its largest cell plus the maps that it keeps.
 
-    A cell that alone needs more than one job may take is a hole in the grid.
+    A cell that alone needs more memory than one job may take becomes a hole in the grid.
     """
     cells = [[pair.estimate(settings) for pair in pairs] for settings in _fitting(matcher, rows, cols)]
     maps = len(cells) * pairs[0].reference.size * np.dtype(np.float32).itemsize
@@ -147,7 +146,7 @@ def _combinations(rows: Axis, cols: Axis) -> list[dict[str, Any]]:
 
 
 def _fitting(matcher: StereoMatcher, rows: Axis, cols: Axis) -> Iterator[StereoMatcher]:
-    """Give the settings of all combinations that fit together."""
+    """Yield the settings of all compatible combinations."""
     for changes in _combinations(rows, cols):
         with suppress(ValueError):
             yield changed(matcher, changes)
@@ -158,7 +157,7 @@ def _cell(
 ) -> Cell | None:
     """Return the settings of a cell, their mean bad-2 and the first pair's map.
 
-    None is a hole in the grid, not an end of it: a window larger than its search area, or than the image.
+    None leaves a hole in the grid, for example for a window larger than its search area or than the image.
     """
     try:
         settings = changed(matcher, changes)

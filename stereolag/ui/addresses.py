@@ -1,4 +1,4 @@
-"""Settings as the parameters of an address: short, readable, and checked when they come back."""
+"""Settings as URL parameters: short, readable, and validated when read back."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from stereolag.settings import Settings, SettingsError
 SettingsT = TypeVar("SettingsT", bound=Settings)
 
 NOTHING, ON = "none", "on"
-"""No value, and a stage that is not left out, with its usual settings but for those named apart."""
+"""Parameter values for None, and for an optional stage switched on; its settings are the defaults unless given too."""
 
 KIND = "kind"
-"""The field that tells settings of one kind from those of another."""
+"""The discriminator field of settings that come in several kinds."""
 
 
 class Recalled(NamedTuple):
-    """What an address says: settings, and a sentence for every reason for which some were ignored."""
+    """Settings read from an address, and one sentence per reason why some parameters were ignored."""
 
     settings: Any
     ignored: list[str]
 
 
 def parameters_of(settings: Settings, first: Settings) -> dict[str, str]:
-    """Return the settings that are not as they were at first, by name, with dots where they lie within others."""
+    """Return the settings that differ from `first`, by name; names of nested settings are dotted."""
     found: dict[str, str] = {}
     for name in type(settings).model_fields:
         value, usual = getattr(settings, name), getattr(first, name)
@@ -49,18 +49,18 @@ def recalled_settings(
     prefix: str = "",
     check: Callable[[SettingsT], None] = lambda settings: None,
 ) -> Recalled:
-    """Return the settings that :func:`parameters_of` wrote; what is unknown or not allowed is left out.
+    """Return the settings that :func:`parameters_of` wrote; unknown or invalid parameters are ignored.
 
     Parameters
     ----------
     parameters
-        Untrusted: the parameters of an address.
+        Parameters of an address; untrusted.
     first
-        What holds where they say nothing.
+        Settings to use for everything the parameters do not mention.
     prefix
-        What stands before their names in the address, for the sentences about them.
+        Prefix of the parameter names in the address, used in the sentences about them.
     check
-        Raises :class:`~stereolag.settings.SettingsError` where settings are allowed, but not here.
+        Raises :class:`~stereolag.settings.SettingsError` for settings that are valid but not allowed here.
     """
     wanted = dict(parameters)
     ignored: list[str] = []
@@ -88,9 +88,9 @@ def _written(value: Any) -> str:
 
 
 def _document(parameters: Mapping[str, str], first: Settings) -> dict[str, Any]:
-    """Return the settings as nested dictionaries, those at first overwritten by the parameters."""
+    """Return `first` as nested dictionaries, overwritten by the parameters."""
     document = first.model_dump(mode="json")
-    # What switches or chooses comes before what lies within: of another kind nothing that was there holds.
+    # Apply switches and kinds before the settings nested in them: a new kind discards all earlier nested values.
     for name in sorted(parameters, key=lambda name: (name.count("."), name.rpartition(".")[2] != KIND)):
         *within, last = name.split(".")
         place = document
@@ -106,12 +106,12 @@ def _document(parameters: Mapping[str, str], first: Settings) -> dict[str, Any]:
 
 
 def _read(text: str) -> Any:
-    """Return what a text stands for: with commas several values."""
+    """Return the value of a parameter; commas separate several values."""
     return text.split(",") if "," in text else {NOTHING: None, ON: {}}.get(text, text)
 
 
 def _refused(error: SettingsError, parameters: Mapping[str, str]) -> dict[str, str]:
-    """Return which parameters are to blame, and why; all of them where they are refused together."""
+    """Return the parameters to blame, each with the reason; all of them if no single one is at fault."""
     refused: dict[str, str] = {}
     for name, sentence in error.problems:
         parts = set(name.split(".")) - {""}

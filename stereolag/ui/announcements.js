@@ -1,6 +1,6 @@
-// The one live region of the page. It lies outside of what is drawn anew, for a region that is new is not read aloud.
+// The page's single live region. It stays outside the re-rendered content because a new region is not read aloud.
 
-const REST_MS = 600; // a slider that is dragged is not read out at every step
+const REST_MS = 600; // a dragged slider must not be read out at every step
 let waiting;
 
 function region() {

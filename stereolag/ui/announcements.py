@@ -16,8 +16,8 @@ _region = st.components.v2.component(
 
 
 def announce(headline: str) -> None:
-    """Have a headline, plain or Markdown, read aloud politely, once it has rested for a moment.
+    """Announce a headline, plain or Markdown, through a polite live region once it has been stable for a moment.
 
-    Once a page: it is the one live region for results. What is refused or failed is announced by Streamlit itself.
+    Call it once per page: this is the only live region for results. Streamlit announces refusals and failures itself.
     """
     _region(key=KEY, data=typeset(headline.replace("**", "")))

@@ -1,4 +1,4 @@
-"""Which inputs a page works on: one of the examples, or files of the visitor's own."""
+"""The choice of a page's inputs: one of the examples, or the visitor's own files."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ T = TypeVar("T")
 OWN = "own"
 
 GONE = (
-    "The files you had here are gone: the server was started again, or this page was away from it for too long. "
-    "Add them once more."
+    "The files you had here are gone: the server was restarted, or this page was disconnected for too long. "
+    "Add them again."
 )
 
 
 class Example(Protocol):
-    """What every bundled example has."""
+    """The interface of every bundled example."""
 
     @property
     def title(self) -> str:
@@ -31,7 +31,7 @@ class Example(Protocol):
 
 
 def choose(examples: Mapping[str, Example], *, key: str) -> str:
-    """Return the name of the example chosen, or ``OWN``."""
+    """Return the name of the chosen example, or ``OWN``."""
     first_run = f"{key}.gone" not in st.session_state
     chosen = st.segmented_control(
         "Inputs",
@@ -43,7 +43,7 @@ def choose(examples: Mapping[str, Example], *, key: str) -> str:
         label_visibility="collapsed",
     )
     if first_run:
-        # Only a browser that knew an earlier session begins with files of its own.
+        # Only a browser that remembers an earlier session starts with its own files selected.
         st.session_state[f"{key}.gone"] = chosen == OWN
     if chosen != OWN:
         st.session_state[f"{key}.example"] = chosen
@@ -51,7 +51,7 @@ def choose(examples: Mapping[str, Example], *, key: str) -> str:
 
 
 def no_files_yet(key: str) -> None:
-    """Take note that whoever is led to files of their own has given none yet: none are gone."""
+    """Record that a visitor sent to "own files" has uploaded none yet, so that none are reported as gone."""
     st.session_state[f"{key}.gone"] = False
 
 
@@ -64,20 +64,20 @@ def own_or_example(
     key: str,
     awaited: str,
 ) -> T:
-    """Return the inputs chosen; the page ends here where those of the visitor were refused.
+    """Return the chosen inputs; stop the page here if the visitor's own files were refused.
 
     Parameters
     ----------
     chosen
-        As :func:`choose` returned it.
+        Return value of :func:`choose`.
     ask
-        Asks for the visitor's own files; returns None while they are not there.
+        Asks for the visitor's own files; returns None while some are missing.
     load
         Loads an example by its name.
     examples, key
-        As :func:`choose` took them.
+        The arguments given to :func:`choose`.
     awaited
-        What is said to be missing until the visitor's files are there: "both images are".
+        Subject and verb of the notice shown until the visitor's files are there: "both images are".
     """
     if chosen != OWN:
         return load(chosen)
@@ -87,7 +87,7 @@ def own_or_example(
         st.session_state[f"{key}.gone"] = False
         return own
     if refused():
-        # What an example gives must not stand below a file that was refused.
+        # Do not show results of an example below a refused file.
         st.stop()
     if st.session_state[f"{key}.gone"]:
         prose.warning(GONE, icon=":material/cloud_off:")
@@ -97,17 +97,17 @@ def own_or_example(
 
 
 def show_awaited(awaited: str, example: str) -> None:
-    """Show which files are missing, and that an example stands in for them; `awaited` as own_or_example takes it."""
+    """Say which files are missing and which example is shown instead; `awaited` is as in `own_or_example`."""
     missing = still_missing()
     said = f"Still missing: {', '.join(missing)}. Until then" if missing else f"Until {awaited} here,"
     prose.info(f"{said} the page shows the example “{example}”.", icon=":material/upload_file:")
 
 
 def show_limits(largest: str) -> None:
-    """Show how large files may be, and that they stay with their visitor."""
+    """Show the size limits of files, and that files stay in the visitor's session."""
     prose.caption(f"{largest} Your files stay in this session: nothing is written to disk or shown to anyone else.")
 
 
 def image_limits() -> str:
-    """Return how large the file of an image may be."""
+    """Return a sentence about the size limits of an image file."""
     return f"Images may have {st.get_option('server.maxUploadSize')} MB and {limits().max_megapixels} megapixels."

@@ -1,4 +1,4 @@
-"""A control made from a field of a settings class, and settings made from controls."""
+"""Controls built from the fields of a settings class, and settings built from controls."""
 
 from __future__ import annotations
 
@@ -36,31 +36,31 @@ def control(
     disabled: bool = False,
     drawn: bool = True,
 ) -> Any:
-    """Draw the control of one field and return what it is set to.
+    """Draw the control of one field and return its value.
 
-    A number with both bounds is a slider with a box for an exact value; with fewer, or where it may be left empty, a
-    number box. A choice is a row of buttons, a yes or no a switch.
+    A number with both bounds gets a slider and a box for an exact value; a number with fewer bounds, or one that may be
+    left empty, gets a number box. A choice is a row of buttons, a boolean a switch.
 
     Parameters
     ----------
     settings, name
-        The settings class and its field: the label, the help, the bounds and the step come from there.
+        The settings class and its field, which provide the label, help, bounds and step.
     key
-        Of the widget; its value outlives a visit to another page.
+        Widget key; its value survives a visit to another page.
     value
-        What it is set to at first; the field's own default unless given.
+        Initial value; the field's default unless given.
     low, high
-        Narrower bounds, where what the field allows is more than these inputs can use.
+        Narrower bounds, if the field allows more than these inputs can use.
     names
-        What the choices are called on the page.
+        Display names of the choices.
     when_empty
-        What an empty number box means.
+        Meaning of an empty number box.
     beside
         Another name of the field, shown beside its title.
     disabled
-        Whether it cannot be moved now, because nothing would change.
+        Whether the control is inactive, because changing it would have no effect.
     drawn
-        False where it is folded away: then it is not drawn, which takes time, and keeps its value.
+        False if the control is folded away: it is not drawn, to save time, and keeps its value.
     """
     field = settings.model_fields[name]
     found = st.session_state.get(_adopted_key(key), NOT_ADOPTED)
@@ -94,7 +94,7 @@ def control(
     at_first = bounds.nearest(at_first)
     bounds = bounds.through(at_first)
     if bounds.high == bounds.low:
-        # A slider needs two ends. Under a key of its own it does not disturb what is set for other inputs.
+        # A slider needs two distinct ends. A separate key leaves the value set for other inputs untouched.
         bounds = Bounds(at_first, at_first + bounds.step, bounds.step)
         widget |= {"key": f"{key}.only", "disabled": True}
     widget |= {"min_value": bounds.low, "max_value": bounds.high, "step": bounds.step, "value": at_first}
@@ -102,15 +102,15 @@ def control(
 
 
 EXACT_WIDTH = 76
-"""Px; of the box beside a slider, too narrow for buttons."""
+"""Width of the box beside a slider, px; too narrow for step buttons."""
 
 
 def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
-    """Draw a slider beside a box that shows its value and takes any other that the field allows."""
+    """Draw a slider and a box that shows its value and accepts any other value the field allows."""
     key, exact = widget["key"], exact_key(widget["key"])
     with st.container(horizontal=True, gap="small", vertical_alignment="bottom"):
         value = st.slider(**widget)
-        if drawn_anew(exact) or st.session_state.get(exact) != value:  # set anew, it is drawn anew
+        if drawn_anew(exact) or st.session_state.get(exact) != value:  # assigning it makes the browser redraw it
             st.session_state[exact] = value
         if (before := st.session_state.get(_drawn_key(key))) != value:
             st.session_state[_drawn_key(key)] = value
@@ -132,13 +132,13 @@ def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
 
 
 LATE_S = 2.0
-"""How long after a box was set to another value the browser may still send the one before."""
+"""How long after a box was set to a new value the browser may still send the previous one, s."""
 
 
 def _take_exact(key: str) -> None:
-    """Set a slider to the value typed beside it, which may lie beyond its ends or between its steps.
+    """Set a slider to the value typed beside it, which may be outside its range or between its steps.
 
-    Beside a slider that moved, or just after, the box holds no typed value: the browser has not drawn the new one yet.
+    If the slider has just moved, the box value was not typed: the browser has not drawn the new value yet.
     """
     typed = st.session_state[exact_key(key)]
     moved = st.session_state[key] != st.session_state.get(_drawn_key(key))
@@ -148,7 +148,7 @@ def _take_exact(key: str) -> None:
 
 
 def _replaced(key: str) -> dict[Any, float]:
-    """Return when each value drawn in a box was last replaced by another."""
+    """Return the times at which values drawn in a box were last replaced, by value."""
     times: dict[Any, float] = st.session_state.setdefault(f"{exact_key(key)}.replaced", {})
     return times
 
@@ -158,19 +158,19 @@ def _drawn_key(key: str) -> str:
 
 
 def _within(field: FieldInfo, value: Any, low: Number | None, high: Number | None) -> Any:
-    """Return a value within the bounds that its control would have."""
+    """Return a value clamped to the bounds its control would have."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value
     return Bounds.of(field).narrowed(low, high).nearest(value)
 
 
 def adopt_value(key: str, value: Any) -> None:
-    """Set a control that is not drawn yet in this run; its bounds widen where they must to hold the value."""
+    """Set a control not yet drawn in this run; its bounds widen if needed to include the value."""
     st.session_state[key] = st.session_state[_adopted_key(key)] = value
 
 
 def last_valid(make: Callable[[], T], key: str) -> T | None:
-    """Return what `make` makes; where the settings are refused say why, and return what was valid before."""
+    """Return the result of `make`; if it refuses the settings, show why and return the last valid ones."""
     try:
         settings = make()
     except ValueError as error:

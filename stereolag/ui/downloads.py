@@ -1,4 +1,4 @@
-"""Files on offer: a button for each, whose bytes are made when they are asked for, and one ZIP of all."""
+"""Download buttons: one per file, whose bytes are made on demand, and one ZIP of all files."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ README = "README.txt"
 
 
 class File(NamedTuple):
-    """A file on offer.
+    """A downloadable file.
 
     Attributes
     ----------
     label
-        The button; "" of a file that goes into the ZIP alone.
+        Label of the button; "" for a file that is only in the ZIP.
     name
-        Of the file.
+        File name.
     make
-        Makes its bytes, or its text.
+        Makes its bytes or text.
     meaning
-        The button's help, and what is said of it in the ZIP.
+        Help of the button, and description of the file in the ZIP.
     refusal
-        Why there is none, "" where it can be had.
+        Why the file is not available; "" if it is.
     """
 
     label: str
@@ -43,16 +43,16 @@ class File(NamedTuple):
 
 
 def show_file_buttons(files: Sequence[File], memory: int, *, key: str) -> None:
-    """Offer files.
+    """Draw a download button for each file.
 
     Parameters
     ----------
     files
-        In the order of their buttons.
+        Files in button order.
     memory
-        Bytes that it takes to make one of them.
+        Memory needed to make one of them, bytes.
     key
-        What the keys of the buttons begin with.
+        Prefix of the button keys.
     """
     for file in files:
         if file.label:
@@ -67,7 +67,7 @@ def show_file_buttons(files: Sequence[File], memory: int, *, key: str) -> None:
 
 
 def show_zip_button(make: Callable[[], bytes], memory: int, *, key: str, more: str = "", refusal: str = "") -> None:
-    """Offer one ZIP of all files; `more` is what else is to be said of it, `refusal` why it cannot be had."""
+    """Draw the button of the ZIP of all files; `more` extends its help, `refusal` says why it is not available."""
     download_button(
         "All in one ZIP",
         partial(made_in_turn, make, memory),
@@ -82,25 +82,25 @@ def show_zip_button(make: Callable[[], bytes], memory: int, *, key: str, more: s
 
 
 def show_taken(files: Sequence[File], whole: Callable[[], bytes], memory: int, *, key: str) -> None:
-    """Offer files, and before them one ZIP of all, which `whole` makes; the others as :func:`show_file_buttons`."""
+    """Draw the button of the ZIP made by `whole`, then the file buttons as :func:`show_file_buttons` does."""
     with st.container(horizontal=True, gap="small"):
         show_zip_button(whole, memory, key=key, refusal=too_large(memory))
         show_file_buttons(files, memory, key=key)
 
 
 def show_reproduction(command: str, does: str, *, own: bool, by_hand: Sequence[str] = ()) -> None:
-    """Show the command that gives the same result beside the files of the ZIP, and say what the address holds.
+    """Show the command that reproduces the result from the unpacked ZIP, and say what the page address includes.
 
     Parameters
     ----------
     command
         One line.
     does
-        What it does: "measure this lag again".
+        Its purpose: "measure this lag again".
     own
         Whether the files are the visitor's own.
     by_hand
-        What the visitor made of an example by hand, and no address holds: "mask you painted".
+        Parts of an example the visitor changed by hand, which the address cannot include: "mask you painted".
     """
     prose.caption(f"To {does}, in the folder of the unpacked ZIP:")
     st.code(command, language=None, wrap_lines=True)
@@ -115,7 +115,7 @@ def show_reproduction(command: str, does: str, *, own: bool, by_hand: Sequence[s
 
 
 def too_large(memory: int) -> str:
-    """Return why a file cannot be made that takes so many bytes of memory, "" where it can."""
+    """Return why a file that needs `memory` bytes cannot be made; "" if it can."""
     allowed = limits().job_memory
     if memory <= allowed:
         return ""
@@ -123,14 +123,14 @@ def too_large(memory: int) -> str:
 
 
 def archive(files: Sequence[File], about: str) -> bytes:
-    """Return one ZIP of the files that can be had, and of a text: `about`, and below it what each of them holds."""
+    """Return a ZIP of the available files and a README: `about`, then a description of each file."""
     had = [file for file in files if not file.refusal]
     meanings = "".join(f"{file.name}: {file.meaning}\n" for file in had)
     return bundle({README: f"{about}\n\n{meanings}"} | {file.name: file.make() for file in had})
 
 
 def made_in_turn(make: Callable[[], bytes | str], memory: int) -> bytes | str:
-    """Return a file that is asked for; one that takes much memory is made when it is its turn."""
+    """Return a requested file; one that needs much memory waits for its turn."""
     if memory < HEAVY_MEMORY:
         return make()
     with limiter().admitted(Turn(memory), lambda: False):

@@ -1,4 +1,4 @@
-"""The row of numbers under a result."""
+"""Shared page elements: rows of numbers, images and a progress bar."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from stereolag.typography import NO_BREAK, typeset
 PERCENT, PIXELS, SECONDS = (
     f"{number}{NO_BREAK}{unit}" for number, unit in (("%.1f", "%%"), ("%.2f", "px"), ("%.3f", "s"))
 )
-"""Formats of the columns of tables."""
+"""Number formats of table columns."""
 
 
 class Number(NamedTuple):
-    """A number with its unit, what it is called, and what it means."""
+    """A number with its unit, label and meaning."""
 
     label: str
     value: str
@@ -28,23 +28,23 @@ class Number(NamedTuple):
 
 
 def show_numbers(numbers: Iterable[Number]) -> None:
-    """Show numbers side by side, on as many lines as the window needs."""
+    """Show numbers side by side, wrapped to the width of the window."""
     with st.container(horizontal=True, gap="small"):
         for label, value, meaning in numbers:
             st.metric(label, typeset(value), help=typeset(meaning), width="content")
 
 
 def show_png(data: bytes, alt: str, caption: str | None = None, *, stretch: bool = True) -> None:
-    """Show a PNG as wide as there is room, or in its own size; `alt` says what it shows to who cannot see it.
+    """Show a PNG at full width, or at its own size; `alt` describes it for screen readers.
 
-    It travels within the page's message: as a file of its own the browser would have to ask for it, one round trip
-    later, and in vain where the next position of a slider has already replaced it.
+    It is embedded in the page message. The browser would have to request a separate file, which costs a round trip and
+    fails if the next slider position has already replaced the file.
     """
     _show(data, "image/png", alt, caption, stretch=stretch)
 
 
 def show_jpeg(data: bytes, alt: str) -> None:
-    """Show a JPEG as wide as there is room, as :func:`show_png` does."""
+    """Show a JPEG at full width, as :func:`show_png` does."""
     _show(data, "image/jpeg", alt, None, stretch=True)
 
 
@@ -54,14 +54,14 @@ def _show(data: bytes, media_type: str, alt: str, caption: str | None, *, stretc
 
 
 PATIENCE_S = 0.5
-"""What takes less is shown when it is done; a bar that flashes by only disturbs."""
+"""Computations shorter than this show no progress bar, s; one that flashes by only distracts."""
 
 BETWEEN_UPDATES_S = 0.1
 
 
 @contextmanager
 def shown_progress(label: str) -> Iterator[Progress]:
-    """Show that something is being computed, and how far it is; gives the callback that long jobs take."""
+    """Show a spinner and a progress bar; yield the progress callback that long computations take."""
     place = st.empty()
     last_update = time.monotonic() + PATIENCE_S - BETWEEN_UPDATES_S
 

@@ -1,4 +1,4 @@
-"""Long computations beside the page: it goes on answering, shows how far they are, and can call them off."""
+"""Long computations in the background: the page stays responsive, shows their progress and can cancel them."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ T = TypeVar("T")
 
 
 class Job(Generic[T]):
-    """A heavy computation in a thread of its own, which begins when it is its turn.
+    """A heavy computation in its own thread, which starts when its turn comes.
 
     Parameters
     ----------
     work
-        Takes this job, tells it its progress and the best result so far, asks `cancelled` now and then, and returns the
-        result. It must not call Streamlit, which knows no visitor in that thread.
+        Takes this job, reports its progress and the best result so far to it, checks `cancelled` now and then, and
+        returns the result. It must not call Streamlit, which has no session in that thread.
     estimate
-        What it will take.
+        Estimated time and memory.
 
     Attributes
     ----------
     progress
-        0..1.
+        Fraction done, 0..1.
     so_far
-        The best result yet; None until there is one.
+        Best result so far; None until there is one.
     """
 
     def __init__(self, work: Callable[[Job[T]], T], estimate: Estimate) -> None:
@@ -50,62 +50,62 @@ class Job(Generic[T]):
 
     @property
     def ahead(self) -> int:
-        """Return how many jobs come before this one; 0 once it is being computed."""
+        """Return the number of jobs ahead of this one; 0 once it is running."""
         return self._turn.ahead
 
     @property
     def running(self) -> bool:
-        """Return whether it waits or is computed."""
+        """Return whether the job is waiting or being computed."""
         return not self._future.done()
 
     @property
     def cancelled(self) -> bool:
-        """Return whether it has been asked to end."""
+        """Return whether the job has been asked to stop."""
         return self._cancel.is_set()
 
     def cancel(self) -> None:
-        """Ask it to end soon."""
+        """Ask the job to stop soon."""
         self._cancel.set()
 
     def result(self) -> T:
-        """Wait for the result and return it; an error of the work is raised here, or that it was called off."""
+        """Wait for the result and return it; raise the error of the work, or CancelledError if it was cancelled."""
         return self._future.result()
 
     def report(self, fraction: float) -> None:
-        """Take note of the progress."""
+        """Record the progress."""
         self.progress = fraction
 
     def report_or_end(self, fraction: float) -> None:
-        """Take note of the progress; end the work here, by CancelledError, where it was called off."""
+        """Record the progress; raise CancelledError to end the work if the job was cancelled."""
         if self.cancelled:
             raise CancelledError
         self.progress = fraction
 
     def found(self, so_far: T) -> None:
-        """Take note of the best result yet."""
+        """Record the best result so far."""
         self.so_far = so_far
 
 
 def waiting_in_words(job: Job[Any]) -> str:
-    """Return the place of a job that waits for its turn."""
+    """Return a sentence with the queue position of a waiting job."""
     return f"You are number {job.ahead + 1}: large computations take turns here. Yours begins by itself."
 
 
 HEAVY_MEMORY = 256 * 10**6
 HEAVY_S = 2.0
-"""What takes less memory and less time than this does not have to wait."""
+"""Jobs below both this memory, bytes, and this time, s, do not wait for a turn."""
 
 LOOKS_S = 0.2
-"""How often a waiting job looks whether it was cancelled."""
+"""Interval at which a waiting job checks whether it was cancelled, s."""
 
 
 def is_heavy(estimate: Estimate) -> bool:
-    """Return whether a job has to take its turn."""
+    """Return whether a job has to wait for its turn."""
     return estimate.memory >= HEAVY_MEMORY or estimate.seconds >= HEAVY_S
 
 
 class Turn:
-    """The place of one job among those that wait or are computed."""
+    """The place of one job among those waiting or running."""
 
     def __init__(self, memory: int) -> None:
         self.memory = memory
@@ -113,14 +113,14 @@ class Turn:
 
 
 class Limiter:
-    """Admits jobs in the order in which they came, as long as memory and cores suffice for one more.
+    """Admits jobs in order of arrival while memory and cores suffice for one more.
 
     Parameters
     ----------
     memory
-        Bytes that all admitted jobs together may take; one job alone is always admitted.
+        Limit for all admitted jobs together, bytes; a single job is always admitted.
     at_once
-        How many are admitted at the most.
+        Largest number of jobs admitted at a time.
     """
 
     def __init__(self, memory: int, at_once: int) -> None:
@@ -132,14 +132,14 @@ class Limiter:
 
     @contextmanager
     def admitted(self, turn: Turn, cancelled: Callable[[], bool]) -> Iterator[None]:
-        """Wait for a turn, and give it back at the end.
+        """Wait for a turn, and release it at the end.
 
         Parameters
         ----------
         turn
-            Its ``ahead`` tells meanwhile how many jobs come before this one.
+            Turn of this job; its ``ahead`` is kept up to date while waiting.
         cancelled
-            Asked while waiting.
+            Polled while waiting.
 
         Raises
         ------
@@ -182,5 +182,5 @@ class Limiter:
 
 @functools.cache
 def limiter() -> Limiter:
-    """Return the one limiter of this process: one heavy job for every two cores."""
+    """Return the limiter of this process: one heavy job per two cores."""
     return Limiter(limits().job_memory, max(1, available_cores() // 2))

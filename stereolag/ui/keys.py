@@ -1,4 +1,4 @@
-"""The keys of the controls: one place that says under which name a setting is kept in the session."""
+"""The session-state keys of the controls, defined in one place."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Final
 
 PAIR: Final = "pairs"
 HANDED: Final = f"{PAIR}.handed_over"
-"""The pair that another page handed over, in place of files."""
+"""Key of the pair handed over by another page in place of files."""
 SIZE: Final = f"{PAIR}.size"
 FOLD: Final = "depth.head"
 FOLD_NEXT: Final = f"{FOLD}.next"
@@ -17,7 +17,7 @@ COLOURS: Final = "depth.colours"
 
 
 def method_key(method: str) -> str:
-    """Return what the keys of all settings of a method begin with, by its short name."""
+    """Return the key prefix of all settings of a method, given its short name."""
     return f"depth.{method}"
 
 
@@ -27,19 +27,18 @@ def setting_key(method: str, name: str, source: str | None = None) -> str:
     Parameters
     ----------
     method
-        Its short name.
+        Short name of the method.
     name
-        With dots where the setting lies within another; behind a choice of kinds stands the kind:
-        "search.rectified.num_disparities".
+        Name of the setting, dotted if nested; the kind follows a choice of kinds: "search.rectified.num_disparities".
     source
-        Of a setting that belongs to the pair, the :attr:`stereolag.ui.pairs.StereoPair.searched`.
+        :attr:`stereolag.ui.pairs.StereoPair.searched`, for a setting that belongs to the pair.
     """
     key = f"{method_key(method)}.{name}"
     return key if source is None else f"{key}.{source}"
 
 
 def more_key(method: str) -> str:
-    """Return the key of what holds the settings of a method that are folded away at first."""
+    """Return the key of the expander with a method's initially hidden settings."""
     return f"{method_key(method)}.more"
 
 

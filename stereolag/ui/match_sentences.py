@@ -1,4 +1,4 @@
-"""What the page says of one match: what its scores show, whether it is right, and what the map made of it."""
+"""Sentences about one match: the shape of its scores, whether it is right, and its fate in the map."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from stereolag.stereo.reasons import Reason
 from stereolag.ui.sentences import REASON_WORDS, percent
 
 RIGHT_PX = 1.0
-"""A match is called right up to this error, px."""
+"""Largest error of a match called right, px."""
 
 SAME_PX = 0.05
-"""Disparities that differ by less are written once, px."""
+"""Disparities that differ by no more than this are given once, px."""
 
 EXAMPLE_LABELS = {
     ExampleKind.CLEAR: "A clear match",
@@ -23,9 +23,9 @@ EXAMPLE_LABELS = {
 }
 NO_EXAMPLE = {
     ExampleKind.CLEAR: "No window of this pair has one clear peak with these window and search settings.",
-    ExampleKind.REPEATS: "Nothing repeats here: in no window looked at does a second place, away from the peak’s own "
-    "slopes, score nearly as high as the best.",
-    ExampleKind.BARE: "Every window has texture enough with these settings: there is no bare wall.",
+    ExampleKind.REPEATS: "Nothing repeats here: no window examined has a second place, away from the peak’s own "
+    "slopes, that scores nearly as high as the best.",
+    ExampleKind.BARE: "Every window has enough texture with these settings: there is no bare wall.",
     ExampleKind.HIDDEN: "No part of this pair was found to be hidden from the right camera.",
 }
 NO_CORRELATION = "Correlation has no result to explain yet."
@@ -41,8 +41,8 @@ TOO_MUCH_TO_FOLLOW = (
     "long in the browser. Click a pixel instead."
 )
 HIDDEN_FROM_RIGHT = (
-    "The right camera cannot see this point, because something nearer hides it: what the window matched is what "
-    "surrounds the point."
+    "The right camera cannot see this point, because something nearer hides it: the window matched the point’s "
+    "surroundings."
 )
 
 HOVER_WORDS = {
@@ -70,14 +70,14 @@ HOVER_WORDS = {
 
 
 def match_in_words(seen: MatchExplanation) -> str:
-    """Return in a sentence what the scores show of the match, whatever became of it."""
+    """Return a sentence about the match based on its scores alone, whatever the map made of it."""
     match seen.kind:
         case MatchKind.NOTHING:
             return "Nothing to correlate: the window is flat, or every place it could match lies outside the image."
         case MatchKind.AT_EDGE:
             return (
-                "The best score lies on the edge of the search area or of the image, where a better one may lie "
-                "beyond: no disparity is taken from it."
+                "The best score is on the edge of the search area or of the image, and a better one may be beyond "
+                "it: no disparity is taken from it."
             )
         case MatchKind.BARE:
             return (
@@ -103,7 +103,7 @@ def match_in_words(seen: MatchExplanation) -> str:
 
 
 def match_against_truth(seen: MatchExplanation, truth: float) -> str:
-    """Return how the match of a kind compares with the ground truth, px; empty where there is nothing to say."""
+    """Return a sentence comparing the match with the ground truth, px; "" if there is nothing to say."""
     disparity = seen.disparity
     if math.isnan(disparity):
         return "" if math.isnan(truth) else _truth_alone(seen, truth)
@@ -133,10 +133,10 @@ FOUND_WRONG = {
     MatchKind.UNLIKE: "Its place is **wrong**",
 }
 DOUBT = {
-    MatchKind.REPEATS: " Which of the two is the true place, the scores cannot tell.",
-    MatchKind.SMOOTH: " How far off it is, the scores cannot tell.",
-    MatchKind.BARE: " The score says little for it.",
-    MatchKind.UNLIKE: " The score says little for it.",
+    MatchKind.REPEATS: " The scores cannot tell which of the two is the true place.",
+    MatchKind.SMOOTH: " The scores cannot tell how far off it is.",
+    MatchKind.BARE: " The score is weak evidence for it.",
+    MatchKind.UNLIKE: " The score is weak evidence for it.",
 }
 
 
@@ -147,16 +147,16 @@ def _truth_alone(seen: MatchExplanation, truth: float) -> str:
 
 
 def map_in_words(seen: MatchExplanation, truth: float, reason: Reason, disparity: float) -> str:
-    """Return what the finished map made of the match.
+    """Return a sentence about the fate of the match in the finished map.
 
     Parameters
     ----------
     seen
         The match, before any check or filter.
     truth
-        The ground truth, px; NaN = unknown.
+        Ground truth, px; NaN = unknown.
     reason, disparity
-        What the map holds at the pixel; NaN = blank.
+        Reason and disparity of the map at the pixel, px; NaN = blank.
     """
     error = abs(seen.disparity - truth)
     if reason == Reason.FILLED:
@@ -164,7 +164,7 @@ def map_in_words(seen: MatchExplanation, truth: float, reason: Reason, disparity
     if reason == Reason.MEASURED:
         if math.isnan(disparity) or abs(seen.disparity - disparity) <= SAME_PX:
             return "The map keeps it."
-        return f"After filtering, the map holds {disparity:.2f} px."
+        return f"After filtering, the map has {disparity:.2f} px."
     if math.isnan(seen.disparity):
         return "The map is blank here."
     how = "as it should be" if error > RIGHT_PX else "all the same" if error <= RIGHT_PX else ""
@@ -179,16 +179,16 @@ def verdict(
     reason: Reason | None = None,
     disparity: float = math.nan,
 ) -> str:
-    """Return all there is to say of a match, in one paragraph that does not contradict itself.
+    """Return one consistent paragraph about a match.
 
     Parameters
     ----------
     seen, truth
-        The match, and the ground truth there, px; NaN = unknown.
+        The match, and the ground truth at its pixel, px; NaN = unknown.
     visible
         Whether the right camera sees the pixel, as far as is known.
     reason, disparity
-        What the finished map of the same matcher holds there; None where there is no such map.
+        Reason and disparity at the pixel in the finished map of the same matcher; reason is None if there is no map.
     """
     said = [f"**{match_in_words(seen)}**", match_against_truth(seen, truth)]
     if not visible:

@@ -1,4 +1,4 @@
-"""The controls of any stereo method, made from its settings class, and how they are set from outside."""
+"""The controls of any stereo method, built from its settings class, and functions that set them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from stereolag.ui.sentences import CHOICE_NAMES
 LARGEST_WINDOW = 101
 
 KIND = "kind"
-"""The field that tells the settings of one kind from those of another."""
+"""The discriminator field of settings that come in several kinds."""
 
 Matcher = TypeVar("Matcher", bound=StereoMatcher)
 Values = dict[str, Any]
@@ -33,22 +33,22 @@ Values = dict[str, Any]
 
 @dataclass(frozen=True)
 class _Place:
-    """Where the controls of some settings are drawn, and under which names.
+    """The context in which the controls of one settings class are drawn.
 
     Attributes
     ----------
     kind, first
-        The settings class, and what its controls are set to at first.
+        The settings class, and the initial values of its controls.
     method, path
-        Short name of the method, and the names on the way to these settings, each with a dot behind it.
+        The method, and the names leading to these settings, each followed by a dot.
     pair
-        What the matcher will work on.
+        The pair the matcher will work on.
     more, more_drawn
-        Where settings go that are folded away, and whether they are drawn there.
+        Container for the settings that are folded away, and whether they are drawn in it.
     drawn, disabled
-        Whether all others are drawn, and whether none of them can be moved now.
+        Whether the other settings are drawn, and whether all of them are disabled.
     refused
-        Takes note of settings within these that do not fit together.
+        Called with the error if nested settings conflict.
     """
 
     kind: type[Settings]
@@ -66,27 +66,27 @@ class _Place:
         return _key(self.method, self.kind, self.path, name, self.pair)
 
     def folded(self) -> _Place:
-        """Return the same place for settings all of which are folded away."""
+        """Return this place for settings that are folded away."""
         return replace(self, more=nullcontext(), drawn=self.more_drawn)
 
 
 def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) -> Matcher | None:
-    """Return the settings of a method as the visitor set them; those valid before where they are refused.
+    """Return the settings of a method as the visitor set them; the last valid ones if they are refused.
 
     Parameters
     ----------
     kind
         The method.
     pair
-        What it will work on.
+        The pair it will work on.
     drawn
-        False where its controls are folded away: they are not drawn, which takes time, and keep their values.
+        False if its controls are folded away: they are not drawn, to save time, and keep their values.
     """
     return last_valid(_asked(kind, pair, drawn=drawn), _in_use_key(kind))
 
 
 def matcher_as_set(kind: type[Matcher], pair: StereoPair) -> Matcher | None:
-    """Return the settings that :func:`ask_matcher` is about to return, for what is done before it is drawn."""
+    """Return the settings that :func:`ask_matcher` is about to return, for work done before the controls are drawn."""
     try:
         return _asked(kind, pair, drawn=False)()
     except SettingsError:
@@ -94,7 +94,7 @@ def matcher_as_set(kind: type[Matcher], pair: StereoPair) -> Matcher | None:
 
 
 def _asked(kind: type[Matcher], pair: StereoPair, *, drawn: bool) -> Callable[[], Matcher]:
-    """Draw the controls of a method where they are to be drawn, and return what makes its settings from them."""
+    """Draw the controls of a method if `drawn`, and return a function that makes its settings from them."""
     refusals: list[SettingsError] = []
     top = st.container() if drawn else nullcontext()
     folds = drawn and set(kind.model_fields) > set(_first_shown(kind))
@@ -122,9 +122,9 @@ def _asked(kind: type[Matcher], pair: StereoPair, *, drawn: bool) -> Callable[[]
 
 
 def _more_settings(key: str) -> ExpanderContainer:
-    """Return the fold for settings that are seldom moved; it is as it was when its tab was left.
+    """Return the expander for rarely used settings; it is open or closed as when its tab was left.
 
-    Folded away, they are not drawn: a rerun draws them when they are opened.
+    While closed, its controls are not drawn; opening it triggers a rerun that draws them.
     """
     if key not in st.session_state:
         st.session_state[key] = st.session_state.get(f"{key}.left", False)
@@ -134,7 +134,7 @@ def _more_settings(key: str) -> ExpanderContainer:
 
 
 def set_controls(matcher: StereoMatcher, pair: StereoPair) -> None:
-    """Set the controls of a method to these settings; they must not be drawn yet in this run."""
+    """Set the controls of a method to these settings; they must not have been drawn yet in this run."""
     _set(matcher, type(matcher), "", pair)
     st.session_state[_in_use_key(type(matcher))] = matcher
 
@@ -155,7 +155,7 @@ def _first_shown(kind: type[Settings]) -> tuple[str, ...]:
 
 
 def _ask_all(place: _Place, top: AbstractContextManager[Any]) -> Values:
-    """Draw the controls of all settings of a place, those shown first at its top; return what they are set to."""
+    """Draw the controls of all settings of a place, those shown first in `top`; return their values."""
     values: Values = {}
     shown = _first_shown(place.kind)
     folded = [name for name in place.kind.model_fields if name not in shown and name != KIND]
@@ -170,17 +170,17 @@ def _ask_all(place: _Place, top: AbstractContextManager[Any]) -> Values:
 
 
 def _ask(place: _Place, name: str, values: Values) -> None:
-    """Draw the control of one setting, and note in `values` what it is set to.
+    """Draw the control of one setting, and store its value in `values`.
 
-    A stage that can be left out is a switch with the stage's own controls below it, a choice of kinds a row of buttons
-    with the controls of the kind. What does not apply is disabled and counts as its default.
+    An optional stage is a switch with the controls of the stage below it; a choice of kinds is a row of buttons with
+    the controls of the chosen kind. A setting that does not apply is disabled and takes its default.
     """
     field = place.kind.model_fields[name]
     kinds = cast(tuple[type[Settings], ...], nested(field))
     others = SimpleNamespace(**{**dict(place.first), **values})
     try:
         applies = place.kind.obstacle(name, others) is None
-    except ValueError:  # the others do not fit together, which is said elsewhere
+    except ValueError:  # the other settings conflict, which is reported elsewhere
         applies = True
     disabled = place.disabled or not applies
     value = getattr(place.first, name)
@@ -208,7 +208,7 @@ def _ask(place: _Place, name: str, values: Values) -> None:
 
 
 def _switched_on(place: _Place, name: str, *, disabled: bool) -> bool:
-    """Draw the switch of a stage that can be left out, and return whether it is on."""
+    """Draw the switch of an optional stage, and return whether it is on."""
     field, key = place.kind.model_fields[name], place.key(name)
     at_first = getattr(place.first, name) is not None
     if not place.drawn:
@@ -217,7 +217,7 @@ def _switched_on(place: _Place, name: str, *, disabled: bool) -> bool:
 
 
 def _ask_kind(place: _Place, name: str, value: Settings, kinds: tuple[type[Settings], ...]) -> Settings:
-    """Ask which kind of settings, and draw the controls of that kind."""
+    """Ask for the kind of settings, and draw the controls of that kind."""
     by_name = {str(kind.model_fields[KIND].default): kind for kind in kinds}
     usual = str(getattr(value, KIND))
     key = f"{place.key(name)}.{KIND}"
@@ -239,7 +239,7 @@ def _ask_kind(place: _Place, name: str, value: Settings, kinds: tuple[type[Setti
 
 
 def _ask_within(place: _Place, name: str, first: Settings, kind: type[Settings], *, disabled: bool = False) -> Settings:
-    """Draw the controls of settings that lie within others, and return them; as at first where they are refused."""
+    """Draw the controls of nested settings, and return them; the initial ones if they are refused."""
     within = replace(place, kind=kind, first=first, path=f"{place.path}{name}.", disabled=disabled)
     values = _ask_all(within, nullcontext())
     try:
@@ -250,13 +250,13 @@ def _ask_within(place: _Place, name: str, first: Settings, kind: type[Settings],
 
 
 def _alternative(kind: type[Settings], pair: StereoPair) -> Settings:
-    """Return the first settings of a kind that is not the method's usual one."""
+    """Return the initial settings of a kind other than the method's default."""
     reaching = getattr(kind, "reaching", None)
     return kind() if reaching is None else cast(Settings, reaching(pair.num_disparities or DISPARITIES_AT_FIRST))
 
 
 def _ends(place: _Place, name: str) -> dict[str, Any]:
-    """Return the bounds of a slider, where what the field allows is more than the inputs can use."""
+    """Return the bounds of a slider where the field allows more than the inputs can use."""
     field = place.kind.model_fields[name]
     usual = marker(field, Usual) or Usual()
     ends: dict[str, Number | None] = {"low": usual.low, "high": usual.high}

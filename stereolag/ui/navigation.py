@@ -1,4 +1,4 @@
-"""The frame of every page: its title, the links to the other pages."""
+"""The frame of every page: its title and the links to the other pages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from stereolag.warming import warm
 
 ICON = Path(__file__).with_name("icon.svg")
 ICONS = Path(__file__).with_name("icons")
-"""Of the pages' tabs, named as their files are; the home page has that of the app."""
+"""Browser-tab icons, named after the page titles; the home page uses `ICON`."""
 STYLE = Path(__file__).with_name("page.css")
 
 PAGES = {
@@ -40,15 +40,15 @@ JOB_MEMORY_MB = 2048
 MAX_MEGASAMPLES = 30
 MAX_FRAMES = 6000
 MAX_VIDEO_S = 600
-"""What one job may take of a server that many share, unless whoever runs it says otherwise."""
+"""Default limits of one job on a shared server; whoever runs the server can override them."""
 
 
 @contextmanager
 def page(title: str, introduction: str = "", try_first: str = "") -> Iterator[None]:
-    """Begin a page: browser title, links, heading, a paragraph that says what it is for, and what to try first.
+    """Draw the frame of a page: browser title, links, heading, introduction, and a first thing to try.
 
-    Its content goes inside; where that fails, the visitor is told so. A page without an introduction draws its heading
-    itself.
+    The content of the page goes inside the ``with`` block; if it fails, the visitor gets a message. A page without an
+    introduction draws its own heading.
     """
     own = ICONS / f"{title.lower().replace(' ', '_')}.svg"
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=own if own.exists() else ICON, layout="wide")
@@ -71,13 +71,13 @@ def page(title: str, introduction: str = "", try_first: str = "") -> Iterator[No
 
 
 def show_try_first(sentence: str) -> None:
-    """Show the one thing that a first visitor should try."""
+    """Show the one thing a first-time visitor should try."""
     prose.markdown(f":primary[:material/touch_app: **Try first:**] {sentence}", width=760)
 
 
 @functools.cache
 def _prepare_process() -> None:
-    """Set, once per process, what a server needs that a script does not."""
+    """Prepare the process to serve pages; runs once per process."""
     set_defaults(
         job_memory_mb=JOB_MEMORY_MB,
         max_megasamples=MAX_MEGASAMPLES,
@@ -85,9 +85,9 @@ def _prepare_process() -> None:
         max_video_s=MAX_VIDEO_S,
     )
     warm()
-    # An upload above 1 MB would be put down in a temporary file on its way into memory.
+    # By default, an upload above 1 MB is written to a temporary file on its way into memory.
     MultiPartParser.spool_max_size = st.get_option("server.maxUploadSize") * 2**20
-    # With many sessions the pauses of garbage collection grow with what the imports left behind.
+    # With many sessions, objects left by the imports lengthen the pauses of garbage collection.
     gc.collect()
     gc.freeze()
 
@@ -100,17 +100,17 @@ _log = logging.getLogger("stereolag")
 
 @contextmanager
 def failures_answered() -> Iterator[None]:
-    """Answer an error of ours with a sentence and a number that also stands in the log, before the traceback."""
+    """Answer an unexpected error with a sentence and a number; the log has the traceback under the same number."""
     try:
         yield
     except MemoryError:
         show_out_of_memory(_logged("The server ran out of memory"))
-    except Exception:  # whatever it is: a visitor is not shown the insides of the server
+    except Exception:  # any error: never show server internals to a visitor
         show_failed(_logged("A page failed"))
 
 
 def fragment(function: Callable[P, R]) -> Callable[P, R | None]:
-    """Make a part of a page that reruns alone (``st.fragment``) and whose failures are answered."""
+    """Turn a function into an ``st.fragment``, which reruns on its own, and answer its failures."""
 
     @functools.wraps(function)
     def answered(*args: P.args, **kwargs: P.kwargs) -> R | None:

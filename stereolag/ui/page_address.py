@@ -1,4 +1,4 @@
-"""What is chosen and set on a page as the address of the page: a link opens the page as it was."""
+"""The state of a page in its address: a link reopens the page with its choices and settings."""
 
 from __future__ import annotations
 
@@ -22,30 +22,31 @@ SettingsT = TypeVar("SettingsT", bound=Settings)
 
 
 class Choice(NamedTuple):
-    """Something to choose on a page: the key it is kept under, and what an address may choose, first what holds."""
+    """A choice on a page: its session-state key, and the values an address may select, the initial one first."""
 
     key: str
     allowed: list[str]
 
 
 def example_choice(key: str, examples: Mapping[str, object]) -> Choice:
-    """Return the choice of an example; files of the visitor's own are none, for an address does not hold them."""
+    """Return the choice of an example; own files are not allowed, because an address does not include them."""
     return Choice(key, [name for name in examples if name != OWN])
 
 
 def new_parameters(written: str) -> dict[str, str] | None:
-    """Return the parameters of a new address, which are to be chosen and set; None where it is not new.
+    """Return the parameters of a new address, which are to be applied; None if the address is not new.
 
-    A link that was opened is new where it names something; a step through the browser's history also where it names
-    nothing: then all is as at first. Not new are what the page wrote itself, what a browser sends that has not heard of
-    it yet, and the bare address of a link between the pages, after which all stays as it was. That one stays in the
-    history, below what the page then writes, and cannot be told from the page's first: once such a link has led to a
-    page that was set, a step back to a bare address changes nothing there, until the page writes a bare one itself.
+    An opened link is new if it has parameters. A step through the browser's history is new even without parameters:
+    the page then returns to its initial state. Not new are an address the page wrote itself, the previous address sent
+    by a browser that has not received the written one yet, and the bare address of a link between pages, which keeps
+    the state of the page. That bare address stays in the history below the one the page writes next, and looks like
+    the page's first address. So once such a link has led to a page with changed settings, a step back to a bare address
+    changes nothing there until the page itself writes a bare one.
 
     Parameters
     ----------
     written
-        The key under which :func:`write_parameters` keeps what it wrote.
+        The session-state key of the parameters last written by :func:`write_parameters`.
     """
     state, found, stepped = st.session_state, st.query_params.to_dict(), _stepped()
     seen, last = state.get(_seen_key(written)), state.get(written)
@@ -60,15 +61,15 @@ def new_parameters(written: str) -> dict[str, str] | None:
 
 
 def _stepped() -> bool:
-    """Return whether a step back or forward in the browser led to this run."""
+    """Return whether this run was caused by a step back or forward in the browser."""
     return bool(getattr(get_script_run_ctx(), "is_history_navigation", False))
 
 
 def choose_named(found: dict[str, str], choices: Mapping[str, Choice]) -> None:
-    """Choose what a new address names, which is taken out of it; of all others what holds at first.
+    """Apply the choices that a new address names, removing them from `found`; reset the others to their initial values.
 
-    Files of the visitor's own, which no address names, stay chosen until one names an example. The choices must not be
-    drawn yet.
+    The visitor's own files, which no address can name, stay chosen until an address names an example. The choices must
+    not have been drawn yet.
     """
     for name, choice in choices.items():
         value = found.pop(name, None)
@@ -82,24 +83,24 @@ def choose_named(found: dict[str, str], choices: Mapping[str, Choice]) -> None:
 
 
 def keep_settings(written: str, parameters: dict[str, str]) -> None:
-    """Keep the parameters that name settings until the page has its inputs, in this run or in one after it."""
+    """Keep the parameters of settings until the page has its inputs, in this run or a later one."""
     st.session_state[_kept_key(written)] = parameters
 
 
 def kept_settings(written: str) -> dict[str, str] | None:
-    """Return the parameters that name settings, once; None where there is nothing to be set."""
+    """Return the kept parameters of settings and forget them; None if there are none."""
     kept: dict[str, str] | None = st.session_state.pop(_kept_key(written), None)
     return kept
 
 
 def chosen(choices: Mapping[str, Choice]) -> dict[str, str]:
-    """Return as parameters what is chosen, as far as it is not as at first."""
+    """Return the choices that differ from their initial values, as parameters."""
     values = {name: st.session_state.get(choice.key) for name, choice in choices.items()}
     return {name: value for name, value in values.items() if value in choices[name].allowed[1:]}
 
 
 def write_parameters(written: str, parameters: dict[str, str]) -> None:
-    """Put parameters into the address, in place of all others."""
+    """Write parameters into the address, replacing all others."""
     st.session_state[written] = parameters
     if not parameters:
         st.session_state[_bare_key(written)] = False
@@ -109,7 +110,7 @@ def write_parameters(written: str, parameters: dict[str, str]) -> None:
 
 
 def warn_ignored(name: str, value: str, allowed: Sequence[str]) -> None:
-    """Say that a parameter is not what it may be."""
+    """Warn that a parameter is ignored because its value is not allowed."""
     prose.warning(f"{name} = {quoted(value)} in the address is ignored: allowed are {', '.join(allowed)}.")
 
 
@@ -120,15 +121,15 @@ class SettingsAddress(Generic[InputsT, SettingsT]):
     Attributes
     ----------
     written
-        The key under which the page keeps what it wrote.
+        Session-state key of the parameters the page wrote last.
     choices
         Returns the choices by their names in the address.
     first
-        Returns the settings that hold for some inputs at first; refused are values that these inputs do not allow.
+        Returns the initial settings for the given inputs.
     key
-        Returns the key of the control of a setting, by its name, for some inputs.
+        Returns the key of the control of a setting, given its name and the inputs.
     check
-        Raises :class:`~stereolag.settings.SettingsError` where settings do not suit the inputs.
+        Raises :class:`~stereolag.settings.SettingsError` for values that the inputs do not allow.
     """
 
     written: str
@@ -138,9 +139,9 @@ class SettingsAddress(Generic[InputsT, SettingsT]):
     check: Callable[[SettingsT, InputsT], None] = lambda settings, inputs: None
 
     def recalled(self, ask: Callable[[], InputsT]) -> InputsT:
-        """Return the inputs that `ask` asks for, both they and the settings chosen as a new address says.
+        """Apply the choices and settings of a new address, and return the inputs from `ask`.
 
-        The controls of the settings must not be drawn yet.
+        The controls of the settings must not have been drawn yet.
         """
         found = new_parameters(self.written)
         if found is not None:
@@ -158,17 +159,17 @@ class SettingsAddress(Generic[InputsT, SettingsT]):
         return inputs
 
     def write(self, settings: SettingsT, inputs: InputsT) -> None:
-        """Put what is chosen and set into the address, as far as it is not as at first."""
+        """Write the choices and settings that differ from their initial values into the address."""
         write_parameters(self.written, chosen(self.choices()) | parameters_of(settings, self.first(inputs)))
 
 
 def _seen_key(written: str) -> str:
-    """Return the key of the address with which the browser asked for this page last."""
+    """Return the key of the address with which the browser last requested this page."""
     return f"{written}.seen"
 
 
 def _bare_key(written: str) -> str:
-    """Return the key of whether the history may hold a bare address at which the page was not as at first."""
+    """Return the key of the flag for a bare address in the history at which the page was not in its initial state."""
     return f"{written}.bare"
 
 

@@ -1,4 +1,4 @@
-"""The stereo pair of the depth page, what was done to it, and the bundled ones."""
+"""The stereo pair of the depth page, the changes made to it, and the bundled pairs."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from stereolag.inputs import Image
 from stereolag.reading import read_calibration, read_disparity, read_image
 
 SIZES = {"Automatic": None, "Full": 1, "1/2": 2, "1/4": 4}
-"""The sizes in which a pair can be matched, and by what its sides are divided then; None: by what suits it."""
+"""The sizes at which a pair can be matched, each with the divisor of its sides; None = chosen to suit the pair."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """What was done to the images since they were read.
+    """A change made to the images after they were read.
 
     Attributes
     ----------
     name
-        Tells the pair after it from the pair before; "" where the files tell already.
+        Distinguishes the pair after the change from the pair before it; "" if the files already do.
     sentence
-        The same in words; "" where there is nothing to say.
+        Description of the change; "" if there is nothing to say.
     remedy
-        Whether the input doctor did it at the visitor's wish, who can undo it.
+        Whether the input doctor made it at the visitor's request; the visitor can undo it.
     resizes
-        Whether disparities are other numbers after it, as the images have another size.
+        Whether it scales the disparities, because it changes the size of the images.
     """
 
     name: str
@@ -41,36 +41,36 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class StereoPair:
-    """Two images of one scene, and what is known of it.
+    """Two images of one scene, and the known facts about them.
 
     Attributes
     ----------
     left, right
         The images as they are matched.
     truth
-        (H, W) px, the ground truth of the left image; None where it is not known.
+        (H, W) px, ground truth of the left image; None if unknown.
     num_disparities
-        How many disparities the pair needs, px, from `min_disparity` on; None where it is not known.
+        Number of disparities the pair needs, starting at `min_disparity`, px; None if unknown.
     description
-        What the page says of it.
+        Text about the pair on the page.
     files
-        Tells it from every other pair: a digest of its files, or the name of the example.
+        Identifies the pair: a digest of its files, or the name of the example.
     shared
-        Whether it is an example, whose results every visitor may share.
+        Whether it is an example, whose results all visitors may share.
     calibration
-        Of the left camera.
+        Calibration of the left camera.
     visible
-        (H, W), True where the right camera sees what the left one does: the non-occluded pixels.
+        (H, W), True where the right camera sees the same point as the left one: the non-occluded pixels.
     changes
-        What was done to it, in order.
+        The changes made to it, in order.
     full
-        The pair before its sides were divided; None where they were not.
+        The pair before its sides were divided; None if they were not.
     min_disparity
-        The first disparity that the pair needs, px.
+        First disparity the pair needs, px.
     collection
-        Tells the set of pairs to which it belongs, whose settings are one; "" of a pair alone.
+        Identifies the set of pairs it belongs to, which shares its settings; "" for a single pair.
     pictures
-        Tells its two images from all others: a digest of their files alone; `files` where it is empty.
+        Identifies the two images: a digest of their files alone; if empty, `files` identifies them.
     """
 
     left: Image
@@ -90,34 +90,34 @@ class StereoPair:
 
     @property
     def digest(self) -> str:
-        """Return what tells these very images from all others."""
+        """Return the key that identifies exactly these images."""
         return " ".join((self.files, *(change.name for change in self.changes if change.name)))
 
     @property
     def source(self) -> str:
-        """Return the digest of the pair before any remedy: the remedies chosen for it hang on it."""
+        """Return the digest of the pair before any remedy; its remedies are stored under it."""
         return " ".join((self.files, *(change.name for change in self.changes if change.name and not change.remedy)))
 
     @property
     def searched(self) -> str:
-        """Return what tells the two images and their size: the range in use hangs on it, whatever else is added."""
+        """Return the key of the two images at their size; the range in use is kept under it, whatever else is added."""
         sizes = (change.name for change in self.changes if change.name and change.resizes)
         return " ".join((self.pictures or self.files, *sizes))
 
     @property
     def judged(self) -> str:
-        """Return what tells the images that settings are judged on: these or, of a set, all of it in this size."""
+        """Return the key of the images that settings are judged on: these or, for a set, the whole set at this size."""
         if not self.collection:
             return self.digest
         return " ".join((self.collection, *(change.name for change in self.changes if change.resizes)))
 
     @property
     def remedies(self) -> tuple[Change, ...]:
-        """Return what the input doctor did."""
+        """Return the changes made by the input doctor."""
         return tuple(change for change in self.changes if change.remedy)
 
     def after(self, change: Change, **fields: Any) -> Self:
-        """Return the pair after a change, with other values in some of its fields."""
+        """Return the pair after a change, with the given fields replaced."""
         return replace(self, changes=(*self.changes, change), **fields)
 
 

@@ -1,4 +1,4 @@
-"""The values of controls that outlive the part of a page in which they are drawn."""
+"""Control values that outlive the part of the page in which the control is drawn."""
 
 from __future__ import annotations
 
@@ -12,45 +12,45 @@ import streamlit as st
 
 KEY = "persistence"
 PAGE = f"{KEY}.page"
-"""In the session's state: the page run last."""
+"""Session-state key of the page that ran last."""
 BEFORE = f"{KEY}.before"
-"""In the session's state: the page run before this run."""
+"""Session-state key of the page that ran before this run."""
 ENDED = f"{KEY}.ended"
-"""In the session's state: {page or part of a page that reruns alone: how many of its runs came to their end}."""
+"""Session-state key of {page or fragment: number of its completed runs}."""
 WITHIN = f"{KEY}.within"
-"""In the session's state: {part: the run of what holds it, in which it was drawn}."""
+"""Session-state key of {fragment: the run of its container in which it was drawn}."""
 DRAWN = f"{KEY}.drawn"
-"""In the session's state: {key of a control: the run that drew it last}."""
+"""Session-state key of {key of a control: the run that drew it last}."""
 
 ANY_PAGE = "page"
 
 Run = tuple[tuple[str, int], ...]
-"""The page and the parts in one another that were run, each with the number of its run; a run that is broken off has
-the number of the next."""
+"""The page and the nested fragments of a run, each with its run number; an interrupted run has the same number as the
+next one."""
 
 _current: ContextVar[Run] = ContextVar("run", default=())
 
 
 @contextmanager
 def run_of_page(title: str) -> Iterator[None]:
-    """Count a run of a page, inside which it is drawn."""
+    """Count a run of a page; the page is drawn inside the ``with`` block."""
     state = st.session_state
     state[BEFORE] = state.get(PAGE, title)
     if state[BEFORE] != title:
-        _ended()[ANY_PAGE] += 1  # it does not follow the last run of this page
+        _ended()[ANY_PAGE] += 1  # this run does not directly follow the last run of this page
     state[PAGE] = title
     with _counted(ANY_PAGE, ()):
         yield
 
 
 def from_another_page() -> bool:
-    """Return whether the run before was one of another page."""
+    """Return whether the previous run was of another page."""
     return bool(st.session_state.get(BEFORE) != st.session_state.get(PAGE))
 
 
 @contextmanager
 def run_of_part(name: str) -> Iterator[None]:
-    """Count a run of a part of a page that reruns alone, inside which it is drawn."""
+    """Count a run of a fragment; the fragment is drawn inside the ``with`` block."""
     within: dict[str, Run] = st.session_state.setdefault(WITHIN, {})
     within[name] = _current.get() or within.get(name, ())
     with _counted(name, within[name]):
@@ -74,17 +74,18 @@ def _ended() -> Counter[str]:
 
 
 def persistent(key: str) -> dict[str, Any]:
-    """Return the arguments of a control whose value outlives it: its key, and for how long."""
+    """Return the arguments for a control whose value outlives it: its key, and how long the value is kept."""
     if drawn_anew(key) and key in st.session_state:
         st.session_state[key] = st.session_state[key]
     return {"key": key, "persist_state": "session"}
 
 
 def drawn_anew(key: str) -> bool:
-    """Return whether a control that is about to be drawn was drawn before, but not in the run before.
+    """Return whether a control about to be drawn was drawn before, but not in the previous run.
 
-    It must then be set, to whatever it is. Streamlit tells the browser no value that the browser sent along; but one
-    that sent it before it heard that the control was gone forgets it then, and shows the control as it was at first.
+    Its value must then be assigned again, even unchanged. Streamlit does not send back a value that came from the
+    browser; but a browser that sent it before it learned that the control was gone has forgotten it since, and would
+    show the initial value.
     """
     run = _current.get()
     drawn: dict[str, Run] = st.session_state.setdefault(DRAWN, {})

@@ -20,10 +20,10 @@ KEY = "pictures"
 
 @dataclass(frozen=True, eq=False)
 class PictureAndTemplate:
-    """An image, what to look for in it, and a mask: above 0 where the template counts, None where its alpha says.
+    """An image, the template to find in it, and a mask: above 0 where the template counts, None to use its alpha.
 
-    Its `place`, (row, col) of its top-left pixel, is known of an example and of what was cut from the image. What the
-    visitor made of an example `by_hand` is named; then it is not shared either.
+    `place` is the (row, col) of the template's top-left pixel, known for an example and for a template cut from the
+    image. `by_hand` names the parts of an example that the visitor made by hand; such inputs are not shared.
     """
 
     picture: Image
@@ -42,7 +42,7 @@ class PictureAndTemplate:
 
 
 def choose_pictures() -> PictureAndTemplate:
-    """Ask where to look for what, and what of it does not count."""
+    """Ask for the image, the template and its mask."""
     examples = samples.mazes()
     chosen = choose(examples, key=KEY)
     given = "A file" if chosen == OWN else "The example’s"
@@ -81,7 +81,7 @@ def example_pictures(name: str) -> PictureAndTemplate:
 
 
 def _own_pictures() -> PictureAndTemplate | None:
-    """Ask for two files and perhaps a mask; return the last that could be used together."""
+    """Ask for two files and an optional mask; return the last ones that fit together."""
     columns = st.columns(3, gap="medium")
     with columns[0]:
         picture = upload("Image", read_image, key=f"{KEY}.picture", types=PICTURE_TYPES)
@@ -91,7 +91,7 @@ def _own_pictures() -> PictureAndTemplate | None:
             read_image,
             key=f"{KEY}.template",
             types=PICTURE_TYPES,
-            note="The thing to find, cut from the image or of the same size. Transparent parts do not count.",
+            note="The thing to find, cut from the image or at the same scale. Transparent parts do not count.",
         )
     with columns[2]:
         mask = upload(
@@ -110,7 +110,7 @@ def _own_pictures() -> PictureAndTemplate | None:
 
 
 def _own_cut() -> PictureAndTemplate | None:
-    """Ask for one file, and for a box in it."""
+    """Ask for an image file, and for a box in it."""
     picture = upload("Image", read_image, key=f"{KEY}.picture", types=PICTURE_TYPES)
     show_limits(image_limits())
     if picture is None:
@@ -124,17 +124,17 @@ def _example_cut(name: str) -> PictureAndTemplate:
 
 
 def _cut(image: Image, description: str, digest: str, *, shared: bool) -> PictureAndTemplate:
-    """Ask for a box in an image, whose pixels are then the template; a visitor's own box is kept for that visitor."""
+    """Ask for a box in an image, whose pixels become the template; the result is private to the visitor."""
     box = box_in(image, digest=digest, shared=shared, key=f"{KEY}.cut")
     template = image[box.slices]
     digest = f"{digest} cut {box.row} {box.col} {box.height} {box.width}"
-    said = f"{description} What was cut out finds itself: ask for more matches, or damage the image below."
+    said = f"{description} The cut-out finds itself: ask for more matches, or damage the image below."
     by_hand = ("template you cut out",) if shared else ()
     return PictureAndTemplate(image, template, said, digest, False, place=(box.row, box.col), by_hand=by_hand)
 
 
 def _together(picture: Upload[Image], template: Upload[Image], mask: Upload[Image] | None) -> PictureAndTemplate:
-    """Return all of them; ValueError where the template cannot be looked for in the image, or not under this mask."""
+    """Return image, template and mask together; ValueError if the template does not fit the image, or the mask."""
     image, small = as_image(picture.content, "image"), as_image(template.content, "template")
     if small.shape[0] > image.shape[0] or small.shape[1] > image.shape[1]:
         raise ValueError(

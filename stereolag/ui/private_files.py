@@ -1,8 +1,8 @@
-"""Files that the browser fetches by an address of their own: recordings to hear, results to download.
+"""Files that the browser fetches from their own addresses: recordings to play, results to download.
 
-Streamlit keeps them in one store for all sessions, under an address made from the type, the name and the content, and
-of contents above 1 MiB from the length and three samples only: the files of two visitors could share one address. The
-type given to it here holds a secret as well, which makes every address one that nothing else leads to.
+Streamlit keeps them in one store for all sessions. It derives the address from the type, the name and the content, but
+above 1 MiB only from the length and three samples of the content: files of two visitors could share an address. The
+type passed here therefore includes a secret, so that no other file can lead to the same address.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from stereolag.export import wav
 SECRET_KEY = "private_files.secret"
 
 KEPT_S = 60
-"""How long a file that was made on demand can be fetched."""
+"""How long a file made on demand can be fetched, s."""
 MOST_BYTES = 256 * 2**20
-"""Of all such files together; the newest is kept whatever its size."""
+"""Limit for all such files together, bytes; the newest is kept whatever its size."""
 
 
 def show_player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> None:
-    """Show a player for a recording of that name, (samples,), as loud as it can be without clipping."""
+    """Show a player for a recording, (samples,), at the largest volume that does not clip."""
     sound = wav(signal, sampling_rate)
     st.audio(sound, format=_private_type("audio/wav", sound), alt=f"Recording of {name}")
 
@@ -47,7 +47,7 @@ def download_button(
     primary: bool = False,
     disabled: bool = False,
 ) -> None:
-    """Offer a file; where `content` is a function, it is made when the visitor asks for it."""
+    """Draw a download button; if `content` is a function, it is called when the visitor requests the file."""
     private_type = _private_type(media_type, content)
     st.download_button(
         label,
@@ -71,7 +71,7 @@ class _KeptFile:
 
 
 class _RecentFiles:
-    """Files made on demand, each at coordinates of its own in Streamlit's store, which keeps what stands at some."""
+    """Files made on demand, each at its own coordinates in Streamlit's store, which keeps files with coordinates."""
 
     def __init__(self) -> None:
         self._kept: deque[_KeptFile] = deque()
@@ -79,7 +79,7 @@ class _RecentFiles:
         self._lock = threading.Lock()
 
     def keep(self, content: bytes, file_name: str, media_type: str) -> None:
-        """Keep a file for `KEPT_S` seconds; those made before it go sooner where all are larger than `MOST_BYTES`."""
+        """Keep a file for `KEPT_S` seconds; drop older ones sooner if all together exceed `MOST_BYTES`."""
         with self._lock:
             while self._kept and sum(one.size for one in self._kept) + len(content) > MOST_BYTES:
                 self._forget(self._kept[0])
@@ -102,7 +102,7 @@ class _RecentFiles:
         self._kept.remove(kept)
         self._free.append(kept.coordinates)
         if runtime.exists():
-            # Another file at its coordinates is how the store is told that one is not needed any more.
+            # The store drops a file only when another one takes its coordinates.
             runtime.get_instance().media_file_mgr.add(b"", "text/plain", kept.coordinates, is_for_static_download=True)
 
 
@@ -112,8 +112,8 @@ _recent_files = _RecentFiles()
 def _kept_meanwhile(content: Callable[[], bytes | str], file_name: str, media_type: str) -> Callable[[], bytes]:
     """Return a function that makes the same file and keeps it for `KEPT_S` seconds.
 
-    Streamlit takes a file made on demand for nobody's and deletes it when the second script run from then ends, of any
-    visitor: where others compute, before the browser has fetched it.
+    Streamlit treats a file made on demand as orphaned, and deletes it at the end of the second script run after that,
+    of any visitor: if others are computing, before the browser has fetched it.
     """
 
     def made() -> bytes:
@@ -126,7 +126,7 @@ def _kept_meanwhile(content: Callable[[], bytes | str], file_name: str, media_ty
 
 
 def _private_type(media_type: str, content: bytes | str | Callable[[], bytes | str]) -> str:
-    """Return the type with a parameter that no other session, and no other content, has."""
+    """Return the media type with a parameter unique to this session and this content."""
     if callable(content):
         return f"{media_type}; address={secrets.token_hex(16)}"
     secret = st.session_state.setdefault(SECRET_KEY, secrets.token_hex(16))

@@ -1,6 +1,6 @@
-"""What pages say: Streamlit's elements of text, their numbers set by :func:`stereolag.typography.typeset`.
+"""Streamlit's text elements, with numbers typeset by :func:`stereolag.typography.typeset`.
 
-A page writes ``prose.caption`` where it would write ``st.caption``.
+Pages call ``prose.caption`` instead of ``st.caption``.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ KEY = "recordings"
 
 @dataclass(frozen=True, eq=False)
 class RecordingPair:
-    """Two recordings and what is known about them; None where it is not."""
+    """Two recordings and their properties; None if unknown."""
 
     signal_1: Vector
     signal_2: Vector
@@ -58,7 +58,7 @@ def example_recordings(name: str) -> RecordingPair:
 
 
 def _own_recordings() -> RecordingPair | None:
-    """Ask for two files, or one of several channels; return the last pair that could be used."""
+    """Ask for two files, or for one with several channels; return the last usable pair."""
     columns = st.columns(2, gap="medium")
     with columns[0]:
         first = upload(
@@ -82,14 +82,14 @@ def _own_recordings() -> RecordingPair | None:
 
 
 def _signals(recording: Recording) -> list[int]:
-    """Return the numbers, from 1, of the channels that hold a signal."""
+    """Return the numbers, from 1, of all channels except the clock."""
     return [number for number in range(1, len(recording.channels) + 1) if number - 1 != recording.clock]
 
 
 def _channel(file: Upload[Recording] | None, at_first: int, *, key: str) -> int:
-    """Ask for the channel of a file that has several; return its number from 1.
+    """Ask for the channel of a file that has several; return its number, from 1.
 
-    `at_first` says which of the signals is chosen until the visitor chooses: 0 is the first.
+    `at_first` is the index of the signal that is selected initially: 0 is the first.
     """
     if file is None or len(file.content.channels) == 1:
         return 1
@@ -106,7 +106,7 @@ def _channel(file: Upload[Recording] | None, at_first: int, *, key: str) -> int:
 
 
 def _pair(first: Upload[Recording], channel_1: int, second: Upload[Recording], channel_2: int) -> RecordingPair:
-    """Return the two channels as a pair; ValueError where they cannot be compared."""
+    """Return the two channels as a pair; ValueError if they cannot be compared."""
     digest = f"{first.digest} {channel_1} {second.digest} {channel_2}"
     one, other = _at_one_rate(first.content.channel(channel_1), second.content.channel(channel_2), digest)
     facts = own_facts((one, other), (channel_1, channel_2), (len(first.content.channels), len(second.content.channels)))
@@ -122,7 +122,7 @@ def _pair(first: Upload[Recording], channel_1: int, second: Upload[Recording], c
 
 
 def _at_one_rate(one: Recording, other: Recording, digest: str) -> tuple[Recording, Recording]:
-    """Return both at one rate; what was resampled stays until other recordings are chosen."""
+    """Return both at one sampling rate; the result is kept until other recordings are chosen."""
     kept: tuple[str, tuple[Recording, Recording]] | None = st.session_state.get(f"{KEY}.resampled")
     if kept is None or kept[0] != digest:
         kept = digest, at_one_rate(one, other)
@@ -131,13 +131,13 @@ def _at_one_rate(one: Recording, other: Recording, digest: str) -> tuple[Recordi
 
 
 AUDIBLE_RATES = (3_000, 384_000)
-"""Samples a second that browsers play."""
+"""Lowest and highest sampling rate that browsers play, samples per second."""
 
 LONGEST_S = 120
 
 
 def player(signal: npt.NDArray[np.float64], sampling_rate: float, name: str) -> None:
-    """Show a player for a recording, for no more than its first two minutes."""
+    """Show a player for at most the first two minutes of a recording."""
     lowest, highest = AUDIBLE_RATES
     if not lowest <= sampling_rate <= highest:
         prose.caption(f"There is no player for {name}: browsers play {lowest:,} to {highest:,} samples a second.")

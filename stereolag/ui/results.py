@@ -1,4 +1,4 @@
-"""Results that were computed already: kept for all visitors (of the examples) or for one (of uploads), and bounded."""
+"""Computed results in bounded memory: shared by all visitors (for examples) or kept for one (for uploads)."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ ALL_OWN_BYTES = 1024 * 2**20
 NUMBER_BYTES = 8
 
 BETWEEN_LOOKS_S = 0.4
-"""How often the page shows anew how far a job is."""
+"""Interval at which the page refreshes the progress of a job, s."""
 
 
 class RecentResults:
-    """The results used last, as many as fit into `max_bytes`; the newest stays whatever its size."""
+    """The most recently used results, as many as fit into `max_bytes`; the newest stays whatever its size."""
 
     def __init__(self, max_bytes: int) -> None:
         self._max_bytes = max_bytes
@@ -44,7 +44,7 @@ class RecentResults:
 
     @property
     def size(self) -> int:
-        """Return the memory of all of them, bytes."""
+        """Return the memory of all results, bytes."""
         return int(self._results.currsize)
 
     def get(self, key: str) -> Any:
@@ -53,27 +53,27 @@ class RecentResults:
             return self._results.get(key)
 
     def put(self, key: str, result: Any) -> None:
-        """Keep a result, and forget those that were not used for longest."""
+        """Keep a result, and drop the least recently used ones that no longer fit."""
         with self._lock:
             self._results[key] = result
         self.shrink(self._max_bytes)
 
     def shrink(self, max_bytes: int) -> None:
-        """Forget results, those first that were not used for longest, until the rest, or the newest, fits."""
+        """Drop the least recently used results until the rest fit or only the newest is left."""
         with self._lock:
             while len(self._results) > 1 and self._results.currsize > max_bytes:
                 self._results.popitem()
 
 
 class SharedRoom:
-    """The results of all visitors, each with their own, who share one room: more of them have less each.
+    """A memory limit shared by all visitors' own results: the more visitors, the less each may keep.
 
     Parameters
     ----------
     max_bytes
-        What all may take together, though everybody's newest result stays.
+        Limit for all visitors together; everybody's newest result stays all the same.
     most_each
-        What one visitor may take at the most.
+        Limit for one visitor, bytes.
     """
 
     def __init__(self, max_bytes: int, most_each: int) -> None:
@@ -82,13 +82,13 @@ class SharedRoom:
         self._all: weakref.WeakSet[RecentResults] = weakref.WeakSet()
 
     def results(self) -> RecentResults:
-        """Return room for one more visitor."""
+        """Return the store of one more visitor."""
         results = RecentResults(self._most_each)
         self._all.add(results)
         return results
 
     def tidy(self) -> None:
-        """Leave everybody no more than an equal share where all together are too large."""
+        """Shrink everybody to an equal share if all together exceed the limit."""
         everybody = list(self._all)
         if sum(one.size for one in everybody) > self._max_bytes:
             for one in everybody:
@@ -111,24 +111,24 @@ def _own_results() -> RecentResults:
 
 
 def computed(task: str, compute: Callable[[Progress], T], *, inputs: str, settings: str, shared: bool, label: str) -> T:
-    """Return what `compute` gives for these inputs and settings, from memory where it was computed before.
+    """Return the result of `compute` for these inputs and settings, from memory if it was computed before.
 
     Parameters
     ----------
     task
-        Tells different computations on the same inputs apart.
+        Distinguishes different computations on the same inputs.
     compute
         Takes a progress callback.
     inputs
-        Digest of all that goes in: never the arrays themselves, whose hashing by Streamlit only samples them.
+        Digest of all inputs; never the arrays themselves, because Streamlit hashes only a sample of them.
     settings
-        Everything else that the result depends on, as JSON.
+        Everything else the result depends on, as JSON.
     shared
-        Whether the inputs are the examples, which every visitor may share.
+        Whether the inputs are an example, whose results all visitors may share.
     label
-        What is shown meanwhile.
+        Text shown during the computation.
     """
-    # There whether or not anything is computed: else all that follows would change its place, and be drawn anew.
+    # Present whether or not anything is computed: otherwise all later elements would shift and be redrawn.
     place = st.empty()
 
     def make() -> T:
@@ -141,12 +141,12 @@ def computed(task: str, compute: Callable[[Progress], T], *, inputs: str, settin
 
 
 def remembered(task: str, make: Callable[[], T], *, inputs: str, settings: str, shared: bool) -> T:
-    """Return what `make` gives, as :func:`computed` does, for what takes so little that nothing is shown meanwhile.
+    """Return the result of `make`, as :func:`computed` does, for work too short to show progress.
 
     Parameters
     ----------
     task, inputs, settings, shared
-        As :func:`computed` takes them.
+        As for :func:`computed`.
     """
     key = _key(task, inputs, settings)
     results = _results(shared)
@@ -158,12 +158,12 @@ def remembered(task: str, make: Callable[[], T], *, inputs: str, settings: str, 
 
 
 def computed_before(task: str, *, inputs: str, settings: str, shared: bool) -> Any:
-    """Return the result of a computation that is in memory, or None.
+    """Return the result of a computation if it is in memory, else None.
 
     Parameters
     ----------
     task, inputs, settings, shared
-        As :func:`computed` takes them.
+        As for :func:`computed`.
     """
     return _results(shared).get(_key(task, inputs, settings))
 
@@ -171,12 +171,12 @@ def computed_before(task: str, *, inputs: str, settings: str, shared: bool) -> A
 def computed_at_once(
     task: str, compute: Callable[[Progress], T], estimate: Estimate, *, inputs: str, settings: str, shared: bool
 ) -> T | None:
-    """Return what is in memory, or is computed before anybody could see that it is; None of what takes longer.
+    """Return a result from memory, or compute it if nobody would notice the wait; else None.
 
     Parameters
     ----------
     task, compute, estimate, inputs, settings, shared
-        As :func:`computed_in_turn` takes them.
+        As for :func:`computed_in_turn`.
     """
     if estimate.seconds >= PATIENCE_S or is_heavy(estimate) or estimate.memory > limits().job_memory:
         return cast(T | None, computed_before(task, inputs=inputs, settings=settings, shared=shared))
@@ -193,18 +193,18 @@ def computed_in_turn(
     shared: bool,
     label: str,
 ) -> T | None:
-    """Return what :func:`computed` returns, or None while a heavy job waits, is computed, or was cancelled.
+    """Return the result of :func:`computed`, or None while a heavy job is waiting or running, or if it was cancelled.
 
-    What is light is computed at once. What is heavy takes its turn beside the page, which shows how far it is, offers
-    to cancel it, and runs again when it is done; so does other work on the page meanwhile. Of one task there is one
-    job at a time: with other inputs or settings, the one before is called off.
+    A light job is computed at once. A heavy one takes its turn in the background: the page shows its progress, offers
+    to cancel it, stays usable meanwhile, and reruns when it is done. Each task has one job at a time: new inputs or
+    settings cancel the previous one.
 
     Parameters
     ----------
     task, compute, inputs, settings, shared, label
-        As :func:`computed` takes them.
+        As for :func:`computed`.
     estimate
-        What the job will take.
+        Estimated time and memory of the job.
     """
     key = _key(task, inputs, settings)
     jobs = this_visit().jobs
@@ -218,7 +218,7 @@ def computed_in_turn(
     refused = estimate.memory > limits().job_memory
     if job is None and (result is not None or refused or not is_heavy(estimate)):
         if estimate.seconds < PATIENCE_S:
-            # Over before anybody could see that something is computed, and drawing that takes time too.
+            # Too short for a progress display, which itself takes time to draw.
             return remembered(task, lambda: _alone(compute, silent), inputs=inputs, settings=settings, shared=shared)
         return computed(task, partial(_alone, compute), inputs=inputs, settings=settings, shared=shared, label=label)
     place = st.empty()
@@ -240,7 +240,7 @@ def computed_in_turn(
 
 
 _cores = threading.Lock()
-"""Held by a light computation, which takes all cores: two at once would each take twice as long, and say so."""
+"""Held by a light computation, which uses all cores: two at once would each take, and report, twice the time."""
 
 
 def _alone(compute: Callable[[Progress], T], progress: Progress) -> T:
@@ -253,7 +253,7 @@ def _forget_job(task: str) -> None:
 
 
 def _show_job(job: Job[Any], task: str, label: str) -> None:
-    """Show how far a job is, and let it be called off."""
+    """Show the progress of a job, with a button to cancel it."""
     if job.cancelled or not job.running:
         st.rerun(scope="app")
     show_busy(job, label, key=f"results.cancel.{task}")
@@ -273,7 +273,7 @@ def _results(shared: bool) -> RecentResults:
 
 
 def _bytes_of(result: Any) -> int:
-    """Return the memory of a file, a text, an array, a number, or the files and arrays that a result has."""
+    """Return the memory of a file, a text, an array, a number, or the files and arrays in a result's attributes."""
     if isinstance(result, bytes | str):
         return len(result)
     if isinstance(result, np.ndarray):

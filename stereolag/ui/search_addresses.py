@@ -1,4 +1,4 @@
-"""The addresses of the lag page and of the template search."""
+"""The addresses of the lag page and the template search page."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.recordings import RecordingPair
 
 LARGEST = 10**12
-"""Samples a second, and metres a second."""
+"""Largest sampling rate, samples per second, and largest speed, metres per second."""
 
 _LAG_KEYS = {"method": "lag.method", "sampling_rate": "lag.rate", "speed": "lag.speed", "max_lag": "lag.max"}
 
@@ -28,13 +28,13 @@ def _first_search(pair: RecordingPair) -> LagSearch:
 
 
 def _lag_key(name: str, pair: RecordingPair) -> str:
-    """Return the key of a control: all but the method belong to the recordings."""
+    """Return the key of a control; all except the method belong to the recordings."""
     key = _LAG_KEYS.get(name, f"lag.{name}")
     return key if name == "method" else f"{key}.{pair.digest}"
 
 
 def _check_search(search: LagSearch, pair: RecordingPair) -> None:
-    """Refuse what the boxes of the page do not take, and numbers so large that no figure can be drawn of them."""
+    """Refuse values that the page's number boxes do not accept, and values too large to draw figures with."""
     if search.max_lag is not None and search.max_lag > pair.longest_lag:
         sentence = f"max_lag is {search.max_lag}; allowed are whole numbers from 0 to {pair.longest_lag} or None."
         raise SettingsError((Problem("max_lag", sentence),))

@@ -1,4 +1,4 @@
-"""Every sentence about results: the core gives codes and numbers, and this module puts them into words."""
+"""Sentences about results: the core returns codes and numbers, and this module puts them into words."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stereolag.typography import typeset
 
 
 def duration(seconds: float) -> str:
-    """Return a duration with the unit that suits it."""
+    """Return a duration with a suitable unit."""
     return typeset(f"{seconds * 1e3:.0f} ms" if seconds < 1 else f"{seconds:,.2f} s")
 
 
@@ -21,7 +21,7 @@ def percent(share: float) -> str:
 
 
 def length(metres: float) -> str:
-    """Return a length with the unit that suits it, to two digits."""
+    """Return a length with a suitable unit, to two significant digits."""
     value, unit = (1000 * metres, "mm") if metres < 0.01 else (100 * metres, "cm") if metres < 1 else (metres, "m")
     return typeset(f"{float(f'{value:.2g}'):,.10g} {unit}")
 
@@ -30,13 +30,13 @@ def length(metres: float) -> str:
 
 
 def beyond_the_colours(shares: Mapping[str, float]) -> str:
-    """Return how much of which maps lies beyond the range of the colours; the shares are 0..1."""
+    """Return a sentence on how much of each map lies outside the colour range; the shares are 0..1."""
     said = " and ".join(f"**{percent(share)}** of {name}" for name, share in shares.items())
-    return f"{said} lies beyond the colours."
+    return f"{said} is beyond the colour range."
 
 
 def started_in_words(min_disparity: int, num_disparities: int) -> str:
-    """Return with which settings a pair of the visitor's own began."""
+    """Return a sentence about the initial settings of a visitor's own pair."""
     return (
         f"Searched from {min_disparity} to {min_disparity + num_disparities - 1} px, the range found for this pair, "
         "with the fast preset."
@@ -49,7 +49,7 @@ def started_in_words(min_disparity: int, num_disparities: int) -> str:
 def rectification_in_words(
     evidence: RowEvidence, rectified: bool, asked: bool, drops_truth: bool, subject: str = "The pair"
 ) -> str:
-    """Return whether a pair was rectified with its calibration, with the rows as evidence."""
+    """Return whether a pair was rectified with its calibration, and the row differences as evidence."""
     given, after = (_apart(median) for median in (evidence.given_px, evidence.rectified_px))
     because = ", as you said" if asked else ""
     if rectified:
@@ -57,7 +57,7 @@ def rectification_in_words(
         said = f"{done}: rows differ {after}, before {given}"
         counts = evidence.rectified_matches, evidence.given_matches
     else:
-        said = f"{subject} is rectified already{because}: rows differ {given}, rectified once more {after}"
+        said = f"{subject} is rectified already{because}: rows differ {given}, and {after} if rectified again"
         counts = evidence.given_matches, evidence.rectified_matches
     dropped = " Its ground truth belongs to the image before that and is left out." if drops_truth else ""
     return f"{said} (medians of {counts[0]} and {counts[1]} matched features).{dropped}"
@@ -82,7 +82,7 @@ CHOICE_NAMES = {
     "sgbm_3way": "3",
     "hh4": "4",
 }
-"""What the choices of settings are called on a page."""
+"""Display names of the choices in settings."""
 
 REASON_WORDS = {
     Reason.MEASURED: "measured",
@@ -96,13 +96,13 @@ REASON_WORDS = {
 }
 
 REASONS_EXPLAINED = {
-    Reason.FILLED: "Not measured: the surface behind was continued.",
+    Reason.FILLED: "Not measured: filled in from the surface behind.",
     Reason.OUT_OF_FRAME: "The window, or the place where it should be found, lies outside the right image.",
     Reason.LOW_TEXTURE: "The window is nearly blank, like a bare wall: there is nothing to compare.",
     Reason.AMBIGUOUS: "Another place fits nearly as well: a fence, a repeating pattern, or a smooth surface.",
     Reason.LEFT_RIGHT: "Matched from the right image, the disparity differs: usually something nearer hides the point.",
     Reason.SPECKLE: "A small island of disparities unlike its surroundings: usually a chance match.",
-    Reason.AT_SEARCH_EDGE: "The best match lies on the edge of the search area: the true one may be beyond it.",
+    Reason.AT_SEARCH_EDGE: "The best match is on the edge of the search area: the true one may be beyond it.",
 }
 
 OPENCV_REASONS = (

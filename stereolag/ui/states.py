@@ -1,4 +1,4 @@
-"""What a page shows where there is no result: refused, failed, waiting or being computed, cancelled."""
+"""Messages shown in place of a result: refused, failed, waiting or being computed, cancelled."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from stereolag.ui.jobs import Job, waiting_in_words
 
 
 def show_refused(reason: object) -> None:
-    """Show why what was given or set cannot be used: a sentence that names the value and what is allowed."""
+    """Show why an input or setting is refused: a sentence that names the value and what is allowed."""
     prose.error(str(reason), icon=":material/block:")
 
 
 def show_failed(number: str) -> None:
-    """Show that something failed which should not have; the log holds the details under the same number."""
+    """Show that something failed unexpectedly; the log has the details under the same number."""
     prose.error(
-        "Something failed here that should not have; your files and settings are kept. If it happens again, give the "
-        f"number **{number}** to whoever runs this app: their log holds the details under it.",
+        "Something failed unexpectedly; your files and settings are kept. If it happens again, give the number "
+        f"**{number}** to whoever runs this app: it marks the details in their log.",
         icon=":material/bug_report:",
     )
 
 
 def show_out_of_memory(number: str) -> None:
-    """Show that there was not enough memory; the log holds the details under the number."""
+    """Show that memory ran out; the log has the details under the same number."""
     prose.error(
         f"There is not enough memory left for this now (number **{number}** in the log). Your files and settings are "
         "kept: try again later, or with smaller files.",
@@ -38,20 +38,20 @@ def show_out_of_memory(number: str) -> None:
 def show_busy(
     job: Job[Any], label: str, *, key: str, done: float | None = None, ending: str = "Ends the computation."
 ) -> None:
-    """Show a job's place in the queue, or how far it is, and let it be ended.
+    """Show a job's place in the queue or its progress, with a button to end it.
 
     Parameters
     ----------
     job
-        That waits or is computed.
+        The job, waiting or being computed.
     label
-        What is computed.
+        Text of the progress bar.
     key
-        Of the button.
+        Key of the button.
     done
-        0..1, where that is told elsewhere than by the job.
+        Fraction done, 0..1; that of the job if None.
     ending
-        What becomes of it then.
+        Help of the button, which says what ending the job does.
     """
     with st.container(horizontal=True, vertical_alignment="center"):
         if job.ahead:
@@ -69,7 +69,7 @@ def show_busy(
 
 
 def show_cancelled(said: str, again: str, begin: Callable[..., None], *args: Any, key: str) -> None:
-    """Show that a job was ended, with a button that begins it again or goes on with it."""
+    """Show that a job was ended, with a button that restarts or resumes it."""
     with st.container(horizontal=True, vertical_alignment="center"):
         prose.caption(said, width="content")
         st.button(again, key=key, on_click=begin, args=args, icon=":material/replay:")

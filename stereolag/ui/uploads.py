@@ -1,4 +1,4 @@
-"""Files of a visitor's own: bytes in, what a reader makes of them out, one sentence where it cannot."""
+"""Uploaded files: bytes in, the content read from them out, or one sentence if they cannot be read."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ DISPARITY_TYPES = ("pfm", "png", "pgm", "npy")
 CALIBRATION_TYPES = ("txt", "yaml", "yml", "json", "xml", "npz")
 
 ARRIVAL_S = 2.0
-"""How long an uploader may be empty before its file counts as removed: one dropped over another empties it first."""
+"""How long an uploader may be empty before its file counts as removed, s; replacing a file empties it first."""
 
 SET_ASIDE_S = 120.0
-"""How long a file that seemed removed can still come back, in place of a slow one that proves unreadable."""
+"""How long a file that seemed removed can be restored, s, if its slow replacement proves unreadable."""
 
 REFUSED_KEY = "uploads.refused"
 
 HERE_KEY = "uploads.here"
-"""In the session's state: which files this run asked for, and whether each is there."""
+"""Session-state key of {label of a file this run requires: whether it is there}."""
 
 OPTIONAL = "(optional)"
 
 
 @dataclass(frozen=True, eq=False)
 class Upload(Generic[T]):
-    """What a reader made of an uploaded file; its digest is the sha256 of the bytes and what the reading depends on."""
+    """The content read from a file; the digest is the sha256 of its bytes, followed by the variant it was read with."""
 
     digest: str
     content: T
@@ -47,7 +47,7 @@ class Upload(Generic[T]):
 
 @dataclass(frozen=True, eq=False)
 class _Kept(Generic[T]):
-    """An upload that was read: from which files, with which variant, and their bytes where they may be read again."""
+    """An upload with its files and variant, and their bytes if they may have to be read again."""
 
     upload: Upload[T]
     files: tuple[str, ...]
@@ -57,7 +57,7 @@ class _Kept(Generic[T]):
 
 @dataclass(frozen=True)
 class _Refusal:
-    """A sentence about files that could not be read, so that they are not read at every move of a control."""
+    """The error sentence for unreadable files, kept so that they are not read again in every rerun."""
 
     files: tuple[str, ...]
     variant: str | None
@@ -74,24 +74,24 @@ def upload(
     variant: str | None = None,
     lasting: bool = True,
 ) -> Upload[T] | None:
-    """Ask for a file and return what `read` makes of it, or None while there is none.
+    """Ask for a file and return its content as read by `read`, or None while there is none.
 
-    A file that cannot be read is answered with the reader's sentence; the file that was in its place stays in use.
+    If the file cannot be read, the reader's sentence is shown and the previous file stays in use.
 
     Parameters
     ----------
     label, note
-        What the file is, and a hint beside it.
+        Label of the uploader, and a hint beside it.
     read
         Takes the bytes; raises ValueError with one clear sentence.
     key
-        Of the widget.
+        Widget key.
     types
         File extensions offered.
     variant
-        Whatever else the reading depends on; None where nothing does, and the bytes need not be kept.
+        Anything else the reading depends on; None if nothing, so that the bytes need not be kept.
     lasting
-        Whether the file is still there when the visitor comes back from another page or from an example.
+        Whether the file is still there when the visitor returns from another page or from an example.
     """
     file = st.file_uploader(label, type=types, key=key, help=note or None, on_change=_note_emptied, args=(key,))
     files = [] if file is None else [file]
@@ -111,9 +111,9 @@ def upload(
 def upload_together(
     label: str, read: Callable[[list[bytes]], T], *, key: str, types: Sequence[str], note: str = "", variant: str = ""
 ) -> Upload[T] | None:
-    """Ask for files that belong together and return what `read` makes of them all, as :func:`upload` does of one.
+    """Ask for files that belong together and return the content of all of them, as :func:`upload` does for one.
 
-    They are read by their names in order, whichever arrived first: left before right, camera 0 before camera 1.
+    They are read in order of their names, whichever arrived first: left before right, camera 0 before camera 1.
     """
     files = _ask_several(label, key=key, types=types, note=note)
     return _read_once(sorted(files, key=lambda file: file.name.lower()), read, key, variant, True)
@@ -127,7 +127,7 @@ def upload_named(
     types: Sequence[str],
     note: str = "",
 ) -> Upload[T] | None:
-    """Ask for files and return what `read` makes of them all, by their names, as :func:`upload` does of one."""
+    """Ask for files and return the content of all of them, read with their names, as :func:`upload` does for one."""
     files = _ask_several(label, key=key, types=types, note=note)
     names = [file.name for file in files]
     return _read_once(files, lambda contents: read([*zip(names, contents, strict=True)]), key, None, True)
@@ -146,12 +146,12 @@ def _ask_several(label: str, *, key: str, types: Sequence[str], note: str) -> li
 
 
 def put_together(make: Callable[[], T], key: str) -> T | None:
-    """Return what `make` makes of several uploads; where they do not fit together say why, and return the last."""
+    """Return the combination of several uploads; if they do not fit together, show why and return the last one."""
     try:
         made = make()
     except ValueError as error:
         kept: T | None = st.session_state.get(key)
-        show_refused(error if kept is None else f"{error} The files used before stay in use.")
+        show_refused(error if kept is None else f"{error} The previous files stay in use.")
         st.session_state[REFUSED_KEY] = kept is None
         return kept
     st.session_state[key] = made
@@ -159,37 +159,37 @@ def put_together(make: Callable[[], T], key: str) -> T | None:
 
 
 def forget_together(key: str) -> None:
-    """Forget what :func:`put_together` made last: not all of its files are there any more."""
+    """Forget the last result of :func:`put_together`, because some of its files are gone."""
     st.session_state.pop(key, None)
 
 
 def expect_uploads() -> None:
-    """Begin a run: nothing is refused in it yet."""
+    """Start a run in which nothing is refused yet."""
     st.session_state[REFUSED_KEY] = False
     st.session_state[HERE_KEY] = {}
 
 
 def still_missing() -> list[str]:
-    """Return which files are not there yet, where others of them are."""
+    """Return the labels of the missing files; none if no file is there yet."""
     here: dict[str, bool] = st.session_state.get(HERE_KEY, {})
     return [label for label, is_here in here.items() if not is_here] if any(here.values()) else []
 
 
 def refuse(sentence: str) -> None:
-    """Say why what was given cannot be used, in whose place nothing else is."""
+    """Show why an input cannot be used when nothing else takes its place."""
     show_refused(sentence)
     st.session_state[REFUSED_KEY] = True
 
 
 def refused() -> bool:
-    """Return whether, in this run, files were refused in whose place nothing else is."""
+    """Return whether files were refused in this run with nothing else in their place."""
     return bool(st.session_state.get(REFUSED_KEY, False))
 
 
 def _read_once(
     files: Sequence[UploadedFile], read: Callable[[list[bytes]], T], key: str, variant: str | None, lasting: bool
 ) -> Upload[T] | None:
-    """Return what was made of these files before; make it now if there is none."""
+    """Return the content read from these files before; read it now if there is none."""
     kept: _Kept[T] | None = st.session_state.get(_kept_key(key))
     if not files:
         if kept is not None and lasting and st.session_state.get(_emptied_key(key)):
@@ -224,7 +224,7 @@ def _read_once(
             st.session_state[_kept_key(key)] = _Kept(read_now, names, variant, again)
             return read_now
     st.session_state[_refusal_key(key)] = refusal
-    show_refused(f"{refusal.sentence} The file before it stays in use." if kept else refusal.sentence)
+    show_refused(f"{refusal.sentence} The previous file stays in use." if kept else refusal.sentence)
     if kept is None:
         st.session_state[REFUSED_KEY] = True
         return None
@@ -233,7 +233,7 @@ def _read_once(
 
 
 def _wait_for_another() -> None:
-    """Return when no other file has come for a while; where one comes, its own run of the page ends this one here."""
+    """Return when no other file has arrived for a while; if one does, its rerun of the page ends this run here."""
     end = time.monotonic() + ARRIVAL_S
     with st.spinner("Removing the file …"):
         pulse = st.empty()
@@ -243,7 +243,7 @@ def _wait_for_another() -> None:
 
 
 def _taken_back(key: str) -> _Kept[T] | None:
-    """Return the file that seemed removed a short while ago."""
+    """Return the file that seemed removed a short while ago, or None."""
     moment, kept = st.session_state.pop(_set_aside_key(key), (-math.inf, None))
     return kept if time.monotonic() - moment <= SET_ASIDE_S else None
 

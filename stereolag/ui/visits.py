@@ -1,4 +1,4 @@
-"""What is left to do when a visitor has gone: call off what was computed for them, and give their memory back."""
+"""Cleanup after a visitor has left: cancel their jobs, and give their memory back."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from streamlit import runtime
 from stereolag.ui.jobs import Job
 
 AFTERWARDS_S = 2.0
-"""How long after a session has ended for good its memory is given back, together with that of others."""
+"""How long after the final end of a session its memory is given back, together with that of others, s."""
 
 
 class Visit:
-    """What is computed for one visitor at the moment, by the place on the page that shows it."""
+    """The current jobs of one visitor, by the place on the page that shows them."""
 
     def __init__(self) -> None:
         self.jobs: dict[str, tuple[str, Job[Any]]] = {}
 
     def end(self) -> None:
-        """Call everything off."""
+        """Cancel all jobs, and give the memory back later."""
         for _, job in self.jobs.values():
             job.cancel()
         _give_memory_back_later()
@@ -34,12 +34,12 @@ class Visit:
 
 @st.cache_resource(scope="session", show_spinner=False, on_release=Visit.end)
 def this_visit() -> Visit:
-    """Return the visit of the session that asks; it ends when the visitor leaves."""
+    """Return the visit of the current session; it ends when the visitor leaves."""
     return Visit()
 
 
 class _Timer:
-    """Calls something once all sessions that have ended can no longer be taken up again, and seldom enough."""
+    """Gives memory back once no ended session can be resumed any more, and not too often."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -47,7 +47,7 @@ class _Timer:
         self._last_end = 0.0
 
     def start(self, wait_s: float) -> None:
-        """Give memory back after some seconds; not later where it is to be done already, but once more."""
+        """Give memory back in `wait_s` seconds; if that is already scheduled, keep its time and do it once more."""
         with self._lock:
             self._last_end = time.monotonic()
             if not self._running:
@@ -78,20 +78,20 @@ def _give_memory_back_later() -> None:
 def _give_memory_back() -> None:
     _forget_ended_sessions()
     if runtime.exists():
-        # A file that a visitor had made would go when another script ends, which may be never.
+        # Otherwise files made for a visitor stay until another script ends, which may be never.
         runtime.get_instance().media_file_mgr.remove_orphaned_files()
-    # What was frozen at the first page held cycles of the session that opened it.
+    # The objects frozen at the first page include reference cycles of the session that opened it.
     gc.unfreeze()
     gc.collect()
     gc.freeze()
     if sys.platform == "linux":
-        with suppress(AttributeError):  # glibc alone keeps what is freed, and has this to give it back
+        with suppress(AttributeError):  # only glibc retains freed memory, and has this call to release it
             ctypes.CDLL(None).malloc_trim(0)
 
 
 def _forget_ended_sessions() -> None:
-    """Drop the sessions whose time is over: Streamlit does so only when the next one ends."""
-    with suppress(AttributeError):  # another Streamlit: its own way, later
+    """Drop the expired sessions; Streamlit itself does so only when the next one ends."""
+    with suppress(AttributeError):  # another version of Streamlit drops them itself, later
         if runtime.exists():
             runtime.get_instance()._session_mgr._session_storage._cache.expire()  # type: ignore[attr-defined]
 
@@ -118,5 +118,5 @@ export default function ({ setTriggerValue }) {
 
 
 def run_again_when_reconnected() -> None:
-    """Watch the connection of this page; must be called outside of its parts that rerun alone."""
+    """Rerun the page when its connection comes back; must be called outside any fragment."""
     _watch(key=KEY, on_back_change=lambda: None)

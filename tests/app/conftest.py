@@ -1,4 +1,4 @@
-"""A page as a visitor without a browser sees it."""
+"""Fixtures for pages under AppTest, without a browser."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ PROJECT = Path(__file__).resolve().parents[2]
 OpenPage = Callable[..., AppTest]
 
 SESSION = "test session id"
-"""Of every page that AppTest opens."""
+"""Session id of every page that AppTest opens."""
 
 
 @pytest.fixture(scope="session", autouse=True)
 def once_as_by_a_server() -> Iterator[None]:
-    """Look for components in all installed packages, and compile the pages, once: AppTest does both for every run."""
+    """Scan installed packages for components and compile the pages only once: AppTest does both in every run."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(manifest_scanner, "scan_component_manifests", cache(manifest_scanner.scan_component_manifests))
         patch.setattr(app_test, "ScriptCache", cache(ScriptCache))
@@ -50,7 +50,7 @@ def once_as_by_a_server() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def nothing_sent_again() -> Iterator[None]:
-    """Make no digests of what is sent: by them a server finds what a browser has already, and here there is none."""
+    """Skip the hashes of messages: a server uses them to avoid resending to a browser, and there is no browser here."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(script_run_context, "populate_hash_if_needed", lambda message: None)
         yield
@@ -58,7 +58,7 @@ def nothing_sent_again() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def woken_at_the_end() -> Iterator[None]:
-    """Sleep until a run has ended: AppTest asks every millisecond, and takes the lock from the page each time."""
+    """Sleep until a run has ended: AppTest polls every millisecond, and takes the lock from the page each time."""
     ask = local_script_runner.require_widgets_deltas
 
     def wait(runner: local_script_runner.LocalScriptRunner, timeout: float = 3) -> None:
@@ -74,7 +74,7 @@ def woken_at_the_end() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def nobody_on_the_way() -> Iterator[None]:
-    """Do not wait for a browser to draw, nor for a second file to arrive: here there is no browser, and none comes."""
+    """Remove the waits for a browser to draw and for a second file to arrive: neither exists here."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(maps, "HEAD_START_S", 0)
         patch.setattr(uploads, "ARRIVAL_S", 0.1)
@@ -83,25 +83,25 @@ def nobody_on_the_way() -> Iterator[None]:
 
 @pytest.fixture(scope="module", autouse=True)
 def a_new_server() -> None:
-    """Forget, once a file, what visitors share, examples and what was computed of them: files run in any order."""
+    """Clear the shared examples and their cached results once per test file: files run in any order."""
     st.cache_resource.clear()
 
 
 @pytest.fixture(autouse=True)
 def a_new_visitor() -> None:
-    """Forget what the visitor before kept, who is the same one to Streamlit; what visitors share stays."""
+    """Clear the previous visitor's cache, because Streamlit sees the same session; the shared caches stay."""
     clear_session_cache(SESSION)
 
 
 @pytest.fixture
 def empty_caches() -> None:
-    """Forget before a test what visitors share too: where it is told by the computing."""
+    """Clear the shared caches too, for tests that observe the computation."""
     st.cache_resource.clear()
 
 
 @pytest.fixture(autouse=True)
 def no_failure_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
-    """A page answers its own failures with a sentence: that a test does not see one is not enough."""
+    """Fail a test if a page failed: a page turns its own failures into a sentence, which a test may not look at."""
     yield
     failures = [record for record in caplog.get_records("call") if record.name == "stereolag" and record.exc_info]
     assert not failures, failures
@@ -109,7 +109,7 @@ def no_failure_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
 
 @pytest.fixture
 def open_page() -> OpenPage:
-    """Return what opens a page by its path, with some controls as the visitor had them before, and runs it."""
+    """Return a function that opens a page by its path, with some controls already set, and runs it."""
 
     def opened(path: str, before: Mapping[str, Any] = MappingProxyType({})) -> AppTest:
         app = AppTest.from_file(PROJECT / "app.py", default_timeout=60)
@@ -124,7 +124,7 @@ def open_page() -> OpenPage:
 
 @pytest.fixture
 def open_unfolded(open_page: OpenPage) -> OpenPage:
-    """Return what opens a page with all its controls drawn."""
+    """Return a function that opens a page with all its controls drawn."""
 
     def opened(path: str) -> AppTest:
         app = open_page(path)
@@ -142,7 +142,7 @@ def open_unfolded(open_page: OpenPage) -> OpenPage:
 
 @pytest.fixture(scope="module")
 def small_boards() -> Iterator[None]:
-    """Let the page that calibrates draw its example with few pairs of half the pixels."""
+    """Make the calibration page draw its example with fewer pairs and half the pixels."""
     smaller, whole = np.diag([0.7, 0.7, 1.0]), examples.drawn_rig()
     left, right = smaller @ whole.left_matrix, smaller @ whole.right_matrix
     rig = replace(whole, left_matrix=left, right_matrix=right, width=448, height=336)
@@ -158,7 +158,7 @@ def small_boards() -> Iterator[None]:
 
 @contextmanager
 def examples_of(module: ModuleType, kind: str, parts: Mapping[str, Any]) -> Iterator[None]:
-    """Let a module have other examples of a kind, and nothing that was made of those before."""
+    """Replace a module's examples of one kind, and clear everything computed from the previous ones."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, kind, lambda: parts)
         st.cache_resource.clear()
@@ -168,7 +168,7 @@ def examples_of(module: ModuleType, kind: str, parts: Mapping[str, Any]) -> Iter
 
 @pytest.fixture(scope="module")
 def short_drive() -> Iterator[None]:
-    """Let the page of drives begin with the first frames of its example, all of which tests/core looks at."""
+    """Shorten the example of the driving page to its first frames; tests/core looks at all of them."""
     (whole,) = samples.drives().values()
     paths = {name: getattr(whole, name)[:8] for name in ("left", "right", "disparity", "occlusion", "objects")}
     with examples_of(frames, "drives", {whole.name: replace(whole, **paths)}):
@@ -177,7 +177,7 @@ def short_drive() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def parts_of_pairs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, samples.StereoExample]:
-    """Return a sixth of each bundled pair, with all that is known of it."""
+    """Return a crop of each bundled pair, a sixth of its area, with its ground truth and calibration."""
     parts = {}
     for name, whole in samples.stereo_pairs().items():
         folder = tmp_path_factory.mktemp(f"{name}-part")
@@ -195,19 +195,19 @@ def parts_of_pairs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, sample
 
 
 PART_OF_PAIR = {"cube": (80, 100), "road": (10, 560)}
-"""Its first row and column, where not the middle: what is as near as the cube is as a whole, the sky over the road."""
+"""First row and column of a crop that is not central: the cube at its nearest, and the sky over the road."""
 
 
 @pytest.fixture(scope="module")
 def small_pairs(parts_of_pairs: dict[str, samples.StereoExample]) -> Iterator[None]:
-    """Let the depth page match a part of each example, all of which other tests of this folder and tests/core match."""
+    """Make the depth page match a crop of each example; other tests here and in tests/core match the whole images."""
     with examples_of(samples, "stereo_pairs", parts_of_pairs):
         yield
 
 
 @pytest.fixture(scope="session")
 def parts_of_mazes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, samples.MazeExample]:
-    """Return a sixteenth of each maze, he in it."""
+    """Return a sixteenth of each maze, with Rocketman in it."""
     folder, parts = tmp_path_factory.mktemp("mazes"), {}
     for name, whole in samples.mazes().items():
         row, col = whole.row - 200, whole.col - 200
@@ -219,19 +219,19 @@ def parts_of_mazes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, sample
 
 @pytest.fixture(scope="module")
 def small_mazes(parts_of_mazes: dict[str, samples.MazeExample]) -> Iterator[None]:
-    """Let the page of templates search a part of each maze."""
+    """Make the template page search a part of each maze."""
     with examples_of(samples, "mazes", parts_of_mazes):
         yield
 
 
 def viewers(app: AppTest) -> list[dict[str, Any]]:
-    """Return what the sets of linked pictures on a page are told about themselves."""
+    """Return the data that the page sends to its sets of linked pictures."""
     all_of_them = [element.proto for element in app.get("bidi_component")]
     return [json.loads(one.json) for one in all_of_them if one.component_name == "stereolag.linked_pictures"]
 
 
 def outlines(app: AppTest) -> dict[str, str]:
-    """Return the paths that lie over the maps, by the name of the set of linked pictures."""
+    """Return the outline paths drawn over the maps, by the name of the set of linked pictures."""
     all_of_them = [element.proto for element in app.get("bidi_component")]
     drawn = [json.loads(one.json) for one in all_of_them if one.component_name == "stereolag.outlines"]
     return {one["name"]: one["path"] for one in drawn}
@@ -249,7 +249,7 @@ def figures(app: AppTest) -> dict[str, dict[str, str]]:
 
 @pytest.fixture
 def shown() -> Callable[[AppTest], str]:
-    """Return what makes a digest of every picture, chart and headline on a page; times do not count."""
+    """Return a function that hashes all pictures, charts and headlines of a page, but no run times."""
 
     def digest(app: AppTest) -> str:
         pictures = [picture.url for element in app.get("image") for picture in element.proto.imgs]

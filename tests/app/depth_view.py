@@ -1,4 +1,4 @@
-"""A small real pair with its maps, as the parts of the depth page get them: a crop of a bundled example."""
+"""A small real pair with its maps, a crop of a bundled example, as the parts of the depth page receive it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROWS, COLS = slice(215, 375), slice(120, 400)
 
 
 def small_view(*, calibrated: bool = True, truth: bool = True) -> DepthView:
-    """Return a part of the puzzle cube, with or without what is known of it."""
+    """Return a part of the puzzle cube, with or without its calibration and ground truth."""
     whole = example_pair("cube")
     known = whole.calibration
     assert known is not None

@@ -1,4 +1,4 @@
-"""The page of driving without a browser: opened, waited for, and looked at."""
+"""Helpers that open the driving page without a browser, wait for it and read it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PATH = "pages/5_Driving.py"
 
 
 def archive(pair: tuple[np.ndarray, np.ndarray], count: int = 2) -> bytes:
-    """Return a ZIP of frames that are all alike."""
+    """Return a ZIP of identical frames."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as file:
         for side, picture in zip(("left", "right"), pair, strict=True):
@@ -30,7 +30,7 @@ def archive(pair: tuple[np.ndarray, np.ndarray], count: int = 2) -> bytes:
 
 
 def page(origin: str) -> AppTest:
-    """Return the page with the example, or asking for files."""
+    """Return the page with its example or with the file uploader."""
     app = AppTest.from_file(Path(__file__).resolve().parents[2] / "app.py", default_timeout=120)
     app.session_state["driving.origin"] = origin
     app.switch_page(PATH)
@@ -38,14 +38,14 @@ def page(origin: str) -> AppTest:
 
 
 def opened(data: bytes, name: str = "drive.zip") -> AppTest:
-    """Return the page with a file of frames."""
+    """Return the page with a ZIP of frames uploaded."""
     app = page(ONE)
     app.file_uploader(key="driving.one").set_value((name, data, "application/zip")).run()
     return app
 
 
 def finished(app: AppTest) -> AppTest:
-    """Return the page when nothing is computed any more."""
+    """Return the page once its computation has ended."""
     end = time.monotonic() + 120
     while app.session_state[WORK].job.running:
         assert time.monotonic() < end
@@ -56,7 +56,7 @@ def finished(app: AppTest) -> AppTest:
 
 
 def player(app: AppTest) -> dict[str, Any]:
-    """Return what the player is told."""
+    """Return the data that the page sends to the player."""
     told = [one.proto for one in app.get("bidi_component") if one.proto.component_name == "stereolag.player"]
     assert len(told) == 1
     shown: dict[str, Any] = json.loads(told[0].json)
@@ -64,6 +64,6 @@ def player(app: AppTest) -> dict[str, Any]:
 
 
 def work_of(app: AppTest) -> DriveWork:
-    """Return what was made of the sequence so far."""
+    """Return the work done on the sequence so far."""
     kept: DriveWork = app.session_state[WORK]
     return kept

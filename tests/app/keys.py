@@ -1,4 +1,4 @@
-"""The controls that the tests move, by the keys that the app gives them."""
+"""Controls that the tests move, by their keys in the app."""
 
 from __future__ import annotations
 
@@ -30,4 +30,4 @@ BLOCK_SPECKLE_RANGE = setting("bm", "speckle_range")
 
 MORE, BLOCK_MORE = more_key("correlation"), more_key("bm")
 FOLDS = (*(more_key(method.short_name) for method in METHODS), f"{COLOURS}.opened")
-"""What is folded away on the depth page at first, and not drawn."""
+"""Sections of the depth page that are folded away, and not drawn, at first."""

@@ -1,4 +1,4 @@
-"""Settings come back from an address as they went in, and nothing that an address says can do harm."""
+"""Settings survive the round trip through an address, and no address can do harm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pictures and charts say to whoever cannot see them."""
+"""Alternative texts of pictures and charts for people who cannot see them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DRAWING = {"plotly_chart", "image", "dataframe", "audio"}
 
 
 def drawings(file: Path) -> list[ast.Call]:
-    """Return the calls of a file that draw what has an alternative text."""
+    """Return the calls in a file that draw an element that needs an alternative text."""
     calls = (one for one in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(one, ast.Call))
     return [call for call in calls if isinstance(call.func, ast.Attribute) and call.func.attr in DRAWING]
 
@@ -38,7 +38,7 @@ def test_every_picture_chart_and_table_has_one() -> None:
 def test_a_map_tells_how_much_was_measured_and_its_range() -> None:
     disparity = np.tile(np.linspace(10, 50, 200, dtype=np.float32), (100, 1))
     disparity[:, :50] = np.nan
-    disparity[0, 199] = 900  # an outlier tells nothing of the range
+    disparity[0, 199] = 900  # an outlier does not widen the range
     assert depth.map_in_words(disparity) == typeset("disparity map, 75 % measured, 20 to 49 px")
     assert depth.map_in_words(np.full((8, 8), np.nan, np.float32)) == "disparity map, no pixel measured"
 
@@ -85,7 +85,7 @@ def test_scores_are_told_by_their_peak() -> None:
 
 
 @pytest.mark.parametrize(
-    ("same", "said"), [(True, "one clear peak at 40, score 1.000"), (False, "nothing rises above what chance gives")]
+    ("same", "said"), [(True, "one clear peak at 40, score 1.000"), (False, "nothing rises above chance level")]
 )
 def test_a_curve_tells_whether_its_peak_stands_out(same: bool, said: str) -> None:
     random = np.random.default_rng(3)

@@ -1,4 +1,4 @@
-"""Every bad file is answered with one clear sentence; the page goes on with what it had."""
+"""Every bad file is answered with one clear sentence; the page keeps its previous contents."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ BAD_RECORDINGS = {
     "a word in the middle": ("a.csv", uploads.csv(SOUND[:50]) + b"\nhello\n0.5", "“hello”"),
     "nothing but words": ("a.csv", b"these\nare\nwords\n", "allowed are finite numbers"),
     "no channels": ("a.wav", uploads.wav_without_channels(), "without channels"),
-    # The last, for it is kept as a file that can be read.
+    # Must be last: the file is readable, so it stays in use.
     "a constant signal": ("a.wav", uploads.wav(np.full(500, 0.25)), "constant"),
 }
 
@@ -46,7 +46,7 @@ def put(app: AppTest, key: str, name: str, data: bytes) -> AppTest:
 
 
 def own(open_page: OpenPage, inputs: str, page: str, **files: Any) -> AppTest:
-    """Return the page with good files of the visitor's own."""
+    """Return the page with good files uploaded."""
     app = open_page(page, {inputs: "own"})
     for name, (file_name, data) in files.items():
         app.file_uploader(key=f"{inputs}.{name}").upload(file_name, data, "application/octet-stream")
@@ -170,7 +170,7 @@ def test_a_template_larger_than_the_picture_is_refused(open_page: OpenPage, show
     before = shown(app)
     put(app, "pictures.template", "t.png", uploads.png(uploads.texture(70, 20)))
     assert_one_sentence(app, "must fit into the image")
-    assert app.error[0].value.endswith(" must fit into the image. The files used before stay in use.")
+    assert app.error[0].value.endswith(" must fit into the image. The previous files stay in use.")
     assert shown(app) == before
 
 

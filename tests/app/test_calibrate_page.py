@@ -1,4 +1,4 @@
-"""The page that calibrates a stereo camera: an example, files matched by name, corrections, and what is taken away."""
+"""The calibration page: its example, files matched by name, corrections, and downloads."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.usefixtures("small_boards", "small_pairs", "small_mazes
 
 @pytest.fixture(autouse=True)
 def a_new_visitor() -> None:
-    """Keep what was computed of a file for the tests that follow, as a visitor's session does."""
+    """Keep a file's results for the following tests, as a visitor's session does."""
 
 
 @cache
@@ -54,7 +54,7 @@ def zipped(contents: dict[str, bytes]) -> bytes:
 
 
 def finished(app: AppTest) -> AppTest:
-    """Run the page until no job is left."""
+    """Run the page until no job is running."""
     end = time.monotonic() + 120
     while app.get("progress") or any(button.key and "cancel" in button.key for button in app.button):
         assert time.monotonic() < end
@@ -144,7 +144,7 @@ TEXTURE = uploads.png(uploads.texture(40, 60))
 @pytest.mark.parametrize(
     ("contents", "sentence"),
     [
-        ({"a.png": TEXTURE, "b.png": TEXTURE}, "by their names"),
+        ({"a.png": TEXTURE, "b.png": TEXTURE}, "No left and right pictures match by name"),
         ({"left1.png": uploads.huge_png(), "right1.png": uploads.huge_png()}, "megapixels are accepted"),
         ({"left1.png": b"no picture", "right1.png": b"none"}, "accepted are"),
         ({"pairs.zip": b"PK\x03\x04 cut short"}, "damaged or cut short"),

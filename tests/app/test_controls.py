@@ -39,7 +39,7 @@ def test_what_a_slider_can_be_set_to_is_what_the_field_allows(settings: type[Set
             one_field = {name: value}
             try:
                 settings(**one_field)
-            except SettingsError as error:  # fields that bind each other may refuse; the field itself must not
+            except SettingsError as error:  # fields that constrain each other may refuse; the field itself must not
                 assert not any("allowed" in problem.sentence and problem.name for problem in error.problems), error
 
 

@@ -1,4 +1,4 @@
-"""Every control of every page moves what is shown."""
+"""Moving any control of any page changes the output."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LAG, SEARCH, DEPTH = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py", "pa
 
 pytestmark = pytest.mark.usefixtures("small_pairs", "small_mazes")
 
-# page: control: what it is moved to
+# page: {control: its new value}
 MOVES: dict[str, dict[str, Any]] = {
     LAG: {
         "recordings": "harbour",
@@ -113,10 +113,10 @@ MOVES: dict[str, dict[str, Any]] = {
         keys.SHOWN: ["correlation", "sgbm"],
     },
 }
-# What must be set first.
+# Controls that must be set first.
 FIRST: dict[str, dict[str, Any]] = {
-    "template.min_score": {"template.max_matches": 5},  # the second fits less well
-    keys.SEARCH: {keys.OVERLAP: 0.5},  # a square is searched in a moment if there are few windows
+    "template.min_score": {"template.max_matches": 5},  # the second match scores lower
+    keys.SEARCH: {keys.OVERLAP: 0.5},  # few windows make a square search fast
     keys.setting("correlation", "texture"): {"pairs": "road"},  # its sky is flat
     keys.setting("sgm", "texture"): {"pairs": "road"},
 }
@@ -125,7 +125,7 @@ FIRST["pairs.size"] = {
 }  # StereoBM's odd block is rounded on the way to half its size and back
 for one in MOVES[SEARCH]:
     if one != "pictures":
-        FIRST[one] = {"pictures": "own"} | FIRST.get(one, {})  # a part of the maze is searched sooner than all of it
+        FIRST[one] = {"pictures": "own"} | FIRST.get(one, {})  # a part of the maze is searched faster than all of it
 OTHER_TABS = [method.short_name for method in METHODS[1:]]
 for one in MOVES[DEPTH]:
     for name in OTHER_TABS:
@@ -171,12 +171,12 @@ def test_the_box_beside_a_slider_takes_an_exact_value(open_page: OpenPage, shown
 
 @pytest.fixture(autouse=True)
 def a_new_visitor() -> None:
-    """Keep what was computed from one control to the next, as a visitor's session does."""
+    """Keep the results from one control to the next, as a visitor's session does."""
 
 
 @dataclass(frozen=True)
 class Moves:
-    """Controls of one page that are moved one after the other, each from where all are once `first` is set."""
+    """Controls of one page that are moved one at a time, each starting from the state after `first` is set."""
 
     page: str
     first: dict[str, Any]
@@ -187,7 +187,7 @@ class Moves:
 
 
 def grouped() -> list[Moves]:
-    """Return the controls of all pages, those together before which the same is set."""
+    """Return the controls of all pages, grouped by page and by the controls set first."""
     groups: list[Moves] = []
     for page, moves in MOVES.items():
         for key, value in moves.items():
@@ -200,7 +200,7 @@ def grouped() -> list[Moves]:
 
 
 def give_a_part_of_the_maze(app: AppTest) -> None:
-    """Upload a part of the maze with him in it twice, once dulled, all of half the size: he is found there sooner."""
+    """Upload a part of the maze at half size with Rocketman in it twice, once dulled: the search is faster there."""
     maze = mazes()["maze"]
     rows, cols = (slice(start, start + 399, 2) for start in (maze.row - 128, maze.col - 132))
     template, picture = read_image(maze.template)[::2, ::2], read_image(maze.picture)[rows, cols].copy()
@@ -225,7 +225,7 @@ def test_moving_a_control_changes_what_is_shown(open_unfolded: OpenPage, shown: 
     at_first = {key: controls(app)[key].value for key in moves.values}
     moved = ""
     for key, value in moves.values.items():
-        if moved:  # it is set back in the run that moves the next
+        if moved:  # it is reset in the run that moves the next one
             controls(app)[moved].set_value(at_first[moved])
         if key not in controls(app):
             app.run()
@@ -247,7 +247,7 @@ def test_moving_a_control_of_the_square_search_changes_what_is_shown(
 ) -> None:
     app = open_unfolded(DEPTH)
     controls(app)[keys.WINDOW].set_value(31)
-    controls(app)[keys.OVERLAP].set_value(0.0)  # few windows: a large square is searched in a moment
+    controls(app)[keys.OVERLAP].set_value(0.0)  # few windows make the search of a large square fast
     controls(app)[keys.SEARCH].set_value("centred").run()
     before = shown(app)
     controls(app)[key].set_value(ONLY_WITH_A_SQUARE_SEARCH[key]).run()
@@ -318,7 +318,7 @@ def test_a_box_that_the_browser_has_not_drawn_anew_yet_does_not_move_its_slider_
     app.slider(key=slider).set_value(first - 4)
     app.number_input(key=box).set_value(first).run()  # sent with the slider's second step
     assert app.slider(key=slider).value == app.number_input(key=box).value == first - 4
-    app.number_input(key=box).set_value(first - 2).run()  # sent with something else
+    app.number_input(key=box).set_value(first - 2).run()  # sent with another change
     assert app.slider(key=slider).value == app.number_input(key=box).value == first - 4
     app.number_input(key=box).set_value(first + 6).run()
     assert app.slider(key=slider).value == first + 6

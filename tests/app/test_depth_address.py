@@ -1,4 +1,4 @@
-"""The depth page is opened by its address as it was, set to what a preset says, and reset."""
+"""An address restores the depth page; presets set its controls, and reset takes them back."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def address(app: AppTest) -> dict[str, str]:
 
 
 def tab(app: AppTest, method: str) -> AppTest:
-    """Turn to the controls of a method."""
+    """Open the controls of a method."""
     return app.button_group(key=keys.TAB).set_value(method).run()
 
 

@@ -1,4 +1,4 @@
-"""The colours of the maps: locked for a pair, and changed without computing anything again."""
+"""The colours of the maps: locked for a pair, and changed without recomputing anything."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_the_range_follows_the_search_until_another_is_set(open_unfolded: Callab
 
 def test_what_lies_beyond_the_colours_is_said_and_can_be_fitted(open_unfolded: Callable[[str], AppTest]) -> None:
     app = open_unfolded(DEPTH)
-    said = "beyond the colours"
+    said = "beyond the colour range"
     assert not [markdown for markdown in app.markdown if said in markdown.value]
     app.number_input(key=NEAR).set_value(30.0).run()
     assert [markdown for markdown in app.markdown if said in markdown.value]

@@ -1,4 +1,4 @@
-"""The input doctor's panel: what it says, and what its buttons do."""
+"""The input doctor's panel: its sentences and its buttons."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def ill_cube(code: FindingCode) -> StereoPair:
 
 
 def healthy(app: AppTest) -> bool:
-    """Whether the panel is the one green line, its details folded away."""
+    """Return whether the panel is the one green line with its details folded away."""
     return [box.label for box in app.expander if "Input doctor" in box.label] == [HEALTHY]
 
 
@@ -107,7 +107,7 @@ def test_a_picture_given_twice_is_said() -> None:
     cube = example_pair("cube")
     app = opened(changed("twice", left=cube.left, right=cube.left))
     assert not app.exception
-    assert any("one and the same view" in text.value for text in app.markdown)
+    assert any("show the same view" in text.value for text in app.markdown)
 
 
 def test_swapping_a_swapped_pair_undoes_it() -> None:
@@ -115,7 +115,7 @@ def test_swapping_a_swapped_pair_undoes_it() -> None:
     app = opened(pair)
     app.session_state["depth.remedies"] = {pair.source: ("swap_sides", "align_rows", "align_rows")}
     app.run()
-    assert not app.exception  # the same remedy twice has two buttons to undo it
+    assert not app.exception  # the same remedy applied twice has two undo buttons
     buttons = [button.key for button in app.button if "undo" in button.key]
     assert len(buttons) == len(set(buttons)) == len(app.session_state["shown"].remedies)
     for key in reversed(buttons):
@@ -164,7 +164,7 @@ def test_the_reports_preset_says_what_lies_outside_its_reach(open_page: Callable
     assert not app.warning
     app.button(key=keys.preset_key("report")).click().run()
     end = time.monotonic() + 60
-    while not app.warning and time.monotonic() < end:  # its map takes a turn
+    while not app.warning and time.monotonic() < end:  # its map waits for its turn
         time.sleep(0.2)
         app.run()
     assert not app.exception

@@ -1,4 +1,4 @@
-"""Take it away: every file is on offer, holds what it says, and settings come back in."""
+"""Take it away: every file is offered and has the promised contents, and settings can be loaded again."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_the_metrics_hold_the_estimates_once_there_are_any() -> None:
 
 
 def large_view(*matchers: StereoMatcher) -> DepthView:
-    """Return a pair of 800 × 480 shown at half its size."""
+    """Return a pair of 800 × 480 pixels shown at half size."""
     scene = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (480, 820)).astype(np.uint8), (0, 0), 2)
     truth = np.full((480, 800), 20, np.float32)
     calibration = Calibration(800.0, 0.1, width=800, height=480)
@@ -221,7 +221,7 @@ def test_a_large_map_is_computed_in_its_own_size_when_asked_for(monkeypatch: pyt
     assert not app.exception
     assert not app.error
     assert "disparity.pfm" in offered(app)
-    assert any("was computed in that size" in caption.value for caption in app.caption)
+    assert any("was computed at that size" in caption.value for caption in app.caption)
 
 
 def test_what_takes_too_much_memory_in_its_own_size_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -234,7 +234,7 @@ def test_what_takes_too_much_memory_in_its_own_size_is_said(monkeypatch: pytest.
 
 
 def offered(app: AppTest) -> set[str]:
-    """Return the names of the files that have buttons."""
+    """Return the names of the files with download buttons."""
     return {button.key.removeprefix("depth.take.") for button in app.get("download_button")}
 
 
@@ -284,7 +284,7 @@ def test_settings_are_loaded_again_and_the_controls_can_be_moved_from_there() ->
     assert app.session_state["matcher"] == settings
     assert (
         app.slider(key=keys.setting("bm", "min_disparity", pair.searched)).min == -70
-    )  # farther than the page goes of itself
+    )  # smaller than the page's own smallest value
     app.slider(key=keys.BLOCK_UNIQUENESS).set_value(40).run()
     assert app.session_state["matcher"].uniqueness_ratio == 40
     assert app.session_state["matcher"].speckle_window_size == 70

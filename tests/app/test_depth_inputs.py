@@ -1,4 +1,4 @@
-"""Which pair is matched: what is done to a visitor's files, and that it is said."""
+"""The pair that is matched: the changes made to a visitor's files, and the sentences about them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("small_pairs")
 
 @pytest.fixture(autouse=True)
 def a_new_visitor() -> None:
-    """Keep what was computed of a file for the tests that follow, as a visitor's session does."""
+    """Keep a file's results for the following tests, as a visitor's session does."""
 
 
 SCENE = uploads.texture(120, 205)
@@ -88,7 +88,7 @@ def said(app: AppTest) -> str:
 
 
 def name(app: AppTest) -> str:
-    """Return how the pair is called beside the heading."""
+    """Return the name of the pair beside the heading."""
     assert not app.exception
     return next(text.value for text in app.markdown if text.value.startswith("**"))
 

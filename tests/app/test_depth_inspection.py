@@ -35,7 +35,7 @@ def marks(app: AppTest) -> list[dict[str, int]]:
 
 
 def messages(app: AppTest) -> list[dict[str, Any]]:
-    """Return what the components of the page were given, but for those that got bytes."""
+    """Return the data that the page sends to its components, except those that get bytes."""
     texts = [component.proto.json for component in app.get("bidi_component")]
     return [json.loads(text) for text in texts if text]
 

@@ -41,7 +41,7 @@ def test_the_switch_lays_the_edges_of_the_left_image_over_every_map(
     app.slider(key=keys.WINDOW).set_value(25).run()
     app.button_group(key=keys.PART).set_value("Compare").run()
     assert outlines(app).keys() == {"depth.bench", "depth.comparison"}
-    assert len(made) == 1  # found once for a pair
+    assert len(made) == 1  # found once per pair
     app.toggle(key=OUTLINED).set_value(False).run()
     assert outlines(app) == {}
 

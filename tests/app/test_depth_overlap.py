@@ -1,4 +1,4 @@
-"""How the windows overlap, below the match that is explained."""
+"""The overlap of the windows, shown below the explained match."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ def test_the_figure_and_its_sentence_follow_the_settings() -> None:
     ("size", "step", "asked", "says"),
     [
         (3, 1, 0.95, "3 px windows, 95 % overlap (67 % in whole pixels): one every 1 px, so 25 values"),
-        (60, 1, 0.99, "Of windows and dots every third is drawn."),
-        (48, 1, 0.98, "Of windows and dots every second is drawn."),
-        (255, 1, 0.999, "Of windows and dots every 11th is drawn."),
+        (60, 1, 0.99, "Only every third window and dot is drawn."),
+        (48, 1, 0.98, "Only every second window and dot is drawn."),
+        (255, 1, 0.999, "Only every 11th window and dot is drawn."),
         (300, 300, 0.0, "so 1 value in this cut"),
     ],
 )

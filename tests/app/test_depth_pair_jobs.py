@@ -1,4 +1,4 @@
-"""A search or a sweep on a set of pairs: what it is on, and what makes it void."""
+"""A search or a sweep on a set of pairs: which pair it belongs to, and when it becomes void."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was taken away comes back in one drop; many pairs are stepped through with the settings held."""
+"""Restoring a downloaded result from one file, and stepping through many pairs with the same settings."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_a_session_opens_the_page_as_it_was(box: str) -> None:
     said = " ".join(caption.value for caption in app.caption)
     assert "A desk. x" in said
     assert "It was rectified. bbold/b" in said
-    # It is set once: what is moved afterwards stays.
+    # The settings are applied only once: later changes stay.
     app.slider(key=keys.setting("bm", "block_size")).set_value(21).run()
     assert settings(app)[StereoBM].block_size == 21
 

@@ -1,4 +1,4 @@
-"""The scoreboard: right figures, the best of them marked, a word where there is no truth."""
+"""The scoreboard: right figures, the best of them marked, and a note if there is no ground truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Depth in 3-D: a cloud in true colour and from above, in metres or said to be relative."""
+"""Depth in 3-D: a cloud in true colour and from above, in metres or marked as relative."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Suggest: a search beside the page, with progress, an end when asked for, and reasons."""
+"""Suggest: a search in the background of the page, with progress, a stop button and reasons."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_a_search_ends_with_reasons_and_settings_to_use() -> None:
 
 
 def found_for_blocks(matcher: StereoBM, outcome: Outcome) -> AppTest:
-    """Return the page after a search for StereoBM as it is at first has found these settings."""
+    """Return the page after a search from StereoBM's defaults has found these settings."""
     app = AppTest.from_function(suggesting_with_blocks, default_timeout=60).run()
     start = StereoBM(num_disparities=64)
     found = Suggestion(start, matcher, outcome, Criterion.TRUE_BAD_2, 26.8, 30.0)
@@ -157,7 +157,7 @@ def test_a_search_that_runs_is_seen_and_ended_beside_every_method() -> None:
 
 def test_without_ground_truth_it_says_estimated_and_by_what() -> None:
     app = begun("StereoBM", suggesting_blind)
-    assert "**estimated**: the accurate preset judges" in app.markdown[0].value
+    assert "**estimated** against the accurate preset" in app.markdown[0].value
     app = ended(app)
     assert "Estimated bad-2" in app.success[0].value
 
@@ -175,7 +175,7 @@ def test_nothing_judges_the_judge() -> None:
     [
         (
             Outcome.AS_GOOD,
-            "Your StereoBM settings are as good: none of the 2 tried is really better. Estimated bad-2: **30.0 %**.",
+            "Your StereoBM settings are as good: none of the 2 tried is clearly better. Estimated bad-2: **30.0 %**.",
         ),
         (Outcome.BETTER, "The best of 2 tried for StereoBM. Estimated bad-2 on the whole images: **30.0 % → 26.8 %**."),
         (Unjudged.TOO_LITTLE_MEASURED, "nothing to judge by"),

@@ -1,4 +1,4 @@
-"""Sweep: the values offered, the grid, and a click that takes a cell over."""
+"""Sweep: the offered values, the grid, and adopting a cell by a click."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_every_value_offered_can_be_set(matcher: StereoMatcher) -> None:
                 changed(matcher, {name: value})
                 fitting += 1
             except ValueError as error:
-                # A field alone never refuses; only some together may: a window larger than the search area, P2 ≤ P1.
+                # A field alone never refuses, only a combination: a window larger than the search area, or P2 ≤ P1.
                 assert any(words in str(error) for words in ("must be", "needs", "together"))
         assert fitting >= 2
 
@@ -168,7 +168,7 @@ def test_maps_of_the_judge_itself_have_no_figure() -> None:
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("5, wide", "no list of whole numbers"), ("", "holds 0 values"), (", ".join(map(str, range(30))), "30 values")],
+    [("5, wide", "not a list of whole numbers"), ("", "has 0 values"), (", ".join(map(str, range(30))), "30 values")],
 )
 def test_values_that_are_none_are_named(text: str, said: str) -> None:
     app = begun((text, "15"))

@@ -24,7 +24,7 @@ def test_the_lag_page_hands_over_what_is_mixed_whatever_is_measured(open_page: C
         np.testing.assert_array_equal(np.frombuffer(base64.b64decode(text), dtype=np.int8), array)
     assert parts["lag"] == disturbances.LAG and told["reach"] == disturbances.MAX_LAG
     app.button_group(key="recordings").set_value("harbour").run()
-    assert disturbed(app) == [told]  # the sliders stay as they are
+    assert disturbed(app) == [told]  # the sliders do not change
 
 
 def test_every_example_can_be_set_with_the_sliders() -> None:
@@ -40,7 +40,7 @@ def test_every_example_can_be_set_with_the_sliders() -> None:
 
 
 def test_every_verdict_of_this_method_has_its_words() -> None:
-    reasons = {*get_args(Reason), "wrong"} - {"few_votes"}  # no votes here
+    reasons = {*get_args(Reason), "wrong"} - {"few_votes"}  # this method has no votes
     assert set(WORDS["verdicts"]) == set(WORDS["lessons"]) == reasons
     known = {"lag", "true", "delay", "period", "spacing", "rivals", "from", "to", "searched", "evidence"}
     texts = [*WORDS["verdicts"].values(), *WORDS["lessons"].values(), *WORDS["notes"].values(), WORDS["numbers"]]

@@ -1,4 +1,4 @@
-"""What the page of driving does with the camera's calibration, and with the range that frames need."""
+"""The driving page's use of the camera's calibration and of the disparity range that frames need."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("short_drive", "small_boards")
 
 @pytest.fixture(autouse=True)
 def a_new_visitor() -> None:
-    """Keep what was computed of a file for the tests that follow, as a visitor's session does."""
+    """Keep a file's results for the following tests, as a visitor's session does."""
 
 
 def with_both_cameras(app: AppTest) -> AppTest:
@@ -78,7 +78,7 @@ def test_a_calibration_of_another_shape_is_told_of_and_the_drive_is_measured_wit
     app = finished(app)
     (error,) = app.error
     assert "The calibration is for 640 × 640 pixels and the images are 480 × 360" in error.value
-    assert error.value.endswith("The drive is measured without it.")
+    assert error.value.endswith("The drive is processed without it.")
     assert player(app)["computed"] == 2
     assert player(app)["legends"][0]["title"] == "disparity, px"
 

@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("short_drive")
 
 
 def drive(*, damaged: int | None = None, count: int = COUNT) -> bytes:
-    """Return a ZIP of frames cut from the road, a little farther to the right each time."""
+    """Return a ZIP of frames cut from the road, each a little farther to the right."""
     example = stereo_pairs()["road"]
     sides = {"left": read_image(example.left), "right": read_image(example.right)}
     stream = io.BytesIO()
@@ -46,7 +46,7 @@ def drive(*, damaged: int | None = None, count: int = COUNT) -> bytes:
 
 
 def still_drive(count: int) -> bytes:
-    """Return a ZIP of one frame again and again, each time with other noise of the camera."""
+    """Return a ZIP of one repeated frame, each time with different camera noise."""
     example, random = stereo_pairs()["road"], np.random.default_rng(0)
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
@@ -107,7 +107,7 @@ def test_the_truth_is_shown_beside_the_maps() -> None:
     width = truth.shape[1] // 2 * 2
     shown = first[:, 2 * width :]
     expected = coloured(truth, low, high).astype(float)[:, :width]
-    assert np.abs(shown - expected).mean() < 8  # of 255: what the compression changes
+    assert np.abs(shown - expected).mean() < 8  # of 255: the compression changes the colours this much
 
 
 def test_other_methods_and_ranges_are_computed_anew() -> None:
@@ -140,7 +140,7 @@ def test_steady_maps_flicker_less_on_the_timeline() -> None:
     steady.set_value(True).run()
     app = finished(app)
     assert player(app)["name"] != name
-    # Over the whole drive: a map that is wrong once is taken back in two steps, so a single frame may change more.
+    # Averaged over the drive: an error in one map is corrected in two steps, so a single frame may change more.
     assert (flickers(app)[:, 2:].mean(axis=1) < 0.9 * alone[:, 2:].mean(axis=1)).all()
 
 
@@ -192,7 +192,7 @@ def test_what_is_no_sequence_is_refused_in_a_sentence(data: bytes, said: str) ->
     assert not app.exception
     assert said in app.error[0].value
     names = [one.proto.component_name for one in app.get("bidi_component")]
-    assert "stereolag.player" not in names  # nor of the example, which stands in until there is a file
+    assert "stereolag.player" not in names  # not even for the example shown until a file is given
 
 
 def with_motion(app: AppTest, how: str) -> AppTest:

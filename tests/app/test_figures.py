@@ -133,7 +133,7 @@ def test_the_lag_is_undone(lag: int) -> None:
     for position in (start, liveliest_start(first, start, end), end - 1):
         near = close_up(first, second, lag, position)
         assert 1 <= len(near.data[0].y) <= CLOSE_UP_SAMPLES
-        assert np.allclose(near.data[0].y, near.data[1].y, atol=0.2)  # each in its own standard deviations
+        assert np.allclose(near.data[0].y, near.data[1].y, atol=0.2)  # each in units of its own standard deviation
 
 
 def test_the_liveliest_place_is_where_it_is_loud() -> None:

@@ -1,4 +1,4 @@
-"""A map that takes long: the one before stays in its place meanwhile, and says so."""
+"""A map that takes long: the previous map stays in its place until then, and says so."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of all methods, and the run times of one."""
+"""The table of all methods, and repeated run times of one method."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BUTTON = "lag.comparison.recordings coast.button"
 
 
 def waited(app: AppTest) -> AppTest:
-    """Return the page when its job is done."""
+    """Return the page once its job is done."""
     for _ in range(300):
         if not any(one.label == "Cancel" for one in app.button):
             return app

@@ -1,4 +1,4 @@
-"""The lag page says whether there is a lag before it says which, and gives metres only where it is sure."""
+"""The lag page states its verdict before the lag, and gives metres only for a sure lag."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Sound = npt.NDArray[np.float64]
 
 
 def measured(open_page: OpenPage, first: Sound, second: Sound) -> AppTest:
-    """Return the page after both recordings were uploaded."""
+    """Return the page after uploading both recordings."""
     app = open_page("pages/1_Sensor_lag.py", {"recordings": "own"})
     for number, sound in ((1, first), (2, second)):
         file = io.BytesIO()
@@ -38,7 +38,7 @@ def numbers(app: AppTest) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("pair", "said"),
     [
-        (unrelated("noise and noise", 20_000, 0), "Nothing in common found: the highest point is what chance gives."),
+        (unrelated("noise and noise", 20_000, 0), "Nothing in common found: the highest point is at chance level."),
         (tones(6_000, 0.01, 0.0, 0), "Cannot tell: it repeats every **100 samples**."),
     ],
 )
@@ -66,7 +66,7 @@ def test_plain_pearson_is_another_curve_of_the_same_peak(open_page: OpenPage) ->
 
 
 def drawn(app: AppTest) -> list[dict[str, list[float]]]:
-    """Return the traces of the curve."""
+    """Return the traces of the correlation curve."""
     specs = [plotly.io.from_json(one.proto.spec, skip_invalid=True).to_dict() for one in app.get("plotly_chart")]
     (curve,) = [spec for spec in specs if "lag, samples" in str(spec["layout"]["xaxis"].get("title"))]
     return list(curve["data"])

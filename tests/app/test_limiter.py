@@ -25,14 +25,14 @@ def until(holds: Callable[[], bool]) -> None:
 
 
 class Work:
-    """A job that goes on until it is told to end; `begun` notes the order in which jobs begin."""
+    """A job that runs until its `end` event is set; `begun` records the order in which jobs start."""
 
     def __init__(self, name: str, memory: int, begun: list[str]) -> None:
         self.end = threading.Event()
         self._name = name
         self._begun = begun
         self.job: Job[str] = Job(self._work, Estimate(memory, 10.0))
-        # It has begun, or waits: the next one comes after it.
+        # Wait until it has started or is queued, so that the next job comes after it.
         until(lambda: name in begun or self.job.ahead > 0)
 
     def _work(self, job: Job[str]) -> str:
@@ -44,7 +44,7 @@ class Work:
 
 @pytest.fixture
 def limit(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    """Return what sets how many jobs are computed at once."""
+    """Return a function that sets the number of jobs computed at once."""
 
     def set_to(at_once: int) -> None:
         limiter = Limiter(MEMORY, at_once)

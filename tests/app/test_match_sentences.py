@@ -1,4 +1,4 @@
-"""What is said of a match: one text for every kind, outcome and fate of it, none of which contradicts itself."""
+"""Sentences about a match: one text for every kind, outcome and fate, none of which contradicts itself."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SAID = {
     MatchKind.SMOOTH: "Neighbouring places fit almost equally well (0.900, and 0.890 farther than 1 px from it)",
     MatchKind.BARE: "A bare wall: the window has 5\N{NO-BREAK SPACE}% of the image’s contrast, and its best score is",
     MatchKind.UNLIKE: "Nothing looks like this: the best score is 0.30",
-    MatchKind.AT_EDGE: "The best score lies on the edge",
+    MatchKind.AT_EDGE: "The best score is on the edge",
     MatchKind.NOTHING: "Nothing to correlate",
 }
 
@@ -41,7 +41,7 @@ WITHOUT_DISPARITY = (MatchKind.AT_EDGE, MatchKind.NOTHING)
 
 @cache
 def match_of(kind: MatchKind) -> MatchExplanation:
-    """Return a match of a kind whose disparity is about 6 px, searched from 0 to 23 px."""
+    """Return a match of the given kind, with a disparity of about 6 px and searched from 0 to 23 px."""
     matcher = CorrelationMatcher(window_size=11, search=SearchArea.rectified(24))
     seen = replace(
         explain_match(matcher, *shifted_pair(60, 100, 0, -6), 30, 60),
@@ -94,7 +94,7 @@ def assert_no_contradiction(kind: MatchKind, outcome: str, reason: Reason | None
     bold = {word for word in ("right", "wrong") if f"**{word}**" in said}
     assert bold == ({outcome} & {"right", "wrong"} if kind not in WITHOUT_DISPARITY else set())
     assert not any(word in said for word in ("chance", "luck", "nan", "  ", "decides"))
-    assert ("the scores cannot tell" in said) <= (outcome == "unknown")
+    assert ("The scores cannot tell" in said) <= (outcome == "unknown")
     assert ("as it should be" in said) <= (outcome == "wrong" and kind not in WITHOUT_DISPARITY)
     assert ("The map keeps it" in said) <= (reason == Reason.MEASURED)
     assert ("blank" in said) == (reason not in (None, Reason.MEASURED, Reason.FILLED))
@@ -114,7 +114,7 @@ def assert_no_contradiction(kind: MatchKind, outcome: str, reason: Reason | None
         (MatchKind.REPEATS, 20.3, "The true place is the runner-up."),
         (MatchKind.AT_EDGE, 40.0, "The ground truth is 40.00 px, outside the search, which runs from 0 to 23 px."),
         (MatchKind.NOTHING, 12.0, "The ground truth is 12.00 px."),
-        (MatchKind.REPEATS, math.nan, "Which of the two is the true place, the scores cannot tell."),
+        (MatchKind.REPEATS, math.nan, "The scores cannot tell which of the two is the true place."),
     ],
 )
 def test_a_match_is_compared_with_the_ground_truth(kind: MatchKind, truth: float, said: str) -> None:
@@ -123,7 +123,7 @@ def test_a_match_is_compared_with_the_ground_truth(kind: MatchKind, truth: float
 
 def test_a_map_that_filtered_says_what_it_holds() -> None:
     said = verdict(match_of(MatchKind.CLEAR), 6.0, reason=Reason.MEASURED, disparity=7.5)
-    assert said.endswith("After filtering, the map holds 7.50 px.")
+    assert said.endswith("After filtering, the map has 7.50 px.")
 
 
 @pytest.mark.parametrize(("valley", "said"), [(-0.3, "the pattern repeats, like a fence"), (0.8, "they look alike")])

@@ -1,4 +1,4 @@
-"""The settings in use before the controls are drawn are those that the controls then show."""
+"""The settings in use before the controls are drawn equal the values that the controls then show."""
 
 from __future__ import annotations
 

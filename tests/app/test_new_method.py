@@ -1,4 +1,4 @@
-"""A new stereo method is one class, listed once; a new export is one entry: all else follows."""
+"""A new stereo method is one class, listed once; a new export is one entry; everything else follows from them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ DEPTH = "pages/3_Depth_maps.py"
 
 
 class MadeUp(StereoMatcher):
-    """The lag of the least sum of absolute differences over a block: everything that a method is, in one class."""
+    """Block matching by the smallest sum of absolute differences: a complete method in one class."""
 
     title = "Made up"
     short_name = "madeup"
@@ -51,7 +51,7 @@ class MadeUp(StereoMatcher):
     )
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
-        """Match the images as grey."""
+        """Match the images in grey."""
         one, other = (as_grey(image).astype(np.float32) for image in (left, right))
         costs = np.empty((self.num_disparities, *one.shape), np.float32)
         for lag in range(self.num_disparities):

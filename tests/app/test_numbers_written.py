@@ -1,4 +1,4 @@
-"""Every number that a page shows is written one way: a true minus sign, and its unit after a no-break space."""
+"""The format of every number on a page: a true minus sign, and a no-break space before its unit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PROJECT = Path(__file__).resolve().parents[2]
 
 HYPHEN = re.compile(r"(?<![\w.,)\]`=“'-])-(?=\.?\d)")
 GLUED = re.compile(rf"\d(?:\*\*)? ?(?:{UNITS})(?!\w)")
-"""A unit that stands at its number, or after a space that may break."""
+"""A unit glued to its number or separated from it by a breaking space."""
 CODE = re.compile(r"`[^`]*`")
 
 ELEMENTS = {"markdown", "caption", "header", "info", "success", "warning", "error"}
@@ -43,7 +43,7 @@ def test_text_goes_through_prose() -> None:
 
 
 def texts(app: AppTest) -> Iterator[str]:
-    """Yield what is to be read on a page, as far as a browser is not needed for it."""
+    """Yield the texts of a page, as far as they can be read without a browser."""
     for kind in (app.markdown, app.caption, app.header, app.info, app.success, app.warning, app.error):
         yield from (element.value for element in kind)
     for metric in app.metric:
@@ -64,7 +64,7 @@ def texts(app: AppTest) -> Iterator[str]:
 
 
 def _of_figure(part: Any) -> Iterator[str]:
-    """Yield the texts of a figure: names, titles, labels and what is said of a point."""
+    """Yield the texts of a figure: names, titles, labels and hover texts."""
     if isinstance(part, dict):
         for name, value in part.items():
             if name in ("text", "name", "ticktext", "hovertemplate", "title"):
@@ -84,7 +84,7 @@ def _strings(value: Any) -> Iterator[str]:
 
 
 def finished(app: AppTest) -> AppTest:
-    """Run the page until no job is left."""
+    """Run the page until no job is running."""
     end = time.monotonic() + 120
     while app.get("progress") or any("cancel" in (button.key or "") for button in app.button):
         assert time.monotonic() < end

@@ -1,4 +1,4 @@
-"""What the lag page says of a visitor's own recordings: length, rate, channel, and what was done to them."""
+"""The lag page's sentences about a visitor's own recordings: length, rate, channel, and changes made to them."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def numbers(app: AppTest) -> dict[str, str]:
 
 
 def announced(app: AppTest) -> bool:
-    """Return whether a page announces its headline, once a job that it begins with has come to its end."""
+    """Return whether a page announces its headline; wait for the job that some pages start with."""
     end = time.monotonic() + PATIENCE_S
     while not any(one.proto.component_name == "stereolag.announcement" for one in app.get("bidi_component")):
         if time.monotonic() > end:
@@ -31,7 +31,7 @@ def announced(app: AppTest) -> bool:
     return True
 
 
-@pytest.mark.usefixtures("small_boards", "short_drive")  # their jobs would go on beside the tests that follow
+@pytest.mark.usefixtures("small_boards", "short_drive")  # otherwise their jobs run on during later tests
 @pytest.mark.parametrize("path", PAGES)
 def test_every_page_runs_and_links_to_every_other(open_page: OpenPage, path: str) -> None:
     app = open_page(path)
@@ -39,7 +39,7 @@ def test_every_page_runs_and_links_to_every_other(open_page: OpenPage, path: str
     assert not app.error
     assert len(app.title) == 1
     assert len(app.get("page_link")) >= len(PAGES)
-    # A picture in a file of its own may be replaced before a browser asks for it.
+    # A picture stored as a separate file could be replaced before the browser fetches it.
     assert all(one.url.startswith("data:image/") for element in app.get("image") for one in element.proto.imgs)
     assert path == "app.py" or announced(app)
 

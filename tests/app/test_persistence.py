@@ -1,4 +1,4 @@
-"""A control that was gone for a moment is drawn with its value, also where the browser sent that before it knew."""
+"""A control that is briefly gone is redrawn with its value, even if the browser sent that before learning of it."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def app() -> AppTest:
 
 
 def told(app: AppTest) -> dict[str, bool]:
-    """Return which controls are told their value: those of the last run."""
+    """Return whether the server sends a value to each control of the last run."""
     found = {one.key: one.proto.set_value for one in (*app.toggle, *app.slider, *app.number_input)}
     return {key: value for key, value in found.items() if key not in {"drawn", "here", None}}
 
@@ -56,7 +56,7 @@ def test_a_browser_that_sent_a_value_before_it_lost_the_control_is_told_it(app: 
     for key in ("first", "second", "third"):
         app.toggle(key=key).set_value(True)
     app.slider(key="size").set_value(7).run()
-    known = app._tree.get_widget_states()  # what AppTest has no public name for: a browser that is late
+    known = app._tree.get_widget_states()  # AppTest has no public API for a browser that lags behind
     app.toggle(key=gone).set_value(False).run()
     assert not {"first", "size"} & {one.key for one in (*app.toggle, *app.slider)}
     app._run(known)

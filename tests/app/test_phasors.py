@@ -16,7 +16,7 @@ EXAMPLES = ["knock", "coast", "harbour", "tone", "noise"]
 
 
 def told(app: AppTest) -> list[dict[str, Any]]:
-    """Return the examples that the browser was told of."""
+    """Return the examples sent to the browser."""
     parts = [element.proto for element in app.get("bidi_component")]
     (one,) = [json.loads(part.json) for part in parts if part.component_name == "stereolag.phasors"]
     examples: list[dict[str, Any]] = one["examples"]
@@ -41,7 +41,7 @@ def test_the_lag_page_offers_five_examples_whatever_is_measured(open_page: Calla
     assert coast["offset"] + LAG * coast["step"] == 50_082
     assert f"mean of {coast['step']} samples" in coast["try"] and f"{coast['offset']:,} samples later" in coast["try"]
     app.button_group(key="recordings").set_value("harbour").run()
-    assert told(app) == examples  # what has been painted stays in the browser
+    assert told(app) == examples  # painted values stay in the browser
 
 
 def test_ones_own_recordings_come_first_once_their_lag_is_found(open_page: Callable[..., AppTest]) -> None:

@@ -1,4 +1,4 @@
-"""Files that a button makes when it is pressed, until the browser has fetched them."""
+"""Files that a button makes when it is pressed, kept until the browser has fetched them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stereolag.ui import private_files, visits
 
 
 class Clock:
-    """Stands for the timers of `private_files`: what they wait for happens when it is told that the time has come."""
+    """Replacement for the timers of `private_files`: their callbacks run when `pass_by` is called."""
 
     def __init__(self) -> None:
         self.waiting: dict[object, Callable[[], None]] = {}
@@ -33,7 +33,7 @@ class Clock:
 
 @pytest.fixture
 def files(monkeypatch: pytest.MonkeyPatch) -> MediaFileManager:
-    """Return the store of files that a server has, with no server."""
+    """Return a server's file store, without a server."""
     store = MediaFileManager(MemoryMediaFileStorage("/media"))
     monkeypatch.setattr(Runtime, "_instance", MagicMock(spec=Runtime, media_file_mgr=store))
     monkeypatch.setattr(private_files, "_recent_files", private_files._RecentFiles())
@@ -48,7 +48,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 def made_file(files: MediaFileManager, text: str) -> str:
-    """Draw a button for a file of that text, press it, and return the name that the browser is told to fetch."""
+    """Draw a download button for a file of that text, press it, and return the file name for the browser to fetch."""
     before = set(files._deferred_callables)
     private_files.download_button("Curve CSV", lambda: text, "curve.csv", "text/csv", key=text)
     (pressed,) = set(files._deferred_callables) - before
@@ -56,7 +56,7 @@ def made_file(files: MediaFileManager, text: str) -> str:
 
 
 def end_runs(files: MediaFileManager) -> None:
-    """End three script runs, as those of other visitors end."""
+    """End three script runs, as other visitors' runs end."""
     for _ in range(3):
         files.remove_orphaned_files()
 
@@ -105,7 +105,7 @@ def test_many_large_files_are_not_all_kept(
 def test_it_is_given_back_with_the_memory_of_the_last_visitor(files: MediaFileManager, clock: Clock) -> None:
     name = made_file(files, "lag 5")
     clock.pass_by()
-    files.remove_orphaned_files()  # as their session ends
+    files.remove_orphaned_files()  # as happens when their session ends
     assert fetched(files, name)
     visits._give_memory_back()
     assert fetched(files, name) is None

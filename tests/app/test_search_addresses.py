@@ -1,4 +1,4 @@
-"""The lag page and the template search are opened by their address as they were."""
+"""The lag page and the template search open from an address with the settings in it."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ PAGE = "pages/2_Rocketman_search.py"
 
 
 def told(app: AppTest, name: str) -> Any:
-    """Return what a component of the page is told: its JSON, or the header of its bytes; None where it is not there."""
+    """Return the data sent to a component: its JSON, or the header of its bytes; None if the page lacks it."""
     parts = [one.proto for one in app.get("bidi_component") if one.proto.component_name == f"stereolag.{name}"]
     if not parts:
         return None
@@ -35,7 +35,7 @@ def test_the_search_page_lets_him_be_searched_by_hand(open_page: Callable[..., A
     assert funnel["anchors"][0]["counts"][0] == 3_732_596
     assert funnel["anchors"][0]["best"][:2] == [528, 982]
     app.slider(key="template.min_score").set_value(0.8).run()
-    assert told(app, "template_by_hand") == search  # what has been painted stays in the browser
+    assert told(app, "template_by_hand") == search  # painted values stay in the browser
     app.button_group(key="template.method").set_value("sampled").run()
     assert told(app, "score_map") is None
     assert told(app, "template_by_hand") == search and told(app, "funnel") == funnel

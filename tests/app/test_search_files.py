@@ -1,4 +1,4 @@
-"""The files of the lag page and of the template search: all on offer, each holds what it says, none made unasked."""
+"""Files of the lag page and the template search: all are offered and correct, and none is made before it is needed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LAG, FIND = "pages/1_Sensor_lag.py", "pages/2_Rocketman_search.py"
 
 
 def recordings() -> RecordingPair:
-    """Return recordings of other sizes than the examples', 123 samples apart."""
+    """Return recordings of different sizes from the examples', 123 samples apart."""
     sound = noise(4123)
     return RecordingPair(1000 * sound[123:] + 40, sound[:3900], 8000.0, None, "Noise.", "noise", False)
 
@@ -44,7 +44,7 @@ def lag_of(pair: RecordingPair, search: LagSearch) -> sl.SignalLag:
 
 
 def unpacked(files: list[File], folder: Path) -> dict[str, str]:
-    """Unpack the ZIP into a folder; return what its README says of each file."""
+    """Unpack the ZIP into a folder; return the README's description of each file."""
     with zipfile.ZipFile(io.BytesIO(archive(files, "About."))) as whole:
         whole.extractall(folder)
     lines = (folder / downloads.README).read_text("utf-8").splitlines()

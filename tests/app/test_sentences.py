@@ -1,4 +1,4 @@
-"""Every code of the core has a sentence, and the sentences hold its numbers."""
+"""Every code of the core has a sentence, and the sentences contain its numbers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HEALTHY = [
     (judge_matches(300), "300 features match between the images."),
     (judge_sides(3.2, 40.0), "Left is left: disparities run from 3 to 40 px."),
     (judge_raw_sides(3.2, 40.0, 0.9, 0.0), "Left is left: disparities run from 3 to 40 px."),
-    (judge_raw_sides(-9.0, 8.0, 0.4, 0.5), "Which image is the left one cannot be told"),
+    (judge_raw_sides(-9.0, 8.0, 0.4, 0.5), "It is unclear which image is the left one"),
     (judge_identical(0.1, None, 1.0), "The images differ."),
     (judge_identical(0.1, 12.3, 1.0), "The images differ: features move by up to 12 px."),
     (judge_bent_rows(0.4, 0.2, (-0.5, 0.6), 1.0, None), "Rows do not bend (spread 0.4 px, of which 0.2 px are noise)."),
@@ -48,8 +48,8 @@ ILL = [
     (judge_matches(0), "No features match between the images", ""),
     (judge_sides(-40.0, -3.0), "run from -40 to -3 px, and they should be positive", "Swap left and right"),
     (judge_raw_sides(-90.0, -3.0, 0.0, 0.9), "Left and right look swapped: disparities run from -90", "Swap left and"),
-    (judge_identical(0.0, None, 1.0), "Both images show one and the same view", ""),
-    (judge_identical(0.01, 0.1, 1.0), "Both images show one and the same view", ""),
+    (judge_identical(0.0, None, 1.0), "Both images show the same view", ""),
+    (judge_identical(0.01, 0.1, 1.0), "Both images show the same view", ""),
     (
         judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, None),
         "still off by -5.5 to +4.1 px (spread 3.5 px, of which 0.3 px are noise)",
@@ -124,6 +124,6 @@ def test_the_rows_before_and_after_rectification_are_said():
         "of 157 and 190 matched features). Its ground truth belongs to the image before that and is left out."
     )
     assert rectification_in_words(straight, False, True, False) == (
-        "The pair is rectified already, as you said: rows differ by 0.19 px, rectified once more by an unknown amount "
-        "(medians of 157 and 3 matched features)."
+        "The pair is rectified already, as you said: rows differ by 0.19 px, and by an unknown amount if rectified "
+        "again (medians of 157 and 3 matched features)."
     )

@@ -1,4 +1,4 @@
-"""The picture that stands for a link is the one that the program draws, in the size and weight that GitHub takes."""
+"""The preview picture of a shared link matches the drawing program, and has GitHub's size and file size."""
 
 from __future__ import annotations
 

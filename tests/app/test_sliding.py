@@ -15,7 +15,7 @@ def test_the_lag_page_offers_five_examples_to_slide_whatever_is_measured(open_pa
         assert example["title"] and example["try"] and set(example["said"]) == {"plain", "normalised"}
     assert [example["name"] for example in told["examples"] if example["whole"]] == ["seven"]
     app.button_group(key="recordings").set_value("harbour").run()
-    assert sliding(app) == [told]  # what has been painted stays in the browser
+    assert sliding(app) == [told]  # painted values stay in the browser
 
 
 def sliding(app: AppTest) -> list[dict[str, list[dict[str, object]]]]:

@@ -1,4 +1,4 @@
-"""``make run``: one address that works and nothing asked of the outside; one sentence where there is no page."""
+"""``make run``: it prints one working address and contacts no other host; without a page it prints one sentence."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ def note(event, details):
             asked.write(f"{event} {host}\\n")
 sys.addaudithook(note)
 """
-"""Runs in every Python that starts, and writes down whom it asks for anything outside this machine."""
+"""Runs in every Python process that starts, and logs every access to another host."""
 
 
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
-    """Return an environment in which it is written down who is asked outside, in a file called asked."""
+    """Return an environment that logs accesses to other hosts in a file called asked."""
     (tmp_path / "sitecustomize.py").write_text(WATCH)
     return os.environ | {"PYTHONPATH": str(tmp_path), "ASKED": str(tmp_path / "asked"), "PYTHONUNBUFFERED": "1"}
 
@@ -60,7 +60,7 @@ def port() -> int:
 
 
 def refused(environment: dict[str, str], *arguments: str, project: Path = PROJECT) -> str:
-    """Run the launcher where it must give up, and return the one line that it says."""
+    """Run the launcher in a case where it must give up, and return the one line that it prints."""
     command = [sys.executable, "-P", LAUNCHER, *arguments]
     ran = subprocess.run(
         command, cwd=project, env=environment, capture_output=True, text=True, check=False, timeout=PATIENCE_S
@@ -72,7 +72,7 @@ def refused(environment: dict[str, str], *arguments: str, project: Path = PROJEC
 
 @contextmanager
 def started(environment: dict[str, str], port: int) -> Iterator[tuple[subprocess.Popen[str], Queue[str]]]:
-    """Run the launcher, wait for the first address it prints and give the process and all lines that it prints."""
+    """Run the launcher, wait for its first printed address, and yield the process and its lines of output."""
     command = [sys.executable, "-P", LAUNCHER, "--port", str(port)]
     lines: Queue[str] = Queue()
     with subprocess.Popen(
@@ -94,7 +94,7 @@ def started(environment: dict[str, str], port: int) -> Iterator[tuple[subprocess
 def test_it_serves_a_page_at_the_one_address_it_prints_and_asks_nobody(
     environment: dict[str, str], port: int, tmp_path: Path
 ) -> None:
-    with (tmp_path / "sitecustomize.py").open("a") as more:  # it needs no home to do so
+    with (tmp_path / "sitecustomize.py").open("a") as more:  # it needs no home folder
         more.write("\nimport pwd\npwd.getpwuid = {}.__getitem__  # as for a user nobody knows\n")
     del environment["HOME"]
     with started(environment, port) as (process, lines):
@@ -136,7 +136,7 @@ def test_a_port_in_use_is_told_of(environment: dict[str, str]) -> None:
         f"stereolag cannot start: Port {taken} cannot be used (Address already in use): "
         "name another, for example PORT=8600 make run."
     )
-    assert refused(environment, "--port", "70000").endswith("70000 is no port: it goes up to 65535.")
+    assert refused(environment, "--port", "70000").endswith("70000 is not a port: ports go up to 65535.")
 
 
 FAULTS = {

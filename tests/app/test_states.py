@@ -1,4 +1,4 @@
-"""What a visitor meets who is new, has given half of the files, or one that cannot be read."""
+"""The pages for a new visitor, for one with half of the files, and for one with an unreadable file."""
 
 from __future__ import annotations
 

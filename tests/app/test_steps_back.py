@@ -1,4 +1,4 @@
-"""A step back or forward in the browser shows the page as it was there, and loses no files and no settings."""
+"""A step back or forward in the browser restores the page as it was there, and keeps all files and settings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("small_mazes", "small_pairs")
 
 @pytest.fixture
 def step() -> Step:
-    """Return what steps through the browser's history to an address of the page in use, or of another."""
+    """Return a function that steps through the browser's history to an address of the current or another page."""
 
     def stepped(app: AppTest, *, path: str | None = None, **parameters: str) -> None:
         with pytest.MonkeyPatch.context() as patch:
@@ -34,7 +34,7 @@ def step() -> Step:
 
 
 def arrive(app: AppTest, path: str | None, **parameters: str) -> None:
-    """Run a page with this address; without parameters, as the links between the pages do."""
+    """Run a page with this address; without parameters it acts like a link between the pages."""
     if path is not None:
         app.switch_page(path)
     app.query_params.clear()
@@ -54,7 +54,7 @@ def address(app: AppTest) -> dict[str, str]:
 
 
 def set_on_lag_page(app: AppTest) -> dict[str, str]:
-    """Return what is chosen and set on the lag page."""
+    """Return the recordings and the method chosen on the lag page."""
     return {"recordings": app.button_group(key="recordings").value, "method": app.button_group(key="lag.method").value}
 
 
@@ -115,7 +115,7 @@ def test_the_links_between_the_pages_keep_what_is_set_and_so_does_the_step_back_
     arrive(app, FIND)
     arrive(app, LAG)
     assert set_on_lag_page(app) == chosen
-    step(app)  # to the address of the link, which the page replaced at once
+    step(app)  # to the link's own address, which the page replaced at once
     assert set_on_lag_page(app) == chosen
     assert address(app) == chosen
     step(app, path=FIND)

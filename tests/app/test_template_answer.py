@@ -1,4 +1,4 @@
-"""What the search page says of an answer."""
+"""The search page's sentences and pictures about an answer."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_a_frame_is_turned_as_the_template_is() -> None:
     (_, (one, other), _) = cv2.minAreaRect(np.column_stack([cols, rows]).astype(np.float32))
     assert sorted((one, other)) == pytest.approx([40, 80], abs=10)
     top = int(cols[rows == rows.min()].mean())
-    assert top > 125  # counter-clockwise: its upper right corner is the highest
+    assert top > 125  # rotation is counter-clockwise: the upper right corner is the highest
 
 
 def framed_picture(app: AppTest) -> str:
@@ -102,7 +102,7 @@ def test_the_page_frames_a_look_alike_beside_the_template(open_page: Callable[..
     found = framed_picture(app)
     app.slider(key="template.min_score").set_value(0.95).run()
     assert app.header[0].value == "Not found"
-    assert framed_picture(app) != found  # by a dashed frame
+    assert framed_picture(app) != found  # the frame is dashed
     captions = [picture.caption for element in app.get("image") for picture in element.proto.imgs]
     assert "the template" in captions
     assert any(caption.startswith("row 200, column 200, score 0.7") for caption in captions)

@@ -1,4 +1,4 @@
-"""The parts of the search page: a template cut from the image, a painted mask, OpenCV beside, damage."""
+"""Parts of the search page: a template cut from the image, a painted mask, OpenCV beside it, and damage."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_a_template_can_be_cut_from_the_example(open_page: OpenPage) -> None:
 
 
 def of_the_address(app: AppTest) -> str:
-    """Return what is said of the address of the page."""
+    """Return the sentence about the page's address."""
     (said,) = [caption.value for caption in app.caption if caption.value.startswith("The address of this page")]
     return said
 

@@ -1,4 +1,4 @@
-"""A heavy computation on a page: it takes its turn, tells how far it is, and can be cancelled."""
+"""A heavy computation on a page: it waits for its turn, reports its progress, and can be cancelled."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def limiter(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def gate() -> Iterator[threading.Event]:
-    """Return what lets all computations end."""
+    """Return an event that lets all computations end."""
     gate = threading.Event()
     yield gate
     gate.set()
@@ -82,7 +82,7 @@ def test_a_heavy_job_does_not_hold_the_page(gate: threading.Event) -> None:
 
 @pytest.fixture
 def somebody_else(gate: threading.Event) -> Job[bool]:
-    """Return a heavy job of another visitor that is being computed."""
+    """Return a running heavy job of another visitor."""
     begun = threading.Event()
 
     def work(_: Job[bool]) -> bool:
@@ -127,11 +127,11 @@ def test_other_settings_call_the_job_before_off(gate: threading.Event) -> None:
     app.session_state["number"] = 2
     app.session_state["gate"] = free
     app.run()
-    # The one before would go on for as long as its gate is closed, and the new one waits for it.
+    # The previous job would run for as long as its gate is closed, and the new one would wait for it.
     assert finished(app).markdown[0].value == "result 2"
 
 
 def test_what_is_too_much_does_not_wait_to_be_refused(gate: threading.Event) -> None:
     gate.set()
     app = opened(gate, "first", memory=2**60)
-    assert app.markdown[0].value == "result 1"  # called at once: the job itself says that it is too much
+    assert app.markdown[0].value == "result 1"  # called directly: the job itself reports that it is too much

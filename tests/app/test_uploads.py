@@ -30,7 +30,7 @@ SOUND = uploads.noise(3_000)
 
 @pytest.fixture
 def with_uploads(open_page: OpenPage) -> Callable[..., AppTest]:
-    """Return what opens the page of some inputs and uploads files to it."""
+    """Return a function that opens the page of some inputs and uploads files to it."""
 
     def opened(inputs: str, **files: tuple[str, bytes]) -> AppTest:
         return upload(open_page(PAGES[inputs], {inputs: "own"}), inputs, **files)
@@ -45,7 +45,7 @@ def upload(app: AppTest, inputs: str, **files: tuple[str, bytes]) -> AppTest:
 
 
 def numbers(app: AppTest) -> dict[str, str]:
-    """Return the numbers of the result, or below the first map."""
+    """Return the numbers of the result, or those below the first map."""
     maps = figures(app) if any(one["name"] == "depth.bench" for one in viewers(app)) else {}
     return {metric.label: metric.value for metric in app.metric} | next(iter(maps.values()), {})
 
@@ -68,7 +68,7 @@ def test_two_recordings_are_compared_by_every_method(with_uploads: Callable[...,
         assert not app.error
         assert app.button_group(key="lag.method").value == method
         assert numbers(app)["Lag, samples"] == typeset(f"{lag:,}")
-        assert numbers(app)["Time"] == typeset(f"{lag / 8_000:.4g} s")  # the rate is in the wav
+        assert numbers(app)["Time"] == typeset(f"{lag / 8_000:.4g} s")  # the WAV file contains the rate
 
 
 def test_one_file_of_two_channels_is_enough(with_uploads: Callable[..., AppTest]) -> None:
@@ -91,7 +91,7 @@ def test_a_column_of_times_is_passed_over(with_uploads: Callable[..., AppTest]) 
     assert app.selectbox[0].options == ["1 (rises evenly: time)", "2", "3"]
     two = "\n".join(line.rpartition(";")[0] for line in three.splitlines()).encode()
     app = with_uploads("recordings", file_1=("1.csv", two))
-    assert "the page shows the example" in app.info[0].value  # one signal beside its times is not a pair
+    assert "the page shows the example" in app.info[0].value  # one signal and its times are not a pair
 
 
 def test_pictures_of_any_kind_are_searched(with_uploads: Callable[..., AppTest]) -> None:
@@ -251,7 +251,7 @@ def test_a_file_that_is_taken_out_is_no_longer_used(with_uploads: Callable[..., 
 def test_one_picture_twice_is_said_and_may_be_swapped_twice(with_uploads: Callable[..., AppTest]) -> None:
     same = ("same.png", uploads.png(uploads.texture(120, 200)))
     app = with_uploads("pairs", left=same, right=same)
-    assert any("one and the same image" in caption.value for caption in app.caption)
+    assert any("are the same image" in caption.value for caption in app.caption)
     for _ in range(2):
         swap = [button for button in app.button if button.key == "depth.doctor.swapped"]
         if swap:

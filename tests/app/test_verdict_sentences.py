@@ -1,4 +1,4 @@
-"""What a verdict on a lag is called in words: metres where it is sure, and only there."""
+"""A verdict on a lag in words, with metres only if it is sure."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_one_rival_is_counted() -> None:
 
 def test_nothing_in_common_has_no_metres() -> None:
     result = signal_lag(*unrelated("noise and noise", 3000, 0))
-    assert verdict_in_words(result) == "Nothing in common found: the highest point is what chance gives."
+    assert verdict_in_words(result) == "Nothing in common found: the highest point is at chance level."
     assert verdict_explained(result, 44_100.0, 333.0)[0].startswith("Use a longer stretch")
     voted = signal_lag(*unrelated("noise and noise", 10_000, 0), method="sampled", seed=0)
     assert verdict_in_words(voted).startswith("Nothing in common found: ")
@@ -53,7 +53,7 @@ def test_a_reversed_microphone_is_named_with_its_lag() -> None:
     result = signal_lag(whole[1000:5000], -whole[:4000])
     assert "the opposite sign fits" in verdict_in_words(result)
     (said,) = verdict_explained(result, 44_100.0, 333.0)
-    assert said.startswith("With its sign turned, recording 2 fits at 1,000 samples: ")
+    assert said.startswith("With its sign reversed, recording 2 fits at 1,000 samples: ")
 
 
 def test_a_drift_is_named_in_ppm() -> None:

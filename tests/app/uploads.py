@@ -1,4 +1,4 @@
-"""Files as visitors upload them, good and bad."""
+"""Good and bad files as visitors upload them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def palette_png(picture: npt.NDArray[np.uint8]) -> bytes:
 
 @cache
 def huge_png(side: int = 30_000) -> bytes:
-    """A whole PNG of side × side black pixels of one bit: small as a file, far too large as a picture."""
+    """Return a valid PNG of side × side black 1-bit pixels: a small file, but far too large a picture."""
     rows = zlib.compress(bytes((side + 7) // 8 + 1) * side, 1)
     header = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
     chunks = ((b"IHDR", header), (b"IDAT", rows), (b"IEND", b""))

@@ -1,4 +1,4 @@
-"""axe-core on an open page: what it finds, in the light and in the dark, and what has no alternative text."""
+"""axe-core on an open page: its findings in the light and in the dark, and elements without alternative text."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from playwright.sync_api import Page, expect
 from tests.browser.visits import SCREENSHOTS, settled
 
 REPORT = SCREENSHOTS / "axe.json"
-"""Of the last run: axe's version, and how many elements each rule finds fault with in each state of each page."""
+"""Report of the last run: axe's version, and the number of faulty elements per rule, page and state."""
 
 FAULTS = ("moderate", "serious", "critical")
 
@@ -24,7 +24,7 @@ OPTIONS = {"resultTypes": ["violations"], "preload": {"assets": ["media"]}}
 COLOURS_ALONE = {"runOnly": {"type": "rule", "values": ["color-contrast"]}}
 
 WITHOUT_SOURCES = "axe.configure({ noHtml: true })"
-"""The source of each element that passed, of a page with drawings, is a third of its time."""
+"""Not storing the source of each passing element saves a third of the time on a page with drawings."""
 
 NAMELESS = """
 () => {
@@ -40,11 +40,11 @@ NAMELESS = """
     .map((one) => one.outerHTML.slice(0, 120));
 }
 """  # noqa: E501
-"""Pictures, drawings and charts that are seen, and are neither named nor decoration."""
+"""Visible pictures, drawings and charts that are neither named nor decoration."""
 
 
 class Finding(NamedTuple):
-    """What a rule finds fault with: the rule, how grave it is, and the selectors of the elements."""
+    """A violated rule, its impact, and the selectors of the elements."""
 
     rule: str
     impact: str
@@ -52,7 +52,7 @@ class Finding(NamedTuple):
 
 
 class Audit:
-    """The findings of all pages looked at."""
+    """The findings on all checked pages."""
 
     def __init__(self) -> None:
         self._script = Axe().axe_script
@@ -60,11 +60,12 @@ class Audit:
         self._version = ""
 
     def check(self, page: Page, state: str, *, but: Sequence[str] = ()) -> None:
-        """Expect no fault in what a page shows, `but` in some of its parts, in the light and in the dark.
+        """Expect no fault on a page outside the parts in `but`, in the light and in the dark.
 
-        All rules are held in the theme that it has; then it is turned to the other, for its colours, and stays so.
+        All rules are checked in the page's own theme; then it is switched to the other theme, checked for its colours,
+        and left there.
         """
-        page.mouse.move(0, 0)  # a tooltip of Streamlit's lies outside of every landmark
+        page.mouse.move(0, 0)  # Streamlit's tooltips lie outside every landmark
         settled(page)
         app = page.get_by_test_id("stApp")
         theme = app.evaluate("(app) => getComputedStyle(app).colorScheme")
@@ -82,7 +83,7 @@ class Audit:
         assert not without_text, f"{state}: no alternative text: {without_text}"
 
     def findings(self, page: Page, options: dict[str, Any] | None = None, *, but: Sequence[str] = ()) -> list[Finding]:
-        """Return what axe-core finds, the minor too."""
+        """Return axe-core's findings, including minor ones."""
         if not page.evaluate("'axe' in window"):
             page.evaluate(self._script)
             page.evaluate(WITHOUT_SOURCES)
@@ -101,11 +102,11 @@ class Audit:
 
 
 def nameless(page: Page) -> list[str]:
-    """Return the beginning of each picture, drawing and chart that has no alternative text."""
+    """Return the first characters of each picture, drawing and chart that has no alternative text."""
     found: list[str] = page.evaluate(NAMELESS)
     return found
 
 
 def _selector(target: list[Any]) -> str:
-    """Return the selector of an element; within a shadow root axe gives one for each root on the way."""
+    """Return the selector of an element; inside shadow roots axe gives one selector per root."""
     return " >> ".join(one if isinstance(one, str) else " >> ".join(one) for one in target)

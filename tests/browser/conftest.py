@@ -1,4 +1,4 @@
-"""The real app in a real browser."""
+"""Fixtures for the real app in a real browser."""
 
 from __future__ import annotations
 
@@ -40,27 +40,27 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def open_page(browser: Browser, address: str) -> Iterator[OpenPage]:
-    """Return what opens a page of the app; an error on its console fails the test."""
+    """Return a function that opens a page of the app; an error on its console fails the test."""
     with faultless_pages(browser, address) as opened:
         yield opened
 
 
 @pytest.fixture(scope="module")
 def keep_page(browser: Browser, address: str) -> Iterator[OpenPage]:
-    """Return what opens a page that all tests of a module share."""
+    """Return a function that opens a page shared by all tests of a module."""
     with faultless_pages(browser, address) as opened:
         yield opened
 
 
 @pytest.fixture(scope="module")
 def motorcycle(data_dir: Path) -> OwnPair:
-    """Return a pair of real photographs with truth and calibration."""
+    """Return a pair of real photographs with ground truth and calibration."""
     folder = data_dir / "stereo" / "motorcycle_q"
     return OwnPair(*(Given.of(folder / name) for name in ("left.png", "right.png", "gt.pfm", "calib.json")))
 
 
 @pytest.fixture(scope="module")
 def show_parts(browser: Browser) -> Iterator[ShowParts]:
-    """Return what shows components alone, without the app: those that a function draws."""
+    """Return a function that shows the components drawn by a given function, without the app."""
     with parts_alone(browser) as shown:
         yield shown

@@ -1,4 +1,4 @@
-"""The depth page as a visitor handles it: buttons, files, pictures and numbers by what is written on them."""
+"""The depth page as a visitor uses it: buttons, files, pictures and numbers found by their labels."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DOUBLE_CLICK_MS = 350
 
 
 class Given(NamedTuple):
-    """A file that a visitor gives: its name and its bytes."""
+    """A file to upload: its name and its bytes."""
 
     name: str
     data: bytes
@@ -39,13 +39,13 @@ class OwnPair(NamedTuple):
 
 
 def example_files(name: str) -> OwnPair:
-    """Return the files of one of the bundled pairs, as if they were a visitor's own."""
+    """Return the files of a bundled pair as if they were a visitor's own."""
     example = stereo_pairs()[name]
     return OwnPair(*map(Given.of, (example.left, example.right, example.disparity, example.calibration)))
 
 
 CELLS = "(rows) => rows.map((row) => [...row.querySelectorAll('td')].map((cell) => cell.innerText))"
-"""Read in one go: cell by cell, a table might be drawn anew in between."""
+"""Read in one call: a table read cell by cell could be redrawn in between."""
 
 
 def picture_file(name: str, image: np.ndarray) -> Given:
@@ -55,7 +55,7 @@ def picture_file(name: str, image: np.ndarray) -> Given:
 
 
 class DepthPage:
-    """The page open in a browser."""
+    """The depth page, open in a browser."""
 
     def __init__(self, page: Page, name: str = "own") -> None:
         self.page, self.name = page, name
@@ -66,33 +66,33 @@ class DepthPage:
 
     @classmethod
     def with_files(cls, open_page: OpenPage, pair: OwnPair, *, scheme: str = "light") -> DepthPage:
-        """Open the page and give it a pair, the truth and a calibration."""
+        """Open the page and upload a pair, its ground truth and its calibration."""
         visit = cls(open_page(DEPTH_MAPS + "square", scheme=scheme))
         visit.open_head()
         visit.choose("Your own files")
         visit.unfold("Calibration (optional)")
         visit.give("Left image", pair.left)
         visit.give("Right image", pair.right)
-        visit.open_head()  # it folded when the pair was there
+        visit.open_head()  # it folded when the pair was uploaded
         visit.give("Ground truth (optional)", pair.truth)
         visit.give("Calibration files", pair.calibration)
         expect_visible(visit.page.get_by_text("Your own pair").first)
         return visit
 
     def open_head(self) -> None:
-        """Unfold the choice of the pair, where it is folded."""
+        """Unfold the choice of the pair if it is folded."""
         head = self.page.locator("details", has=self.page.get_by_text("choose a pair or bring your own"))
         if head.get_attribute("open") is None:
             head.locator("summary").first.click()
             self.settle()
 
     def turn_to(self, method: str) -> None:
-        """Turn to the controls of a method."""
+        """Open the controls of a method."""
         self.page.get_by_role("radio", name=method, exact=True).first.click()
         self.settle()
 
     def settle(self) -> None:
-        """Wait until the page has answered, and without an exception."""
+        """Wait until the page has answered without an exception."""
         settled(self.page)
         expect(self.page.get_by_test_id("stException")).to_have_count(0)
 
@@ -100,12 +100,12 @@ class DepthPage:
         screenshot(self.page, f"journey-{name}")
 
     def choose(self, name: str) -> None:
-        """Choose one of a row of buttons."""
+        """Choose one button of a row."""
         self.page.get_by_role("radio", name=name, exact=True).first.click()
         self.settle()
 
     def pick(self, label: str, option: str) -> None:
-        """Pick an entry of a drop-down list; one that a rerun closed or drew anew under the pointer is opened again."""
+        """Pick an entry of a drop-down list, and open the list again if a rerun closes or redraws it."""
         entry = self.page.get_by_role("option", name=option, exact=True)
         for _ in range(10):
             self.page.get_by_role("combobox", name=label).click()
@@ -128,7 +128,7 @@ class DepthPage:
         self.settle()
 
     def give(self, label: str, file: Given) -> None:
-        """Give a file to the upload box with this label."""
+        """Upload a file to the box with this label."""
         box = self.page.get_by_test_id("stFileUploader").filter(has_text=label).locator("input[type=file]")
         box.set_input_files({"name": file.name, "mimeType": "application/octet-stream", "buffer": file.data})
         self.settle()
@@ -137,7 +137,7 @@ class DepthPage:
         return self.download_from(label)[1]
 
     def download_from(self, label: str, *, exact: bool = False) -> tuple[str, bytes]:
-        """Return the address that a download came from, and what came."""
+        """Return the address and the contents of a download."""
         with self.page.expect_download() as started:
             self.page.get_by_role("button", name=label, exact=exact).click()
         return started.value.url, Path(started.value.path()).read_bytes()
@@ -154,44 +154,44 @@ class DepthPage:
         self.settle()
 
     def value(self, name: str) -> float:
-        """Return what a slider is set to."""
+        """Return the value of a slider."""
         return float(self.slider(name).first.input_value())
 
     def number(self, name: str, *, method: int = 0) -> float:
-        """Return a number under the maps, of the first unless told."""
+        """Return a number below a map, by default the first map."""
         figure = self.page.locator(".linked").first.locator("figure").nth(method)
         return number_in(figure.locator(".figures div").filter(has_text=name).locator("dd").inner_text())
 
     @property
     def pictures(self) -> Locator:
-        """Return the pictures of the part that is open."""
+        """Return the pictures of the open part."""
         return self.page.locator(".linked").last
 
     def figure(self, title: str) -> Locator:
         return self.pictures.locator("figure", has=self.page.locator("figcaption").get_by_text(title, exact=True))
 
     def hover(self, title: str, row: int, col: int) -> None:
-        """Point at a pixel of a picture that is shown whole."""
+        """Point at a pixel of a picture that is shown in full."""
         self._viewport(title).hover(position=self._place(title, row, col))  # type: ignore[arg-type]
         expect(self.pictures.locator(".where")).to_have_text(f"row {row}, column {col}")
 
     def click(self, title: str, row: int, col: int) -> None:
-        """Click a pixel of a picture that is shown whole."""
+        """Click a pixel of a picture that is shown in full."""
         self.page.wait_for_timeout(DOUBLE_CLICK_MS)
         self._viewport(title).click(position=self._place(title, row, col))  # type: ignore[arg-type]
         self.settle()
 
     def reading(self, title: str) -> str:
-        """Return what is read under a picture."""
+        """Return the reading below a picture."""
         return self.figure(title).locator(".reading").inner_text()
 
     def table(self) -> dict[str, list[str]]:
-        """Return the rows of the last Markdown table, by their first cell."""
+        """Return the rows of the last Markdown table, keyed by their first cell."""
         rows = self.page.locator("[data-testid=stMarkdown] table").last.locator("tbody tr")
         return {first: others for first, *others in rows.evaluate_all(CELLS)}
 
     def frame(self, columns: int, which: int = 0) -> list[list[str]]:
-        """Return the rows of a data table, its head left out, once it has so many columns."""
+        """Return the rows of a data table without its header, once it has this many columns."""
         rows = self.page.get_by_test_id("stDataFrame").nth(which).locator("tbody tr")
         expect(rows.first.locator("td")).to_have_count(columns)
         return rows.evaluate_all(CELLS)  # type: ignore[no-any-return]
@@ -200,7 +200,7 @@ class DepthPage:
         return self.page.get_by_text(text).first
 
     def paragraph(self, text: str) -> Locator:
-        """Return the paragraph in which a text stands."""
+        """Return the paragraph that contains a text."""
         return self.page.locator("p").filter(has_text=text).first
 
     def _viewport(self, title: str) -> Locator:
@@ -216,7 +216,7 @@ class DepthPage:
 
 
 def number_in(text: str) -> float:
-    """Return the first number of a text."""
+    """Return the first number in a text."""
     found = re.search(r"[-−]?\d[\d,]*\.?\d*", text)
     assert found, text
     return float(found[0].replace(",", "").replace("−", "-"))

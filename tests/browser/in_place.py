@@ -1,4 +1,4 @@
-"""That what is tested alone stands on its page, is dressed by it, fits it, and is heard there."""
+"""Components that are tested alone elsewhere: here on their pages, where they must fit, be styled and be heard."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ WORN = """
 """
 
 SCORED_COLS = 2446 - 111 + 1
-"""Of the score map of the maze."""
+"""Width of the maze's score map."""
 
 
 def watch_runs(page: Page) -> Callable[[], bool]:
-    """Return what tells whether the page was run since."""
+    """Return a function that reports whether the page has been rerun since."""
     page.evaluate(WATCH_RUNS)
     return lambda: page.evaluate("document.body.dataset.reran") is not None
 
 
 def expect_at_home(page: Page, part: Locator) -> None:
-    """Expect a part to wear on its page what it wears alone, and to fit."""
+    """Expect a component to have the same style on its page as alone, and to fit."""
     scheme = page.get_by_test_id("stApp").evaluate("(app) => getComputedStyle(app).colorScheme")
     worn = part.evaluate(WORN, list(themes()[scheme]))
     assert worn == themes()[scheme]
@@ -41,7 +41,7 @@ def expect_at_home(page: Page, part: Locator) -> None:
 
 
 def sensor_lag(page: Page) -> None:
-    """Work what is moved by hand on the page as it opens."""
+    """Use the interactive components of the freshly opened page."""
     has_run = watch_runs(page)
     page.locator(".sliding .stage").press("End")
     expect(page.locator(".sliding .where")).to_have_text("Lag 13 · sum 27")
@@ -63,12 +63,12 @@ def sensor_lag(page: Page) -> None:
     plan.get_by_role("button", name="In line").click()
     expect(plan.locator(".said")).to_contain_text(re.compile(r"378\.2\sm longer.*This is your lag\."))
     expect_at_home(page, plan)
-    assert not has_run()  # all of it happens in the browser
+    assert not has_run()  # everything happens in the browser
     screenshot(page, "sensor-lag-parts")
 
 
 def rocketman(page: Page) -> None:
-    """Work what is moved, painted and cut by hand on the page as it opens."""
+    """Use the components for dragging, painting and cutting on the freshly opened page."""
     has_run = watch_runs(page)
     where, stage = page.locator(".by-hand .where"), page.locator(".score-map .stage")
     expect(where).to_contain_text("Row")
@@ -76,7 +76,7 @@ def rocketman(page: Page) -> None:
     assert box is not None
     scale = box["width"] / SCORED_COLS
     stage.click(position={"x": 982.5 * scale, "y": 528.5 * scale})
-    expect(where).to_have_text(re.compile(r"^Row 5[23]\d, column 9[789]\d: "))  # as near as the screen is fine
+    expect(where).to_have_text(re.compile(r"^Row 5[23]\d, column 9[789]\d: "))  # as precise as the screen allows
     expect_at_home(page, page.locator(".score-map"))
     page.locator(".by-hand .reveal").click()
     expect(page.locator(".by-hand .said")).to_contain_text("The peak is at row 528, column 982: 1.000.")

@@ -1,4 +1,4 @@
-"""Each page worked by the keyboard alone, and before axe-core in every state that the keys bring it to."""
+"""Each page used by keyboard alone, with axe-core run on every state reached."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_IN_A_ROW = 10
 LIGHT_TEXT, DARK_TEXT = "rgb(91, 89, 100)", "rgb(180, 178, 189)"
 
 BENCH = (".st-key-depth-bench", ".st-key-depth-head", ".st-key-page-links")
-"""Of the depth page: what stays while its parts change."""
+"""Parts of the depth page that stay while the others change."""
 
 PARTS = (
     "Compare",
@@ -36,7 +36,7 @@ Journey = Callable[[Page, Audit], None]
 
 
 def choose(page: Page, wanted: str, *, begin: str) -> None:
-    """Go along a row of buttons with the arrow keys, from one of them, and choose another."""
+    """Move along a row of buttons with the arrow keys, starting from one of them, and choose another."""
     page.get_by_role("radio", name=begin, exact=True).first.focus()
     button = page.get_by_role("radio", name=wanted, exact=True).first
     for _ in range(MOST_IN_A_ROW):
@@ -50,7 +50,7 @@ def choose(page: Page, wanted: str, *, begin: str) -> None:
 
 
 def turn_to(page: Page, here: str, name: str) -> None:
-    """Go from one tab to the next with the arrow key."""
+    """Move from one tab to the next with the arrow key."""
     page.get_by_role("tab", name=here).press("ArrowRight")
     tab = page.get_by_role("tab", name=name)
     expect(tab).to_be_focused()
@@ -71,14 +71,14 @@ def unfold(page: Page, *titles: str) -> None:
 
 
 def announced(page: Page) -> Locator:
-    """Return the live region, marked: what takes its place later is not read aloud."""
+    """Return the live region, marked: a replacement for it would not be read aloud."""
     region = page.locator("#stereolag-announced")
     region.evaluate("(one) => { one.dataset.met = 'before'; }")
     return page.locator("#stereolag-announced[data-met=before][role=status][aria-live=polite]")
 
 
 def _give(page: Page, name: str, data: bytes) -> None:
-    """Give a file to the first box on the page."""
+    """Upload a file to the first box on the page."""
     box = page.get_by_test_id("stFileUploader").locator("input[type=file]").first
     box.set_input_files({"name": name, "mimeType": "application/octet-stream", "buffer": data})
 
@@ -134,7 +134,7 @@ def through_rocketman_search(page: Page, audit: Audit) -> None:
     audit.check(page, "Rocketman search")
     main = page.get_by_role("button", name="All in one ZIP")
     main.hover()
-    expect(main).to_have_css("background-color", "rgb(185, 173, 245)")  # now in the dark
+    expect(main).to_have_css("background-color", "rgb(185, 173, 245)")  # in the dark by now
     assert audit.findings(page, COLOURS_ALONE) == []
     for here, tab in pairwise(("Search by hand", "Step by step", "Damage it")):
         turn_to(page, here, tab)
@@ -216,12 +216,12 @@ def through_calibrate(page: Page, audit: Audit) -> None:
     settled(page)
     choose(page, "Your own files", begin="Drawn chessboard")
     _give(page, "alone.png", b"one picture is no pair")
-    expect(page.get_by_test_id("stAlertContentError")).to_contain_text("belong together")
+    expect(page.get_by_test_id("stAlertContentError")).to_contain_text("No left and right pictures match by name")
     audit.check(page, "Calibrate: a refused file")
 
 
 def through_driving(page: Page, audit: Audit) -> None:
-    """Its player has tests of its own by keys."""
+    """Use the driving page; its player has its own keyboard tests."""
     expect_visible(page.locator(".player"))
     audit.check(page, "Driving")
     choose(page, "Your ZIP, or side-by-side video", begin="Example")

@@ -1,4 +1,4 @@
-"""Where the parts of a page stand: what is cut, and what jumps while an answer is computed."""
+"""The layout of a page: parts that are cut off, and parts that jump while an answer is computed."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ WATCH_JUMPS = """
 
 
 def cut(page: Page, width: int) -> list[str]:
-    """Return what sticks out of the page at a width of the window, or is cut off without an ellipsis."""
+    """Return the parts that stick out of the page at a window width, or are cut off without an ellipsis."""
     resized(page, width)
-    # A scroll bar of the whole page would be as bad.
+    # A scroll bar for the whole page would be just as bad.
     page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
     found: list[str] = page.evaluate(CUT)
     for _ in range(PATIENCE):  # charts follow a moment later
@@ -62,7 +62,7 @@ def cut(page: Page, width: int) -> list[str]:
 
 
 def jumps(page: Page, act: Callable[[], None]) -> list[tuple[int, str]]:
-    """Return how far, px up or down, which parts of a page in view moved while something was done."""
+    """Return how far (px, vertically) each visible part of the page moved during an action, and its text."""
 
     def watched(act: Callable[[], None]) -> list[tuple[int, str]]:
         page.evaluate(WATCH_JUMPS)
@@ -70,7 +70,7 @@ def jumps(page: Page, act: Callable[[], None]) -> list[tuple[int, str]]:
         found: list[tuple[int, str]] = page.evaluate("jumping.disconnect(), jumps")
         return found
 
-    for _ in range(PATIENCE):  # what of the opening is still to come is no part of it
+    for _ in range(PATIENCE):  # the page may still be settling after it opened
         if not watched(lambda: page.wait_for_timeout(300)):
             break
     found = watched(act)

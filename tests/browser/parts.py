@@ -1,7 +1,7 @@
-"""Components of the pages alone in a browser: what Python hands to each is mounted as Streamlit mounts it.
+"""Components of the pages alone in a browser, mounted with their data from Python as Streamlit does it.
 
-A page of the app costs seconds to open, a component by itself a tenth of one. That it stands on its page, and that the
-page hears it, ``in_place.py`` asks of the app itself.
+A page of the app takes seconds to open, a component by itself a tenth of one. ``in_place.py`` checks on the real pages
+that the component is there and that the page hears it.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from tests.browser.serving import PROJECT
 from tests.browser.visits import faultless_pages
 
 Show = Callable[[], object]
-"""Draws parts of a page, as a run of it does."""
+"""A function that draws parts of a page, as a run of it does."""
 
 RUN = "import streamlit as st\nst.session_state.show()"
 
 TRIGGER = "$$STREAMLIT_INTERNAL_KEY_{}__events"
-"""The name by which Streamlit's page sends what a component triggers."""
+"""Name under which Streamlit's page sends a component's triggers."""
 
 HERE = Path(__file__).resolve().parent
 
@@ -41,12 +41,12 @@ OF_STREAMLIT = {
     "font": '"Source Sans",sans-serif,"Source Sans",sans-serif',
     "orange-text-color": {"light": "#9B4519", "dark": "#F2A56D"},
 }
-"""What components heed of a theme, by Streamlit and not by ``config.toml``."""
+"""Theme properties that components use and that come from Streamlit, not from ``config.toml``."""
 
 
 @cache
 def themes() -> dict[str, dict[str, str]]:
-    """Return the custom properties that Streamlit gives to components, those of them that ours heed, of both themes."""
+    """Return the custom properties that Streamlit sets and our components use, for both themes."""
     theme = tomllib.loads((PROJECT / ".streamlit" / "config.toml").read_text(encoding="utf-8"))["theme"]
     found: dict[str, dict[str, str]] = {}
     for scheme in ("light", "dark"):
@@ -66,12 +66,12 @@ def themes() -> dict[str, dict[str, str]]:
 
 
 class Parts:
-    """Some components on a page of their own, and the run of Python behind them.
+    """Components on a page of their own, and the Python run behind them.
 
     Attributes
     ----------
     page
-        Where they are mounted.
+        The page on which they are mounted.
     """
 
     def __init__(self, page: Page, show: Show) -> None:
@@ -81,16 +81,16 @@ class Parts:
         self.hand_over(show)
 
     def hand_over(self, show: Show) -> None:
-        """Show what a run hands over; the parts that were shown before are told what has changed, or leave."""
+        """Show the components of a run; those already shown receive the changes or are removed."""
         self._app.session_state.show = show
         self._run(WidgetStates())
 
     def sent(self) -> list[dict[str, Any]]:
-        """Return what the parts have sent to the server, oldest first."""
+        """Return everything that the components have sent to the server, oldest first."""
         return sent(self.page)
 
     def answer(self) -> None:
-        """Let Python hear what was sent since the last time, one after the other, and show what it answers."""
+        """Pass the new messages to Python one at a time, and show its answers."""
         for one in self.sent()[self._answered :]:
             assert one["kind"] == "trigger"
             value = json.dumps([{"event": one["event"], "value": one["value"]}])
@@ -98,12 +98,12 @@ class Parts:
             self._answered += 1
 
     def said(self) -> str:
-        """Return what the run says in words, in the order of its kinds."""
+        """Return the texts of the run, grouped by kind of element."""
         texts = (*self._app.markdown, *self._app.success, *self._app.warning, *self._app.caption)
         return "\n".join(one.value for one in texts)
 
     def _run(self, told: WidgetStates) -> None:
-        self._app._run(told)  # what AppTest has no public name for: components that have a say
+        self._app._run(told)  # AppTest has no public API for values from components
         assert not self._app.exception, self._app.exception
         parts = [_described(element.proto) for element in self._app.get("bidi_component")]
         self.page.evaluate("(text) => handOver(text)", json.dumps({"themes": themes(), "parts": parts}))
@@ -111,7 +111,7 @@ class Parts:
 
 @contextmanager
 def redrawn(canvas: Locator) -> Iterator[None]:
-    """Wait until something else is drawn on a canvas: pictures are unpacked beside the page, and for long."""
+    """Wait until a canvas is redrawn: pictures are decoded in the background, which can take long."""
     before = canvas.evaluate("(canvas) => canvas.toDataURL()")
     yield
     drawn_anew = "([canvas, before]) => canvas.toDataURL() !== before"
@@ -119,7 +119,7 @@ def redrawn(canvas: Locator) -> Iterator[None]:
 
 
 def sent(page: Page) -> list[dict[str, Any]]:
-    """Return what the parts of a page have sent to the server, oldest first."""
+    """Return everything that the components of a page have sent to the server, oldest first."""
     found: list[dict[str, Any]] = page.evaluate("sent")
     return found
 
@@ -144,9 +144,9 @@ ShowParts = Callable[..., Parts]
 
 @contextmanager
 def parts_alone(browser: Browser) -> Iterator[ShowParts]:
-    """Give what opens pages of the parts that functions draw; they must not have met an error in the end."""
+    """Yield a function that opens pages with the components that functions draw; fail if a page met an error."""
     with pytest.MonkeyPatch.context() as patch, faultless_pages(browser, HERE.as_uri()) as opened:
-        # Streamlit looks through all installed packages for components at every run.
+        # Streamlit scans all installed packages for components in every run.
         patch.setattr(manifest_scanner, "scan_component_manifests", cache(manifest_scanner.scan_component_manifests))
 
         def shown(show: Show, **options: Any) -> Parts:

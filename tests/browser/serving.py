@@ -1,4 +1,4 @@
-"""The real app on a free port, and a real browser to open it with."""
+"""The real app on a free port, and a real browser to open it."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ CHROMIUM_OPTIONS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
-    # Who listens to a page's console has V8 keep stack traces; positions in them, found when they are first asked for,
-    # are found by parsing all of Plotly again: half a second a page.
+    # A listener on a page's console makes V8 keep stack traces. Their positions, if computed only on demand, require
+    # parsing all of Plotly again: half a second per page.
     "--js-flags=--no-enable-lazy-source-positions",
 )
 
@@ -35,7 +35,7 @@ START_TIMEOUT_S = 60
 
 
 def free_port() -> int:
-    """Return a port that nobody listens on."""
+    """Return a port without a listener."""
     with socket.socket() as listener:
         listener.bind(("localhost", 0))
         return int(listener.getsockname()[1])
@@ -45,7 +45,7 @@ def free_port() -> int:
 def served_process(
     script: str = "app.py", *, port: int, environment: Mapping[str, str] | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """Run the app on a port, with more in its environment, and give its process once it answers."""
+    """Run the app on a port with additional environment variables, and yield its process once it is healthy."""
     command = [sys.executable, "-m", "streamlit", "run", script, "--server.port", str(port)]
     options = ["--server.headless", "true", "--server.fileWatcherType", "none"]
     variables = os.environ | {"PYTHONPATH": str(PROJECT)} | dict(environment or {})
@@ -61,19 +61,19 @@ def served_process(
 def served_app(
     script: str = "app.py", *, port: int | None = None, environment: Mapping[str, str] | None = None
 ) -> Iterator[str]:
-    """Run the app, on a free port unless told otherwise, and give its address."""
+    """Run the app, by default on a free port, and yield its address."""
     port = port or free_port()
     with served_process(script, port=port, environment=environment):
         yield f"http://localhost:{port}"
 
 
 class Server:
-    """The app on a free port, where it can be started anew.
+    """The app on a free port, with restarts.
 
     Attributes
     ----------
     address
-        Where it listens, the same after a restart.
+        Its address, the same after a restart.
     """
 
     def __init__(self) -> None:
@@ -90,13 +90,13 @@ class Server:
 
 
 def chromium_path() -> str | None:
-    """Return where Chromium is: at $CHROMIUM or where Debian puts it; None where it is not."""
+    """Return the path of Chromium, at $CHROMIUM or in Debian's place; None if it is missing."""
     return next((path for path in CHROMIUM if Path(path).is_file()), None)
 
 
 @contextmanager
 def chromium(path: str, *, scale: float = 1) -> Iterator[Browser]:
-    """Run Chromium without a window, with one context: a page in one of its own fetches 7 MB of scripts anew."""
+    """Run headless Chromium with a single context: a page in its own context fetches 7 MB of scripts again."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM_OPTIONS))
         browser.new_context(device_scale_factor=scale).new_page()

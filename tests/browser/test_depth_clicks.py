@@ -1,4 +1,4 @@
-"""The pictures under one crosshair, as a visitor handles them."""
+"""The pictures under one crosshair, used with the mouse."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SHOWN: dict[str, Callable[[DepthView], None]] = {
 
 @pytest.fixture(scope="module")
 def open_part(show_parts: ShowParts) -> Callable[[str], Parts]:
-    """Return what gives a part of the depth page on a small pair, opened when it is first asked for."""
+    """Return a function that gives a part of the depth page on a small pair, opened on first use."""
     view = small_view()
 
     @cache

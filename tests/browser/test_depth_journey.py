@@ -1,4 +1,4 @@
-"""Each thing the depth page is for, done as a visitor would: on an example or on a pair of their own."""
+"""Every task of the depth page, done as a visitor would, on an example or on an own pair."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def own_page(keep_page: OpenPage, motorcycle: OwnPair) -> DepthPage:
 
 @pytest.fixture
 def visit(request: pytest.FixtureRequest) -> DepthPage:
-    """Return the page with the pair that a test names: an example, or one of the visitor's own where it is present."""
+    """Return the page with the pair that a test names: an example, or an own pair if its files are present."""
     page: DepthPage = request.getfixturevalue("example_page" if request.param == EXAMPLE else "own_page")
     page.press("Reset")
     return page
@@ -74,7 +74,7 @@ def test_own_files_are_measured_in_metres_and_resized_with_all_that_belongs_to_t
     assert visit.number("EPE") < 0.75 * error
     expect(visit.paragraph("Metric")).to_contain_text(f"{known.focal_px / 2:.6g} px × {known.baseline_m:.4g} m")
     visit.choose("Automatic")
-    assert visit.number("EPE") == pytest.approx(error, rel=0.1)  # a window of 11 px comes back from 6 as 12
+    assert visit.number("EPE") == pytest.approx(error, rel=0.1)  # a window of 11 px becomes 6 and then 12
 
 
 # Compare
@@ -168,7 +168,7 @@ def test_a_click_explains_a_match_and_the_buttons_find_walls_and_fences(visit: D
     truth = read_disparity(pair.truth.data)
     row, col = 250, 420
     visit.choose("Why this match?")
-    visit.choose("From above")  # drawn without a graphics card, the surface takes seconds
+    visit.choose("From above")  # without a graphics card, drawing the surface takes seconds
     visit.click("Left image: point at it, or click", row, col)
     expect(visit.pictures.locator(".where")).to_have_text(f"row {row}, column {col}")
     assert number_in(visit.table()["Ground truth"][0]) == pytest.approx(truth[row, col], abs=0.01)
@@ -238,7 +238,7 @@ def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(visit: DepthPage
     bad = chart.locator(".js-plotly-plot").evaluate("plot => [...plot._fullData[0].z].map(row => [...row])")
     assert np.shape(bad) in {(2, 3), (3, 2)}
     visit.screenshot(f"sweep-{visit.name}-light")
-    for scheme in ("dark", "light"):  # its charts are drawn in the dark too
+    for scheme in ("dark", "light"):  # its charts are drawn in dark too
         visit.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
         expect(visit.page.get_by_test_id("stApp")).to_have_css("color-scheme", scheme)
         visit.settle()

@@ -27,7 +27,7 @@ def test_outlines_lie_over_the_maps_follow_the_zoom_and_go(show_parts: ShowParts
     expect(page.locator(".outlines")).to_have_count(0)
     parts.hand_over(lambda: show_comparison(outlined))
     for title, outlines in over.items():
-        expect(outlines).to_have_count(int(title not in {"Left image", "Agreement"}))  # a photograph has none
+        expect(outlines).to_have_count(int(title not in {"Left image", "Agreement"}))  # a photograph gets none
     expect(page.locator(".outlines")).to_have_count(4)
     path = over["StereoBM"].locator("path.outline")
     expect(path).to_have_attribute("d", outlined.outlines)
@@ -38,7 +38,7 @@ def test_outlines_lie_over_the_maps_follow_the_zoom_and_go(show_parts: ShowParts
     changed = replace(outlined, results={**plain.results, "StereoBM": other})
     with redrawn(map_shown):
         parts.hand_over(lambda: show_comparison(changed))
-    assert path.evaluate("(path) => path.kept")  # not drawn anew with the map
+    assert path.evaluate("(path) => path.kept")  # not redrawn with the map
 
     page.get_by_role("button", name="Zoom in").click()
     zoomed = page.locator(".viewport > svg").first.get_attribute("viewBox")

@@ -1,4 +1,4 @@
-"""A link opens the page as it was, and a session that was taken away continues where one stopped, whoever opens it."""
+"""A link restores the page, and a downloaded session continues where it stopped, for any visitor."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def test_a_link_opens_the_page_as_it_was_and_one_zip_whatever_the_page_shows(ope
     before.settle()
     bad = [before.number("Bad-2", method=method) for method in range(2)]
     before.unfold("Take it away")
-    expect_visible(before.said("All files are for the images in their own size, 480 × 480 pixels."))
+    expect_visible(before.said("All files are for the images at full size, 480 × 480 pixels."))
     data = before.download("Session ZIP")
-    assert before.download("Settings JSON").count(b'"block_size": 25') == 1  # for the images in their own size
+    assert before.download("Settings JSON").count(b'"block_size": 25') == 1  # for the full-size images
     address, own_map = before.download_from("NPY", exact=True)
 
     after = DepthPage(open_page(OTHER_ADDRESS))
@@ -45,14 +45,14 @@ def test_a_link_opens_the_page_as_it_was_and_one_zip_whatever_the_page_shows(ope
     screenshot(after.page, "restored")
     after.page.keyboard.press("Escape")
     after.unfold("Take it away")
-    # The same result of two visitors: the same bytes, and yet an address that nothing of the other's leads to.
+    # The same result for two visitors has the same bytes, but an address that the other visitor's does not reveal.
     other_address, same_map = after.download_from("NPY", exact=True)
     assert same_map == own_map
     assert other_address != address
 
 
 def lead_there_and_back(visit: DepthPage) -> None:
-    """Move what a link has set, go back to it, and reset it."""
+    """Change the settings of a link, go back to them, and reset them."""
     page = visit.page
     window, block = page.get_by_role("slider", name="Window"), page.get_by_role("slider", name="Block")
     expect(window).to_have_value("31")

@@ -1,4 +1,4 @@
-"""What a visitor brings to the depth page and sets there: files, what the doctor mends, searches, presets, links."""
+"""A visitor's files and settings on the depth page: uploads, the doctor's remedies, searches, presets, links."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.browser.visits import OpenPage, expect_visible
 
 @pytest.fixture(scope="module")
 def files_page(keep_page: OpenPage) -> DepthPage:
-    """Return the page that waits for own files; a truth, which stays, is given last."""
+    """Return the page that waits for own files; its tests upload a ground truth last, because it stays."""
     visit = DepthPage(keep_page(DEPTH_MAPS + "square"))
     visit.open_head()
     visit.choose("Your own files")
@@ -62,7 +62,7 @@ REMEDIES = {
         FindingCode.ROTATION: ("the pair is not rectified", "Rectify"),
     },
 }
-"""What the doctor says of each ill pair, and the button that mends it."""
+"""The doctor's sentence about each faulty pair, and the button of its remedy."""
 
 
 @pytest.mark.parametrize("source", REMEDIES)
@@ -144,7 +144,7 @@ def test_presets_reset_controls_that_do_not_apply_and_settings_that_do_not_fit_t
     )
     expect(check.first).to_be_enabled()
     visit.press("The report’s")
-    # A busy server may not have begun to answer when the page is found at rest.
+    # A busy server may not have started to answer when the page looks idle.
     expect(visit.page.get_by_role("radio", name="Square", exact=True)).to_be_checked()
     visit.settle()
     assert (visit.value("Window"), visit.value("Search area")) == (20, 20)

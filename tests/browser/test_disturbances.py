@@ -1,4 +1,4 @@
-"""Two recordings disturbed by sliders: what the browser mixes, and that it judges them as the library does."""
+"""Two recordings disturbed by sliders: the browser's mixture, and its verdict, which equals the library's."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ GRID = {
 
 @pytest.fixture(scope="module")
 def arithmetic(browser: Browser) -> Iterator[Page]:
-    """Return a page that can mix and judge and shows nothing."""
+    """Return a blank page that can mix and judge."""
     page = browser.new_page()
     for name in ARITHMETIC:
         page.add_script_tag(path=HERE / name)
@@ -61,7 +61,7 @@ def arithmetic(browser: Browser) -> Iterator[Page]:
 def mixed(page: Page, **changed: float) -> tuple[np.ndarray, np.ndarray]:
     settings = START | {"draw": 0} | changed
     shares = {name: settings[name] / 100 for name in ("repetition", "echo")}
-    # As JSON, for Playwright looks at every number for itself.
+    # As JSON, because Playwright inspects every number separately.
     told = page.evaluate("(it) => JSON.stringify(mixed(parts, it).map((one) => [...one]))", settings | shares)
     first, second = json.loads(told)
     return np.array(first), np.array(second)
@@ -79,7 +79,7 @@ def judged(page: Page, first: np.ndarray, second: np.ndarray, reach: int) -> dic
 
 
 def check_verdict(page: Page, first: np.ndarray, second: np.ndarray, reach: int = disturbances.MAX_LAG) -> str:
-    """Compare everything that is shown with the library's answer to the same arrays; return the reason."""
+    """Compare the browser's verdict with the library's answer for the same arrays; return the reason."""
     found = judged(page, first, second, reach)
     expected = signal_lag(first, second, max_lag=reach)
     judgement = expected.judgement
@@ -143,7 +143,7 @@ def test_what_is_mixed_is_what_the_sliders_say(arithmetic: Page) -> None:
 
 
 def ends(first: np.ndarray, second: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the first and the last 2,192 samples of both."""
+    """Return the first and the last 2,192 samples of both signals."""
     return [(one[part], other[part]) for part in (slice(2192), slice(-2192, None)) for one, other in [(first, second)]]
 
 
@@ -173,7 +173,7 @@ def test_the_verdict_turns_under_the_mouse_and_the_keyboard(fooling_page: Page) 
     verdict, said = page.locator(".disturbances .verdict"), page.locator(".disturbances .said")
     numbers = page.locator(".disturbances .numbers")
     expect(verdict).to_have_text("Sure: recording 2 lags by 640 samples.")
-    expect(said).to_contain_text("The peak stands at 640 because")
+    expect(said).to_contain_text("The peak is at 640 because")
     slider(page, "noise").scroll_into_view_if_needed()
     box = slider(page, "noise").bounding_box()
     assert box is not None
@@ -181,8 +181,8 @@ def test_the_verdict_turns_under_the_mouse_and_the_keyboard(fooling_page: Page) 
     page.mouse.down()
     page.mouse.move(box["x"] + 0.98 * box["width"], box["y"] + box["height"] / 2, steps=5)
     page.mouse.up()
-    expect(verdict).to_have_text("Nothing in common found: the highest point is what chance gives.")
-    expect(said).to_contain_text("Noise never lies on itself")
+    expect(verdict).to_have_text("Nothing in common found: the highest point is at chance level.")
+    expect(said).to_contain_text("Noise never lines up")
     expect(page.locator(".disturbances svg .peak.doubtful")).to_have_count(2)
     found = numbers.inner_text()
     page.locator(".disturbances .other").press("Enter")
@@ -195,7 +195,7 @@ def test_the_verdict_turns_under_the_mouse_and_the_keyboard(fooling_page: Page) 
     slider(page, "repetition").press("End")
     expect(verdict).to_have_text("Cannot tell: it repeats every 400 samples.")
     expect(slider(page, "period")).to_be_enabled()
-    expect(said).to_contain_text("A tone has nothing but periods")
+    expect(said).to_contain_text("A tone is nothing but repetition")
     expect(page.locator(".disturbances svg .rival").nth(5)).to_be_attached()
     slider(page, "period").press("Home")
     expect(verdict).to_have_text("Cannot tell: it repeats every 20 samples.")

@@ -1,4 +1,4 @@
-"""The player of the page Driving, with a mouse and with the keyboard."""
+"""The driving page's player, used with mouse and keyboard."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
 
 COUNT = 12
 LONG = 1_500
-"""Frames that no machine has computed before somebody can press a button."""
+"""Enough frames that no machine finishes them before a button can be pressed."""
 
 
 def long_drive(count: int) -> bytes:
-    """Return a ZIP of small frames, the same few again and again."""
+    """Return a ZIP of small frames in which the same few repeat."""
     example, stream = stereo_pairs()["road"], io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for side in ("left", "right"):
@@ -36,23 +36,23 @@ def long_drive(count: int) -> bytes:
 
 
 class Drive:
-    """The page with a drive on it."""
+    """The driving page with a sequence on it."""
 
     def __init__(self, page: Page, data: bytes, count: int) -> None:
         self.page = page
         page.get_by_role("radio", name="Your ZIP, or side-by-side video").click()
         example = page.get_by_text("Until your frames are here")
         expect_visible(example)
-        settled(page)  # a box that is drawn anew loses what it was given
+        settled(page)  # a redrawn box loses its file
         box = page.get_by_test_id("stFileUploader").locator("input[type=file]").first
         with TemporaryDirectory() as folder:
-            # Of a file the browser is told the name; handed over as bytes, 13 MB take it 20 s on a busy machine.
+            # Uploaded by path: passed as bytes, 13 MB take the browser 20 s on a busy machine.
             file = Path(folder) / "drive.zip"
             file.write_bytes(data)
             box.set_input_files(file)
             expect(example).to_have_count(0)
         expect_visible(page.locator(".player"))
-        expect(self.where).to_contain_text(f"of {count}")  # no longer the example
+        expect(self.where).to_contain_text(f"of {count}")  # no longer that of the example
 
     def wait_until_done(self) -> None:
         expect_visible(self.page.get_by_text("decoded, matched, coloured"))
@@ -66,7 +66,7 @@ class Drive:
         return self.page.locator(".player video").evaluate(f"(video) => video.{what}")
 
     def shown(self) -> list[float]:
-        """Return the mean brightness of what each place shows."""
+        """Return the mean brightness of each canvas."""
         found: list[float] = self.page.locator(".player canvas").evaluate_all(
             """(all) => all.map((one) => {
               const { data } = one.getContext("2d").getImageData(0, 0, one.width, one.height);
@@ -85,7 +85,7 @@ def drive_page(keep_page: OpenPage) -> Drive:
 
 @pytest.fixture
 def visit(drive_page: Drive) -> Drive:
-    """Return the drive that all tests share, at its first frame."""
+    """Return the drive shared by all tests, at its first frame."""
     drive_page.page.locator(".player").focus()
     drive_page.page.keyboard.press("Home")
     expect(drive_page.where).to_contain_text(f"frame 1 of {COUNT}")
@@ -101,7 +101,7 @@ def test_it_plays_steps_and_scrubs(visit: Drive) -> None:
         "() => [...document.querySelectorAll('*')].map((one) => one.shadowRoot?.querySelector('.player video'))"
         ".find((one) => one).currentTime > 0.5"
     )
-    expect(visit.where).to_contain_text(f"frame {COUNT} of {COUNT}")  # to the end
+    expect(visit.where).to_contain_text(f"frame {COUNT} of {COUNT}")  # it has played to the end
     visit.page.get_by_role("button", name="One frame back").click()
     expect(visit.where).to_contain_text(f"frame {COUNT - 1} of {COUNT}")
     before = visit.shown()
@@ -131,7 +131,7 @@ def test_no_step_is_lost_however_quickly_keys_follow(visit: Drive) -> None:
         visit.page.keyboard.press("Home")
         for _ in range(8):
             visit.page.keyboard.press("ArrowRight")
-            visit.page.wait_for_timeout(8 * round)  # from at once to slower than a picture is decoded
+            visit.page.wait_for_timeout(8 * round)  # from no delay to longer than decoding a picture
         expect(visit.where).to_contain_text(f"frame 9 of {COUNT}", timeout=5_000)
 
 

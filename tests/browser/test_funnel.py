@@ -14,7 +14,7 @@ from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
 
 def dots(page: Page) -> int:
-    """Return how many pixels are marked in the picture."""
+    """Return the number of marked pixels in the picture."""
     marked = page.locator(".funnel .picture .dots")
     return len(re.findall("M", marked.get_attribute("d") or "")) if marked.count() else 0
 
@@ -46,7 +46,7 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(s
     bars.press("End")
     expect(bars).to_have_attribute("aria-valuenow", "24")
     expect(buttons.nth(1)).to_have_text("This colour390,413")
-    expect(said).to_contain_text("So many that only a count is shown")
+    expect(said).to_contain_text("Too many: only their count is shown")
     buttons.nth(1).click()
     expect(said).to_contain_text("600 of them are drawn")
     screenshot(page, "rocketman-funnel")

@@ -1,4 +1,4 @@
-"""The match under the pointer: what the browser computes is what the library explains, and needs no round trip."""
+"""The match under the pointer: the browser's result equals the library's explanation and needs no round trip."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_the_browser_finds_what_the_library_explains(blank_page: Page, settings:
         "deviation": float(left.std()),
         "pixels": PIXELS,
     }
-    # As JSON, for Playwright looks at every number for itself.
+    # As JSON, because Playwright inspects every number separately.
     found = json.loads(blank_page.evaluate(EXPLAIN, json.dumps(asked)))
     for (row, col), seen in zip(PIXELS, found, strict=True):
         expected = explain_match(matcher, left, right, row, col)
@@ -116,7 +116,7 @@ def test_the_search_follows_the_pointer_the_keys_and_leaves_again(fence: Parts) 
     expect(reading).to_have_text(re.compile(r"^Row 33\d, column 30\d: two peaks as good as each other"))
     expect(reading).to_contain_text("true place 26.50 px")
     places = [int(found) for found in re.findall(r"(?:best|runner-up) (\d+)\spx", reading.text_content() or "")]
-    assert abs(abs(places[0] - places[1]) / 14.5 % 1 - 0.5) > 0.4  # whole pickets apart
+    assert abs(abs(places[0] - places[1]) / 14.5 % 1 - 0.5) > 0.4  # a whole number of pickets apart
     expect(page.locator(".strip .frame")).to_have_count(3)
     assert [frame.get_attribute("d") for frame in frames.all()] != framed
     screenshot(page, "depth-hovered-fence-light")

@@ -1,5 +1,5 @@
-"""Every page in both themes and on a phone, and worked by the keyboard alone, with the focus in sight; before axe-core;
-nothing of it cut, nothing that jumps or moves."""
+"""Every page in both themes, on a phone and by keyboard alone, with visible focus and no axe-core fault; nothing is cut
+off, jumps or moves by itself."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ ADDRESSES = {label: "" if path == "app.py" else Path(path).stem.partition("_")[2
 NARROW, USUAL, WIDE = 420, 1280, 2560
 
 MOVED = {"Sensor lag": "From sample", "Rocketman search": "Minimum score", "Depth maps": "Window"}
-"""A slider of each page that has one."""
+"""A slider on each page that has one."""
 
 WORKED_BY_HAND = {"Sensor lag": in_place.sensor_lag}
-"""What stands on a page and is tested alone elsewhere; that of other pages leaves them changed."""
+"""Components tested alone elsewhere; those of other pages would leave the page changed."""
 
 RUNNING = "() => document.getAnimations().map(({ effect }) => effect.getTiming()).filter(({ duration, iterations }) =>\
  duration * iterations > 10).length"
@@ -49,7 +49,7 @@ def name(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="module")
 def page(name: str, keep_page: OpenPage) -> Iterator[Page]:
-    """Return a page that computes nothing any more, the same for all tests of it."""
+    """Return a page that has stopped computing, shared by all tests of it."""
     page = keep_page(ADDRESSES[name])
     cancel = page.get_by_role("button", name="Cancel")
     if name == "Driving" and cancel.count():
@@ -100,7 +100,7 @@ def test_it_opens_in_both_themes_and_on_a_phone(name: str, page: Page) -> None:
     screenshot(page, f"{file}-light")
     page.evaluate(COUNT_TRANSITIONS)
     turned_dark(page, width=390)
-    assert page.evaluate("transitions") == 0  # of 1 ms, thousands for a colour that all inherit: half of all time
+    assert page.evaluate("transitions") == 0  # inherited colours start thousands of 1 ms transitions: half of all time
     no_exception(page)
     screenshot(page, f"{file}-phone")
     if name in WORKED_BY_HAND:

@@ -1,4 +1,4 @@
-"""What is tested alone, on the pages where it stands; on Sensor lag, ``test_pages`` does it on the page that it has."""
+"""Components tested alone elsewhere, here on their pages; ``test_pages`` covers Sensor lag on its own open page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arrows turned back by hand: what the browser adds up, and what it draws where one has been."""
+"""Arrows turned back by hand: the browser's sums, and the curve drawn at the visited lags."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def blank_page(browser: Browser) -> Iterator[Page]:
 def test_the_chain_of_the_browser_ends_where_numpy_correlates(blank_page: Page, name: str, whiten: bool) -> None:
     found, page = EXAMPLES[name](), blank_page
     example = described(found, **{"try": ""})
-    # As JSON, for Playwright looks at every number for itself.
+    # As JSON, because Playwright inspects every number separately.
     all_of_it = "([example, whiten]) => JSON.stringify(measuredChains(example, whiten))"
     told = json.loads(page.evaluate(all_of_it, [example, whiten]))
     places = page.evaluate(
@@ -66,13 +66,13 @@ def test_the_chain_of_the_browser_ends_where_numpy_correlates(blank_page: Page, 
 
 
 def painted(page: Page) -> int:
-    """Return at how many places the curve is drawn."""
+    """Return the number of lags at which the curve is drawn."""
     drawn = page.locator(".phasors .curve").get_attribute("d") or ""
     return len(re.findall("[ML]", drawn))
 
 
 def drag(page: Page, drawing: str, *points: tuple[float, float]) -> None:
-    """Press at the first of these places, in shares of a drawing, and let go at the last."""
+    """Press at the first of these points, in fractions of the drawing's size, and release at the last."""
     found = page.locator(f".phasors .{drawing}")
     found.evaluate("drawing => drawing.scrollIntoView({ block: 'center' })")
     box = found.bounding_box()
@@ -110,21 +110,21 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page:
     assert max(edges) - min(edges) < 8  # straight
     page.keyboard.press("End")
     expect(where).to_contain_text("Lag 12 ·")
-    assert painted(page) == 18  # the jump left the others out
+    assert painted(page) == 18  # the jump skipped the others
     page.keyboard.press(" ")
     expect(said).to_contain_text("the chain is straight")
     expect(where).to_contain_text("Lag 4 ·")
     assert painted(page) == 97
     expect(root.locator(".peak")).to_have_count(1)
 
-    page.emulate_media(reduced_motion="reduce")  # played once is enough
+    page.emulate_media(reduced_motion="reduce")  # playing it once is enough
     root.get_by_role("button", name="Coast, up close").click()
     expect(where).to_contain_text("Lag 0 (50,070 in the recordings)")
     assert painted(page) == 1
     drag(page, "lags", (0.01, 0.5), (0.99, 0.5))
     expect(slider).to_have_value("12")
     assert painted(page) == 97
-    drag(page, "phases", (0.4, 0.6), (0.5, 0.2), (0.97, 0.15))  # two turns at half a turn a sample
+    drag(page, "phases", (0.4, 0.6), (0.5, 0.2), (0.97, 0.15))  # two turns at half a turn per sample
     expect(slider).to_have_value(re.compile(r"3\.5|3\.75|4|4\.25|4\.5"))
     root.locator(".play").click()
     expect(where).to_have_text("Lag 4 (50,082 in the recordings) · correlation 0.99")
@@ -144,7 +144,7 @@ def test_it_reads_in_dark_and_on_a_phone_without_motion(arrows_page: Page) -> No
     root = page.locator(".phasors")
     root.get_by_role("button", name="One tone").click()
     root.locator(".play").click()
-    expect(root.locator(".where")).to_have_text("Lag −1 · correlation 1.00", timeout=2500)  # played, it takes 3 s
+    expect(root.locator(".where")).to_have_text("Lag −1 · correlation 1.00", timeout=2500)  # animated, it takes 3 s
     expect(root.locator(".peak")).to_have_count(5)
     expect_fitting(page, 420)
     screenshot(page, "sensor-lag-phasors-phone")

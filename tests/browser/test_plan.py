@@ -1,4 +1,4 @@
-"""The plan of two sensors and a source: the path difference is what a lag tells, not the distance."""
+"""The plan of two sensors and a source: a lag gives the path difference, not the distance."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_every_place_on_the_curve_has_the_same_path_difference(blank_page: Page,
 
 
 def heard() -> SignalLag:
-    """Return a lag of one second."""
+    """Return a sure lag of one second."""
     noise = np.random.default_rng(0).normal(size=3000)
     return signal_lag(noise[1000:], noise[:-1000], sampling_rate=1000)
 

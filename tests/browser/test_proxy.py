@@ -1,4 +1,4 @@
-"""The proxy of deployment/nginx.conf before two processes of the app, in a real browser."""
+"""The proxy of deployment/nginx.conf in front of two processes of the app, in a real browser."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.app import uploads
 from tests.browser.serving import PROJECT, served_app
 from tests.browser.visits import expect_visible, faultless_pages, settled
 
-NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))  # Debian's place for it
+NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))  # Debian installs it there
 PROMISED = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
@@ -34,21 +34,21 @@ PROMISED = {
 
 @dataclass(frozen=True)
 class Proxy:
-    """A proxy that runs: its address, the addresses of the processes behind it and its log."""
+    """A running proxy: its address, the addresses of the processes behind it, and its log."""
 
     address: str
     processes: frozenset[str]
     log: Path
 
     def visits(self) -> list[list[str]]:
-        """Return for each request that has ended: the process that answered, the status and the path."""
+        """Return the answering process, status and path of each completed request."""
         return [line.split(" ", 2) for line in self.log.read_text().splitlines()]
 
 
 def ask(
     address: str, path: str, *, method: str = "GET", body: bytes | None = None, **headers: str
 ) -> tuple[int, Message]:
-    """Return status and headers of an answer."""
+    """Return the status and headers of an answer."""
     request = urllib.request.Request(address + path, body, headers, method=method)
     try:
         with urllib.request.urlopen(request, timeout=60) as answer:
@@ -60,7 +60,7 @@ def ask(
 
 @pytest.fixture(scope="module")
 def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
-    """Start two processes of the app and nginx before them: deployment/nginx.conf with other ports and a fuller log."""
+    """Start two app processes behind nginx, with deployment/nginx.conf except for the ports and a more detailed log."""
     if NGINX is None:
         pytest.skip("nginx is not installed")
     folder = tmp_path_factory.mktemp("proxy")
@@ -84,7 +84,7 @@ def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
         ):
             assert settings.count(there) == times
             settings = settings.replace(there, here)
-        # Of root's nginx a worker would be nobody, who may not look into a folder of the tests.
+        # A worker of root's nginx would run as nobody, who may not read the tests' folders.
         (folder / "nginx.conf").write_text("user root;\n" + settings, encoding="utf-8")
         shutil.copy(PROJECT / "deployment" / "share-card.png", folder)
         nginx = running.enter_context(subprocess.Popen([NGINX, "-p", str(folder), "-c", "nginx.conf", "-e", "stderr"]))
@@ -99,7 +99,7 @@ def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
                 break
             time.sleep(0.1)
         started = Proxy(address, frozenset(f"127.0.0.1:{one}" for one in ports), folder / "access.log")
-        while not started.visits():  # what was asked first is written down after it is answered
+        while not started.visits():  # the first request is logged after its answer
             time.sleep(0.1)
         yield started
 
@@ -112,7 +112,7 @@ def test_the_policy_breaks_no_page_and_a_session_with_uploads_stays_with_one_pro
     labels = [label for label, _ in PAGES.values() if label not in ("Home", "Calibrate")]
     with faultless_pages(browser, proxy.address) as open_page:
         page = open_page()
-        # Depth maps last: there the pair is given.
+        # Depth maps last, because the pair is uploaded there.
         for label in sorted(labels, key="Depth maps".__eq__):
             page.get_by_test_id("stPageLink").get_by_text(label, exact=True).click()
             expect(page.get_by_role("heading", level=1)).to_have_text(label)
@@ -136,7 +136,7 @@ def test_the_policy_breaks_no_page_and_a_session_with_uploads_stays_with_one_pro
         expect_visible(page.locator(".linked figure").first)
     end = time.monotonic() + 60
     while time.monotonic() < end and sum("/_stcore/stream" in visit for visit in proxy.visits()[before:]) < 2:
-        time.sleep(0.1)  # a socket is written down when it has closed
+        time.sleep(0.1)  # a socket is logged only once it has closed
     visits = proxy.visits()[before:]
     assert len({process for process, _, _ in visits}) == 1, visits
     paths = [path for _, _, path in visits]

@@ -1,4 +1,4 @@
-"""What a visitor takes away of a lag and of a template search, downloaded and read back."""
+"""The downloads of a lag and of a template search, read back."""
 
 from __future__ import annotations
 

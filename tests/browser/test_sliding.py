@@ -1,4 +1,4 @@
-"""A cut slid by hand over a recording: what the browser multiplies, and what it paints where one has been."""
+"""A cut slid by hand over a recording: the browser's products, and the curve painted at the visited lags."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def blank_page(browser: Browser) -> Iterator[Page]:
 def test_the_browser_multiplies_as_numpy_does(blank_page: Page, name: str, normalise: bool) -> None:
     slide = EXAMPLES[name]()
     example = {"cut": slide.cut.tolist(), "recording": slide.recording.tolist()}
-    # As JSON, for Playwright looks at every number for itself.
+    # As JSON, because Playwright inspects every number separately.
     all_of_it = "([example, normalise]) => JSON.stringify(measured(example, normalise))"
     found = json.loads(blank_page.evaluate(all_of_it, [example, normalise]))
     windows = sliding_window_view(slide.recording, slide.cut.size)
@@ -55,7 +55,7 @@ def test_silence_has_no_correlation(blank_page: Page) -> None:
 
 
 def painted(page: Page) -> int:
-    """Return at how many places the curve is drawn."""
+    """Return the number of lags at which the curve is drawn."""
     drawn = page.locator(".sliding .curve").get_attribute("d") or ""
     return len(re.findall("[ML]", drawn))
 
@@ -89,16 +89,16 @@ def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(slides_page
     expect(where).to_have_text("Lag 9 · sum −18")
     stage.press("End")
     expect(where).to_have_text("Lag 13 · sum 27")
-    assert painted(page) == 11  # the jump left three out
+    assert painted(page) == 11  # the jump skipped three
     expect(said).to_have_text("")
     stage.press(" ")
     expect(where).to_have_text("Lag 8 · sum 72")
-    expect(said).to_contain_text("peak stands at lag 8")
+    expect(said).to_contain_text("peak is at lag 8")
     assert painted(page) == 14
     expect(page.locator(".sliding .peak")).to_have_count(1)
     expect(stage).to_have_attribute("aria-valuenow", "8")
 
-    page.emulate_media(reduced_motion="reduce")  # played once is enough
+    page.emulate_media(reduced_motion="reduce")  # playing it once is enough
     page.get_by_role("button", name="Loud stretch").click()
     expect(where).to_contain_text("Lag 0 ·")
     assert painted(page) == 1

@@ -1,4 +1,4 @@
-"""A template dragged by hand over a picture: what the browser multiplies, and what it paints where one has been."""
+"""A template dragged by hand over a picture: the browser's products, and the scores painted at the visited places."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def compared(page: Page, search: ReducedSearch, places: list[tuple[int, int]]) -
 
     counts = search.opaque.ravel().astype(int).tolist()
     asked = {"picture": told(search.picture), "template": told(search.template), "counts": counts, "places": places}
-    # As JSON, for Playwright looks at every number for itself.
+    # As JSON, because Playwright inspects every number separately.
     return json.loads(page.evaluate(COMPARE, json.dumps(asked)))  # type: ignore[no-any-return]
 
 
@@ -81,7 +81,7 @@ def test_a_flat_window_has_no_score(blank_page: Page) -> None:
 
 
 def painted(page: Page) -> float:
-    """Return the share of the score map that is drawn."""
+    """Return the fraction of the score map that is drawn."""
     share = page.locator(".by-hand .map canvas").evaluate("""canvas => {
       const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
       return data.filter((value, at) => at % 4 === 3 && value).length / (data.length / 4);
@@ -90,7 +90,7 @@ def painted(page: Page) -> float:
 
 
 def drag_to(page: Page, row: float, col: float) -> None:
-    """Drag the template until its top-left pixel lies near a place of the image."""
+    """Drag the template until its top-left pixel is near a place in the image."""
     picture, held = (page.locator(f".by-hand .{name}").bounding_box() for name in ("stage", "held"))
     assert picture is not None and held is not None
     scale = picture["width"] / MAZE[1]
@@ -103,7 +103,7 @@ def drag_to(page: Page, row: float, col: float) -> None:
 
 
 def touch_to(page: Page, row: float, col: float) -> None:
-    """Drag the template with a finger until its top-left pixel lies near a place of the image."""
+    """Drag the template with a finger until its top-left pixel is near a place in the image."""
     picture, held = (page.locator(f".by-hand .{name}").bounding_box() for name in ("stage", "held"))
     assert picture is not None and held is not None
     scale = picture["width"] / MAZE[1]
@@ -121,7 +121,7 @@ def touch_to(page: Page, row: float, col: float) -> None:
 
 
 def searched(name: str) -> Show:
-    """Return what draws the score map of an example and the search by hand below, as the page does."""
+    """Return a function that draws the score map of an example with the search by hand below it, as the page does."""
     inputs = example_pictures(name)
     result = match_template(inputs.picture, inputs.template, mask=inputs.mask)
     assert result.score_map is not None
@@ -178,7 +178,7 @@ def test_he_is_found_by_hand_with_the_mouse_and_the_keys(search: Parts) -> None:
     screenshot(page, "rocketman-by-hand")
     page.locator(".by-hand .clear").click()
     expect(leaders).to_have_count(0)
-    expect(page.locator(".by-hand .said")).to_be_empty()  # in the frame that draws the score map
+    expect(page.locator(".by-hand .said")).to_be_empty()  # cleared in the frame that redraws the score map
     assert painted(page) < 0.001
 
     score_map = page.locator(".by-hand .map")
@@ -224,7 +224,7 @@ def test_it_can_be_done_in_dark_and_on_a_phone_by_touch(search: Parts) -> None:
     page.locator(".by-hand .stage").scroll_into_view_if_needed()
     touch_to(page, 1048, 1707)
     expect(page.locator(".by-hand .where")).to_contain_text(re.compile(r"Row 10[3456]\d, column 1[67]\d\d"))
-    assert painted(page) > 0.01  # it slid, and the page did not scroll
+    assert painted(page) > 0.01  # the template slid and the page did not scroll
     assert page.locator(".by-hand .stage").evaluate("stage => getComputedStyle(stage).touchAction") == "pan-y"
     page.locator(".by-hand .reveal").click()
     expect(page.locator(".by-hand .said")).to_contain_text(re.compile(r"row 1048, column 1707: 0\.8[01]\d"))

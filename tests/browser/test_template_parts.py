@@ -1,4 +1,4 @@
-"""A template cut and painted on by hand, in the browser, and what Python makes of it."""
+"""A template cut and painted by hand in the browser, and the resulting template and mask in Python."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLS = 2446
 
 
 class Cut:
-    """The box over the maze, and the boxes that Python was given by it, the last one last."""
+    """The box over the maze, and the boxes that Python received from it, the latest last."""
 
     def __init__(self, show_parts: ShowParts) -> None:
         self.taken: list[Box] = []
@@ -28,7 +28,7 @@ class Cut:
         self.taken.append(box_in(self._picture, digest="maze", shared=True, key="cut"))
 
     def found(self) -> list[int]:
-        """Return where Python cuts once it has heard of the box, which then stands where it stood."""
+        """Return the box in Python once it has received the change; the box on the page must not move."""
         before = box(self.parts.page)
         self.parts.answer()
         assert box(self.parts.page) == before
@@ -42,19 +42,19 @@ def cut(show_parts: ShowParts) -> Cut:
 
 
 def box(page: Page) -> list[int]:
-    """Return row, column, width and height, as the numbers below the image say."""
+    """Return row, column, width and height as shown below the image."""
     return [int(one.input_value()) for one in page.locator(".cutting input").all()]
 
 
 def origin(page: Page) -> tuple[float, float, float]:
-    """Return where the image begins on the screen, and how large one of its pixels is there."""
+    """Return the screen position of the image's origin and the screen size of one image pixel."""
     place = page.locator(".cutting .stage").bounding_box()
     assert place is not None
     return place["x"], place["y"], place["width"] / COLS
 
 
 def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> None:
-    """Drag from one (row, col) of the image to another."""
+    """Drag from one (row, col) in the image to another."""
     left, top, scale = origin(page)
     for way, (row, col) in (("down", start), ("up", end)):
         page.mouse.move(left + col * scale, top + row * scale, steps=4)
@@ -79,7 +79,7 @@ def test_a_finger_moves_the_box(cut: Cut) -> None:
     finger("touchEnd", 1060, 1720)
     row, col, width, height = box(page)
     assert (width, height) == (305, 254)
-    assert np.allclose([row, col], [936, 1570], atol=25)  # a pixel of this screen is six of the image
+    assert np.allclose([row, col], [936, 1570], atol=25)  # a pixel of this screen covers six of the image
     assert cut.found() == box(page)
     expect_fitting(page, 420)
     touch.send("Emulation.setTouchEmulationEnabled", {"enabled": False})
@@ -101,7 +101,7 @@ def test_a_box_is_dragged_typed_and_moved_with_keys(cut: Cut) -> None:
     drag(page, (row + height, col + width), (row + height - 60, col + width - 90))  # by a corner
     assert np.allclose(box(page), [row, col, width - 90, height - 60], atol=4)
     assert cut.found() == box(page)
-    drag(page, (row + 10, col + 10), (-300, -300))  # no further than the rim
+    drag(page, (row + 10, col + 10), (-300, -300))  # it stops at the edge
     assert box(page)[:2] == [0, 0]
     assert cut.found() == box(page)
     stage, heard = page.locator(".cutting .stage"), len(cut.parts.sent())
@@ -110,7 +110,7 @@ def test_a_box_is_dragged_typed_and_moved_with_keys(cut: Cut) -> None:
     assert box(page)[:2] == [8, 1]
     page.wait_for_function("(heard) => sent.length > heard", arg=heard)
     assert cut.found() == box(page)
-    assert len(cut.parts.sent()) == heard + 1  # once the keys rest
+    assert len(cut.parts.sent()) == heard + 1  # once the keys are at rest
     for name, value in (("row", 528), ("col", 982), ("width", 111), ("height", 99_999)):
         number = page.locator(f".cutting input[name={name}]")
         number.fill(str(value))
@@ -170,6 +170,6 @@ def test_a_painted_mask_is_used_when_it_is_asked_for(show_parts: ShowParts) -> N
     expect(counts).to_have_text("7,913 of 13,653 pixels count")
     use.click()
     parts.answer()
-    assert masks[-1] is None  # its own again
+    assert masks[-1] is None  # the template's own mask again
     expect(counts).to_have_text("7,913 of 13,653 pixels count")
     expect(use).to_be_disabled()

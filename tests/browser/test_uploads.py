@@ -1,4 +1,4 @@
-"""Files that come, are refused, are removed, and are gone: what only a real browser shows."""
+"""Files that arrive, are refused, are removed or are gone: behaviour that only a real browser shows."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_a_broken_file_dropped_over_a_good_one_changes_nothing(own_page: Page) -
     )
     give(page, 1, BROKEN)
     expect_visible(page.get_by_text(REFUSAL))
-    expect_visible(page.get_by_text("The file before it stays in use."))
+    expect_visible(page.get_by_text("The previous file stays in use."))
     expect_visible(page.get_by_role("heading", name=OWN))
     assert not page.evaluate("window.thrownBack")
     give(page, 1, wav_file("third.wav", SOUND[200:][:8_000]))
@@ -89,7 +89,7 @@ def test_after_a_restart_the_page_says_that_the_files_are_gone(
     server.stop()
     time.sleep(1)
     server.start()
-    # Nobody touches the page: it finds out by itself.
+    # Nobody touches the page: it notices by itself.
     expect_visible(page.get_by_text("The files you had here are gone"))
     settled(page)
     expect(page.get_by_role("heading", name=OWN)).to_have_count(0)

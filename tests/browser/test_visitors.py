@@ -1,5 +1,5 @@
-"""What belongs to one visitor is in no other's reach, is not put down on a disk, and is given back when they have left;
-asked in Streamlit's own protocol."""
+"""One visitor's data: out of reach of the others, never on disk, and freed when the visitor leaves; tested over
+Streamlit's own protocol."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ SAMPLE = 64 * 1024
 
 VISITORS, MOVES = 4, 7
 MOST_LEFT_MB = 40
-"""A third of what they take, and far more than what the allocator keeps of it."""
+"""A third of the memory they take, and far more than the allocator retains."""
 
 PATIENCE_S = 60
 
 
 @pytest.fixture(scope="module")
 def notes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return where the server notes every temporary file that an upload would be put down in."""
+    """Return the file in which the server logs every upload that would be written to disk."""
     return tmp_path_factory.mktemp("watch") / "notes.txt"
 
 
@@ -56,14 +56,14 @@ def server(notes: Path) -> Iterator[Server]:
 
 
 def awaited(work: Coroutine[Any, Any, Any]) -> Any:
-    """Return what work returns, in a thread of its own, since a browser's loop may run in this one."""
+    """Run a coroutine in a separate thread and return its result, since a browser's loop may run in this one."""
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(asyncio.run, work).result()
 
 
 def alike_but_for_a_burst(seed: int) -> np.ndarray:
-    """Return silence with a burst where Streamlit does not look when it names a file: it looks at the ends and the
-    middle. The loudest sample is the same in all."""
+    """Return silence with a burst away from the ends and the middle, the only parts Streamlit reads to name a file. The
+    loudest sample is the same in all."""
     sound = np.zeros(SECONDS * RATE)
     sound[100] = 0.9
     start = sound.size // 4
@@ -73,7 +73,7 @@ def alike_but_for_a_burst(seed: int) -> np.ndarray:
 
 
 async def heard(server: Server, seed: int) -> dict[str, str]:
-    """Return the digest of each recording on the page of a visitor of their own, by its address."""
+    """Return the digest of each recording on a new visitor's page, by its address."""
     sounds = [alike_but_for_a_burst(seed + sensor) for sensor in (0, 1)]
     async with Visitor(server.port, "Sensor_lag") as visitor:
         await visitor.choose("recordings", OWN)
@@ -92,8 +92,8 @@ def downloaded(server: Server, address: str) -> bytes:
 
 
 def test_nobody_hears_the_recording_of_another(server: Server, notes: Path) -> None:
-    """Not where the files differ only where Streamlit does not look, and not where they are the same; and no upload is
-    written to disk."""
+    """Not even if the files differ only where Streamlit does not look, or are equal; and no upload is written to
+    disk."""
     by_visitor = [awaited(heard(server, seed)) for seed in (0, 2, 2)]
     assert [len(set(one.values())) for one in by_visitor] == [2, 2, 2]
     assert len({address for one in by_visitor for address in one}) == 6
@@ -103,7 +103,7 @@ def test_nobody_hears_the_recording_of_another(server: Server, notes: Path) -> N
 
 
 async def visited(server: Server, visitors: int) -> float:
-    """Let visitors come with pairs of their own, move, and leave; return the memory with all of them there, MB."""
+    """Let visitors upload their own pairs, move a slider and leave; return the memory with all of them there, MB."""
     async with AsyncExitStack() as everybody:
         for number in range(visitors):
             visitor = await everybody.enter_async_context(Visitor(server.port))

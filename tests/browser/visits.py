@@ -1,4 +1,4 @@
-"""What a test does with a page that is open."""
+"""Helpers for tests that work on an open page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SCREENSHOTS = Path(__file__).resolve().parents[2] / "screenshots"
 OpenPage = Callable[..., Page]
 
 TIMEOUT_MS = 60_000
-"""Only a failure waits as long: a busy machine takes ten times what an idle one does."""
+"""Only a failure waits this long: a busy machine takes ten times as long as an idle one."""
 
 WATCH_ANSWERS = """
 const field = (bytes, start) => {
@@ -60,8 +60,8 @@ window.setTimeout = (call, delay, ...given) => {
 };
 window.clearTimeout = (timer) => { awaited.timers.delete(timer); clearTimer(timer); };
 """
-"""Keeps, on a page, what it waits for: the first word of the server about a run that was asked for, the end of that
-run, the address for a file, and its own short timers, by which a slider holds back what it sends."""
+"""Tracks in a page what it waits for: the server's first message about a requested run, the end of that run, the
+address for a file, and the page's own short timers, with which a slider delays what it sends."""
 
 REST = """
 async (patience) => {
@@ -87,18 +87,18 @@ async (patience) => {
   }
 }
 """
-"""Resolves when the page was found finished three times, each time with nothing left to do: what has arrived from the
-server, or was clicked, may still wait its turn, on a busy machine for long."""
+"""Resolves once the page was found finished three times, each time idle: a message from the server or a click may still
+be queued, on a busy machine for long."""
 
 
 @contextmanager
 def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
-    """Give what opens pages of the app at an address; in the end they are closed, and must not have met an error."""
+    """Yield a function that opens pages of the app; at the end, close them and fail if any met an error."""
     errors: list[str] = []
     pages: list[Page] = []
 
     def note(message: ConsoleMessage) -> None:
-        # Opened below the root, Streamlit looks for itself at the page's own address first; the 404 is expected.
+        # Opened below the root, Streamlit first looks for itself at the page's own address; the 404 is expected.
         if message.type == "error" and "/_stcore/" not in message.location["url"]:
             errors.append(f"{message.text} ({message.location['url']})")
 
@@ -110,12 +110,12 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
         page.set_viewport_size({"width": width, "height": 900})
         page.emulate_media(
             color_scheme=scheme,  # type: ignore[arg-type]
-            # Drawing what only moves while a page waits, without a graphics card, takes a third of all time.
+            # Without a graphics card, drawing animations while a page waits takes a third of all time.
             reduced_motion="no-preference" if moving else "reduce",
         )
         page.set_default_timeout(TIMEOUT_MS)
         page.add_init_script(WATCH_ANSWERS)
-        if not loses_server:  # which the console tells, as often as the page asks again
+        if not loses_server:  # the console reports that as often as the page retries
             page.on("console", note)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"{address}/{path}")
@@ -129,9 +129,9 @@ def faultless_pages(browser: Browser, address: str) -> Iterator[OpenPage]:
 
 
 def new_window(browser: Browser) -> Page:
-    """Return an empty page in a window of its own: of a tab behind another Chromium draws little.
+    """Return an empty page in its own window: Chromium draws little of a tab that is behind another.
 
-    All are opened by one page and so share a process, which compiles the scripts of Streamlit and Plotly once.
+    All windows are opened by one page and so share a process, which compiles Streamlit's and Plotly's scripts once.
     """
     (context, *_) = browser.contexts
     with context.expect_page() as opened:
@@ -140,8 +140,8 @@ def new_window(browser: Browser) -> Page:
 
 
 def turned_dark(page: Page, *, width: int) -> None:
-    """Turn an open page to the dark and to a width, as of a phone, and expect it to fit: opening another costs ten
-    times as much."""
+    """Switch an open page to dark and to a width, such as a phone's, and expect it to fit: opening another page takes
+    ten times as long."""
     page.emulate_media(color_scheme="dark")
     expect(page.get_by_test_id("stApp")).to_have_css("color-scheme", "dark")
     resized(page, width)
@@ -149,15 +149,15 @@ def turned_dark(page: Page, *, width: int) -> None:
 
 
 def resized(page: Page, width: int, height: int = 900) -> None:
-    """Give a page another size, and wait until everything on it has its place there."""
+    """Resize a page, and wait until its layout has settled."""
     page.set_viewport_size({"width": width, "height": height})
     settled(page)
 
 
 def expect_fitting(page: Page, width: int) -> None:
-    """Expect nothing of a page to be wider than its window."""
+    """Expect nothing on a page to be wider than its window."""
     fits = "(width) => document.querySelector('[data-testid=stMain]').scrollWidth <= width"
-    page.wait_for_function(fits, arg=width)  # charts follow a moment later
+    page.wait_for_function(fits, arg=width)  # charts are resized a moment later
 
 
 def settled(page: Page) -> None:
@@ -167,14 +167,14 @@ def settled(page: Page) -> None:
 
 
 def expect_visible(wanted: Locator) -> None:
-    """Expect one element, in view: a page may show the one of the run before beside it for a moment, and finding two is
-    an error that is not waited out."""
+    """Expect a single visible element: a page may briefly show the previous run's element too, and Playwright does not
+    wait out finding two."""
     expect(wanted).to_have_count(1)
     expect(wanted).to_be_visible()
 
 
 def screenshot(page: Page, name: str) -> None:
-    """Keep a picture of the whole page in screenshots/, which git ignores, where $STEREOLAG_SCREENSHOTS asks for it."""
+    """Save a picture of the whole page in screenshots/, which git ignores, if $STEREOLAG_SCREENSHOTS is set."""
     settled(page)
     if not os.environ.get("STEREOLAG_SCREENSHOTS"):
         return
@@ -186,6 +186,6 @@ def screenshot(page: Page, name: str) -> None:
     path = SCREENSHOTS / f"{name}.png"
     try:
         page.screenshot(path=path, timeout=TIMEOUT_MS / 3)
-    except TimeoutError:  # once in some hundred times Chromium on a busy machine draws nothing until it is asked again
+    except TimeoutError:  # about once in several hundred times Chromium on a busy machine draws nothing at first
         page.screenshot(path=path)
     resized(page, before["width"], before["height"])

@@ -1,4 +1,4 @@
-// Follows the focus through a page: what the Tab key stops at, and whether that is seen.
+// Follows the focus through a page: the stops of the Tab key, and whether the focus is visible at each.
 (() => {
   document.body.tabIndex = -1; // from the beginning, wherever the focus was
   document.body.focus();
@@ -8,10 +8,10 @@
     return;
   }
   const LOOK = ["outlineStyle", "outlineWidth", "outlineColor", "boxShadow", "borderTopColor", "borderBottomColor"];
-  const AROUND = 4; // elements further out that may be framed in place of the one that has the focus
+  const AROUND = 4; // enclosing elements that may be framed in place of the focused one
 
   const still = document.createElement("style");
-  still.textContent = "* { transition: none !important }"; // a frame fades in, and is to be seen at once
+  still.textContent = "* { transition: none !important }"; // a frame fades in, but must be visible at once
   document.head.append(still);
 
   const focused = () => {
@@ -39,7 +39,7 @@
   let last = null;
   const walk = (window.walk = { stops: [] });
 
-  // Compares the look of the last stop with the one it has without the focus.
+  // Compares the look of the last stop with and without the focus.
   walk.leave = () => {
     if (last) last.framed = last.looks.some(([one, before]) => look(one) !== before);
     last = null;
@@ -53,11 +53,11 @@
     walk.stops.push(last);
   }, true);
 
-  // Behind the last control, or back at the first.
+  // Past the last control, or back at the first.
   walk.ended = () => walk.stops.length > 0 && [document.body, walk.stops[0].one].includes(focused());
   walk.told = () => walk.stops.map(({ one, framed }) => ({ name: named(one), framed, tag: one.localName }));
 
-  // What can be worked and was not stopped at; of a group that the arrow keys go through, one stop is enough.
+  // The controls at which Tab did not stop; one stop is enough for a group traversed with the arrow keys.
   walk.missed = () => {
     const CONTROLS = "a[href], button, input, select, textarea, summary, [tabindex], [role=slider], [role=button], [role=tab], [role=radio], [role=combobox]";
     const GROUPS = "[role=tablist], [role=radiogroup], [role=toolbar], [role=listbox], [role=grid], [data-testid=stNumberInputContainer], .react-aria-ComboBox";

@@ -1,4 +1,4 @@
-"""The Tab key through a whole page: where it stops, and what it leaves out."""
+"""The Tab key through a whole page: its stops, and the controls that it misses."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Walk(NamedTuple):
     Attributes
     ----------
     stops
-        Each by its role and name.
+        The role and name of each stop.
     unframed
-        Those that look the same with and without the focus.
+        Stops that look the same with and without the focus.
     missed
-        Controls that are in view and that neither Tab nor an arrow key leads to.
+        Visible controls that neither Tab nor an arrow key reaches.
     """
 
     stops: list[str]
@@ -31,7 +31,7 @@ class Walk(NamedTuple):
 
 
 def walked(page: Page, *, backwards: bool = False) -> Walk:
-    """Press Tab until the focus has left the page; where it never does, that is an error."""
+    """Press Tab until the focus has left the page, and raise an error if it never does."""
     page.evaluate(SCRIPT)
     key = "Shift+Tab" if backwards else "Tab"
     for _ in range(MOST_STOPS):

@@ -1,4 +1,4 @@
-"""What the input doctor must find: pairs that were swapped, shifted, turned or darkened."""
+"""Ailing pairs for the input doctor to find: swapped, shifted, rotated or darkened."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ILLS = {
     FindingCode.ROTATION: lambda left, right: (left, turned(right, 1.0)),
     FindingCode.EXPOSURE: lambda left, right: (left, np.rint(right * 0.6).astype(np.uint8)),
 }
-"""What makes a healthy pair of 8 bits ill."""
+"""Functions that make a healthy 8-bit pair ill."""
 
 REMEDIES = {
     FindingCode.SWAPPED: Remedy.SWAP_SIDES,
@@ -28,4 +28,4 @@ REMEDIES = {
     FindingCode.ROTATION: Remedy.LEVEL,
     FindingCode.EXPOSURE: Remedy.MATCH_EXPOSURE,
 }
-"""What fixes each of them."""
+"""The remedy for each of them."""

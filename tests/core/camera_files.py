@@ -1,4 +1,4 @@
-"""One stereo camera in every notation that people keep theirs in."""
+"""One stereo camera in every calibration format in common use."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def npz(packed: bool = False, **entries: object) -> bytes:
 
 
 def plain(values: object) -> object:
-    """Return what JSON and YAML can hold."""
+    """Return the values with arrays as lists, for JSON and YAML."""
     if isinstance(values, dict):
         return {name: plain(value) for name, value in values.items()}
     return values.tolist() if isinstance(values, np.ndarray) else values
@@ -51,7 +51,7 @@ def as_yaml(flow: bool | None = None, **entries: object) -> bytes:
 
 
 def ros(side: str, projection=None, matrix=None, distortion=None, rotation=None, model="plumb_bob") -> bytes:
-    """A file of ROS's ``camera_info``, by default of this camera."""
+    """Return a ROS ``camera_info`` file, by default of this camera."""
     first = side == "left"
 
     def entry(name: str, given, usual: np.ndarray) -> str:
@@ -69,7 +69,7 @@ def ros(side: str, projection=None, matrix=None, distortion=None, rotation=None,
 
 
 def ros_message(side: str) -> bytes:
-    """The same as ``rostopic echo`` prints it."""
+    """Return the same as printed by ``rostopic echo``."""
     first = side == "left"
     parts = (M1, D1, R1, P1) if first else (M2, D2, R2, P2)
     numbers = "".join(f"{name}: {part.ravel().tolist()}\n" for name, part in zip("KDRP", parts, strict=True))
@@ -144,7 +144,7 @@ RAW: dict[str, Callable[[], list[bytes]]] = {
     **{f"NPZ, {next(iter(names))}": lambda names=names: [npz(**names)] for names in NAMES},
     "a rotation vector": lambda: [npz(**(BOTH_CAMERAS | {"R": cv2.Rodrigues(R)[0]}))],
 }
-"""Both cameras before rectification; how to rectify them is not told."""
+"""Both cameras before rectification, without rectifying transforms."""
 
 MADE = {"R1": R1, "R2": R2, "P1": P1, "P2": P2, "Q": Q}
 RECTIFYING: dict[str, Callable[[], list[bytes]]] = {
@@ -159,7 +159,7 @@ RECTIFYING: dict[str, Callable[[], list[bytes]]] = {
     "ROS, printed": lambda: [ros_message("left"), ros_message("right")],
     "ROS, right before left, printed": lambda: [ros_message("right"), ros_message("left")],
 }
-"""Both cameras, and how their maker rectified them."""
+"""Both cameras, with the rectifying transforms used by their maker."""
 
 RECTIFIED: dict[str, Callable[[], list[bytes]]] = {
     "Q in YAML": lambda: [opencv(".yml", Q=Q, image_size=np.array(SIZE))],

@@ -1,4 +1,4 @@
-"""Runs the command ``stereolag`` in this process, as its console script does."""
+"""The command ``stereolag``, run in this process as by its console script."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stereolag.commands import main
 
 
 class Ran(NamedTuple):
-    """What a command exited with and printed."""
+    """The exit code and output of a command."""
 
     code: int
     out: str
@@ -19,13 +19,13 @@ class Ran(NamedTuple):
 
     @property
     def figures(self) -> dict[str, Any]:
-        """Return the one line of JSON that it printed."""
+        """Return the printed JSON, which must be a single line."""
         (line,) = self.out.splitlines()
         return dict(json.loads(line))
 
 
 def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> Ran:
-    """Run a command and return what came of it."""
+    """Run a command and return its exit code and output."""
     try:
         code = main([str(one) for one in arguments])
     except SystemExit as ended:
@@ -34,6 +34,6 @@ def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> Ran:
 
 
 def assert_refused(told: Ran, command: str, code: int, said: str) -> None:
-    """Check that a command did nothing and said why, in one line under its name."""
+    """Check that a command did nothing and said why, in one line that starts with its name."""
     assert (told.code, told.out, len(told.err.splitlines())) == (code, "", 1)
     assert said in told.err and told.err.startswith(f"stereolag {command}: ")

@@ -1,4 +1,4 @@
-"""Diagnoses of the input doctor, each made once however many tests look at it."""
+"""Diagnoses of the input doctor, cached because several tests look at the same one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _MADE: dict[tuple[object, ...], Diagnosis] = {}
 
 
 def diagnosed(left: np.ndarray, right: np.ndarray, *, min_disparity: int = 0, num_disparities: int = 64) -> Diagnosis:
-    """Return what :func:`diagnose` says of a pair."""
+    """Return the result of :func:`diagnose` for a pair, cached."""
     pair = ((image.dtype.str, image.shape, image.tobytes()) for image in (left, right))
     key = (*pair, min_disparity, num_disparities)
     if key not in _MADE:

@@ -1,4 +1,4 @@
-"""Starts of Python in which Numba is at hand: each forked from one process that has imported it, a second the less."""
+"""Python processes with Numba already imported, forked from one parent to save a second each."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from typing import TextIO
 
 @dataclass(frozen=True)
 class Start:
-    """A program that runs: what it is told and what it tells."""
+    """A running program: its standard input, output and error."""
 
     told: TextIO
     out: TextIO
     err: TextIO
 
     def ended(self, line: str = "") -> tuple[str, str]:
-        """Tell it a last line; return what it prints until it ends, and the errors."""
+        """Send a last line of input; return the remaining output and the errors once it has ended."""
         with self.told, self.out, self.err:
             self.told.write(line)
             self.told.flush()
@@ -33,7 +33,7 @@ class Start:
 
 
 class Forks:
-    """One process with Numba, which forks whenever a program is to be started."""
+    """A process that has imported Numba and forks for every program to start."""
 
     def __init__(self) -> None:
         self._here, there = socket.socketpair()
@@ -42,7 +42,7 @@ class Forks:
             self._process = subprocess.Popen(command, pass_fds=[there.fileno()])
 
     def start(self, program: Path, *arguments: str, variables: Mapping[str, str]) -> Start:
-        """Run a program in an environment of these variables alone, as ``python program arguments`` does."""
+        """Run a program like ``python program arguments``, with only these environment variables."""
         order = json.dumps([str(program), arguments, dict(variables)]).encode()
         (given, told), (out, printed), (err, erred) = os.pipe(), os.pipe(), os.pipe()
         socket.send_fds(self._here, [order], [given, printed, erred])
@@ -51,7 +51,7 @@ class Forks:
         return Start(os.fdopen(told, "w"), os.fdopen(out), os.fdopen(err))
 
     def close(self) -> None:
-        """End the process; programs that still run are left to themselves."""
+        """End the process; programs that are still running continue."""
         self._here.close()
         self._process.wait()
 
@@ -59,7 +59,7 @@ class Forks:
 def _serve(orders: socket.socket) -> None:
     import numba
 
-    numba.njit(lambda: 0)()  # the first one compiled prepares what all need
+    numba.njit(lambda: 0)()  # the first compilation initialises Numba for all forks
     while True:
         order, streams, *_ = socket.recv_fds(orders, 65_536, 3)
         if not order:
@@ -72,7 +72,7 @@ def _serve(orders: socket.socket) -> None:
 
 
 def _run(program: str, arguments: list[str], variables: dict[str, str], streams: list[int]) -> None:
-    """Become the process that was asked for, and end as it does."""
+    """Turn this fork into the requested program, and exit when it ends."""
     import numba
 
     code = 1
@@ -98,7 +98,7 @@ def _run(program: str, arguments: list[str], variables: dict[str, str], streams:
 
 
 if __name__ == "__main__":
-    # Who has ended leaves no trace that is waited for.
+    # Nobody waits for the forks: ignoring the signal keeps them from becoming zombies.
     import signal
 
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""What a hostile file is, and who reads it."""
+"""The type of a hostile file, and the readers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import partial
 from stereolag.reading import read_calibration, read_disparity, read_image, read_matcher, read_signal
 
 READ = "read"
-"""The answer of a file that must be read; others are what the sentence that refuses it must hold."""
+"""The answer for a file that must be read; any other answer is a pattern that the refusal must match."""
 
 MB = 2**20
 
@@ -25,7 +25,7 @@ READERS: dict[str, Callable[[bytes], object]] = {
 
 @dataclass(frozen=True)
 class HostileFile:
-    """A file by name: who reads it, how it is made, and `READ` or a pattern of its refusal."""
+    """A named file: its reader, a function that makes it, and `READ` or a pattern of its refusal."""
 
     name: str
     reader: str

@@ -1,4 +1,4 @@
-"""Hostile files by name, each made when it is asked for: bombs, lies, slow ones, cut ones, and odd but legal ones."""
+"""Hostile files by name, each made on demand: bombs, lying, slow and truncated files, and odd but legal ones."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from stereolag.stereo.methods import METHODS
 
 
 def hostile_files() -> dict[str, HostileFile]:
-    """Return all of them by name; nothing is made yet."""
+    """Return all of them by name, without making any."""
     every = list(itertools.chain(images(), signals(), disparities(), calibrations(), matchers()))
     names = {file.name: file for file in every}
     if len(names) != len(every):
@@ -30,7 +30,7 @@ def hostile_files() -> dict[str, HostileFile]:
 
 
 def valid_files() -> dict[str, list[bytes]]:
-    """Return small valid files of every kind, by reader."""
+    """Return small valid files of every kind, grouped by reader."""
     rng = np.random.default_rng(RNG_SEED)
     pixels = rng.integers(0, 256, (9, 11, 3), dtype=np.uint8)
     deep = rng.integers(0, 65_536, (9, 11, 3), dtype=np.uint16)

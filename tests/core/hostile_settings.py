@@ -1,4 +1,4 @@
-"""Hostile calibrations and settings of matchers by name."""
+"""Hostile calibrations and matcher settings by name."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def reprojection(**changes: float) -> bytes:
 
 
 def laughs(merging: bool = False) -> bytes:
-    """Ten lists, each of ten aliases of the one before: 10^10 words to whoever follows them."""
+    """Return ten lists, each with ten aliases of the one before: 10^10 words once expanded."""
     first, more = ("{x: 1}", "{<<: [%s]}") if merging else ("[lol]", "[%s]")
     lines = [f"a0: &a0 {first}"]
     lines += [f"a{n}: &a{n} {more % ', '.join([f'*a{n - 1}'] * 10)}" for n in range(1, 11)]
@@ -50,7 +50,7 @@ def xml(inside: str, before: str = "") -> bytes:
 
 
 def entities() -> bytes:
-    """Ten entities, each ten times the one before."""
+    """Return ten entities, each ten times the one before."""
     first = '<!ENTITY a0 "lol">'
     more = "".join(f'<!ENTITY a{n} "{f"&a{n - 1};" * 10}">' for n in range(1, 11))
     return xml("<Q>&a10;</Q>", f"<!DOCTYPE opencv_storage [{first}{more}]>")
@@ -65,7 +65,7 @@ def archive(packing: int = zipfile.ZIP_DEFLATED, **members: bytes) -> bytes:
 
 
 def lying_archive(size: int, claimed: int) -> bytes:
-    """An archive of one array that claims another size than it unpacks to."""
+    """Return an archive of one array that claims a size other than its unpacked one."""
     whole = bytearray(archive(Q=saved(np.zeros(0)) + bytes(size)))
     for mark, place in ((b"PK\x03\x04", 22), (b"PK\x01\x02", 24)):
         start = whole.index(mark)
@@ -74,7 +74,7 @@ def lying_archive(size: int, claimed: int) -> bytes:
 
 
 def pickled() -> bytes:
-    """An archive whose arrays are objects, one of which would print as it is loaded."""
+    """Return an archive of object arrays, one of which would print when loaded."""
 
     class Printing:
         def __reduce__(self) -> tuple[object, ...]:
@@ -99,8 +99,8 @@ def trees() -> dict[str, tuple[object, str]]:
     return {
         "YAML, ten by ten aliases": (laughs, "more than 50,000 values, its aliases followed"),
         "YAML, ten by ten merged keys": (lambda: laughs(True), "more than 50,000 values, its aliases followed"),
-        "YAML, a list that holds itself": (lambda: b"Q: &a [*a]", "an alias of something that is not there or holds"),
-        "YAML, an alias of nothing": (lambda: b"Q: *a", "an alias of something that is not there"),
+        "YAML, a list that holds itself": (lambda: b"Q: &a [*a]", "alias of something that does not exist or contains"),
+        "YAML, an alias of nothing": (lambda: b"Q: *a", "an alias of something that does not exist"),
         "YAML, many aliases of a list": (
             lambda: b"a: &a [1, 2]\nQ: [" + b"*a, " * 250_000 + b"]",
             "more than 50,000 values",

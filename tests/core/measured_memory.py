@@ -1,4 +1,4 @@
-"""What jobs take: each in a process forked for it, so that the memory is its own and all is imported once."""
+"""Memory of jobs, each run in its own fork: the measurement is the job's alone, and imports happen only once."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def noise(size: int) -> np.ndarray:
 
 
 def measured(setup: str, warm: str, job: str, estimate: str) -> tuple[int, int]:
-    """Return the bytes that a job takes and those of its estimate, all given as Python."""
+    """Return the bytes that a job takes and the bytes of its estimate; all arguments are Python code."""
     names = dict(globals())
     exec(setup, names)
     eval(warm, names)
@@ -56,7 +56,7 @@ def measured(setup: str, warm: str, job: str, estimate: str) -> tuple[int, int]:
 
 
 if __name__ == "__main__":
-    numba.njit(lambda: 0)()  # the first one compiled prepares what all need
+    numba.njit(lambda: 0)()  # the first compilation initialises Numba for all forks
     for name, job in json.load(sys.stdin).items():
         child = os.fork()
         if not child:

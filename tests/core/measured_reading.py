@@ -1,4 +1,4 @@
-"""What reading a file costs: each made and read in processes of their own, so that the memory is the reader's alone."""
+"""Cost of reading files, each made and read in separate processes, so that the memory is the reader's alone."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ DEADLINE_S = 60
 
 @dataclass(frozen=True)
 class Reading:
-    """What reading one file took, and what came of it.
+    """Cost and outcome of reading one file.
 
     Attributes
     ----------
     name, reader
-        As the :class:`HostileFile` has them.
+        As in the :class:`HostileFile`.
     file_mb, seconds, extra_mb
-        The file's size, the time of the processor, which other work does not prolong, and how far the resident memory
-        rose above what it was with the file in it.
+        The file's size, the CPU time, which other work does not prolong, and the rise of the resident memory above its
+        level with the file loaded.
     answer
-        "read" and the shape of what was read, the sentence that refuses it, or what went wrong.
+        "read" and the shape of the result, the sentence that refuses the file, or the error.
     fault
-        Whether it went wrong: another error than ValueError, one of several lines, a warning, or no end.
+        Whether it went wrong: an error other than ValueError, one of several lines, a warning, or no end.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Reading:
 
 
 def in_own_process(job: Callable[[], str]) -> str | None:
-    """Return what `job` answers in a process forked for it, None where that died or did not end."""
+    """Return the answer of `job`, run in its own fork; None if that died or did not end."""
     receiving, sending = os.pipe()
     child = os.fork()
     if not child:
@@ -67,7 +67,7 @@ def in_own_process(job: Callable[[], str]) -> str | None:
 
 
 def measured(file: HostileFile) -> Reading:
-    """Return what reading a file takes."""
+    """Return the cost and outcome of reading a file."""
     with open(os.memfd_create("hostile"), "w+b", buffering=0) as store:  # noqa: PTH123
         in_own_process(lambda: str(store.write(file.make())))
         size = os.fstat(store.fileno()).st_size / 1e6
@@ -91,7 +91,7 @@ def _read(file: HostileFile, store: BinaryIO) -> Reading:
 
 
 def answer_of(read: Callable[[bytes], object], data: bytes) -> tuple[str, bool]:
-    """Return what a reader says to a file in words, and whether it is a fault."""
+    """Return a reader's answer to a file as text, and whether it is a fault."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:

@@ -1,4 +1,4 @@
-"""A small drive whose motion is known: a street that is driven along, a wall at its end, and a car that goes ahead."""
+"""A small drive of known motion: along a street with a wall at its end, behind a moving car."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CAMERA = Calibration(focal_px=260.0, baseline_m=0.5)
 RATE = 10.0
 OWN_KMH, CAR_KMH = 36.0, 72.0
 CAR = (-1.2, 1.4, 9.0)
-"""Left, right and distance in the first frame, m; from the ground up to 0.1 m above the camera."""
+"""Left, right and distance in the first frame, m; it extends from the ground to 0.1 m above the camera."""
 GROUND, WALL = 1.5, 32.0
 TEXTURES = {
     name: texture(512, 512, seed=seed, blur=2.0).astype(np.float32)
@@ -30,17 +30,17 @@ TEXTURES = {
 
 
 def frame(number: int) -> StereoFrame:
-    """Return what both cameras see `number` tenths of a second after the start."""
+    """Return the views of both cameras `number` tenths of a second after the start."""
     return StereoFrame(*(_seen(number, side * CAMERA.baseline_m) for side in (0, 1)))
 
 
 def car_mask(number: int) -> npt.NDArray[np.bool_]:
-    """Return (rows, cols), where the left camera sees the car."""
+    """Return (rows, cols), True where the left camera sees the car."""
     return np.asarray(_surfaces(number, 0.0, 1)[0] == 2)
 
 
 def archive(count: int) -> bytes:
-    """Return a ZIP of left/ and right/."""
+    """Return a ZIP with left/ and right/."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as whole:
         for number in range(count):
@@ -51,7 +51,7 @@ def archive(count: int) -> bytes:
 
 
 def _surfaces(number: int, aside: float, finer: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """Return which surface each pixel shows, 0 wall, 1 ground, 2 car, and where, (rows, cols, 3) metres."""
+    """Return the surface of each pixel, 0 wall, 1 ground, 2 car, and the point on it, (rows, cols, 3) metres."""
     time = number / RATE
     own, car = OWN_KMH / 3.6 * time, CAR[2] + CAR_KMH / 3.6 * time
     row, col = np.mgrid[: ROWS * finer, : COLS * finer] / finer

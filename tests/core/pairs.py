@@ -1,4 +1,4 @@
-"""Stereo pairs made for the tests, whose displacement is known exactly."""
+"""Stereo pairs made for the tests, with exactly known displacement."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ DoubleImage = npt.NDArray[np.float64]
 
 
 def texture(rows: int, cols: int, *, seed: int = 0, blur: float = 1.0) -> DoubleImage:
-    """Return a periodic random texture of mean 128 and standard deviation 40."""
+    """Return a periodic random texture with mean 128 and standard deviation 40."""
     noise = np.random.default_rng(seed).standard_normal((rows, cols))
     smooth = gaussian_filter(noise, blur, mode="wrap")
     return 128 + 40 * (smooth - smooth.mean()) / smooth.std()
 
 
 def shifted(image: DoubleImage, dy: float, dx: float) -> DoubleImage:
-    """Return the periodic image moved by (dy, dx) px, exactly, by the phase of its Fourier transform."""
+    """Return the periodic image moved exactly by (dy, dx) px, by shifting the phase of its Fourier transform."""
     rows, cols = np.fft.fftfreq(image.shape[0])[:, None], np.fft.fftfreq(image.shape[1])
     return np.fft.ifft2(np.fft.fft2(image) * np.exp(-2j * np.pi * (rows * dy + cols * dx))).real
 
@@ -25,7 +25,7 @@ def shifted(image: DoubleImage, dy: float, dx: float) -> DoubleImage:
 def shifted_pair(
     rows: int, cols: int, dy: float, dx: float, *, dtype: npt.DTypeLike = np.uint8, seed: int = 0
 ) -> tuple[npt.NDArray[np.generic], npt.NDArray[np.generic]]:
-    """Return a left image and a right one displaced by (dy, dx), in the whole range of an integer dtype."""
+    """Return a left image and a right one displaced by (dy, dx), over the full range of an integer dtype."""
     left = texture(rows, cols, seed=seed)
     pair = left, shifted(left, dy, dx)
     kind = np.dtype(dtype)

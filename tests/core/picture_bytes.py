@@ -1,4 +1,4 @@
-"""Pictures put together byte by byte, so that any part of them can be wrong."""
+"""Pictures assembled byte by byte, so that any part of them can be wrong."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def png(
 
 
 def png_claiming(depth: int, colour: int) -> bytes:
-    """Return a PNG whose pixels are all there, so that Pillow reads it, but whose IDAT claims 2 GB."""
+    """Return a PNG whose IDAT claims 2 GB, but with all its pixels, so that Pillow reads it."""
     rows = np.zeros((20, 1 + 20 * depth // 8 * {0: 1, 2: 3, 4: 2, 6: 4}[colour]), np.uint8)
     rows[:, 1:] = np.random.default_rng(0).integers(0, 256, rows[:, 1:].shape)
     data = png(20, 20, depth, colour, pixels=rows.tobytes())
@@ -72,7 +72,7 @@ def exif(kind: int, count: int, value: int) -> bytes:
 
 
 def overlapping_exif(size: int, tags: int = 5000) -> bytes:
-    """Return EXIF of tags that all claim the same bytes: read one by one they are gigabytes."""
+    """Return EXIF whose tags all refer to the same bytes: gigabytes if read one by one."""
     body = b"II*\0\x08\0\0\0" + directory((40_000 + tag, 7, size, 8) for tag in range(tags))
     return body + bytes(max(0, size + 8 - len(body)))
 
@@ -219,7 +219,7 @@ def bmp(width: int, height: int, bits: int, compression: int, pixels: bytes, col
     return b"BM" + struct.pack("<IHHI", offset + len(pixels), 0, 0, offset) + header + palette + pixels
 
 
-# Pictures as large as is accepted
+# Pictures of the largest accepted size
 
 
 def smooth(channels: int, dtype: type = np.uint8, side: int = 7000) -> np.ndarray:
@@ -247,12 +247,12 @@ FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 
 
 def turned(data: bytes) -> bytes:
-    """Return a PNG with the note that the camera was held upright."""
+    """Return the PNG with an EXIF orientation that says the camera was held upright."""
     return data[:33] + png_chunk(b"eXIf", exif(3, 1, 6)) + data[33:]
 
 
 def interlaced(pixels: np.ndarray) -> bytes:
-    """Return RGB pixels as a PNG in seven passes."""
+    """Return RGB pixels as an interlaced PNG of seven passes."""
     header = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, 2, 0, 0, 1)
     packer, packed = zlib.compressobj(0), b""
     for top, left, down, across in (

@@ -1,4 +1,4 @@
-"""A reader of PLY files that knows nothing of how this project writes them."""
+"""A PLY reader that is independent of this project's writer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ CODES = {"float": "f", "uchar": "B"}
 
 
 def read_ply(data: bytes) -> dict[str, list[float]]:
-    """Read the vertices of a binary little-endian PLY by its header alone."""
+    """Return the vertices of a binary little-endian PLY, by name, read from its header alone."""
     header, body = data.split(b"end_header\n", 1)
     lines = [line.split() for line in header.decode("ascii").splitlines() if not line.startswith("comment")]
     assert lines[:2] == [["ply"], ["format", "binary_little_endian", "1.0"]]

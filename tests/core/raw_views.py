@@ -1,4 +1,4 @@
-"""Pairs as lenses and turned cameras see them, made of rectified ones, and what is true of them."""
+"""Pairs as seen by distorting lenses and rotated cameras, made from rectified ones, with their true matches."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 
 
 def barrel(image: np.ndarray, k1: float) -> np.ndarray:
-    """Return an image as a lens with OpenCV's k1 and a focal length of one width sees it."""
+    """Return an image as seen by a lens with OpenCV's k1 and a focal length of one image width."""
     where = _straight_places(image.shape[:2], k1)
     return cv2.remap(image, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 @cache
 def _straight_places(shape: tuple[int, int], k1: float) -> np.ndarray:
-    """Return what each pixel of such a lens shows, (rows, cols, 2) (x, y) of the straight image."""
+    """Return the (x, y) in the undistorted image that each pixel of such a lens shows, (rows, cols, 2)."""
     height, width = shape
     centre = np.array([width - 1, height - 1]) / 2
     rows, cols = np.indices(shape)
@@ -28,27 +28,27 @@ def _straight_places(shape: tuple[int, int], k1: float) -> np.ndarray:
 
 
 def through_barrel(points: np.ndarray, shape: tuple[int, int], k1: float) -> np.ndarray:
-    """Return where that lens puts points, (n, 2) (x, y), px."""
+    """Return where that lens maps points, (n, 2) (x, y), px."""
     centre = (np.array(shape[::-1]) - 1) / 2
     straight = (points - centre) / shape[1]
     return straight * (1 + k1 * (straight**2).sum(axis=1, keepdims=True)) * shape[1] + centre
 
 
 def turning(shape: tuple[int, int], turn: tuple[float, float, float]) -> np.ndarray:
-    """Return the homography of a camera with a focal length of one width that turns about x, y and z, radians."""
+    """Return the homography of a camera with a focal length of one width, rotated about x, y and z, radians."""
     height, width = shape
     camera = np.array([[width, 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1.0]])
     return camera @ cv2.Rodrigues(np.array(turn, dtype=float))[0] @ np.linalg.inv(camera)
 
 
 def turned_camera(image: np.ndarray, turn: tuple[float, float, float]) -> np.ndarray:
-    """Return an image as a camera sees it that was turned about x, y and z, radians."""
+    """Return an image as seen by a camera rotated about x, y and z, radians."""
     height, width = image.shape[:2]
     return cv2.warpPerspective(image, turning((height, width), turn), (width, height), borderMode=cv2.BORDER_REFLECT)
 
 
 def truth_points(disparity: np.ndarray, count: int = 4000) -> tuple[np.ndarray, np.ndarray]:
-    """Return matching points of a rectified pair, (n, 2) (x, y) each, px, drawn evenly from its ground truth."""
+    """Return matching points of a rectified pair, (n, 2) (x, y) each, px, sampled uniformly from its ground truth."""
     rows, cols = np.nonzero(np.isfinite(disparity))
     drawn = np.random.default_rng(0).choice(len(rows), min(count, len(rows)), replace=False)
     left = np.column_stack([cols[drawn], rows[drawn]]).astype(float)

@@ -1,4 +1,4 @@
-"""Recordings and arrays put together byte by byte, so that any part of them can be wrong."""
+"""Recordings and arrays assembled byte by byte, so that any part of them can be wrong."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def sound(kind: str, subtype: str | None = None, *, samples: np.ndarray | None =
     tone = 0.4 * np.sin(np.arange(16_000) * 0.05) if samples is None else samples
     channels = 1 if tone.ndim == 1 else tone.shape[1]
     with soundfile.SoundFile(stream, "w", rate, channels, subtype, format=kind) as file:
-        for first in range(0, len(tone), 100_000):  # libsndfile's Vorbis does not survive a long write
+        for first in range(0, len(tone), 100_000):  # libsndfile's Vorbis encoder does not survive a long write
             file.write(tone[first : first + 100_000])
     return stream.getvalue()
 

@@ -1,4 +1,4 @@
-"""A stereo pair with surfaces of several depths, for tests that need maps to be better and worse."""
+"""A stereo pair with surfaces at several depths, for tests that need better and worse maps."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pairs import texture
 
 FAR = 4
 NEAR = {(30, 90, 60, 130): 14, (80, 140, 150, 230): 20, (15, 60, 170, 250): 9}
-"""{(first row, last row, first column, last column): disparity} of squares in front of the wall."""
+"""{(first row, end row, first column, end column): disparity} of the squares in front of the wall."""
 
 Picture = npt.NDArray[np.uint8]
 
 
 def steps_pair(*, noise: float = 8.0) -> tuple[Picture, Picture, npt.NDArray[np.float32]]:
-    """Return left, right and truth: squares before a wall, 160 × 280, with noise in grey levels."""
+    """Return left, right and truth: squares in front of a wall, 160 × 280, with noise in grey levels."""
     rng = np.random.default_rng(5)
     left = texture(160, 280, seed=4, blur=1.5)
     right = np.roll(left, -FAR, axis=1)

@@ -1,4 +1,4 @@
-"""Small stereo sequences made for the tests: textures whose disparity is known, as pictures, archives and videos."""
+"""Small stereo sequences made for the tests: textures of known disparity, as pictures, archives and videos."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from stereolag.export.maps import image_png, kitti_png
 Grey = npt.NDArray[np.uint8]
 ROWS, COLS = 80, 120
 DISPARITIES = (4, 5, 6, 7, 8, 9)
-"""Px; of the whole of each frame."""
+"""The constant disparity of each frame, px."""
 
 
 def pair(disparity: int, seed: int) -> tuple[Grey, Grey]:
-    """Return a left and a right picture that see a plane at a disparity."""
+    """Return a left and a right picture of a plane at a disparity."""
     wide = np.rint(np.clip(texture(ROWS, COLS + 32, seed=seed), 0, 255)).astype(np.uint8)
     return wide[:, :COLS].copy(), wide[:, disparity : COLS + disparity].copy()
 
@@ -31,7 +31,7 @@ def pairs_of(disparities: Sequence[int] = DISPARITIES) -> list[tuple[Grey, Grey]
 
 
 def write_folders(folder: Path, disparities: Sequence[int] = DISPARITIES) -> tuple[Path, Path, Path]:
-    """Write pictures and truths into three folders, and return them."""
+    """Write pictures and truths to three folders, and return the folders."""
     folders = folder / "left", folder / "right", folder / "truth"
     for one in folders:
         one.mkdir(parents=True)
@@ -43,7 +43,7 @@ def write_folders(folder: Path, disparities: Sequence[int] = DISPARITIES) -> tup
 
 
 def archive(disparities: Sequence[int] = DISPARITIES) -> bytes:
-    """Return a ZIP of left/ and right/."""
+    """Return a ZIP with left/ and right/."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as whole:
         for number, both in enumerate(pairs_of(disparities)):
@@ -53,7 +53,7 @@ def archive(disparities: Sequence[int] = DISPARITIES) -> bytes:
 
 
 def numbered(count: int, width: int = 96, height: int = 64) -> list[Grey]:
-    """Return colour pictures of which each tells its number by the 8 bits in blocks of black and white."""
+    """Return colour pictures, each showing the 8 bits of its number as black and white blocks."""
     pictures = []
     for number in range(count):
         picture = np.zeros((height, width, 3), np.uint8)
@@ -64,7 +64,7 @@ def numbered(count: int, width: int = 96, height: int = 64) -> list[Grey]:
 
 
 def number_in(picture: npt.NDArray[np.uint8]) -> int:
-    """Return the number that one of these pictures tells."""
+    """Return the number shown by one of these pictures."""
     width = picture.shape[1]
     grey = picture.reshape(*picture.shape[:2], -1).mean(axis=(0, 2))
     return sum(int(grey[(2 * bit + 1) * width // 16] > 127) << bit for bit in range(8))
@@ -80,7 +80,7 @@ def video(
     options: dict[str, str] | None = None,
     pixels: str = "yuv420p",
 ) -> bytes:
-    """Return pictures as a video, by default with frames that refer both ways."""
+    """Return pictures as a video, by default with bidirectionally predicted frames."""
     stream = io.BytesIO()
     with av.open(stream, "w", format=kind) as container:
         track = container.add_stream(codec, rate=rate, options=options or {})

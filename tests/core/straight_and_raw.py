@@ -1,4 +1,4 @@
-"""A rectified pair of a known stereo camera, and the same pair as that camera took it."""
+"""A rectified pair of a known stereo camera, and the same pair as taken by that camera."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def straight_pair(seed: int = 0) -> tuple[Picture, Picture]:
 
 @cache
 def raw_pair(seed: int = 0) -> tuple[Picture, Picture]:
-    """Return the same pair as the cameras took it."""
+    """Return the same pair as taken by the cameras."""
     cameras = ((M1, D1, R1, P1[:, :3]), (M2, D2, R2, P2[:, :3]))
     maps = [cv2.initInverseRectificationMap(*camera, SIZE, cv2.CV_32FC1) for camera in cameras]
     left, right = (

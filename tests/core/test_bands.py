@@ -1,4 +1,4 @@
-"""Rows shared out over the cores, and the cores among the callers."""
+"""Rows shared among the cores, and the cores among the callers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_bands_cover_every_row_once(rows: int, most_rows: int) -> None:
 
 
 def test_a_short_job_does_not_wait_for_all_of_a_long_one() -> None:
-    """All bands handed in at once made the short job wait for the last of them."""
+    """Submitting all bands at once used to make the short job wait for the last of them."""
     bands = 40 * available_cores()
     begun = threading.Event()
 

@@ -1,4 +1,4 @@
-"""The reasons found for OpenCV's blanks, held against what each filter alone takes away."""
+"""The reasons found for OpenCV's blank pixels, compared with the pixels that each filter alone removes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OPEN_SGBM = {"uniqueness_ratio": 0, "speckle_window_size": 0, "disp12_max_diff":
 
 
 def hard_pair() -> tuple[np.ndarray, np.ndarray]:
-    """Return a pair with a bare strip, a strip of stripes, and a near square that hides what is behind it."""
+    """Return a pair with a flat strip, a striped one, and a near square that hides part of the background."""
     rng = np.random.default_rng(0)
     left = texture(150, 220, seed=1)
     left[100:130] = 90

@@ -1,4 +1,4 @@
-"""A camera of known lens and pose sees a board: the calibration finds both, and tells which pairs are wrong."""
+"""Boards seen by cameras of known lens and pose: the calibration recovers both, and names the wrong pairs."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def with_right(views: BoardViews, right: Sequence[Corners | None]) -> BoardViews
 
 
 def placed_views(true: StereoRig, poses: Sequence[tuple[np.ndarray, np.ndarray]], noise: float = 0.03) -> BoardViews:
-    """Where two cameras would see the corners of a chessboard in these poses (turn, place in squares)."""
+    """Return the corners of a chessboard as seen by two cameras in these poses (rotation, position in squares)."""
     random = np.random.default_rng(0)
     left, right = [], []
     for turn, place in poses:
@@ -109,7 +109,7 @@ def test_rows_match_and_depth_is_right_after_rectification(plain: StereoCalibrat
     ],
 )
 def test_a_charuco_board_seen_in_part_is_known_and_enough(board: Board) -> None:
-    # An even number of rows of squares is where the old layout differs.
+    # The legacy layout differs if the number of rows of squares is even.
     pairs = list(drawn_pairs(rig(1.1), board, 3, square_m=SQUARE_M, seed=1, partly=True))
     views = find_boards(pairs)
     known = views.board
@@ -141,7 +141,7 @@ def test_large_pictures_in_colour_and_sixteen_bits_are_refined_in_full_size(
 
 
 def test_corners_are_exact_to_a_few_hundredths_of_a_pixel(views: BoardViews) -> None:
-    """Held to the very places where the known cameras see a board at the pose that fits best."""
+    """The reference is the projection by the known cameras of a board at the best-fitting pose."""
     true = rig()
     errors = []
     for corners in views.left:
@@ -154,7 +154,7 @@ def test_corners_are_exact_to_a_few_hundredths_of_a_pixel(views: BoardViews) -> 
 
 @pytest.mark.parametrize("count", [4, 8])
 def test_a_wide_lens_is_given_the_coefficients_it_needs(count: int) -> None:
-    """By places alone, without drawing: 100° of view, whose distortion two coefficients do not describe."""
+    """From corner positions alone, without drawing: two coefficients cannot describe the distortion of a 100° view."""
     wide = replace(
         rig(1.0),
         left_matrix=np.array([[270, 0, 322], [0, 271, 238], [0, 0, 1.0]]),
@@ -291,7 +291,7 @@ def test_too_few_pairs_are_refused_with_their_number(views: BoardViews) -> None:
 
 
 def test_a_board_always_held_alike_is_refused() -> None:
-    """Flat before the camera at one distance: any focal length would do."""
+    """Parallel to the image at one distance: any focal length would fit."""
     poses = [(np.zeros(3), np.array([shift - 5, -2.5, 18.0])) for shift in (-2.0, 0.0, 1.5, 3.0)]
     assert "tilt" in refusal(placed_views(rig(1.0), poses, noise=0.3))
 
@@ -330,5 +330,5 @@ def test_opencvs_own_pairs_reach_its_error(data_dir: Path) -> None:
     assert result.row_error < 0.105
     rig = result.calibration.rig
     assert rig is not None
-    # In squares; by OpenCV's sample 3.34, with its 14 coefficients and one focal length for both.
+    # In squares; OpenCV's sample gets 3.34, with its 14 coefficients and one focal length for both cameras.
     assert np.linalg.norm(rig.translation) == pytest.approx(3.34, abs=0.03)

@@ -1,4 +1,4 @@
-"""Disparity to metres: by hand-computed numbers, by OpenCV's reprojectImageTo3D, and by properties."""
+"""Disparity to metres, checked by hand-computed numbers, by OpenCV's reprojectImageTo3D, and by properties."""
 
 from __future__ import annotations
 
@@ -225,5 +225,5 @@ def test_a_rectification_that_makes_no_sense_is_refused(changes, message):
 def test_a_rectification_of_other_cameras_is_refused():
     turned = cv2.Rodrigues(np.array([0.0, 0.1, 0.0]))[0]
     assert rig(rectification=rectification()).rectification is not None
-    with pytest.raises(ValueError, match=r"does not belong to the rotation \(R\).*turned by 5\.7°"):
+    with pytest.raises(ValueError, match=r"does not fit the rotation \(R\).*turned by 5\.7°"):
         rig(rectification=rectification(left_rotation=turned))

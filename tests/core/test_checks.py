@@ -1,4 +1,4 @@
-"""The checks of what was matched."""
+"""The checks of finished matches."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_the_check_is_that_of_the_definition(seed: int, tolerance: int) -> None:
 
 def test_a_hidden_strip_fails_the_check() -> None:
     left = np.zeros((1, 20), np.int16)
-    left[:, 10:15] = -4  # a near object of 5 px; the 4 px left of it are hidden from the right camera
+    left[:, 10:15] = -4  # a near object 5 px wide; the 4 px left of it are hidden from the right camera
     right = np.zeros((1, 20), np.int16)
     right[:, 6:11] = -4
     np.testing.assert_array_equal(np.flatnonzero(left_right_disagree(left, right, 1)), [6, 7, 8, 9])
@@ -103,7 +103,7 @@ def test_the_least_texture_is_in_the_units_of_the_images(dtype: type, unit: floa
 @pytest.mark.parametrize(("dtype", "scale"), [(np.uint16, 1), (np.uint16, 4), (np.uint16, 16), (np.float32, 12)])
 @pytest.mark.parametrize("hot", [False, True])
 def test_neither_empty_bits_nor_a_hot_pixel_take_the_texture_away(dtype: type, scale: int, hot: bool) -> None:
-    """Cameras of 10 and 12 bits leave the upper ones of 16 empty; a pixel that is always white is no texture."""
+    """Cameras of 10 and 12 bits leave the upper bits of 16 empty; a pixel that is always white is not texture."""
     faint = np.linspace(0, 0.3, 160)
     left, right = (np.rint(128 + (image - 128.0) * faint).astype(np.uint8) for image in shifted_pair(90, 160, 0, -9))
     left[:8], right[:8] = 255, 0

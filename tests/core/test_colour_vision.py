@@ -1,4 +1,4 @@
-"""Colours that are seen together can be told apart by eyes that lack one kind of cones, too."""
+"""Colours that appear together can also be told apart by eyes that lack one type of cone."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ EYES = {
         [0.004733, 0.691367, 0.303900],
     ],
 }
-"""What is seen of linear RGB: Machado, Oliveira and Fernandes (2009), severity 1."""
+"""Matrices from linear RGB to the perceived linear RGB: Machado, Oliveira and Fernandes (2009), severity 1."""
 
 LEAST = 10.0
-"""CIEDE2000: 2 is just seen side by side, 10 at a glance."""
+"""Least CIEDE2000 difference: 2 is just visible side by side, 10 at a glance."""
 
 LIGHT, DARK = "#fcfbf9", "#14151b"
 LEAST_CONTRAST = 2.7
-"""Of a line or a frame against the page; WCAG asks for 3 where nothing else tells."""
+"""Least contrast of a line or a frame with the page; WCAG requires 3 if nothing else conveys the information."""
 
 Colour = str | tuple[int, int, int]
 
@@ -83,14 +83,14 @@ def linear(colour: Colour) -> npt.NDArray[np.float64]:
 
 
 def seen(colour: Colour, eyes: str) -> npt.NDArray[np.float64]:
-    """Return a colour in CIELAB as eyes see it."""
+    """Return a colour in CIELAB as these eyes see it."""
     light = np.clip(np.asarray(EYES[eyes]) @ linear(colour), 0, 1)
     shown = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055)
     return np.asarray(rgb2lab(shown[None, None])[0, 0])
 
 
 def closest(colours: dict[str, Colour], others: dict[str, Colour] | None = None) -> tuple[float, str]:
-    """Return the least difference that any eyes see, within one set or between two, and of what it is."""
+    """Return the least difference that any eyes see, within one set or between two, with the colours and the eyes."""
     pairs = [(a, b) for a in colours for b in others] if others else list(combinations(colours, 2))
     every = colours | (others or {})
     return min(
@@ -101,7 +101,7 @@ def closest(colours: dict[str, Colour], others: dict[str, Colour] | None = None)
 
 
 def contrast(colour: Colour, page: Colour) -> float:
-    """Return the ratio of WCAG 2."""
+    """Return the contrast ratio of WCAG 2."""
     low, high = sorted(float(linear(one) @ (0.2126, 0.7152, 0.0722)) for one in (colour, page))
     return (high + 0.05) / (low + 0.05)
 

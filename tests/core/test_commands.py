@@ -1,4 +1,4 @@
-"""The commands that measure but ``depth``: what they print, what they exit with, and how they begin."""
+"""The measuring commands except ``depth``: their output, exit codes and start-up."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SQUARE_M, PAIRS = 0.03, 11
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with two recordings 123 samples apart, in several files."""
+    """Return a folder with two recordings 123 samples apart, in several formats and rates."""
     folder = tmp_path_factory.mktemp("recordings")
     noise = np.random.default_rng(0).uniform(-0.5, 0.5, 4123)
     first, second = noise[123:], noise[:4000]
@@ -76,9 +76,9 @@ def test_lag_gives_no_metres_where_it_is_not_sure(
     soundfile.write("tone_2.wav", tone[100:], 8000)
     soundfile.write("turned.wav", -soundfile.read("second.wav")[0], 8000)
     for files, verdict in (
-        (("first.wav", "other.wav"), "verdict   nothing: the highest point is what chance gives"),
+        (("first.wav", "other.wav"), "verdict   nothing: the highest point is at chance level"),
         (("tone_1.wav", "tone_2.wav"), "verdict   ambiguous: it repeats"),
-        (("first.wav", "turned.wav"), "opposite  123 samples, with the sign of one recording turned"),
+        (("first.wav", "turned.wav"), "opposite  123 samples, with the sign of one recording reversed"),
     ):
         said = ran(capsys, "lag", *files).out
         assert verdict in said
@@ -162,7 +162,7 @@ def test_lag_refuses_in_one_sentence(
 
 @pytest.fixture(scope="module")
 def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a picture, a template from rows 20 to 40 and columns 30 to 60, and a stranger to it."""
+    """Return a folder with a picture, a template from its rows 20 to 40 and columns 30 to 60, and an unrelated one."""
     folder = tmp_path_factory.mktemp("picture")
     noise = np.random.default_rng(0).integers(0, 255, (100, 120, 3), dtype=np.uint8)
     cut = noise[20:40, 30:60].copy()
@@ -295,7 +295,7 @@ def drawn_rig() -> StereoRig:
 
 @pytest.fixture(scope="module")
 def boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with pairs of pictures of a board in `left` and `right`, the same side by side, and as a ZIP."""
+    """Return a folder with pictures of a board in `left` and `right`, the same in one folder, and as a ZIP."""
     folder = tmp_path_factory.mktemp("boards")
     for side in ("left", "right"):
         (folder / "sides" / side).mkdir(parents=True)
@@ -347,17 +347,17 @@ def test_pictures_are_paired_however_they_are_given(
     ("arguments", "code", "said"),
     [
         (["flat"], 2, "--square"),
-        (["flat", "--square", "3cm"], 2, "'3cm' is no length; allowed are metres above 0"),
-        (["flat", "--square", "0"], 2, "'0' is no length"),
-        (["flat", "--square", "nan"], 2, "'nan' is no length"),
-        (["flat", "--square", "1", "--board", "6-4"], 2, "'6-4' is no board"),
+        (["flat", "--square", "3cm"], 2, "'3cm' is not a length; allowed are metres above 0"),
+        (["flat", "--square", "0"], 2, "'0' is not a length"),
+        (["flat", "--square", "nan"], 2, "'nan' is not a length"),
+        (["flat", "--square", "1", "--board", "6-4"], 2, "'6-4' is not a board"),
         (["flat", "--square", "1", "--board", "1x4"], 2, "allowed are 2 to 50 inner corners"),
         (["flat/left1.png", "flat/right1.png", "--square", "1", "--board", "6x4"], 1, "pairs"),
         (["none", "--square", "1"], 1, "none: there is no such file or folder."),
-        (["text.txt", "--square", "1"], 1, "text.txt is one file and no ZIP"),
+        (["text.txt", "--square", "1"], 1, "text.txt is one file but not a ZIP"),
         (["flat/left*.png", "flat/x*.png", "--square", "1"], 1, "flat/x*.png: no file matches."),
         (["flat/left*.png", "flat/right1*.png", "--square", "1"], 1, "matches 11 files and flat/right1*.png 2"),
-        (["sides/left", "--square", "1"], 1, "no left and right pictures belong together"),
+        (["sides/left", "--square", "1"], 1, "No left and right pictures match by name"),
     ],
 )
 def test_calibrate_refuses_in_one_sentence(
@@ -373,7 +373,7 @@ def test_calibrate_refuses_in_one_sentence(
 
 
 def by_console(*arguments: object, script: str = "") -> subprocess.CompletedProcess[str]:
-    """Run the command in a process of its own, as its console script does."""
+    """Run the command in its own process, as its console script does."""
     code = f"import sys; from stereolag.commands import main; code = main(); {script or 'sys.exit(code)'}"
     command = [sys.executable, "-W", "error", "-c", code, *map(str, arguments)]
     return subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=False)

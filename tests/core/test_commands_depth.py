@@ -1,4 +1,4 @@
-"""``stereolag depth``: figures as the library has them, files as the page has them."""
+"""``stereolag depth``: the same figures as the library, the same files as the page."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MAP_FILES = ["disparity.npy", "disparity.pfm", "disparity_coloured.png", "dispar
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a pair of one known disparity, its truth and its calibration."""
+    """Return a folder with a pair of one known disparity, its ground truth and its calibration."""
     folder = tmp_path_factory.mktemp("pair")
     noise = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 255, (60, 127, 3), dtype=np.uint8), (3, 3), 0)
     (folder / "left.png").write_bytes(image_png(noise[:, :-SHIFT]))

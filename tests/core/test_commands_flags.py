@@ -1,4 +1,4 @@
-"""Every setting of every method is a flag, and what the flag says is what the matcher is run with."""
+"""Every setting of every method is a flag, and the matcher runs with the value of the flag."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ STARTS: list[StereoMatcher] = [
     *(kind(speckle_window_size=50) for kind in METHODS if "speckle_window_size" in kind.model_fields),
     *(kind() for kind in METHODS if kind not in (CorrelationMatcher, SemiGlobalMatcher)),
 ]
-"""All settings of all methods have an effect in one of them."""
+"""Matchers such that every setting of every method has an effect in one of them."""
 
 
 def leaves(settings: Settings, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Give every setting by its full name, with its field."""
+    """Yield the full name and the field of every setting."""
     for name, field in type(settings).model_fields.items():
         value = getattr(settings, name)
         if isinstance(value, Settings):
@@ -48,7 +48,7 @@ def leaves(settings: Settings, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def others(field: Any, value: Any) -> list[Any]:
-    """Return some values that a field allows, other than its own."""
+    """Return some values that a field allows, other than the given one."""
     if options := choices(field):
         return [one for one in options if one != value]
     if base_type(field) is bool:
@@ -63,7 +63,7 @@ def others(field: Any, value: Any) -> list[Any]:
 
 
 def possible(settings: Settings, name: str, field: Any) -> tuple[Any, Settings] | None:
-    """Return another value of a setting, and the settings with it; None where no other is allowed beside the rest."""
+    """Return another value of a setting, and the settings with it; None if the others allow no other value."""
     for value in others(field, setting(settings, name)):
         try:
             return value, changed(settings, {name: value})

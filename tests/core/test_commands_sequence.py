@@ -1,4 +1,4 @@
-"""``stereolag sequence``: what it writes, what it prints, what it exits with, and how it goes on."""
+"""``stereolag sequence``: its files, output and exit codes, and how it resumes."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def test_the_range_of_the_calibration_is_searched_unless_another_is_given(
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with two raw frames and two straight ones of one camera, and its calibration."""
+    """Return a folder with two raw and two rectified frames of one camera, their truth, and the calibration."""
     folder = tmp_path_factory.mktemp("rig")
     entries = {name: np.asarray(one).tolist() if np.ndim(one) else one for name, one in ENTRIES.items()}
     (folder / "rig.json").write_text(json.dumps(entries))
@@ -250,7 +250,7 @@ def test_damaged_frames_have_an_exit_code_of_their_own(
 
 def test_help_tells_the_codes_and_the_settings(capsys: pytest.CaptureFixture[str]) -> None:
     said = " ".join(ran(capsys, "sequence", "--help").out.split())
-    assert "4 done, but for frames that are damaged; 130 stopped by Ctrl-C." in said
+    assert "4 done, except for damaged frames; 130 stopped by Ctrl-C." in said
     assert "(default: fast)" in said and "--median.radius" in said and "--scheduler ADDRESS|local" in said
     assert "--optimisation.penalty-small" in ran(capsys, "sequence", "--preset", "accurate", "--help").out
 
@@ -261,9 +261,9 @@ def test_a_process_that_is_ended_midway_goes_on_where_it_was(
     sides = write_folders(tmp_path / "drive", [4 + number % 6 for number in range(400)])[:2]
     out = tmp_path / "out"
     arguments = ("sequence", *sides, "--out", out, "--method", "bm", *RANGE, "--json")
-    # What runs these tests in the background has them ignore Ctrl-C, and a process inherits that.
+    # Tests run in the background may ignore Ctrl-C, and child processes inherit that.
     listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-    # A signal between the opening of a file and what closes it leaves the file to the garbage collector.
+    # A signal just after a file is opened leaves closing it to the garbage collector.
     warnings = ["-W", "error", "-W", "ignore::ResourceWarning"]
     command = [sys.executable, *warnings, "-c", listening + CONSOLE, *map(str, arguments)]
 
@@ -272,7 +272,7 @@ def test_a_process_that_is_ended_midway_goes_on_where_it_was(
 
     before: dict[str, int] = {}
     for ending, code, complaint in (
-        (signal.SIGINT, 130, "stereolag sequence: Stopped; the same command goes on where it was.\n"),
+        (signal.SIGINT, 130, "stereolag sequence: Stopped; the same command continues where it stopped.\n"),
         (signal.SIGKILL, -signal.SIGKILL, ""),
     ):
         process = subprocess.Popen(command, cwd=PROJECT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -1,4 +1,4 @@
-"""Machine code: kept where this user alone can write, never older than its sources, and never in the way of a start."""
+"""Machine code: kept where only this user can write, never older than its sources, never an obstacle to a start."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ import stereolag as sl
 sound = np.random.default_rng(0).normal(size=400)
 print(sl.signal_lag(sound[4:], sound[:-4], method="direct", max_lag=9).lag)
 """
-"""A measurement of few loops: each start without machine code compiles them."""
+"""A measurement with few loops, because each start without machine code compiles them."""
 
 TWO_LOOPS = """
 import sys
@@ -61,7 +61,7 @@ OLDER = f"stereolag-{0:016x}"
 
 @pytest.fixture
 def install(tmp_path: Path) -> Path:
-    """Return a folder that holds a copy of the package, without machine code, and nothing else."""
+    """Return a folder that contains only a copy of the package, without machine code."""
     folder = tmp_path / "install"
     shutil.copytree(PROJECT / "stereolag", folder / "stereolag", ignore=shutil.ignore_patterns("__pycache__"))
     return folder
@@ -69,12 +69,12 @@ def install(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def loops(tmp_path: Path) -> Path:
-    """Return a folder with the decorator alone and two loops, of which one calls the other."""
+    """Return a folder with only the decorator and two loops, one of which calls the other."""
     return two_loops(tmp_path / "package")
 
 
 def two_loops(package: Path, number: int = 1) -> Path:
-    """Make a package that holds nothing but a room with the decorator and two loops, and return the room."""
+    """Make a package that contains only a folder with the decorator and two loops, and return that folder."""
     room = package / "room"
     room.mkdir(parents=True)
     shutil.copy(SOURCES / COMPILATION, room)
@@ -84,7 +84,7 @@ def two_loops(package: Path, number: int = 1) -> Path:
 
 
 def variables_for(folder: Path) -> dict[str, str]:
-    """Return the environment of a user who has no home, with a temporary folder beside the one that is run."""
+    """Return the environment of a user without a home, with a temporary folder beside `folder`."""
     temporary = folder.parent / "temporary"
     temporary.mkdir(exist_ok=True)
     nowhere = folder.parent / "a file"
@@ -99,7 +99,7 @@ def variables_for(folder: Path) -> dict[str, str]:
 
 
 def run_alone(folder: Path, *arguments: str, before: Sequence[str] = ()) -> tuple[str, str]:
-    """Run Python on what a folder holds, and return what it prints and its errors."""
+    """Run Python with a folder as its only path, and return its output and errors."""
     command = [*before, sys.executable, "-W", "error", *arguments]
     environment = variables_for(folder)
     ran = subprocess.run(command, cwd=folder.parent, env=environment, capture_output=True, text=True, check=False)
@@ -115,7 +115,7 @@ def forks() -> Iterator[Forks]:
 
 @pytest.fixture
 def run(forks: Forks) -> Run:
-    """Return what runs the two loops of a folder, and returns what it prints and its errors."""
+    """Return a function that runs the two loops of a folder and returns its output and errors."""
 
     def run_loops(folder: Path, **variables: str) -> tuple[str, str]:
         return forks.start(folder / "outer.py", variables=variables_for(folder) | variables).ended()
@@ -125,7 +125,7 @@ def run(forks: Forks) -> Run:
 
 @pytest.fixture
 def begun(forks: Forks) -> Callable[..., Start]:
-    """Return what runs the two loops of a folder as far as to the first call, which waits for a line."""
+    """Return a function that runs the two loops of a folder up to the first call, which waits for a line."""
 
     def begin(folder: Path, **variables: str) -> Start:
         start = forks.start(folder / "outer.py", "wait", variables=variables_for(folder) | variables)
@@ -136,7 +136,7 @@ def begun(forks: Forks) -> Callable[..., Start]:
 
 
 def code_in(folder: Path) -> dict[str, int]:
-    """Return the files of machine code anywhere in a folder, and when each was written."""
+    """Return the machine code files anywhere in a folder, with their modification times."""
     return {str(file): file.stat().st_mtime_ns for file in folder.rglob("*.nbc")}
 
 
@@ -147,7 +147,7 @@ def test_a_first_start_keeps_machine_code_beside_the_sources_and_says_nothing(in
 
 
 def test_without_a_place_beside_the_sources_code_is_kept_in_the_temporary_folder(loops: Path, run: Run) -> None:
-    (loops / "__pycache__").touch()  # a file: not even root makes a folder of it
+    (loops / "__pycache__").touch()  # a file: not even root can create a folder there
     first = run(loops)
     kept = code_in(loops.parent / "temporary")
     second = run(loops)
@@ -271,14 +271,14 @@ def test_code_that_is_long_unused_is_forgotten_and_compiled_by_who_still_wants_i
 
 
 def modules_with_loops() -> list[ModuleType]:
-    """Return every module of the library in which a loop is written."""
+    """Return every module of the library that defines a loop."""
     names = [module.name for module in pkgutil.walk_packages(stereolag.__path__, "stereolag.")]
     library = [importlib.import_module(name) for name in names if name.split(".")[1] not in ("ui", "app", "commands")]
     return [module for module in library if loops_of(module)]
 
 
 def loops_of(module: ModuleType) -> list[Callable[..., object]]:
-    """Return the functions of a module that Numba compiles."""
+    """Return the functions defined in a module that Numba compiles."""
     members = [value for value in vars(module).values() if isinstance(value, Dispatcher)]
     return [loop.py_func for loop in members if loop.py_func.__module__ == module.__name__]
 

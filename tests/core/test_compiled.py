@@ -17,7 +17,7 @@ COMPILERS = {"njit", "jit", "vectorize", "guvectorize", "generated_jit", "cfunc"
 
 
 def compilers_of_numba(source: str) -> Iterator[int]:
-    """Give the lines that mention a compiler of Numba's, under whatever name the module or the compiler is imported."""
+    """Yield the lines that mention a compiler of Numba, under whatever name the module or the compiler is imported."""
     tree = ast.parse(source)
     modules = set()
     for node in ast.walk(tree):

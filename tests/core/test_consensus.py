@@ -1,4 +1,4 @@
-"""Where maps agree, held against counting by hand."""
+"""The agreement of maps, checked against direct counts."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_it_equals_the_count_around_each_answer_in_any_order(maps: np.ndarray) -
 
 
 def test_maps_of_different_size_are_refused() -> None:
-    with pytest.raises(ValueError, match="one size"):
+    with pytest.raises(ValueError, match="same size"):
         consensus([np.zeros((2, 2), np.float32), np.zeros((2, 3), np.float32)])
     with pytest.raises(ValueError, match="one or more"):
         consensus([])

@@ -1,4 +1,4 @@
-"""The correlation matcher recovers what is known, says why where it cannot, and keeps its signs."""
+"""The correlation matcher recovers known shifts, gives reasons for blank pixels, and keeps its sign conventions."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_unpadded_search_is_circular(score: str, window_size: int) -> None:
 def test_identical_images_have_no_lag_though_it_is_the_first_one_searched() -> None:
     left = texture(60, 90).astype(np.uint8)
     result = CorrelationMatcher(window_size=9, search=SearchArea.rectified(16)).compute(left, left)
-    # Windows one pixel to either side hold other pixels, so the fit leans a little; the lag itself is 0.
+    # Windows one pixel to either side cover other pixels, which biases the fit a little; the lag itself is 0.
     inner = result.disparity[10:-10, 30:-10]
     np.testing.assert_allclose(inner, 0, atol=0.25)
     assert abs(inner.mean()) < 0.01

@@ -1,4 +1,4 @@
-"""The matching cost, held to its formula."""
+"""The matching cost, checked against its formula."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Error against coverage: a score that knows, one that does not, and none."""
+"""Error against coverage, for an informative score, an uninformative one, and none."""
 
 from __future__ import annotations
 

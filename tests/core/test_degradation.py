@@ -1,4 +1,4 @@
-"""A part of an image degraded: what stays where it was, and what each setting does."""
+"""Degraded parts of an image: their position, and the effect of each setting."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_a_grey_box_covers_its_share_from_below(cover: float) -> None:
     hidden = round(SHAPE[0] * cover)
     assert len(np.unique(window(part)[SHAPE[0] - hidden :])) == 1
     changed = (part.pixels != plain.pixels).any(axis=2)
-    # Some pixels of the scene are as grey as the box.
+    # Some pixels of the scene already have the grey of the box.
     assert 0.9 * hidden * SHAPE[1] <= changed.sum() <= hidden * SHAPE[1]
     assert not changed[: part.row].any()
 
@@ -85,11 +85,11 @@ def test_a_grey_box_covers_its_share_from_below(cover: float) -> None:
 @pytest.mark.parametrize(("turn", "resize"), [(30, 1), (-17, 1), (0, 0.7), (0, 1.4), (25, 1.3)])
 def test_turning_and_resizing_keep_the_centre_in_place(turn: float, resize: float) -> None:
     row, col = 320, 430
-    height, width = 41, 61  # an odd window has a pixel in its middle
+    height, width = 41, 61  # odd, so that a pixel is in the middle
     part = degraded_part(SMOOTH, (row, col), (height, width), Degradation(turn=turn, resize=resize))
     middle = part.row + height // 2, part.col + width // 2
     assert part.pixels[middle] == pytest.approx(SMOOTH[row + height // 2, col + width // 2], abs=1e-5)
-    # A step to the right in the part, undone, is a step in the image: y points down, so a turn to the left is negative.
+    # The step in the image for a step to the right in the part: y points down, so a turn to the left is negative.
     away = 12
     angle = np.deg2rad(turn)
     here = part.pixels[middle[0], middle[1] + away]
@@ -101,7 +101,7 @@ def test_turning_and_resizing_keep_the_centre_in_place(turn: float, resize: floa
 
 
 def test_a_wide_image_is_turned_too() -> None:
-    wide = np.tile(SMOOTH[:60], (1, 40))  # 36,000 px: OpenCV warps up to 32,767
+    wide = np.tile(SMOOTH[:60], (1, 40))  # 36,000 px wide; OpenCV warps at most 32,767
     part = degraded_part(wide, (5, 30_000), SHAPE, Degradation(turn=10))
     assert part.pixels.shape == (60, 640)
     assert part.pixels.std() > 0

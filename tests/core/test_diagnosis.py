@@ -1,4 +1,4 @@
-"""The input doctor finds what was done to a pair, finds nothing where nothing was done, and its remedies work."""
+"""The input doctor finds the fault of a pair, finds nothing wrong with a healthy one, and its remedies work."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_rotation_and_scale_are_measured_and_fixed(pair: Pair, degrees: float, s
     view = turned(pair[1], degrees, scale)
     diagnosis = diagnosed(pair[0], view)
     assert FindingCode.ROTATION in amber(diagnosis)
-    # getRotationMatrix2D counts anticlockwise as positive, rows grow downwards.
+    # getRotationMatrix2D takes anticlockwise as positive, but rows grow downwards.
     assert number(diagnosis, FindingCode.ROTATION, "rotation_deg") == pytest.approx(-degrees, abs=0.15)
     assert number(diagnosis, FindingCode.ROTATION, "scale") == pytest.approx(scale, abs=0.005)
     assert not amber(diagnosed(pair[0], levelled(pair[0], view))) & {FindingCode.ROTATION, FindingCode.ROWS}

@@ -1,4 +1,4 @@
-"""Distances in metres, held against points placed by hand and against chance."""
+"""Distances in metres, checked against known points and against random noise."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_a_known_distance_makes_depths_metric_whatever_was_known_before() -> Non
         calibration = calibrated_by(known, 25.0, 3.0, width=640)
         assert float(calibration.depth(25.0)) == pytest.approx(3.0)
     assert calibrated_by(CAMERA, 25.0, 3.0, width=640).focal_px == 800
-    # Sixty degrees from side to side: half the picture is as wide as tan 30° times the focal length.
+    # With a 60° field of view, half the picture is tan 30° times the focal length wide.
     assert 320 / calibrated_by(None, 25.0, 3.0, width=640).focal_px == pytest.approx(math.tan(math.radians(30)))
 
 

@@ -1,4 +1,4 @@
-"""The pages of docs/: what they link to, include and name is there, their program runs, and Sphinx builds them."""
+"""The pages of docs/: their links, includes and names are valid, their program runs, and Sphinx builds them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def own(name: str) -> str:
 
 
 def headings(page: Path) -> set[str]:
-    """Return the anchors of a page, as MyST names them, those of included files too."""
+    """Return the anchors of a page and its included files, as MyST names them."""
     texts = [text_of(page), *(text_of(page.parent / name) for name in INCLUDE.findall(text_of(page)))]
     titles = [title for text in texts for title in re.findall(r"^#+ (.+)$", text, re.MULTILINE)]
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
@@ -49,7 +49,7 @@ def headings(page: Path) -> set[str]:
 
 @cache
 def defined_in(module: str) -> frozenset[str]:
-    """Return the names that a module of ours defines itself; ValueError where there is no such module."""
+    """Return the functions and classes defined in a module of ours; OSError if there is no such module."""
     place = PROJECT / module.replace(".", "/")
     file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
     body = ast.parse(text_of(file)).body
@@ -201,12 +201,12 @@ def test_the_program_for_an_own_camera_runs_from_raw_pictures_to_metres(
 
 @pytest.mark.skipif(not all(map(find_spec, BUILDS)), reason="Sphinx and its extensions are not installed")
 def test_the_pages_are_built_without_a_warning(tmp_path: Path) -> None:
-    # Pages of names are written beside the others: into a copy.
+    # The generated pages are written beside the others, so build a copy.
     shutil.copytree(DOCS, tmp_path / "docs", ignore=shutil.ignore_patterns("_build", "generated"))
     for beside in PROJECT.iterdir():
         if beside.name != "docs" and not beside.name.startswith("."):
             (tmp_path / beside.name).symlink_to(beside)
-    # The modules take as long as all else, and differ from the public names in nothing but their number.
+    # The modules take as long as everything else, and only their number differs from the public names.
     fewer = ["-D", "exclude_patterns=modules.md", "-D", "suppress_warnings=toc.not_readable"]
     command = [sys.executable, "-m", "sphinx", "--quiet", "--fail-on-warning", "--builder", "dummy", *fewer]
     built = subprocess.run([*command, "docs", "built"], cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -14,7 +14,7 @@ from stereolag.ui.pairs import example_pair
 
 
 def disc(rows: int, cols: int, dtype: npt.DTypeLike = np.uint8) -> npt.NDArray[np.generic]:
-    """Return a bright disc on a dark ground, its middle in the middle, its radius a quarter of the rows."""
+    """Return a bright disc centred on a dark ground, with a radius of a quarter of the rows."""
     y, x = np.mgrid[:rows, :cols] + 0.5
     inside = np.hypot(x - cols / 2, y - rows / 2) < rows / 4
     return (np.where(inside, 200, 60) / (255 if np.dtype(dtype).kind == "f" else 1)).astype(dtype)

@@ -1,4 +1,4 @@
-"""Two engines, one answer; and a cost model that takes the cheaper one."""
+"""Two engines with one answer, and a cost model that picks the cheaper one."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ SEARCHES = {
 
 
 def landscape(part: str, dtype: type) -> tuple[Image, Image]:
-    """Return a bright plain sky above a texture, and the same moved by 5 px, with noise."""
+    """Return a bright, plain sky above a texture, and the same scene moved by 5 px, with noise."""
     rng = np.random.default_rng(0)
     left = np.linspace(190, 215, 90)[:, None] + rng.normal(0, 0.7, (90, 120))
     left[54:] = texture(36, 120)
@@ -93,7 +93,7 @@ SCORES, TYPES = ("zncc", "ncc", "cross"), (np.uint8, np.uint16, np.float32)
     [(name, score, TYPES[(row + col) % 3]) for row, name in enumerate(SEARCHES) for col, score in enumerate(SCORES)],
 )
 def test_both_engines_give_the_same_map(part: str, dtype: type, score: str, search: str) -> None:
-    """By ncc 12 % of a photograph with much sky differed: either engine had rules of its own for ties and flatness."""
+    """With ncc, 12 % of a photograph with much sky used to differ: each engine had its own ties and flatness rules."""
     window_size, overlap, area = SEARCHES[search]
     pair = landscape(part, dtype)
     sums, fft = (
@@ -138,7 +138,7 @@ def test_a_search_of_more_lags_than_window_sums_allow_is_the_ffts(monkeypatch: p
 
 def test_matches_of_the_right_windows_are_not_to_be_had_by_fft() -> None:
     image = np.zeros((20, 30), np.uint8)
-    with pytest.raises(ValueError, match="window sums alone"):
+    with pytest.raises(ValueError, match="Only window sums"):
         find_matches(WindowQuery(image, image, 5, 1, LagRange(0, 0, -5, 0), right_matches=True), "fft")
 
 

@@ -1,4 +1,4 @@
-"""What a job tells before it starts is what it takes, and what is too large is refused before anything is allocated."""
+"""Estimates of a job match its real cost, and too large a job is refused before anything is allocated."""
 
 from __future__ import annotations
 
@@ -94,12 +94,12 @@ JOBS |= {
         ("HH4", "StereoSGBM(mode='hh4', block_size=9)", 900, 1200),
     )
 }
-"""What is set up, what is computed before, the job, and its estimate, as ``measured_memory`` runs them."""
+"""Setup, warm-up, job and estimate of each, as run by ``measured_memory``."""
 
 
 @pytest.fixture(scope="module")
 def memory() -> dict[str, tuple[int, int]]:
-    """Return the bytes that each job takes, and those of its estimate."""
+    """Return the bytes that each job takes, and the bytes of its estimate."""
     here = Path(__file__).parent
     answer = subprocess.run(
         [sys.executable, str(here / "measured_memory.py")],

@@ -1,4 +1,4 @@
-"""What a search and a sweep tell before they start."""
+"""Estimates of a search for settings and of a sweep."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def test_a_sweep_is_its_largest_cell_and_all_maps() -> None:
         StereoSGBM(), [tuning_pair], rows=("block_size", (3, 4, 5)), cols=("num_disparities", (64, 256))
     )
     largest = tuning_pair.estimate(StereoSGBM(block_size=5, num_disparities=256))
-    assert told.memory == largest.memory + 4 * 4 * left.size  # a block of 4 px is no setting
+    assert told.memory == largest.memory + 4 * 4 * left.size  # a block of 4 px is not allowed
     assert told.seconds > largest.seconds
 
 

@@ -21,7 +21,7 @@ def test_counts_by_hand() -> None:
     assert figures.epe == pytest.approx((0 + 0.7 + 3 + 4.5 + 4) / 5)
     assert figures.bad == pytest.approx({0.5: 500 / 6, 1.0: 400 / 6, 2.0: 400 / 6, 4.0: 200 / 6})
     assert figures.bad_measured == pytest.approx({0.5: 80, 1.0: 60, 2.0: 60, 4.0: 20})
-    # 104.5 is off by more than 3 px but by less than 5 %; the missing one counts.
+    # 104.5 is off by more than 3 px but less than 5 %; the missing pixel counts as wrong.
     assert figures.d1_all == pytest.approx(200 / 6)
 
 

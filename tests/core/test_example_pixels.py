@@ -1,4 +1,4 @@
-"""Pixels worth looking at, on a scene whose walls, fences and hidden strips lie where the test put them."""
+"""Example pixels, on a scene with walls, fences and hidden strips in known places."""
 
 from __future__ import annotations
 

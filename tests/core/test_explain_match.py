@@ -204,7 +204,7 @@ def test_the_disparity_is_that_of_the_map(settings: dict[str, Any]) -> None:
     left, right = (read_image(side)[160:400] for side in (pair.left, pair.right))
     matcher = CorrelationMatcher(**settings)
     disparity = matcher.compute(left, right).disparity
-    margin = matcher.window_size  # nearer to the frame no window has its cell, and the nearest one is explained
+    margin = matcher.window_size  # nearer the border, pixels are in no cell, and the nearest window is explained
     pixels = np.random.default_rng(5).integers(margin, np.array(disparity.shape) - margin, (40, 2))
     explained = [explain_match(matcher, left, right, *map(int, pixel)).disparity for pixel in pixels]
     expected = disparity[tuple(pixels.T)]

@@ -1,4 +1,4 @@
-"""One ZIP of everything, and the scoreboard in it."""
+"""One ZIP with everything, including the scoreboard."""
 
 from __future__ import annotations
 

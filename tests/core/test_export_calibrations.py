@@ -1,4 +1,4 @@
-"""A calibration that was written out is read back as it was: by OpenCV, by ROS's rules and by ourselves."""
+"""Exported calibrations are read back unchanged by OpenCV, by ROS's rules and by this library."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Point clouds: the PLY read by a reader of its own, flying pixels found where they were put."""
+"""Point clouds: the PLY is read by an independent reader, and flying pixels are found where they were placed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a disparity can be trusted: between 0 and 1, on what was measured, higher where it is right."""
+"""Confidence of a disparity: between 0 and 1, only for measured pixels, and higher where it is right."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exported maps and pictures: read back by this library, by OpenCV and by Pillow."""
+"""Exported maps and pictures, read back by this library, by OpenCV and by Pillow."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_no_answer_is_infinite_in_a_pfm_as_middlebury_has_it():
 
 
 def test_the_trap_is_the_scale_by_whose_size_opencv_divides():
-    """Middlebury's files say 0.00392157 (1/255), others 1/256: OpenCV multiplies these by 256, our reader does not."""
+    """Middlebury's files have 0.00392157 (1/255), others 1/256: OpenCV multiplies the others by 256, we do not."""
     ours = pfm([[10.0, 20.0]])
     theirs = ours.replace(b"-1.0", b"-0.00390625")
     np.testing.assert_array_equal(opencv(theirs), [[2560, 5120]])

@@ -1,4 +1,4 @@
-"""The exported program of OpenCV alone, run in a process of its own, makes the same map bit for bit."""
+"""The exported OpenCV-only program, run in its own process, makes the same map bit for bit."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_the_program_of_opencv_alone_measures_the_same(matcher: BlockMatcher, ki
 
 
 def made_of(image: np.ndarray, kind: str) -> np.ndarray:
-    """Return a grey image of 8 bits as another kind of image."""
+    """Return an 8-bit grey image as another kind of image."""
     colour = np.stack([image, image // 2, 255 - image], axis=-1)
     match kind:
         case "colour":

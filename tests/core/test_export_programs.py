@@ -27,7 +27,7 @@ RECTIFIED = sl.CorrelationMatcher(window_size=11, overlap=0.8, search=sl.SearchA
 
 
 class Smoothing(Settings):
-    """A stage nested in the settings of some later method."""
+    """A nested stage, as in the settings of some future method."""
 
     kind: Literal["smoothing"] = "smoothing"
     strength: float = 0.5
@@ -35,7 +35,7 @@ class Smoothing(Settings):
 
 
 class Stages(Settings):
-    """Settings of every kind of value."""
+    """Settings with every kind of value."""
 
     nothing: None = None
     flag: bool = True
@@ -45,7 +45,7 @@ class Stages(Settings):
 
 
 def saved_by(run: Callable[[Path], str], program: str, folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Run a program in a folder, and return what it saved there."""
+    """Run a program in a folder, and return the maps that it saved there."""
     (folder / "program.py").write_text(program, encoding="utf-8")
     assert "of the pixels have a disparity" in run(folder / "program.py")
     return np.load(folder / "disparity.npy"), sl.read_disparity(folder / "disparity.pfm")

@@ -1,4 +1,4 @@
-"""A lag and a template search as files: each read back, and each program and command run again."""
+"""Exported lag and template searches: files are read back, programs and commands are run again."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ Signal = npt.NDArray[np.float64]
 
 
 def apart(lag: int, size: int = 3000) -> tuple[Signal, Signal]:
-    """Return two recordings, the second of which hears it `lag` samples later."""
+    """Return two recordings, the second of which hears the sound `lag` samples later."""
     noise = np.random.default_rng(0).uniform(-0.5, 0.5, size + abs(lag))
     first, second = noise[max(0, lag) :][:size], noise[max(0, -lag) :][:size]
     return first, second
@@ -55,7 +55,7 @@ def measured(lag: int, search: LagSearch, size: int = 3000) -> sl.SignalLag:
 
 
 def without_time(document: str) -> dict[str, Any]:
-    """Return the figures without the time taken, and without what a command read of its files."""
+    """Return the figures without the elapsed time, and without the details of the files that a command adds."""
     return {name: value for name, value in json.loads(document).items() if name not in ("elapsed_s", "recordings")}
 
 
@@ -85,7 +85,7 @@ def test_votes_stand_in_the_place_of_a_correlation() -> None:
 @pytest.mark.parametrize("most", [1, 100, 10_000])
 def test_a_shorter_curve_is_the_part_around_the_lag(lag: int, most: int) -> None:
     result = measured(lag, LagSearch(method="fft"))
-    result = replace(result, lag=lag)  # hardly anything overlaps at the ends
+    result = replace(result, lag=lag)  # set by hand: hardly anything overlaps at the ends
     lags = [int(line["lag_samples"]) for line in csv.DictReader(io.StringIO(curve_csv(result, 1.0, most)))]
     assert len(lags) == min(most, 5999)
     assert lag in lags
@@ -93,7 +93,7 @@ def test_a_shorter_curve_is_the_part_around_the_lag(lag: int, most: int) -> None
 
 
 def padded(signal_1: Signal, signal_2: Signal, lag: int) -> Signal:
-    """Return both recordings with the lag undone, the plain way."""
+    """Return both recordings with the lag undone, by plain padding."""
     before = max(0, lag), max(0, -lag)
     length = max(before[0] + signal_1.size, before[1] + signal_2.size)
     columns = [
@@ -192,7 +192,7 @@ def test_the_lag_command_says_what_the_file_says(
 
 
 class MarkedSearch(LagSearch):
-    """A search with a setting that is yes or no."""
+    """A search with a boolean setting."""
 
     marked: bool = Field(default=False, title="Marked", description="Whether it is.")
 
@@ -209,7 +209,7 @@ def test_a_setting_that_is_yes_or_no_is_a_flag_the_command_knows(marked: bool) -
 
 @pytest.fixture
 def pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder with an image, a template that lies in it twice, spoilt where its mask is 0."""
+    """Return a folder with an image and a template that occurs in it twice, spoilt where its mask is 0."""
     monkeypatch.chdir(tmp_path)
     image = np.random.default_rng(0).integers(0, 255, (90, 120, 3), dtype=np.uint8)
     image[60:80, 70:100] = image[20:40, 30:60] // 2
@@ -228,7 +228,7 @@ def found(query: TemplateQuery) -> sl.TemplateSearch:
 QUERIES = [
     TemplateQuery(max_matches=3),
     TemplateQuery(method="direct", min_score=0.95, max_matches=2),
-    TemplateQuery(method="sampled"),  # of two places that fit equally well
+    TemplateQuery(method="sampled"),  # two places fit equally well
     TemplateQuery(max_matches=1),  # likewise
     TemplateQuery(max_matches=2, min_scale=0.9, max_rotation=10.0),
 ]

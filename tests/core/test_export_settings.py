@@ -1,4 +1,4 @@
-"""Settings of every method: there and back as JSON, and into OpenCV's own objects."""
+"""Settings of every method: round trips as JSON, and transfer to OpenCV's own objects."""
 
 from __future__ import annotations
 

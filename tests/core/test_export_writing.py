@@ -1,4 +1,4 @@
-"""Files written to disk: read back as they were, and never half written."""
+"""Files written to disk: read back unchanged, and never half written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Speckles taken away, edges kept, gaps filled from behind."""
+"""Speckles removed, edges kept, gaps filled from the background."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Optical flow: known motions recovered, signs, types, what is refused, and another program's answer."""
+"""Optical flow: known motions, signs, types, refusals, and another program's answer."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_recovers_a_known_shift(dtype, dy, dx):
     [({"window_size": 31}, (48, 140), (-12, 60)), ({"levels": 1}, (140, 48), (124, -9))],
 )
 def test_a_search_at_full_size_may_hold_any_number_of_lags(settings, shape, move):
-    """The second move lies in the second strip of lags alone; a long narrow frame keeps their number, at less cost."""
+    """The second move is only in the second strip of lags; a long, narrow frame has as many lags at less cost."""
     first, second = shifted_pair(*shape, *move)
     flow = optical_flow(first, second, **settings)
     margin = flow.settings.window_size // 2
@@ -61,7 +61,7 @@ def test_a_search_at_full_size_may_hold_any_number_of_lags(settings, shape, move
 @pytest.mark.parametrize("most", [51, 80, 200])
 def test_lags_tried_in_strips_answer_as_all_at_once(most, monkeypatch):
     first, second = shifted_pair(60, 70, 2.4, -3.3)
-    second[20:30] = first[20:30]  # and what has not moved
+    second[20:30] = first[20:30]  # a part that has not moved
     first[40:50], second[40:50] = 9, 9
     whole = match_level(first, second, None, 7, 8)
     monkeypatch.setattr("stereolag.motion.candidates.MOST_LAGS", most)
@@ -92,7 +92,7 @@ def test_every_pixel_without_motion_has_a_reason_and_filling_leaves_none():
     np.testing.assert_array_equal(flow.valid, flow.reason == Reason.MEASURED)
     np.testing.assert_array_equal(flow.valid, np.isfinite(flow.dy))
     np.testing.assert_array_equal(flow.valid, np.isfinite(flow.score))
-    # What moved out of the frame on the right.
+    # These pixels moved out of the frame on the right.
     assert not flow.valid[:, -8:].any()
     filled = optical_flow(first, second, search=20, filling=True)
     assert filled.valid.all() and filled.coverage == 1
@@ -130,7 +130,7 @@ def test_a_growing_picture_has_a_growing_flow():
     scale, angle = 1.06, np.deg2rad(2)
     row, col = np.mgrid[:180, :240].astype(np.float32)
     y, x = row - 90, col - 120
-    # The pixel at p of the first frame is at centre + scale * turned(p - centre) of the second one.
+    # The pixel at p in the first frame is at centre + scale * rotated(p - centre) in the second one.
     true_dy = scale * (np.cos(angle) * y + np.sin(angle) * x) - y
     true_dx = scale * (np.cos(angle) * x - np.sin(angle) * y) - x
     back_y, back_x = (np.cos(angle) * y - np.sin(angle) * x) / scale, (np.cos(angle) * x + np.sin(angle) * y) / scale

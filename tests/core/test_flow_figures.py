@@ -1,4 +1,4 @@
-"""Pictures of a flow: the published colours, arrows where there is motion, and a legend that says the same."""
+"""Pictures of a flow: the published colours, arrows where there is motion, and a matching legend."""
 
 from __future__ import annotations
 

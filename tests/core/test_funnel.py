@@ -15,7 +15,7 @@ PLACE = (23, 41)
 
 
 def scene(colours: int = 40, seed: int = 0) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """Return a picture of few colours and a round RGBA sprite drawn into it."""
+    """Return a picture with few colours, and a round RGBA sprite drawn into it."""
     random = np.random.default_rng(seed)
     palette = random.integers(0, 256, (colours, 3), dtype=np.uint8)
     image = palette[random.integers(0, colours, (90, 120))]
@@ -31,7 +31,7 @@ def scene(colours: int = 40, seed: int = 0) -> tuple[npt.NDArray[Any], npt.NDArr
 def by_looking(
     image: npt.NDArray[Any], sprite: npt.NDArray[Any], anchor: Anchor
 ) -> tuple[set[Any], set[Any], set[Any]]:
-    """Return the positions of every stage, found one by one."""
+    """Return the positions left by every stage, each position tried in turn."""
     height, width = sprite.shape[:2]
     places = [(row, col) for row in range(image.shape[0] - height + 1) for col in range(image.shape[1] - width + 1)]
 

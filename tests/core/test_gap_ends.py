@@ -28,7 +28,7 @@ def test_one_noisy_pixel_at_the_end_of_a_gap_makes_no_stripe() -> None:
     noisy = road + np.random.default_rng(0).normal(0, 0.5, road.shape).astype(np.float32)
     noisy[:, 30:70] = np.nan
     filled = filled_from_ends(noisy)[5:-5, 30:70]
-    # The nearer of two ends wins by its noise: the mean of 42 pixels has little, and a slope of its own cancels.
+    # Noise decides which end is used, but the mean of 42 pixels has little, and the slope of the road cancels in it.
     assert np.abs(filled - road[5:-5, 30:70]).max() < 0.35
 
 

@@ -1,4 +1,4 @@
-"""A pair on its way to the browser, unpacked again as it is unpacked there."""
+"""A pair packed for the browser, and unpacked as the browser does it."""
 
 from __future__ import annotations
 

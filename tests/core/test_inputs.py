@@ -1,4 +1,4 @@
-"""Arrays are checked once, where they enter, and refused in one sentence that names the value."""
+"""Arrays are checked once, on entry, and refused in one sentence that names the value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Maps held against a reference: what counts, and how sure a gain is."""
+"""Maps judged against a reference: the pixels that count, and the certainty of a gain."""
 
 from __future__ import annotations
 

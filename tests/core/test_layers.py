@@ -1,4 +1,4 @@
-"""The layers, as ARCHITECTURE.md lists them: imports run down, none leads back, the library knows no screen."""
+"""The layers listed in ARCHITECTURE.md: imports only go down, without cycles, and the library imports no UI."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LAYERS: dict[str, float] = {
     for layer, packages in re.findall(r"^\| (\d+) \| ([^|]+) \|", ARCHITECTURE, re.MULTILINE)
     for package in re.findall(r"`(?:stereolag/)?(\w+)(?:/|\.py)?`", packages)
 }
-"""Of every package, from the table: a package imports from the layers below, and within itself."""
+"""The layer of every package, from the table; a package imports from the layers below and from itself."""
 
 STAGES = ({"estimates", "reasons"}, {"matcher"}, {"finishing"})
 LAYERS |= {
@@ -33,13 +33,13 @@ LAYERS |= {
 }
 METHODS = {"stereo.windows", "stereo.semi_global", "stereo.opencv", "stereo.evaluation", "stereo"}
 LAYERS |= dict.fromkeys(METHODS, LAYERS["stereo"] + 0.3) | {"stereo.methods": LAYERS["stereo"] + 0.4}
-"""Within stereo the stages follow one another; each method, a new one too, knows those below and no other method."""
+"""Within stereo, the stages are stacked; each method, even a new one, imports those below and no other method."""
 
 LAYERS |= {"figures.pictures": 2, "figures.flow": 3, "figures.outlines": 3}
-"""Of the figures some modules stand lower: coloured pictures, flows and outlines, which videos are made of too."""
+"""Some modules of figures are lower: coloured pictures, flows and outlines, which videos use as well."""
 
 ALLOWED_BESIDE = {("export", "stereolag")}
-"""A program that was written out calls the public names: what writes it asks which these are."""
+"""Exported programs call the public names, so the export looks them up."""
 
 SCREENS = {"streamlit": ("ui", "commands"), "plotly": ("figures", "ui")}
 
@@ -60,7 +60,7 @@ def package_of(module: str) -> str:
 
 @cache
 def imports(module: str) -> frozenset[str]:
-    """Return the modules of ours, and the packages of others, that a module imports."""
+    """Return our modules and the third-party packages that a module imports."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -71,7 +71,7 @@ def imports(module: str) -> frozenset[str]:
 
 
 def _ours(name: str) -> str:
-    """Return the module of ours that a name comes from; of another package, its name."""
+    """Return our module that defines a name, or ``other`` and the package for a third-party one."""
     top, _, inner = name.partition(".")
     if top != "stereolag":
         return f"other {top}"

@@ -1,4 +1,4 @@
-"""What whoever runs the app may set in the environment."""
+"""Limits set in the environment by whoever runs the app."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_a_bad_variable_is_named(monkeypatch: pytest.MonkeyPatch, variable: str,
     ("joined", "files", "megabytes"),
     [
         ("0::/\n", {"memory.max": "268435456\n"}, 256),  # a container
-        ("4:cpu:/\n3:memory:/docker/b7\n", {"memory/memory.limit_in_bytes": "268435456\n"}, 256),  # of version 1
+        ("4:cpu:/\n3:memory:/docker/b7\n", {"memory/memory.limit_in_bytes": "268435456\n"}, 256),  # cgroup version 1
         ("0::/system.slice/app.service\n", {"system.slice/app.service/memory.max": "268435456\n"}, 256),
         (
             "0::/system.slice/app.service\n",

@@ -1,4 +1,4 @@
-"""What is packed for the browser, read back byte by byte."""
+"""Pictures packed for the browser, read back byte by byte."""
 
 from __future__ import annotations
 

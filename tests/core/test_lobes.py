@@ -1,4 +1,4 @@
-"""The lobe of a peak, beside a reconstruction by another library and on hills whose shape the test made."""
+"""The lobe of a peak, compared with another library's reconstruction, and on hills of known shape."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""OpenCV's matchers behind our face say what OpenCV itself says."""
+"""OpenCV's matchers behind our interface give the results of OpenCV itself."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_minus_one_really_switches_the_left_right_check_off() -> None:
 
 @pytest.mark.parametrize("dtype", [np.uint16, np.float32])
 def test_one_hot_pixel_leaves_the_other_grey_levels_apart(dtype: type, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The range from the least to the most left StereoBM 14 grey levels of a picture with one bright pixel."""
+    """Scaling from minimum to maximum used to leave StereoBM 14 grey levels in a picture with one bright pixel."""
     left, right = (image.astype(dtype) * 12 for image in shifted_pair(90, 160, 0, -9))
     left[40, 80] = 65535
     seen: list[np.ndarray] = []

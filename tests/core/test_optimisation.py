@@ -1,4 +1,4 @@
-"""Semi-global optimisation, held to its recurrence, and the choice of the cheapest lag."""
+"""Semi-global optimisation, checked against its recurrence, and the choice of the cheapest lag."""
 
 from __future__ import annotations
 

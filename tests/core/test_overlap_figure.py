@@ -1,4 +1,4 @@
-"""The grid of windows around one of them, as a figure."""
+"""The grid of windows around one window, as a figure."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_every_window_is_one_of_the_map_and_the_figure_stays_legible(
     grid = grid_at(row, col, size, overlap)
     every_row, every_col = (set(range(0, side - size + 1, grid.step)) for side in SHAPE)
     cut, half = grid.cut, (size - 1) / 2
-    # Counted one by one, over all windows of the map.
+    # The reference counts all windows of the map one by one.
     counted = [
         sum(first <= start + half < first + length for start in starts)
         for starts, first, length in ((every_row, cut.row, cut.height), (every_col, cut.col, cut.width))
@@ -57,7 +57,7 @@ def test_every_window_is_one_of_the_map_and_the_figure_stays_legible(
     for top, left in near:
         assert cut.row <= top <= cut.row + cut.height - size
         assert cut.col <= left <= cut.col + cut.width - size
-    # Some px on the screen from one to the next, whatever the settings.
+    # Neighbours stay some px apart on the screen, whatever the settings.
     assert grid.every * grid.step >= size / CLOSEST
     assert grid.drawn(grid.rows, grid.middle.row).size <= 4 * CLOSEST
 
@@ -72,7 +72,7 @@ def test_the_figure_has_the_windows_their_centres_and_the_part_of_the_image() ->
     others, own = figure.data
     assert len(others.x) + 1 == grid.values
     assert (own.y[0], own.x[0]) == (grid.middle.row + 9.5, grid.middle.col + 9.5)
-    # Near is down and right on the screen as in the image, and pixels are square.
+    # Rows grow downwards on the screen as in the image, and pixels are square.
     assert figure.layout.yaxis.range[0] > figure.layout.yaxis.range[1]
     assert figure.layout.yaxis.scaleanchor == "x"
     (picture,) = figure.layout.images
@@ -86,5 +86,5 @@ def test_at_the_corner_of_the_image_the_cut_ends_with_it() -> None:
 
 
 def test_a_window_beside_the_grid_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"\(3, 4\) is not of a grid of step 2"):
+    with pytest.raises(ValueError, match=r"\(3, 4\) is not on a grid of step 2"):
         window_grid(SHAPE, Box(3, 4, 20, 20), 2)

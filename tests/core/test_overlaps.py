@@ -1,4 +1,4 @@
-"""The loops behind the curves of two recordings, held to their formulas."""
+"""The loops behind the curves of two recordings, checked against their formulas."""
 
 from __future__ import annotations
 

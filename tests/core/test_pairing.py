@@ -1,4 +1,4 @@
-"""Pictures as they come become a pair of one size, with the calibration that fits it."""
+"""Arbitrary pictures become a pair of one size, with a matching calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sub-pixel fits: the compiled one equals the plain formula, and both find the top of a known hill."""
+"""Sub-pixel fits: the compiled fit equals the plain formula, and both find the top of a known hill."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from stereolag.stereo.windows.window_fft import score_surface
 def test_compiled_equals_plain(seed: int, rows: int, lowest: float) -> None:
     rng = np.random.default_rng(seed)
     around = rng.uniform(lowest, 0.95, (rows, 3, 7, 11)).astype(np.float32)
-    # The series is not made for scores of less than a fiftieth of the peak.
+    # The series is not accurate for positive scores below a fiftieth of the peak.
     around[(around > 0) & (around < 0.02)] = 0.02
     around[rng.random(around.shape) < 0.05] = np.nan
     around[rows // 2, 1] = rng.uniform(0.95, 1, (7, 11))
@@ -55,7 +55,7 @@ def test_negative_scores_are_fitted_by_a_parabola() -> None:
 @pytest.mark.parametrize("vertical", [0, 2])
 @pytest.mark.parametrize("dtype", [np.uint8, np.float32])
 def test_the_surface_of_one_window_is_fitted_as_the_map_is(vertical: int, dtype: type) -> None:
-    """There is one fit: what explains a match and what made the map cannot part."""
+    """The explanation of a match and the map share one fit, so they cannot disagree."""
     left, right = shifted_pair(40, 70, 0.3 * bool(vertical), -5.4, dtype=dtype)
     search = SearchArea.rectified(12, 0, vertical)
     matcher = CorrelationMatcher(window_size=9, search=search)

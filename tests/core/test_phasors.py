@@ -52,7 +52,7 @@ def test_the_chain_reaches_as_far_as_numpy_correlates(seed: int, length_1: int, 
 def test_whitened_it_is_the_phase_transform(seed: int) -> None:
     first, second = (part - part.mean() for part in stretches(seed))
     cross = np.conj(np.fft.rfft(first, SIZE)) * np.fft.rfft(second, SIZE)
-    cross[0] = 0  # without means
+    cross[0] = 0  # the mean
     phat = np.fft.irfft(np.divide(cross, np.abs(cross), where=np.abs(cross) > 0, out=np.zeros_like(cross)), SIZE)
     heights = at_whole_lags(phasors.phasors("two", first, second), whiten=True)
     np.testing.assert_allclose(heights, phat[WHOLE] * SIZE / (SIZE - 1), atol=1e-9)
@@ -89,7 +89,7 @@ def test_the_excerpts_peak_at_their_true_lag(name: str, lag: int, whiten: bool) 
 
 
 def width(found: phasors.Phasors, *, whiten: bool) -> int:
-    """Return at how many places the curve is above half its peak."""
+    """Return the number of places where the curve is above half its peak."""
     _, heights = phasors.correlation(found, whiten=whiten)
     return int((heights > heights.max() / 2).sum())
 
@@ -99,7 +99,7 @@ def test_whitening_makes_the_coast_a_needle_and_lets_the_wind_in() -> None:
     assert width(coast, whiten=False) > 4 * width(coast, whiten=True)
     plain, white = (phasors.correlation(harbour, whiten=whiten)[1].max() for whiten in (False, True))
     assert white < plain - 0.05
-    assert plain < 0.95 * harbour.lengths.sum()  # nowhere quite straight
+    assert plain < 0.95 * harbour.lengths.sum()  # the arrows are nowhere quite in line
 
 
 def test_a_knock_has_all_frequencies_and_a_tone_has_one() -> None:
@@ -112,7 +112,7 @@ def test_a_knock_has_all_frequencies_and_a_tone_has_one() -> None:
 
 def test_noise_lines_up_nowhere() -> None:
     plain, white = (phasors.correlation(phasors.noise(), whiten=whiten)[1].max() for whiten in (False, True))
-    assert (round(plain, 2), round(white, 2)) == (0.18, 0.17)  # what is said beside it
+    assert (round(plain, 2), round(white, 2)) == (0.18, 0.17)  # the values in the text beside it
 
 
 @pytest.mark.parametrize("lag", [-20_000, -300, 0, 7, 25_000])

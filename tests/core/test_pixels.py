@@ -1,4 +1,4 @@
-"""From windows to pixels: every pixel has the answer of its window's cell, or the reason why it has none."""
+"""From windows to pixels: every pixel takes the answer of its window's cell, or a reason for being blank."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The presets and the later stages as the matcher joins them."""
+"""The presets, and the later stages as combined by the matcher."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_what_is_filled_says_so_and_nothing_stays_blank(name: str) -> None:
     assert result.valid.all()
     assert np.array_equal(result.filled, result.reason == Reason.FILLED)
     assert set(np.unique(result.reason)) == {Reason.MEASURED, Reason.FILLED}
-    # The strip left of the box is hidden from the right camera: it continues the wall, not the box.
+    # The strip left of the box is hidden from the right camera, and continues the wall rather than the box.
     hidden = result.disparity[28:52, 64:68]
     assert np.median(hidden) == pytest.approx(4, abs=1)
     assert np.median(result.disparity[28:52, 80:110]) == pytest.approx(12, abs=0.3)

@@ -1,4 +1,4 @@
-"""The picture with its legend: the map untouched, the colours of the strip where the scale says."""
+"""A picture with its legend: the map unchanged, and the colours of the strip at their values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The range that a method searches is the one that its settings were given."""
+"""Every method searches the range given in its settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The doctor on pairs that are not rectified: turned cameras, lenses that distort, one picture twice."""
+"""The input doctor on unrectified pairs: rotated cameras, distorting lenses, the same picture twice."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_images_are_warped_to_where_their_points_go() -> None:
     model = fit_rectification(views, lens=True)
     rows = np.indices(SHAPE)[0].astype(np.float32)
     warped = model.applied(rows, rows)
-    # Rows of the given images, found in the rectified ones at the places where the model puts matched points.
+    # The images contain their own row numbers, which are read where the model puts the matched points.
     for image, points, at in zip(warped, (views.left, views.right), model.places(views), strict=True):
         seen = cv2.remap(image, at.astype(np.float32)[:, None], None, cv2.INTER_LINEAR, borderValue=np.nan).ravel()
         there = np.isfinite(seen)
@@ -120,7 +120,7 @@ def test_bent_rows_are_measured_and_straightened_into_the_corners(name: str, k1:
         assert finding(again, FindingCode.SWAPPED).healthy
 
 
-# Turned cameras
+# Rotated cameras
 
 
 @pytest.mark.parametrize("order", [1, -1], ids=["right", "swapped"])
@@ -141,11 +141,11 @@ def test_turned_cameras_are_turned_back_and_their_sides_told(order: int) -> None
 
 def test_a_rectified_pair_is_not_rectified_from_its_images() -> None:
     left, right, _ = bundled("cube")
-    with pytest.raises(ValueError, match="not much closer than moving, rotating and scaling"):
+    with pytest.raises(ValueError, match="hardly better than moving, rotating and scaling"):
         apply_remedy(left, right, Remedy.RECTIFY)
 
 
-# One picture twice
+# The same picture twice
 
 
 @pytest.mark.parametrize("quality", [None, 70])

@@ -1,4 +1,4 @@
-"""ZIP archives: what goes in comes out; bombs, lies and odd names are refused in a sentence, at little cost."""
+"""ZIP archives: contents survive; bombs, lies and odd names are refused in a sentence, at little cost."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def packed(files: dict[str, bytes], *, method: int = zipfile.ZIP_DEFLATED) -> by
 
 
 def directory_of(data: bytes) -> int:
-    """Return where the directory of an archive begins."""
+    """Return the offset of the directory of an archive."""
     return struct.unpack("<I", data[-6:-2])[0]
 
 
 def changed(data: bytes, place: int, layout: str, value: int) -> bytes:
-    """Return the archive with a number in the first entry of its directory, and beside the file, replaced."""
+    """Return the archive with a number replaced in the first entry of its directory."""
     found = bytearray(data)
     struct.pack_into(layout, found, directory_of(data) + place, value)
     return bytes(found)
@@ -46,12 +46,12 @@ def many(count: int) -> bytes:
 
 
 def liar(stated: int) -> bytes:
-    """Return an archive of 16 MB that states another size."""
+    """Return an archive of a 16 MB file that states another size."""
     return changed(packed({"left.png": bytes(16 * MB)}), 24, "<I", stated)
 
 
 def overlapping() -> bytes:
-    """Return an archive whose entries all lead to one and the same file of 16 MB (D. Fifield, 2019)."""
+    """Return an archive whose entries all refer to the same 16 MB file (D. Fifield, 2019)."""
     data = packed({"a": bytes(16 * MB)})
     begin = directory_of(data)
     entry = data[begin:-22]
@@ -78,11 +78,11 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
         "more than 4 GB",
     ),
     "encrypted": (encrypted, "is encrypted"),
-    "LZMA": (lambda: packed({"a.png": b"1"}, method=zipfile.ZIP_LZMA), "another method than “deflate”"),
-    "bzip2": (lambda: packed({"a.png": b"1"}, method=zipfile.ZIP_BZIP2), "another method than “deflate”"),
-    "a name that leads up": (lambda: packed({"../../etc/passwd": b"1"}), "leads out of it"),
-    "a name from the root": (lambda: packed({"/etc/passwd": b"1"}), "leads out of it"),
-    "a name with a drive": (lambda: packed({"C:\\windows\\left.png": b"1"}), "leads out of it"),
+    "LZMA": (lambda: packed({"a.png": b"1"}, method=zipfile.ZIP_LZMA), "a method other than “deflate”"),
+    "bzip2": (lambda: packed({"a.png": b"1"}, method=zipfile.ZIP_BZIP2), "a method other than “deflate”"),
+    "a name that leads up": (lambda: packed({"../../etc/passwd": b"1"}), "points outside it"),
+    "a name from the root": (lambda: packed({"/etc/passwd": b"1"}), "points outside it"),
+    "a name with a drive": (lambda: packed({"C:\\windows\\left.png": b"1"}), "points outside it"),
     "a name of 1,000 letters": (lambda: packed({"a" * 1000: b"1"}), "too long a name"),
     "folders in folders": (lambda: packed({"a/" * 50 + "b": b"1"}), "too long a name"),
     "folders alone": (lambda: packed({"a/": b"", "__MACOSX/a": b"", ".hidden": b""}), "holds no files"),

@@ -1,4 +1,4 @@
-"""Calibrations as Middlebury, KITTI, OpenCV, ROS and this project write them."""
+"""Calibrations as written by Middlebury, KITTI, OpenCV, ROS and this project."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One camera in every notation: whatever the file, the same calibration is read."""
+"""One camera in every format: the same calibration is read from every file."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_both_cameras(name):
     is_this_camera(calibration)
     assert calibration.rig.rectification is None
     assert (calibration.width, calibration.height) == SIZE
-    # The fifth coefficient is 0 here, so that Kalibr's four are the whole lens.
+    # The fifth coefficient is 0 here, so Kalibr's four describe the whole lens.
     is_rectified_as_here(calibration)
 
 
@@ -105,7 +105,7 @@ def test_a_document_after_the_first_is_not_read():
         ([files.npz(**(BOTH_CAMERAS | {"R1": R1, "R2": R2, "P1": P1, "P2": P2 + np.eye(3, 4) * 9}))], "second row"),
         ([b"!!python/object/apply:os.system ['true']"], "no known format"),
         ([files.opencv(".xml", M1=M1)[:150]], "XML: it is broken or cut short at line"),
-        ([np.arange(3).tobytes() + b"\xff"], "not a text file .* no .npz"),
+        ([np.arange(3).tobytes() + b"\xff"], "not a text file .* or an .npz"),
     ],
 )  # fmt: skip
 def test_what_is_missing_is_said_and_what_was_found(sources, message):

@@ -1,4 +1,4 @@
-"""Disparity maps: what is written comes back, unknown is NaN, and real ground truths are read as their makers meant."""
+"""Disparity maps: round trips, NaN where unknown, and real ground truths read as their makers intended."""
 
 from __future__ import annotations
 

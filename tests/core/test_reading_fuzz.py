@@ -1,4 +1,4 @@
-"""Whatever the bytes, a reader answers with its result or with a ValueError of one line, and lets no warning out."""
+"""Whatever the bytes, a reader returns its result or raises a ValueError of one line, without a warning."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ VALID = valid_files()
 
 @st.composite
 def mutated(draw: st.DrawFn, originals: list[bytes]) -> bytes:
-    """Draw a valid file with some bytes changed, cut out, put in or cut off."""
+    """Draw a valid file with some bytes replaced, removed, inserted or cut off."""
     data = bytearray(draw(st.sampled_from(originals)))
     for _ in range(draw(st.integers(1, 6))):
         place = draw(st.integers(0, len(data)))

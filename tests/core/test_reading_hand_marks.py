@@ -1,4 +1,4 @@
-"""What comes back from the browser is not believed: a box must lie in its image, a mask must fit its template."""
+"""Input from the browser is not trusted: a box must be inside its image, a mask must fit its template."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_a_mask_comes_back_as_it_was(height: int, width: int, seed: int) -> None
     ],
 )
 def test_another_text_is_refused(value: Any) -> None:
-    with pytest.raises(ValueError, match="not one of 16 × 10 pixels"):
+    with pytest.raises(ValueError, match="does not have 16 × 10 pixels"):
         read_packed_mask(value, (10, 16))  # 20 bytes, 28 characters
 
 

@@ -24,10 +24,10 @@ from stereolag.reading import images, read_image, read_signal
 MOST_SECONDS = 5
 MOST_MB = 500
 SMALL_MB = 40
-"""What a bomb of a few kilobytes may take."""
+"""Memory that a bomb of a few kilobytes may take."""
 
 A_SERVER = {"STEREOLAG_MAX_MEGASAMPLES": "30"}
-"""What the pages accept; a script on its owner's machine may read more."""
+"""The limit of the pages; a script on its owner's machine may read more."""
 
 FILES = hostile_files()
 LONG = re.compile("49 megapixels|40 megapixels|MB|million|[0-9],000|minutes|text, |in a row|overlapping|a short line")
@@ -123,7 +123,7 @@ def test_there_are_a_hundred_of_them() -> None:
 
 
 def test_no_reader_waits_for_another(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A slow decoder holds nothing that another needs, and the warning filters are nobody's business."""
+    """A slow decoder holds no lock that another reader needs, and readers leave the warning filters alone."""
     entered, released = threading.Event(), threading.Event()
     decode, slow = images.PillowImage.open, png(9, 9)
 

@@ -1,4 +1,4 @@
-"""Pictures: every kind that is accepted comes out right, every bad one as one clear sentence."""
+"""Pictures: every accepted kind is read correctly, and every bad one is refused in one clear sentence."""
 
 from __future__ import annotations
 

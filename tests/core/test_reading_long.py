@@ -1,4 +1,4 @@
-"""Long recordings: streamed from their file, held with the digits that sound has, refused where memory ends."""
+"""Long recordings: streamed from their file, kept as float32, and refused beyond the memory limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A few damaged lines of a text are mended and counted; more are refused, with the line."""
+"""A few damaged lines of a text are mended and counted; more are refused, and the line is named."""
 
 from __future__ import annotations
 

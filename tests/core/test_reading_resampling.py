@@ -1,4 +1,4 @@
-"""Recordings of different rates brought to one: nothing is delayed, and it is told."""
+"""Recordings of different rates resampled to one: nothing is delayed, and the original rate is noted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stereolag.signals import signal_lag
 
 
 def sound(rate: float, seconds: float, later: float = 0.0) -> np.ndarray:
-    """The same tones, all below 3 kHz and of no common period, at any rate."""
+    """Return the same tones, all below 3 kHz and without a common period, at any rate."""
     random = np.random.default_rng(0)
     time = np.arange(round(rate * seconds)) / rate - later
     tones = zip(random.uniform(100, 3000, 60), random.uniform(0, 6, 60), strict=True)
@@ -61,7 +61,7 @@ def test_rates_that_contradict_each_other_are_refused() -> None:
     for pair in ((first, second), (first, second.channels[0]), (first.channels[0], second)):
         with pytest.raises(ValueError, match=r"sampling_rate is 44,100 Hz and signal_[12] has 8,000 Hz.*samples alone"):
             signal_lag(*pair, sampling_rate=44_100.0)
-    # What the file states may be wrong: the samples alone are taken at the rate that is given.
+    # The rate in the file may be wrong: samples alone are taken at the given rate.
     assert signal_lag(first.channels[0], second.channels[0], sampling_rate=1000).time_s == 0.8
 
 

@@ -1,4 +1,4 @@
-"""A session is read as it was written, and what is odd in it is left out or refused."""
+"""A session is read as it was written, and its odd entries are left out or refused."""
 
 from __future__ import annotations
 

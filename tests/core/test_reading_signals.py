@@ -1,4 +1,4 @@
-"""Recordings: audio, columns of numbers, arrays; and what is wrong with bad ones, line by line."""
+"""Recordings: audio, columns of numbers and arrays, and the faults of bad ones, line by line."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def test_an_array_that_would_run_code_is_refused():
 
 def test_a_header_that_promises_too_much_is_refused_before_decoding():
     huge = bytearray(sound(np.zeros(100), "FLAC"))
-    huge[21] |= 0x0F  # the upper bits of the 36-bit count of samples in STREAMINFO
+    huge[21] |= 0x0F  # the upper bits of the 36-bit sample count in STREAMINFO
     with pytest.raises(ValueError, match=f"at most {limits().max_samples:,} in all are accepted"):
         read_signal(huge)
     big = io.BytesIO()
@@ -219,7 +219,7 @@ def test_a_column_of_times_is_told_from_signals(times: np.ndarray, clock: int | 
     lines = (f"{time},{value:.6f}" for time, value in zip(times, STEREO[:400, 0], strict=True))
     recording = read_signal("\n".join(lines).encode())
     assert recording.clock == clock
-    assert read_signal("\n".join(map(str, times)).encode()).clock is None  # alone it is what was recorded
+    assert read_signal("\n".join(map(str, times)).encode()).clock is None  # alone, it is the recording
 
 
 @pytest.mark.parametrize("number", [0, 3, -1])

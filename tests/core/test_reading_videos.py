@@ -1,4 +1,4 @@
-"""Frames of videos by their numbers: exactly these, and from hostile files none."""
+"""Frames of videos by number: exactly those asked for, and none from hostile files."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_what_is_no_video_is_refused_in_a_sentence(data: bytes, sentence: str) -
 
 def test_a_video_cut_short_is_refused_or_keeps_its_first_frames(mp4: bytes) -> None:
     with pytest.raises(ValueError, match="damaged or cut short"):
-        VideoFile(mp4[: len(mp4) // 2])  # its index stands at the end
+        VideoFile(mp4[: len(mp4) // 2])  # its index is at the end
     matroska = video(numbered(COUNT), kind="matroska")
     file = VideoFile(matroska[: len(matroska) // 2])
     assert 0 < len(file) < COUNT

@@ -1,5 +1,4 @@
-"""The README: its programs and commands run and give what the app shows, its figures are those measured, its pictures
-and links are there."""
+"""The README: programs and commands run and agree with the app, figures are measured, pictures and links exist."""
 
 from __future__ import annotations
 
@@ -31,7 +30,7 @@ def programs() -> list[str]:
 
 
 def commands(page: str) -> list[str]:
-    """Return the commands that a page shows, as it shows them."""
+    """Return the commands shown on a page, verbatim."""
     text = (PROJECT / page).read_text(encoding="utf-8")
     (block,) = re.findall(r"```\n(stereolag (?!app).*?)```", text, re.DOTALL)
     return block.splitlines()
@@ -42,7 +41,7 @@ def section(title: str) -> str:
 
 
 def anchors(file: Path) -> set[str]:
-    """Return what links may name in a Markdown file, as GitHub makes it of the headings."""
+    """Return the anchors of a Markdown file, as GitHub derives them from the headings."""
     titles = re.findall(r"^#+ (.+)$", file.read_text(encoding="utf-8"), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
@@ -56,7 +55,7 @@ FRAMES = 4
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Go to a folder with the examples, of whose drive there are a few frames, and return it."""
+    """Change to a folder with the examples, including a few frames of the drive, and return it."""
     for example in (PROJECT / "assets").iterdir():
         if example.name != "drive":
             (tmp_path / "assets").mkdir(exist_ok=True)
@@ -85,7 +84,7 @@ def test_the_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_drive_is_computed(folder: Path) -> None:
-    exec(programs()[1], {"sl": sl})  # it goes on from the program before
+    exec(programs()[1], {"sl": sl})  # it continues the program before it
     assert (folder / "drive.mp4").is_file()
     assert len([*(folder / "maps").rglob("*.png")]) == FRAMES
 

@@ -1,4 +1,4 @@
-"""A rig with distortion and turned cameras sees marks on a slanted board: rows and depths must come out right."""
+"""A rig with distortion and rotated cameras sees marks on a slanted board: rows and depths must be right."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ def rig() -> StereoRig:
 
 
 def unrectified(rig: StereoRig) -> Calibration:
-    """A calibration as it is read from a file with both cameras."""
+    """Return a calibration as read from a file with both cameras."""
     return replace(rectified_calibration(rig, (WIDTH, HEIGHT)), rig=rig)
 
 
 def board_depth(x, y):
-    """The board in the frame of the left camera: z as a function of x and y."""
+    """Return z of the board at x and y, in the frame of the left camera."""
     return 1.6 + 0.15 * x - 0.1 * y
 
 
 def photograph(matrix, distortion, rotation, translation) -> np.ndarray:
-    """Trace a ray of each pixel to the board z = 1.6 + 0.15 x - 0.1 y and paint Gaussian marks on it."""
+    """Return an image of the board z = 1.6 + 0.15 x - 0.1 y with Gaussian marks, one ray per pixel."""
     cols, rows = np.meshgrid(np.arange(WIDTH, dtype=float), np.arange(HEIGHT, dtype=float))
     pixels = np.stack([cols.ravel(), rows.ravel()], axis=-1)[:, None]
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-10)
@@ -67,7 +67,7 @@ def pair(rig):
 
 
 def centroids(image: np.ndarray, expected: np.ndarray, reach: int = 11) -> np.ndarray:
-    """Return the centres of mass (col, row) of the marks near where they are expected."""
+    """Return the centres of mass (col, row) of the marks near their expected positions."""
     found = []
     for col, row in np.rint(expected).astype(int):
         patch = image[row - reach : row + reach + 1, col - reach : col + reach + 1].astype(float)
@@ -143,7 +143,7 @@ def test_the_result_has_names_and_is_rectified_no_further(rig, pair):
 
 
 def by_hand(rig: StereoRig, images, alpha: float, zero_disparity: bool = True):
-    """Rectify with OpenCV alone; return both images and what `stereoRectify` gave."""
+    """Rectify with OpenCV alone; return both images and the result of `stereoRectify`."""
     cameras = (rig.left_matrix, rig.left_distortion), (rig.right_matrix, rig.right_distortion)
     flags = cv2.CALIB_ZERO_DISPARITY if zero_disparity else 0
     made = cv2.stereoRectify(

@@ -1,4 +1,4 @@
-"""Flow from rigid motions, held against OpenCV's projection of the same points."""
+"""Flow from rigid motions, compared with OpenCV's projection of the same points."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_points_land_where_opencv_projects_them(seed: int) -> None:
 
 
 def test_driving_ahead_spreads_the_picture_and_raises_disparities() -> None:
-    """10 m ahead, at 9 m after a metre: everything grows by 10/9 about the principal point."""
+    """From 10 m away to 9 m after one metre: everything grows by 10/9 about the principal point."""
     disparity = np.full(SHAPE, 400.0 * 0.3 / 10)
     found = rigid_motion(disparity, np.zeros(SHAPE, np.uint8), turn_and_move((0, 0, 0), (0, 0, -1))[None], CALIBRATION)
     assert found.dx[0, 39] == pytest.approx((39 - 21.0) / 9, abs=1e-4)

@@ -1,4 +1,4 @@
-"""The rows tell whether a pair that comes with its full calibration was rectified already."""
+"""The rows show whether a pair with a full calibration has already been rectified."""
 
 from __future__ import annotations
 

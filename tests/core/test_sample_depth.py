@@ -1,4 +1,4 @@
-"""The matchers on the bundled pairs: right enough that a page made of them teaches something true."""
+"""The matchers on the bundled pairs: accurate enough for the pages that teach with them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bundled drive: disparity and motion are held against the pictures, by means the renderer knows nothing of."""
+"""The bundled drive: disparity and motion, checked against the pictures independently of the renderer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stereolag.geometry.rigid_motion import RigidMotion, rigid_motion
 
 FOLDER = samples.ASSETS / "drive" / "motorway"
 FRAMES, SIZE = 60, (400, 881)
-LOOKED_AT = (0, 21, 36, 50, 58)  # not where the sun comes out from behind the bridge: its glare is new
+LOOKED_AT = (0, 21, 36, 50, 58)  # not where the sun appears from behind the bridge, with new glare
 MAX_BYTES = 25_000_000
 
 
@@ -112,7 +112,7 @@ def test_next_frame_moved_by_the_flow_is_this_frame(number: int, moving: bool) -
 
 @pytest.mark.parametrize("number", LOOKED_AT)
 def test_disparity_of_the_next_frame_follows(number: int) -> None:
-    """Off the edges, where a pixel of the next frame shows another body than the point that moved there."""
+    """Except at edges, where a pixel of the next frame may show another body than the point that moved there."""
     here, there, flow = frame(number), frame(number + 1), motion(number)
     there_disparity = moved(there.disparity, flow.dx, flow.dy, cv2.INTER_LINEAR)
     rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
@@ -123,7 +123,7 @@ def test_disparity_of_the_next_frame_follows(number: int) -> None:
 
 
 def seen_again(number: int) -> np.ndarray:
-    """Which pixels the next frame shows too: same body, and as near as it must be there."""
+    """Return which pixels the next frame shows too: same body, and at the expected disparity."""
     here, there, flow = frame(number), frame(number + 1), motion(number)
     rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
     inside = (np.abs(columns + flow.dx - 440) < 438) & (np.abs(rows + flow.dy - 199.5) < 197)
@@ -134,13 +134,13 @@ def seen_again(number: int) -> np.ndarray:
 
 
 def moved(image: np.ndarray, dx: np.ndarray, dy: np.ndarray, method: int = cv2.INTER_LINEAR) -> np.ndarray:
-    """What `image` shows at ``(row + dy, column + dx)``."""
+    """Return the values of `image` at ``(row + dy, column + dx)``."""
     rows, columns = np.mgrid[: image.shape[0], : image.shape[1]].astype(np.float32)
     return cv2.remap(image, columns + dx, rows + dy, method, borderMode=cv2.BORDER_REPLICATE)
 
 
 def assert_fits(first: np.ndarray, second: np.ndarray, dx: np.ndarray, dy: np.ndarray, chosen: np.ndarray) -> None:
-    """`second` moved by the truth looks like `first`, worse when moved on, and best without a bias."""
+    """Check that `second` moved by the truth looks like `first`, worse when moved on, and best without a bias."""
 
     def disagreement(across: float, down: float = 0.0) -> float:
         taken = moved(second, dx + np.float32(across), dy + np.float32(down))

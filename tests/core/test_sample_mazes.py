@@ -1,4 +1,4 @@
-"""The bundled mazes are what they claim to be; the oracle is OpenCV's masked template matching."""
+"""The bundled mazes match their description; the oracle is OpenCV's masked template matching."""
 
 from functools import cache
 
@@ -20,12 +20,12 @@ def load(name):
 
 
 def packed(pixels):
-    """One number a colour."""
+    """Return one number per colour."""
     return pixels[..., :3].astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
 
 
 def behind_the_template(name):
-    """The part of the picture where Rocketman stands, and which pixels of it are his."""
+    """Return the part of the picture where Rocketman stands, the template, and which pixels are his."""
     (picture, template), example = load(name), EXAMPLES[name]
     height, width = template.shape[:2]
     window = picture[example.row : example.row + height, example.col : example.col + width]
@@ -34,7 +34,7 @@ def behind_the_template(name):
 
 @cache
 def score_map(name):
-    """Masked ZNCC on grey, NaN where a window is flat."""
+    """Return masked ZNCC on grey, -1 where a window is flat."""
     picture, template = load(name)
     grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
     wanted = cv2.cvtColor(np.ascontiguousarray(template[..., :3]), cv2.COLOR_RGB2GRAY).astype(np.float32)
@@ -97,7 +97,7 @@ def test_he_is_dulled_and_grainy_in_the_second_maze():
 
 
 def test_a_part_of_him_is_covered_in_the_second_maze():
-    """Where he shows, his brightness follows the template; a cover breaks the fit by far more than the grain."""
+    """Where visible, his brightness follows the template; a cover deviates from the fit by far more than the grain."""
     window, template, his = behind_the_template("maze_dulled")
     seen, wanted = (cv2.blur(pixels.mean(axis=-1), (3, 3))[his] for pixels in (window, template))
     slope, offset = np.polyfit(wanted, seen, 1)

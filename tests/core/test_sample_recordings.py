@@ -1,4 +1,4 @@
-"""The bundled recordings are what they claim to be; the oracle is SciPy, none of our own correlations."""
+"""The bundled recordings match their description; the oracle is SciPy, none of our own correlations."""
 
 from functools import cache
 
@@ -21,7 +21,7 @@ def load(name):
 
 
 def common_part(name):
-    """Both recordings over the moments that both heard, mean-free."""
+    """Return the overlap of both recordings in time, mean-free."""
     (signal_1, signal_2), lag = load(name), EXAMPLES[name].lag
     first = signal_1[max(-lag, 0) : SAMPLES - max(lag, 0)]
     second = signal_2[max(lag, 0) : SAMPLES - max(-lag, 0)]
@@ -35,7 +35,7 @@ def linear_correlation(name):
 
 
 def circular_lag(signal_1, signal_2):
-    """The naive method: no zero padding, so the ends of the recordings meet."""
+    """Return the lag by the naive method: without zero padding, so that the ends of the recordings meet."""
     spectrum = fft.rfft(signal_2 - signal_2.mean()) * fft.rfft(signal_1 - signal_1.mean()).conj()
     lag = int(np.argmax(fft.irfft(spectrum, SAMPLES)))
     return lag if lag <= SAMPLES // 2 else lag - SAMPLES

@@ -1,4 +1,4 @@
-"""The bundled stereo pairs: their truth is held against their pictures, by means the renderer knows nothing of."""
+"""The bundled stereo pairs: ground truth, checked against the pictures independently of the renderer."""
 
 from __future__ import annotations
 

@@ -43,6 +43,6 @@ def test_absent_examples_are_named(examples, monkeypatch, tmp_path):
 
 
 def test_all_examples_fit_the_budget():
-    """The drive has a budget of its own beside that of all the others."""
+    """The drive has its own budget, in addition to the one for all the others."""
     sizes = [path.stat().st_size for path in samples.ASSETS.rglob("*") if path.is_file()]
     assert sum(sizes) < 25e6 + 25e6

@@ -57,7 +57,7 @@ def test_settings_shrink_alike() -> None:
 
 
 class Smoothed(Settings):
-    """A length that has an effect only beside another setting."""
+    """Settings with a length that has an effect only together with another setting."""
 
     smoothed: bool = Field(default=False, title="Smoothed", description="Whether it is.")
     radius: Annotated[int, Pixels(), Applies(lambda settings: settings.smoothed, "needs smoothed")] = Field(
@@ -103,7 +103,7 @@ def test_8_bits_beside_16_become_one_range(bits: int, deep_is_left: bool) -> Non
     deep = np.rint(shallow / 255 * (2**bits - 1)).astype(np.uint16)
     found = as_deep(deep, shallow) if deep_is_left else as_deep(shallow, deep)
     assert [image.dtype for image in found] == [np.uint16, np.uint16]
-    # Of a camera of so many bits, one level is what two of its numbers differ by.
+    # One grey level of a camera with this many bits is the tolerance.
     assert np.abs(found[0].astype(float) - found[1]).max() <= 65535 / (2**bits - 1)
 
 

@@ -1,4 +1,4 @@
-"""Scene flow on scenes cast ray by ray: our own motion, what moves, and how fast, known exactly."""
+"""Scene flow on ray-cast scenes, where the own motion and the moving things and speeds are known exactly."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CAR = (-0.5, 2.0, 14.0)
 
 @dataclass(frozen=True)
 class Scene:
-    """Two disparities and the flow between them, NaN where the second frame hides the pixel; where the car is."""
+    """Two disparity maps, the flow between them, NaN where the second frame hides the pixel, and the car's mask."""
 
     first: np.ndarray
     second: np.ndarray
@@ -34,7 +34,7 @@ class Scene:
 
 
 def cast(rotation, position, car):
-    """Return depth and which surface each pixel of a camera sees: 0 ground or wall, 1 post, 2 car."""
+    """Return the depth and the surface of each pixel of a camera: 0 ground or wall, 1 post, 2 car."""
     row, col = np.indices(SHAPE)
     ray = np.stack([(col - 119.5) / 300, (row - 74.5) / 300, np.ones(SHAPE)], axis=-1) @ rotation.T
     depth, kind = np.full(SHAPE, np.inf), np.zeros(SHAPE, int)
@@ -113,7 +113,7 @@ def test_a_standing_camera_stands_and_sees_who_comes():
 
 
 def test_only_the_depth_tells_of_a_thing_that_recedes_without_growing_smaller():
-    # What stands at the centre of a looming flow: the flow hardly moves, the disparity does.
+    # At the centre of a looming flow, the flow hardly changes, but the disparity does.
     known = scene(turn=0, travelled=(0, 0, 0), car_moves=(0, 0, 4.0))
     still = tuple(np.zeros_like(part) for part in known.flow)
     test = MovingTest(disparity_error=0.1)

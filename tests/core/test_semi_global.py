@@ -1,4 +1,4 @@
-"""Matching by cost volume and semi-global optimisation, on pairs whose shift is known."""
+"""Matching by cost volume and semi-global optimisation, on pairs with a known shift."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def texture(height: int, width: int, seed: int = 0) -> npt.NDArray[np.float64]:
 
 
 def moved(image: npt.NDArray[np.float64], disparity: float) -> Picture:
-    """Return the image moved left by any part of a pixel, as 8-bit levels."""
+    """Return the image moved left by any fraction of a pixel, as 8-bit levels."""
     turn = np.exp(2j * np.pi * np.fft.fftfreq(image.shape[1]) * disparity)
     return np.clip(np.rint(np.fft.ifft(np.fft.fft(image, axis=1) * turn, axis=1).real), 0, 255).astype(np.uint8)
 
 
 class Matched(NamedTuple):
-    """What is found of every pixel, as disparities: the whole one, with its fraction, and that of the right view."""
+    """Disparities of every pixel: rounded to whole px, with the fraction, and from the right view."""
 
     whole: npt.NDArray[np.int64]
     disparity: npt.NDArray[np.float64]
@@ -134,7 +134,7 @@ WEIGHTS = [(100, 100, 40), (100, 0, 0), (0, 100, 0), (0, 0, 50), (3, 0, 0)]
 
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_the_score_lies_between_none_and_all_of_the_weights_in_use(weights: tuple[int, int, int]) -> None:
-    """It reached -0.23, and was 1 where nothing weighed: it was counted in weights that were not those in use."""
+    """It used to reach -0.23, and 1 without any weight, because it was computed from weights that were not in use."""
     cost = MatchingCost(**dict(zip(("correlation", "census", "gradient"), weights, strict=True)))
     matcher = SemiGlobalMatcher(num_disparities=16, window_size=5, cost=cost)
     noise = np.random.default_rng(0).integers(0, 256, (2, 40, 70), dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""The same job on a Dask cluster: the same maps to the bit, and nothing lost with a worker."""
+"""The same job on a Dask cluster: bit-identical maps, and nothing lost with a worker."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ACCURATE = preset("accurate", num_disparities=16)
 
 @pytest.fixture(scope="module", autouse=True)
 def bare_main() -> Iterator[None]:
-    """Let new processes find no program to run again: tests of pages leave the app there."""
+    """Keep new processes from running the main program again: tests of pages leave the app there."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sys.modules, "__main__", ModuleType("__main__"))
         yield
@@ -35,7 +35,7 @@ def bare_main() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def cluster(bare_main: None) -> Iterator[Any]:
-    """Start a scheduler and two workers, each a process of its own."""
+    """Start a scheduler and two workers, each in its own process."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with distributed.LocalCluster(
@@ -65,7 +65,7 @@ def flickers(out: Path) -> list[str]:
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path, Path], tmp_path: Path) -> None:
-    """With frames that wait for others, kept on the workers meanwhile."""
+    """Some frames wait for others, and are kept on the workers meanwhile."""
     steadiness = Steadiness()
     killed: list[int] = []
 
@@ -75,7 +75,7 @@ def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path,
     def kill(state: SequenceState) -> None:
         if state.done < 2 or killed:
             return
-        # What a worker holds is lost with it, as is what it is at.
+        # A worker takes its results and its running tasks with it.
         busy = {
             address: len(worker.processing) + len(worker.has_what)
             for address, worker in cluster.scheduler.workers.items()
@@ -84,7 +84,7 @@ def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path,
         assert busy[victim] > 0
         nanny = next(one for one in cluster.workers.values() if one.worker_address == victim)
         killed.append(nanny.pid)
-        nanny.instantiate = stay_away  # the other worker finishes alone: no third one starts for the last frames
+        nanny.instantiate = stay_away  # no replacement: the other worker finishes alone
         os.kill(killed[0], signal.SIGKILL)
 
     picture = folders[1] / "007.png"
@@ -131,7 +131,7 @@ def test_a_run_goes_on_here_where_a_cluster_left_it(cluster: Any, folders: tuple
 def test_ctrl_c_in_a_terminal_leaves_local_workers_to_the_command(
     folders: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(runners, "available_cores", lambda: 1)  # one worker tells what two would
+    monkeypatch.setattr(runners, "available_cores", lambda: 1)  # one worker is enough to show it
     others = {process.pid for process in multiprocessing.active_children()}
     told = set[int]()
 

@@ -1,4 +1,4 @@
-"""What is told of each frame: flicker, the nearest obstacle, errors, and the table of them."""
+"""The figures of each frame: flicker, nearest obstacle and errors, and their table."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CALIBRATION = Calibration(focal_px=700.0, baseline_m=0.5)
 
 
 def road(rows: int = 200, cols: int = 300, *, horizon: float = 80.0, slope: float = 0.35) -> FloatMap:
-    """Return the disparity of a level ground, of a far wall above the horizon, with noise and holes."""
+    """Return the disparity of level ground and a far wall above the horizon, with noise and holes."""
     random = np.random.default_rng(0)
     ground = np.maximum(slope * (np.arange(rows) - horizon), 0.5)
     disparity = np.repeat(ground[:, None], cols, axis=1) + random.normal(0, 0.2, (rows, cols))
@@ -68,7 +68,7 @@ def test_the_ground_is_found_and_is_no_obstacle() -> None:
     ground = ground_of(road())
     assert ground is not None
     assert ground.slope == pytest.approx(0.35, abs=0.01) and ground.horizon == pytest.approx(80, abs=2)
-    # Nothing but the far wall stands on it.
+    # Only the far wall stands on it.
     assert nearest_obstacle(road()) < 3
 
 

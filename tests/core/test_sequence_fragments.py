@@ -1,4 +1,4 @@
-"""A video in pieces is the same as one in a file, and can be watched before it is complete."""
+"""A video in pieces equals one in a single file, and can be watched before it is complete."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_every_piece_adds_a_second_that_can_be_shown() -> None:
     for number, picture in enumerate(ramp(13)):
         video.write(picture)
         assert video.collected == number // RATE * RATE
-    assert len(video.pieces) == 3  # what decoders begin with, and two whole seconds
+    assert len(video.pieces) == 3  # the header for decoders, and two whole seconds
     assert len(levels(b"".join(video.pieces))) == 2 * RATE
     video.close()
     assert video.collected == 13

@@ -1,4 +1,4 @@
-"""What a sequence tells of motion, on a small drive whose speeds are known."""
+"""Motion in a sequence, on a small drive with known speeds."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_own_speed_and_that_of_the_car_are_told(drive: StereoSequence) -> None:
         true = car_mask(number)
         assert (found.scene.moving & true).sum() / (found.scene.moving | true).sum() > 0.7
         assert found.things() == f"{car.distance_m:.1f} m {car.speed_kmh:.0f} km/h"
-        # What lies to the right of the middle comes from the left of where it is now.
+        # Driving ahead moves the right half to the right and the left half to the left.
         assert np.nanmedian(found.dx[:60, COLS - 60 :]) > 0 > np.nanmedian(found.dx[:60, :60])
 
 
@@ -76,7 +76,7 @@ def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:
     assert [one.shape for one in shown] == [(ROWS, 3 * COLS, 3)] * COUNT
     assert np.abs(shown[0][:, 2 * COLS :].astype(int) - NO_ANSWER[0]).max() < 12, "the first frame has none before it"
     assert np.ptp(shown[2][:, 2 * COLS :].astype(int), axis=2).max() > 60
-    # Going on draws the same: colours are locked.
+    # A resumed run draws the same, because the colours are locked.
     largest = watch.largest
     again = io.BytesIO()
     run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, video=again, motion=watch)

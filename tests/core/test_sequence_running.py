@@ -1,4 +1,4 @@
-"""The job over all frames: written once, resumed, called off, flat in memory; and its video."""
+"""The job over all frames: written once, resumed, cancelled, with constant memory; and its video."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ matched: list[int] = []
 
 
 class Counting(StereoBM):
-    """Notes every frame it matches, and takes its time."""
+    """A matcher that records every frame it matches."""
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
         matched.append(1)
@@ -42,7 +42,7 @@ class Counting(StereoBM):
 
 
 class Slow(StereoBM):
-    """Takes ten seconds, and tells its progress as it must."""
+    """A matcher that takes ten seconds and reports its progress."""
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
         for step in range(200):
@@ -147,7 +147,7 @@ def test_other_settings_are_refused_and_may_begin_again(drive: StereoSequence, t
     out, other = tmp_path / "out", preset("fast", num_disparities=32)
     run_sequence(drive, FAST, out)
     before = contents(out)
-    with pytest.raises(ValueError, match="holds frames made with other settings; go on with the same, begin again"):
+    with pytest.raises(ValueError, match="holds frames made with other settings; continue with the same, begin again"):
         run_sequence(drive, other, out)
     with pytest.raises(ValueError, match="made with other calibration"):
         run_sequence(drive, FAST, out, calibration=CALIBRATION)
@@ -239,7 +239,7 @@ def test_only_so_many_frames_are_held_at_once(tmp_path: Path) -> None:
 def test_a_search_beyond_the_png_is_refused_before_anything_is_written(drive: StereoSequence, tmp_path: Path) -> None:
     out = tmp_path / "out"
     matcher = StereoBM(num_disparities=16, min_disparity=-8, block_size=9)
-    with pytest.raises(ValueError, match=r"bm looks for disparities from -8 to 7 px; KITTI's PNG holds 0 to 255 px"):
+    with pytest.raises(ValueError, match=r"bm searches disparities from -8 to 7 px; KITTI's PNG holds 0 to 255 px"):
         run_sequence(drive, matcher, out)
     assert not out.exists()
     run_sequence(drive, matcher, out, disparity_format=".pfm")
@@ -250,7 +250,7 @@ def test_a_search_beyond_the_png_is_refused_before_anything_is_written(drive: St
 
 @pytest.mark.parametrize("name", ["", "..", "a/b", ".hidden", "x" * 80])
 def test_a_method_that_names_no_folder_is_refused(drive: StereoSequence, tmp_path: Path, name: str) -> None:
-    with pytest.raises(ValueError, match="no name of a folder"):
+    with pytest.raises(ValueError, match="not a folder name"):
         run_sequence(drive, {name: FAST}, tmp_path / "out")
 
 
@@ -271,7 +271,7 @@ def test_the_video_shows_the_pictures_beside_the_maps(drive: StereoSequence, tmp
         maps = [read_disparity(tmp_path / "out" / method / f"{number:03d}.png") for method in ("fast", "sgbm")]
         drawn = panels(drive.frame(number).left, maps, (0.0, 12.0))
         assert np.abs(frame.astype(int) - drawn).mean() < 6
-    # The same colours all through: what is nearer is brighter, frame after frame.
+    # The colours are the same throughout: nearer is brighter, frame after frame.
     brightness = [frame[20:60, COLS + 30 : 2 * COLS - 10].mean() for frame in frames]
     assert brightness == sorted(brightness)
 
@@ -340,7 +340,7 @@ def test_a_side_by_side_video_goes_all_the_way(tmp_path: Path) -> None:
 
 def test_frames_on_their_way_may_become_more_than_are_allowed() -> None:
     class Shrinking:
-        """Takes six frames at once, and four after a worker has died."""
+        """A runner that takes six frames at once, and four after a worker has died."""
 
         at_once = 6
 

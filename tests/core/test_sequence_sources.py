@@ -1,4 +1,4 @@
-"""Where frames come from: folders, patterns, an archive, two videos, one video side by side."""
+"""Sources of frames: folders, patterns, an archive, two videos, one side-by-side video."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_numbers_are_in_their_order_and_other_names_match_by_place(tmp_path: Pat
     assert sequence.names == tuple(f"cam_l_{number}" for number in range(7, 13))
     assert_holds_the_pairs(sequence)
     (right / "cam_r_9.png").unlink()
-    with pytest.raises(ValueError, match="6 left pictures and 5 right pictures, of other names"):
+    with pytest.raises(ValueError, match="6 left pictures and 5 right pictures, with other names"):
         open_sequence(left, right)
 
 
@@ -96,10 +96,10 @@ def test_thousands_of_names_are_matched_at_once(left: str, right: str) -> None:
     names = [side.format(number) for number in range(1000) for side in (left, right)]
     truths, calibrations = ([f"{kind}/{number}.{end}" for number in range(1000)] for kind, end in EXTRAS)
     names += truths + calibrations
-    # Every name held against every other would take minutes.
+    # Comparing every name with every other would take minutes.
     found = matched_pairs(random.Random(0).sample(names, len(names)))
     assert [(pair.left, pair.right) for pair in found] == [(left.format(n), right.format(n)) for n in range(1000)]
-    if "im0" not in left:  # their numbers are two
+    if "im0" not in left:  # its names have two numbers
         assert [pair.truth for pair in found] == truths
         assert [pair.calibrations for pair in found] == [(one,) for one in calibrations]
 
@@ -132,7 +132,7 @@ def test_two_videos_and_one_side_by_side(tmp_path: Path) -> None:
     for number, codec in enumerate(("libx264", "libx264")):
         (tmp_path / f"{number}.mp4").write_bytes(video(pictures[number:], codec=codec, rate=25))
     two = open_sequence(tmp_path / "0.mp4", tmp_path / "1.mp4")
-    assert (len(two), two.frame_rate) == (19, 25)  # the shorter one's
+    assert (len(two), two.frame_rate) == (19, 25)  # as many as in the shorter one
     frame = pickle.loads(pickle.dumps(two.reader(11)))()
     assert (number_in(frame.left), number_in(frame.right)) == (11, 12)
     both = [np.concatenate([one, other], axis=1) for one, other in zip(pictures, pictures[::-1], strict=True)]

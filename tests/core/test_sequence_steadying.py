@@ -1,4 +1,4 @@
-"""The frame before in the map of a frame: less flicker, nothing smeared, nothing late, and the same to the bit."""
+"""Maps steadied by the previous frame: less flicker, no smearing, no delay, and reproducible to the bit."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from stereolag.stereo.reasons import Reason
 Grey = npt.NDArray[np.uint8]
 ROWS, COLS, FRAMES = 96, 160, 6
 BEHIND, BEFORE = 4, 11
-"""Px; disparities of the wall and of the square before it."""
+"""Disparities of the wall and of the square in front of it, px."""
 
 METHODS = {
     "fast": preset("fast", num_disparities=16),
@@ -41,7 +41,7 @@ matched: list[int] = []
 
 
 class Counting(StereoBM):
-    """Notes every frame it matches."""
+    """A matcher that records every frame it matches."""
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
         matched.append(1)
@@ -49,7 +49,7 @@ class Counting(StereoBM):
 
 
 def scene(number: int, *, step: int) -> tuple[Grey, Grey, FloatMap]:
-    """Return a wall and a square that moves by `step` px a frame, with the noise of a camera, and the disparity."""
+    """Return a wall and a square that moves by `step` px per frame, with camera noise, and the disparity."""
     wall, square = (texture(ROWS, COLS + 32, seed=seed, blur=1.5) for seed in (0, 1))
     start, random = 30 + step * number, np.random.default_rng(100 + number)
     left, right = wall[:, :COLS].copy(), wall[:, BEHIND : COLS + BEHIND].copy()
@@ -138,7 +138,7 @@ def test_gaps_stay_gaps_and_what_disagrees_stays_as_it_is() -> None:
     out = steadied(made(before), made(now), motion, Steadiness())
     assert np.array_equal(np.isnan(out), np.isnan(now))
     assert np.array_equal(out[:40], now[:40], equal_nan=True)
-    # What all measured pixels say is the change of the scene, and no flicker.
+    # A change in all measured pixels is a change of the scene, not flicker.
     assert np.abs(out[60:] - 10.5).max() < 0.05
 
 
@@ -152,7 +152,7 @@ def test_guesses_are_averaged_where_nothing_changed() -> None:
     now = before.copy()
     now[50:70, 60:90] = 20
     assert (steadied(made(before, reason), made(now, reason), motion, Steadiness())[50:70, 60:90] == 15).all()
-    # Measured, it is no guess; and beside what changed it may have changed too.
+    # A measurement is not a guess, and a guess next to a change may have changed too.
     assert (steadied(made(before), made(now), motion, Steadiness())[50:70, 60:90] == 20).all()
     now[:, :60] = 20
     assert (steadied(made(before, reason), made(now, reason), motion, Steadiness())[50:70, 60:90] == 20).all()

@@ -1,4 +1,4 @@
-"""`signal_lag`: known delays recovered by every method, the traps of correlation, and what it refuses."""
+"""`signal_lag`: known delays recovered by every method, the traps of correlation, and refusals."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ CURVE_METHODS = ("fft", "phat", "direct")
 
 
 def scene(size: int, seed: int = 0) -> np.ndarray:
-    """Sound that never repeats: noise that rumbles more than it hisses, as recordings do."""
+    """Return sound that never repeats: noise with more low than high frequencies, as in recordings."""
     noise = np.random.default_rng(seed).normal(size=size + 50)
     return scipy_signal.lfilter([1.0], [1.0, -0.8], noise)[50:]
 
 
 def pair(size: int, lag: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Two windows of one scene; the event is `lag` samples later in the second."""
+    """Return two windows of one scene; the event is `lag` samples later in the second."""
     whole = scene(size + abs(lag), seed)
     late = whole[:size]
     early = whole[abs(lag) :]
@@ -111,7 +111,7 @@ def test_of_a_periodic_pair_the_smallest_lag_wins_and_the_ties_are_counted(metho
     repeated = np.tile(period, 30)
     result = signal_lag(repeated[:800], np.roll(repeated, lag)[:800], method=method)
     assert result.lag == lag
-    # Every 80 samples to either side, while at least half of the best overlap is left.
+    # Ties occur every 80 samples to either side, while at least half of the best overlap is left.
     reach = (800 - abs(lag)) / 2
     assert result.ties == sum(
         800 - abs(other) >= reach for other in range(lag - 800, lag + 801, 80) if abs(other) < 800
@@ -188,7 +188,7 @@ def test_fft_and_direct_draw_the_curve_of_scipy(sizes: tuple[int, int], seed: in
         for a, b in ((first, second), (first, ones[1]), (ones[0], second), (first**2, ones[1]), (ones[0], second**2))
     )
     energies = (overlap * squares_1 - sums_1**2) * (overlap * squares_2 - sums_2**2)
-    # One sample has no correlation; two are always ±1 and as exact as their difference allows.
+    # One sample has no correlation; two always give ±1, as exactly as their difference allows.
     sure = within & (overlap > 2)
     pearson = (overlap * products - sums_1 * sums_2)[sure] / np.sqrt(energies[sure])
     expected = pearson * np.sqrt(overlap[sure] / min(sizes))
@@ -268,7 +268,7 @@ def test_progress_rises_to_one(method: SignalMethod) -> None:
 
 
 def test_the_direct_search_tells_its_progress_often() -> None:
-    # About 0.03 s of summing lie between two calls.
+    # Two calls are about 0.03 s of summing apart.
     fractions: list[float] = []
     signal_lag(*pair(30_000, 50), method="direct", max_lag=29_999, progress=fractions.append)
     assert np.diff([0.0, *fractions]).max() < 0.25

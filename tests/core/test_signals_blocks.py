@@ -1,4 +1,4 @@
-"""Long recordings in blocks: the same as from one transform of the whole, and little memory."""
+"""Long recordings in blocks: the same result as one transform of the whole, in little memory."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_the_curve_of_blocks_is_the_plain_formula(data: st.DataObject) -> None:
     centred = [as_signal(signal, "signal") - signal.mean() for signal in (one, other)]
     lags = np.arange(first, last + 1)
     curve = block_curve(CentredRecording(one), CentredRecording(other), first, last)
-    # Where all but rounding is flat, rounding decides what flat is: two or three samples.
+    # In overlaps of two or three samples, rounding can decide whether they count as flat.
     np.testing.assert_allclose(curve, weighted_pearson_reference(*centred, lags), atol=1e-7)
     lag = data.draw(st.sampled_from(lags.tolist()))
     pearson = block_pearson(CentredRecording(one), CentredRecording(other), lag)

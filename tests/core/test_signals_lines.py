@@ -1,4 +1,4 @@
-"""The line by medians, held to scipy's."""
+"""The line by medians, compared with SciPy's."""
 
 from __future__ import annotations
 

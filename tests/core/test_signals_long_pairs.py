@@ -1,4 +1,4 @@
-"""Long recordings are judged piece by piece, and as they would be whole."""
+"""Long recordings are judged piece by piece, with the same result as whole ones."""
 
 from __future__ import annotations
 

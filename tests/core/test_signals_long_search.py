@@ -1,4 +1,4 @@
-"""Every lag of long recordings, looked for in bands: the lag and the verdict of one transform of the whole."""
+"""Long recordings searched in bands over every lag: the lag and the verdict of one transform of the whole."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from stereolag.signals.subbands import band_energies, band_products, band_signal
 
 @pytest.fixture
 def both_ways(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[SignalLag, SignalLag]]:
-    """Measure a lag from the whole, and as if the recordings were long."""
+    """Return a function that measures a lag from the whole, and as if the recordings were long."""
     monkeypatch.setattr(long_search, "LAGS_OF_A_BAND", 20_000)
 
     def measured(one: Any, other: Any, **given: Any) -> tuple[SignalLag, SignalLag]:
@@ -38,7 +38,7 @@ def check(whole: SignalLag, bands: SignalLag) -> None:
     assert whole.judgement is not None and bands.judgement is not None
     assert bands.lag == whole.lag
     assert (bands.verdict, bands.judgement.reason) == (whole.verdict, whole.judgement.reason)
-    # Rivals far away are looked for at a few places.
+    # Distant rivals are searched for only in a few places.
     assert bands.rivals[:8] == whole.rivals[:8]
     assert bands.score == pytest.approx(whole.score, abs=1e-9)
     assert bands.lag_subsample == pytest.approx(whole.lag_subsample, abs=1e-3)
@@ -140,7 +140,7 @@ def test_no_correlation_is_above_its_bound(monkeypatch: pytest.MonkeyPatch) -> N
     lags = np.arange(-1500, 1501)
     cells = lags // 8 - bound.first
     measured = weighted_pearson_reference(*given, lags)
-    # The ends of blocks and lags between two of a band lose a little.
+    # The bound is a little low at the ends of blocks, and for lags between two lags of a band.
     assert np.all(np.abs(measured) <= 1.2 * bound.weighted()[cells] + 0.02)
 
 

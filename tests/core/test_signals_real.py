@@ -1,4 +1,4 @@
-"""`signal_lag` on recordings that nobody here made."""
+"""`signal_lag` on recordings made by others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a lag can be relied on: noise never is, sounds in noise are, tones and repetitions cannot be."""
+"""The verdict on a lag: never sure for noise, sure for sounds in noise, ambiguous for tones and repetitions."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def reason(result: SignalLag) -> str:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("kind", UNRELATED)
 def test_recordings_with_nothing_in_common_are_never_sure(kind: str, method: SignalMethod) -> None:
-    for seed in range(12 if method == "fft" else 4):  # all are judged alike
+    for seed in range(12 if method == "fft" else 4):  # all methods are judged alike
         result = signal_lag(*unrelated(kind, (900, 3000)[seed % 2], seed), method=method, seed=seed)
         assert result.verdict != "sure", (seed, result.judgement)
 
@@ -53,7 +53,7 @@ def test_a_tone_is_ambiguous_and_its_period_is_named(
     result = signal_lag(*tones(6000, frequency, noise_level, 2), method=method, seed=0)
     assert (result.verdict, reason(result)) == ("ambiguous", "repeats")
     assert result.judgement is not None and result.judgement.spacing is not None
-    # Teeth lie on whole samples: of a period of 2.5 every other one.
+    # Teeth are at whole samples: with a period of 2.5, only every other one is.
     period = {0.4: 5.0}.get(frequency, 1 / frequency)
     assert result.judgement.spacing == pytest.approx(period, rel=0.02)
     assert np.all(np.diff(np.abs(np.array(result.rivals) - result.lag)) >= 0)

@@ -1,4 +1,4 @@
-"""The voting of random samples: what noise, gain and repetition it survives, and what it reports."""
+"""Voting by random samples: its robustness to noise, gain and repetition, and its report."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_the_best_match_is_that_of_the_plain_formula() -> None:
     for start, row, lag, score in zip(starts, candidates, lags, scores, strict=True):
         best = max(pearson(start, int(place)) for place in row)
         assert score == pytest.approx(pearson(start, start + lag))
-        # It may have slid uphill from the best candidate, never below it.
+        # It may have climbed from the best candidate, but never falls below it.
         assert score >= best - 1e-9
 
 

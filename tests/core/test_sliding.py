@@ -19,7 +19,7 @@ def scores(slide: sliding.Slide) -> np.ndarray:
 
 
 def lags(slide: sliding.Slide, heights: np.ndarray) -> list[int]:
-    """Return the lags of the highest places."""
+    """Return the lags with the largest height."""
     return [slide.lag + slide.step * int(place) for place in np.flatnonzero(heights > heights.max() - 1e-6)]
 
 
@@ -52,7 +52,7 @@ def test_a_tone_fits_at_every_period() -> None:
 def test_noise_comes_nowhere_near_a_match() -> None:
     slide = sliding.noise()
     assert sums(slide).max() < 0.5 * slide.cut @ slide.cut
-    assert scores(slide).max() == pytest.approx(0.45, abs=0.005)  # what is said beside it
+    assert scores(slide).max() == pytest.approx(0.45, abs=0.005)  # the value in the text beside it
 
 
 def test_the_loud_stretch_wins_until_it_is_normalised() -> None:

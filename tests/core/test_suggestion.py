@@ -1,4 +1,4 @@
-"""The search for good settings: what it tries, what it may not touch, and when it says that nothing is better."""
+"""The search for better settings: its trials, the settings it keeps, and when it reports that nothing is better."""
 
 from __future__ import annotations
 
@@ -145,11 +145,11 @@ def test_on_unrelated_images_nothing_is_suggested() -> None:
 def test_a_short_time_is_spent_on_strips_but_whole_images_decide() -> None:
     tall = [np.tile(image, (4, 1)) for image in (LEFT, RIGHT, TRUTH)]
     pair = TuningPair.of(*tall)
-    WINDOWS.compute(*tall[:2])  # the loops are loaded
+    WINDOWS.compute(*tall[:2])  # loads the compiled loops before the timing
     start = time.perf_counter()
     pair.judge(WINDOWS)
     once_s = time.perf_counter() - start
-    found = suggest_for_all(WINDOWS, [pair], budget_s=5 * once_s)  # a quarter of all, on however fast a machine
+    found = suggest_for_all(WINDOWS, [pair], budget_s=5 * once_s)  # a quarter of all, however fast the machine
     whole = [trial for trial in found.trials if trial.whole]
     assert 1 <= len(whole) < found.tried or not found.finished
     assert found.bad_before == pytest.approx(pair.judge(WINDOWS).bad)

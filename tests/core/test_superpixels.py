@@ -1,4 +1,4 @@
-"""An image cut into patches of like colour."""
+"""An image cut into patches of similar colour."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_borders_are_those_counted() -> None:
         ],
         axis=1,
     )
-    # Patches touch that lie three apart on the grid: the loop has no room for more, and needs none.
+    # Patches that touch are at most three apart on the grid: the loop has no room for more, and needs none.
     for patch in range(len(near)):
         for number, other in enumerate(near[patch]):
             if other != patch:

@@ -110,7 +110,7 @@ def test_an_empty_road_is_filled_smoothly_where_rows_make_stripes() -> None:
     road = 5 + 0.3 * y
     rng = np.random.default_rng(0)
     noisy = (road + rng.normal(0, 0.4, road.shape)).astype(np.float32)
-    # Far down the road little is measured, and some of it wrongly.
+    # As far down a road, few pixels are measured, and some of them wrongly.
     noisy[rng.random(road.shape) < 0.02] += 9
     noisy[:, 40:210][rng.random((160, 170)) < 0.97] = np.nan
     found = filled(noisy, painted(road.shape))

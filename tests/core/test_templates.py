@@ -1,4 +1,4 @@
-"""Template search over every placement: known places, independent oracles, and what has no answer."""
+"""Template search over every placement: known places, independent oracles, and searches without an answer."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_masked_scores_equal_those_of_opencv(method: TemplateMethod, channels: t
 
 @st.composite
 def searches(draw: st.DrawFn) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """An image with constant regions, a template and a mask."""
+    """Draw an image with constant regions, a template and a mask."""
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
     dtype = draw(st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]))
     channels = draw(st.sampled_from([1, 3]))
@@ -118,7 +118,7 @@ def searches(draw: st.DrawFn) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
 
 
 def brute_force(image: Array, template: Array, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
-    """Pearson's coefficient as it is defined: a mean, a deviation, a product, at every placement."""
+    """Return Pearson's coefficient at every placement, computed straight from its definition."""
     image, template = np.atleast_3d(image).astype(np.float64), np.atleast_3d(template)[mask].astype(np.float64)
     height, width = mask.shape
     pattern = template - template.mean(axis=0)

@@ -1,4 +1,4 @@
-"""Template search in pictures that no one in this project made, and in the bundled mazes."""
+"""Template search in pictures made by others, and in the bundled mazes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The compiled loops of the template search against the plain formulas beside them."""
+"""The compiled loops of the template search, compared with the plain formulas beside them."""
 
 from __future__ import annotations
 

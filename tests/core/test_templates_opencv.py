@@ -1,4 +1,4 @@
-"""OpenCV's search beside ours, and what becomes of each method when the image is degraded."""
+"""OpenCV's search beside ours, and the outcome of each method on degraded images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Templates that are smaller, larger or turned in the image: size, angle and place are recovered."""
+"""Templates that are smaller, larger or rotated in the image: size, angle and place are recovered."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ Array = npt.NDArray[Any]
 
 
 def blobs(shape: tuple[int, ...], seed: int = 0, dtype: type = np.uint8) -> Array:
-    """A smooth texture that can be resampled without losing much."""
+    """Return a smooth texture that can be resampled with little loss."""
     noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=shape).astype(np.float32), (0, 0), 3)
     unit = (noise - noise.min()) / np.ptp(noise)
     return unit.astype(dtype) if np.issubdtype(dtype, np.floating) else (unit * np.iinfo(dtype).max).astype(dtype)
 
 
 def sprite(dtype: type = np.uint8) -> Array:
-    """A disc of 40 × 50 px with alpha."""
+    """Return an ellipse of 40 × 50 px with alpha."""
     rows, cols = np.mgrid[:40, :50]
     opaque = ((rows - 19.5) / 20) ** 2 + ((cols - 24.5) / 25) ** 2 <= 1
     full = 1 if np.issubdtype(dtype, np.floating) else np.iinfo(dtype).max
@@ -194,12 +194,15 @@ def test_a_progress_that_raises_cancels_the_search() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"scales": (1.2, 0.8)}, r"scales is \(1\.2, 0\.8\); allowed are a least and a largest number from 0\.1 to 10"),
+        (
+            {"scales": (1.2, 0.8)},
+            r"scales is \(1\.2, 0\.8\); allowed are a smallest and a largest number from 0\.1 to 10",
+        ),
         ({"scales": (0, 1)}, r"scales is \(0, 1\)"),
         ({"scales": (1, math.nan)}, r"scales is \(1, nan\)"),
         ({"rotations": (-200, 0)}, r"rotations is \(-200, 0\); .* from -180 to 180"),
-        ({"scales": (0.5, 1, 2)}, r"scales is \(0\.5, 1, 2\); allowed are a least and a largest number"),
-        ({"rotations": 2.0}, r"rotations is 2\.0; allowed are a least and a largest number"),
+        ({"scales": (0.5, 1, 2)}, r"scales is \(0\.5, 1, 2\); allowed are a smallest and a largest number"),
+        ({"rotations": 2.0}, r"rotations is 2\.0; allowed are a smallest and a largest number"),
         ({"rotations": (0, 10), "method": "sampled"}, r"method is 'sampled'; sizes and angles are searched by 'fft'"),
     ],
 )

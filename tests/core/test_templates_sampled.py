@@ -15,7 +15,7 @@ from stereolag.templates import match_template
 
 
 def busy_picture(seed: int) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """A picture of few colours and a round RGBA sprite drawn into it at (23, 41)."""
+    """Return a picture with few colours, and a round RGBA sprite drawn into it at (23, 41)."""
     random = np.random.default_rng(seed)
     palette = random.integers(0, 256, (40, 3), dtype=np.uint8)
     image = palette[random.integers(0, 40, (90, 120))]

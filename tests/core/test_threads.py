@@ -1,4 +1,4 @@
-"""Several sessions at once: the same answers as one after the other."""
+"""Several sessions at once get the same answers as one after the other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The divisor of an 8-bit ground truth is told from the pair."""
+"""The divisor of an 8-bit ground truth is inferred from the pair."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stereolag.geometry.scaling import scaled_disparity, scaled_image
 
 
 def stored(truth: np.ndarray, divisor: int) -> np.ndarray:
-    """Return what a file of 8 bits would hold, NaN where that is 0: unknown."""
+    """Return the truth as stored in an 8-bit file, NaN where that is 0: unknown."""
     values = np.rint(truth * divisor)
     return np.where(values == 0, np.nan, values).astype(np.float32)
 
@@ -23,7 +23,7 @@ def stored(truth: np.ndarray, divisor: int) -> np.ndarray:
 def test_whatever_fits_into_8_bits_is_told_on_an_example(divisor: int) -> None:
     example = samples.stereo_pairs()["cube"]
     left, right, truth = read_image(example.left), read_image(example.right), read_disparity(example.disparity)
-    # A divisor as large as Tsukuba's 16 is for small images.
+    # Divisors as large as Tsukuba's 16 are for small images.
     factor = min(1.0, 255 / (divisor * float(np.nanmax(truth))))
     left, right, truth = scaled_image(left, factor), scaled_image(right, factor), scaled_disparity(truth, factor)
     assert likely_divisor(stored(truth, divisor), left, right) == divisor

@@ -1,4 +1,4 @@
-"""The compiled correlation against the plain formula, over sizes, types, windows, steps, lag ranges and scores."""
+"""The compiled correlation against the plain formula, for sizes, types, windows, steps, lag ranges and scores."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def picture(rng, shape, dtype):
 
 
 def at_lag(volume, search, dy, dx):
-    """Return the volume's score of each window at its own lag; NaN outside the range."""
+    """Return each window's score from the volume at its own lag; NaN outside the range."""
     row, col = dy.astype(int) - search.dy_first, dx.astype(int) - search.dx_first
     inside = (row >= 0) & (row < search.rows) & (col >= 0) & (col < search.cols)
     i, j = np.indices(dy.shape)
@@ -49,7 +49,7 @@ def assert_equals_reference(query):
     left, right, search = query.left, query.right, query.lags
     window_size, score = query.window_size, query.score
     volume = score_volume_reference(query)
-    # A plain correlation has no scale of its own: compare it with what the brightest windows could give.
+    # Plain correlation has no scale of its own: compare it with the largest value the brightest windows could have.
     unit = 1.0
     if score == "cross":
         unit = max(1.0, window_size * float(np.ptp(left.astype(float)))) * max(
@@ -131,7 +131,7 @@ def test_a_mean_ten_thousand_times_the_contrast_hides_nothing(rng, dtype):
     scene = 20_000 + 2 * rng.normal(size=(50, 110))
     scene = scene.round().astype(dtype) if dtype != np.float64 else scene
     left, right = scene[:, 5:95].copy(), scene[:, 10:100].copy()
-    left[:, 45:], right[:, 40:] = left[:, 45:] // 2, right[:, 40:] // 2  # no one mean suits both halves
+    left[:, 45:], right[:, 40:] = left[:, 45:] // 2, right[:, 40:] // 2  # no single mean suits both halves
     found = match_windows(WindowQuery(left, right, 9, 1, LagRange(0, 0, -12, 12), "zncc"))
     half = np.s_[:, 12:36]
     assert (found.dx[half] == -5).all()
@@ -156,7 +156,7 @@ def test_equal_scores_go_to_the_shortest_displacement(rng):
     image = np.tile(row, (30, 1))
     found = match_windows(WindowQuery(image, image, 8, 1, LagRange(-3, 3, -20, 20), "zncc"))
     assert not found.dx.any() and not found.dy.any()
-    # Periods on either side, as far left as right: the left one comes first by the documented order.
+    # The match is as far to the left as to the right: the left one comes first by the documented order.
     shifted = np.roll(image, 4, axis=1)
     found = match_windows(WindowQuery(image, shifted, 8, 1, LagRange(0, 0, -20, 20), "zncc"))
     assert (found.dx[:, 10:-10] == -4).all()
@@ -181,7 +181,7 @@ def test_right_matches_are_the_best_of_the_other_view(rng, score, search):
     plain = right_view_reference(volume, search, NO_RIGHT_MATCH)
     assert found.right_dx is not None
     np.testing.assert_array_equal(found.right_dx == NO_RIGHT_MATCH, plain == NO_RIGHT_MATCH)
-    assert (found.right_dx == plain).mean() > 0.99  # scores that differ by less than float32 can tell are equal
+    assert (found.right_dx == plain).mean() > 0.99  # scores within the precision of float32 are equal
 
 
 def test_swapping_the_images_flips_the_sign(rng):
@@ -255,7 +255,7 @@ def test_too_many_lags_are_refused(rng):
 
 
 def test_a_search_ends_after_it_begins():
-    with pytest.raises(ValueError, match="before its beginning"):
+    with pytest.raises(ValueError, match="before its start"):
         LagRange(0, 0, 5, 4)
 
 

@@ -1,4 +1,4 @@
-"""The container and the compose file, as far as they can be run without Docker: each step in a bare folder."""
+"""The container and the compose file, as far as they run without Docker: each step in a bare folder."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PATIENCE_S = 120
 
 
 def instructions() -> list[tuple[str, str]]:
-    """Return what the Dockerfile says, one instruction and its arguments at a time."""
+    """Return the instructions of the Dockerfile, each with its arguments."""
     text = re.sub(r"^#.*\n", "", (PROJECT / "Dockerfile").read_text(encoding="utf-8"), flags=re.MULTILINE)
     lines = text.replace("\\\n", "").splitlines()
     return [(word, said.strip()) for word, _, said in (line.partition(" ") for line in lines if line)]
@@ -56,12 +56,12 @@ def tracked() -> list[str]:
 
 
 def below(names: list[str], place: str) -> list[str]:
-    """Return the files that a name stands for: itself or all in it."""
+    """Return the tracked files that a path covers: the file itself or all files in the folder."""
     return [name for name in names if name == place or name.startswith(f"{place}/")]
 
 
 def reaches_the_build(name: str) -> bool:
-    """Return whether .dockerignore lets a file through: the last rule for it, or for a folder above it, decides."""
+    """Return whether .dockerignore lets a file through: the last rule for it or for a folder above it decides."""
     reached = True
     for rule in (PROJECT / ".dockerignore").read_text(encoding="utf-8").splitlines():
         if rule and not rule.startswith("#"):
@@ -72,11 +72,11 @@ def reaches_the_build(name: str) -> bool:
 
 
 def surroundings(home: Path, **variables: str) -> dict[str, str]:
-    """Return the environment of a step: what the Dockerfile sets and nothing of ours but where Python is."""
+    """Return the environment of a step: the Dockerfile's variables, and from this machine only the path to Python."""
     assert FOLDER is not None
     path = os.pathsep.join([sysconfig.get_path("scripts"), "/usr/bin", "/bin"])
     stated = dict(one.split("=", 1) for one in said("ENV"))
-    # The machine code of the checkout: the same loops are not compiled again.
+    # The checkout's machine code, so that the same loops are not compiled again.
     return stated | {"PATH": path, "HOME": str(home), "NUMBA_CACHE_DIR": str(FOLDER.parent)} | variables
 
 
@@ -88,9 +88,9 @@ def step(command: list[str], folder: Path, **variables: str) -> subprocess.Compl
 
 @pytest.fixture(scope="module")
 def image(tmp_path_factory: pytest.TempPathFactory, tracked: list[str]) -> Path:
-    """Do what the Dockerfile says, in a folder in place of its own, and return it.
+    """Run the Dockerfile's instructions in a temporary folder and return that folder.
 
-    Packages are those that are installed here, and the user is the one who runs the tests.
+    The packages are the ones installed here, and the user is the one running the tests.
     """
     folder = tmp_path_factory.mktemp("image")
     for word, arguments in instructions():
@@ -104,7 +104,7 @@ def image(tmp_path_factory: pytest.TempPathFactory, tracked: list[str]) -> Path:
                 shutil.copy(PROJECT / name, into)
         elif word == "RUN" and not arguments.startswith("useradd"):
             command = re.sub(r"\bpip install\b", "python -m pip install --dry-run --no-index", arguments)
-            command = command.removesuffix(" && python -P stereolag/commands/serving.py --check")  # so begins CMD
+            command = command.removesuffix(" && python -P stereolag/commands/serving.py --check")  # CMD starts with it
             done = step(["sh", "-c", command], folder)
             assert done.returncode == 0, done.stdout + done.stderr
             assert "Would install" not in done.stdout
@@ -130,7 +130,7 @@ def test_it_runs_as_a_user_of_its_own_on_a_python_that_is_supported() -> None:
     (user,) = said("USER")
     words = [word for word, _ in instructions()]
     assert words.index("USER") < words.index("CMD")
-    assert re.fullmatch(r"[1-9]\d+", user)  # by number, so that whoever starts it can see that it is not root
+    assert re.fullmatch(r"[1-9]\d+", user)  # by number, so that a host can verify that it is not root
     assert said("RUN")[0].startswith(f"useradd --uid {user} ")
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert re.search(r"python:([\d.]+)", base)[1] in SpecifierSet(project["requires-python"])  # type: ignore[index]
@@ -157,11 +157,11 @@ def test_the_health_check_passes_where_the_app_serves_its_page(image: Path) -> N
             assert (checked.returncode, checked.stderr) == (0, "")
         finally:
             app.terminate()
-            assert app.wait(PATIENCE_S) == 0  # so does docker stop, without having to kill it
+            assert app.wait(PATIENCE_S) == 0  # docker stop sends the same signal, and need not kill it
 
 
 def answer(address: str) -> int | None:
-    """Return the status of an answer, or None without one."""
+    """Return the status of the answer, or None if there is none."""
     try:
         with urllib.request.urlopen(address, timeout=5) as answered:
             return int(answered.status)
@@ -209,14 +209,14 @@ def test_the_proxy_starts_in_an_empty_folder_and_logs_to_its_output(tmp_path: Pa
         port = listener.getsockname()[1]
     settings = (DEPLOYMENT / "nginx.conf").read_text(encoding="utf-8")
     settings = re.sub(r"listen \d+", f"listen {port}", settings)
-    # Nobody is to answer there, whatever else runs on this machine.
+    # The port must be free of any server, whatever else runs on this machine.
     settings = re.sub(r"server 127\.0\.0\.1:\d+;", "server 127.0.0.1:1;", settings)
     shell, option, command = proxy["entrypoint"]
     for here, there in mounted:
         shutil.copy(DEPLOYMENT / here, tmp_path)
         assert command.count(there) == 1
         command = command.replace(there, str(tmp_path / here))
-    # Of root's nginx a worker would be nobody, who may not look into a folder of the tests.
+    # A worker of root's nginx would run as nobody, who may not read the tests' folders.
     (tmp_path / "nginx.conf").write_text("user root;\n" + settings, encoding="utf-8")
     folder = tmp_path / "empty"
     folder.mkdir()

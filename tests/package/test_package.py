@@ -1,4 +1,4 @@
-"""The wheel: it holds what the library and the app need, and works where nothing of the checkout is."""
+"""The wheel: it contains all files that the library and the app need, and works away from the checkout."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ made_by: str = f"stereolag {__version__}"
 coverage: float = StereoBM(num_disparities=64).compute(read_image(pair.left), read_image(pair.right)).coverage
 StereoBM(no_such_setting=1)  # type: ignore[call-arg]
 """
-"""Strict type checking complains of the last comment too, unless the types are known."""
+"""Strict type checking also reports the last comment as unused unless the types are known."""
 
 
 def run(command: Sequence[str | Path], folder: Path) -> str:
-    """Run a command in a folder, and return what it prints where it succeeds."""
+    """Run a command in a folder, assert that it succeeds, and return its output."""
     environment = {"PATH": sysconfig.get_path("scripts"), "HOME": str(folder), "NUMBA_CACHE_DIR": code()}
     ran = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
@@ -52,7 +52,7 @@ def run(command: Sequence[str | Path], folder: Path) -> str:
 
 
 def code() -> str:
-    """Return where the machine code of the checkout is kept: the same loops are not compiled again."""
+    """Return the folder of the checkout's machine code, so that the same loops are not compiled again."""
     assert FOLDER is not None
     return str(FOLDER.parent)
 
@@ -74,7 +74,7 @@ def names_in(wheel: Path) -> set[str]:
 
 @pytest.fixture(scope="session")
 def scripts(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Install the wheel into an environment that has its dependencies from here; return the folder of its commands."""
+    """Install the wheel into an environment that borrows its dependencies from this one; return its scripts folder."""
     folder = tmp_path_factory.mktemp("environment")
     venv.create(folder, symlinks=True)
     places = sysconfig.get_paths(vars={"base": str(folder), "platbase": str(folder)})
@@ -123,7 +123,7 @@ def test_the_program_in_the_readme_runs_in_another_folder(scripts: Path, tmp_pat
 
 def test_a_type_checker_knows_the_types_of_the_installed_package(scripts: Path, tmp_path: Path) -> None:
     (tmp_path / "program.py").write_text(PROGRAM)
-    cache = PROJECT / ".mypy_cache" / "package"  # most of the time goes into NumPy's types
+    cache = PROJECT / ".mypy_cache" / "package"  # most of the time is spent on NumPy's types
     command = [sys.executable, "-m", "mypy", "--strict", "--python-executable", scripts / "python"]
     assert "no issues" in run([*command, "--cache-dir", cache, "program.py"], tmp_path)
 
@@ -148,7 +148,7 @@ def test_the_command_tells_its_options_and_refuses_what_it_does_not_know(capsys:
 
 @contextmanager
 def served(scripts: Path, folder: Path) -> Iterator[tuple[str, Path]]:
-    """Run ``stereolag app`` in a folder, and give its address and the file that it prints to once it is healthy."""
+    """Run ``stereolag app`` in a folder; once it is healthy, yield its address and the file with its output."""
     with socket.socket() as listener:
         listener.bind(("localhost", 0))
         port = listener.getsockname()[1]

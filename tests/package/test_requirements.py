@@ -1,4 +1,4 @@
-"""What is imported is declared once, in pyproject.toml, and pinned in requirements.txt within what is declared."""
+"""Every imported package is declared once, in pyproject.toml, and pinned in requirements.txt within its range."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PROJECT = Path(__file__).resolve().parents[2]
 
 
 def declared(*, extras: bool = False) -> dict[str, Requirement]:
-    """Return what pyproject.toml asks for, by name; with the extras, which who needs them installs besides."""
+    """Return the requirements declared in pyproject.toml by name; with ``extras``, also the optional ones."""
     with (PROJECT / "pyproject.toml").open("rb") as file:
         project = tomllib.load(file)["project"]
     asked = [*project["dependencies"]]
@@ -26,14 +26,14 @@ def declared(*, extras: bool = False) -> dict[str, Requirement]:
 
 
 def pinned(name: str) -> dict[str, Version]:
-    """Return the release of each package in a list of pins."""
+    """Return the pinned version of each package in a requirements file."""
     lines = (PROJECT / name).read_text(encoding="utf-8").splitlines()
     pins = [line.split("==") for line in lines if line and not line.startswith(("#", "-r "))]
     return {canonicalize_name(package): Version(version) for package, version in pins}
 
 
 def imported() -> set[str]:
-    """Return the modules from outside that the library and the app import, by the first part of their names."""
+    """Return the top-level names of the third-party modules that the library and the app import."""
     files = [PROJECT / "app.py", *(PROJECT / "pages").glob("*.py"), *(PROJECT / "stereolag").rglob("*.py")]
     modules = set()
     for file in files:

@@ -1,4 +1,4 @@
-"""Six seconds on a motorway, path-traced frame by frame with exact disparity and motion: what ``assets/drive`` is.
+"""Source of ``assets/drive``: six seconds on a motorway, path-traced with exact disparity and motion.
 
-The things of `tools.scenes` are put in motion here. The world has z up and is measured in metres; y is the way ahead.
+The objects of `tools.scenes` are animated here. The world has z up and is measured in metres; y points ahead.
 """

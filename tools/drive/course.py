@@ -1,4 +1,4 @@
-"""Where the camera and every vehicle are at any time."""
+"""Poses of the camera and of every vehicle over time."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ LANE_CHANGE = (0.8, 4.4)  # s, from the right lane to the middle one
 
 @dataclass(frozen=True)
 class Run:
-    """A vehicle on a straight run with a slight sway: `start` is ``(x, y)`` at time 0; `speed`, m/s, is along y."""
+    """A vehicle driving straight with a slight sway: `start` is ``(x, y)`` at time 0; `speed`, m/s, is along y."""
 
     start: tuple[float, float]
     speed: float
@@ -27,7 +27,7 @@ class Run:
     phase: float = 0.0
 
     def pose(self, time: float) -> np.ndarray:
-        """Vehicle to world, 4 × 4; the vehicle's own y is forwards."""
+        """Return the 4 × 4 pose, vehicle to world; the vehicle's own y points forwards."""
         turn = 2 * np.pi / self.period
         across = self.sway * np.sin(turn * time + self.phase)
         drift = self.sway * turn * np.cos(turn * time + self.phase)
@@ -47,11 +47,11 @@ RUNS = {
     "oncoming_saloon": Run((-9.7, 235.0), -33.0, phase=1.5),
     "oncoming_estate": Run((-16.6, 322.0), -25.0, phase=2.5),
 }
-"""By name, in the order of their numbers: the first is object 1, for 0 is all that stands still."""
+"""Vehicles by name, in the order of their object numbers from 1; 0 is everything that stands still."""
 
 
 def camera(time: float) -> StereoCamera:
-    """The stereo camera in our car, which changes lanes, leans and nods a little on its springs."""
+    """Return the stereo camera in our car, which changes lanes, leans and pitches a little on its springs."""
     begin, end = LANE_CHANGE
     share = np.clip((time - begin) / (end - begin), 0.0, 1.0)
     across = RIGHT_LANE + (MIDDLE_LANE - RIGHT_LANE) * share**3 * (10 - 15 * share + 6 * share**2)
@@ -76,7 +76,7 @@ def camera(time: float) -> StereoCamera:
 
 
 def camera_pose(view: StereoCamera) -> np.ndarray:
-    """Left camera to world, 4 × 4, with the camera's x to the right, y down and z forwards."""
+    """Return the 4 × 4 pose, left camera to world, with the camera's x to the right, y down and z forwards."""
     pose = np.eye(4)
     pose[:3, 0] = view.rightward
     pose[:3, 1] = np.cross(view.forward, view.rightward)

@@ -1,4 +1,4 @@
-"""One frame: both pictures and the truth."""
+"""Rendering of one frame: both pictures and the ground truth."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ from ..scenes.truth import centre_rays, encode, trace
 from .course import FRAME_RATE, RUNS, camera
 from .world import SUN_AZIMUTH, SUN_ELEVATION, World, sun_direction
 
-GLARE = 27.0  # of the light from the sun, over the squared angle from it in degrees
-PER_PASS = 25  # the orthogonal sampler wants the square of a prime
+GLARE = 27.0  # times the sun's light, divided by the squared angle from it in degrees
+PER_PASS = 25  # the orthogonal sampler needs the square of a prime
 EYES = ("left", "right")
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Pictures ``(height, width, 3)``, RGB uint8; `disparity` as codes of the 16-bit file; `objects` as numbers."""
+    """Pictures ``(height, width, 3)``, RGB uint8; `disparity` as 16-bit codes; `objects` as object numbers."""
 
     left: np.ndarray
     right: np.ndarray
@@ -47,7 +47,7 @@ def frame(world: World, number: int, spp: int) -> Frame:
 
 
 def object_numbers(scene: mi.Scene, view: StereoCamera) -> np.ndarray:
-    """Which vehicle every left pixel shows, counted from 1 in the order of `RUNS`; 0 is all that stands still."""
+    """Return the vehicle shown by every left pixel, counted from 1 in the order of `RUNS`; 0 stands still."""
     hit = scene.ray_intersect(centre_rays(view))
     placed = {shape.id(): shape for shape in scene.shapes()}
     numbers = mi.UInt32(0)
@@ -57,7 +57,7 @@ def object_numbers(scene: mi.Scene, view: StereoCamera) -> np.ndarray:
 
 
 def _veil(scene: mi.Scene, view: StereoCamera, eye: str) -> np.ndarray:
-    """What the lens scatters of the sun, which is just out of view: less the further from it (CIE's glare law)."""
+    """Return the light scattered by the lens from the sun just out of view, less at larger angles (CIE's glare law)."""
     cx, cy = view.principal_point
     rows, columns = np.mgrid[: view.height, : view.width]
     down = np.cross(view.forward, view.rightward)
@@ -70,7 +70,7 @@ def _veil(scene: mi.Scene, view: StereoCamera, eye: str) -> np.ndarray:
 
 
 def _sun_seen(scene: mi.Scene, position: np.ndarray) -> float:
-    """The share of the sun's disc, some degrees wide with its haze, that nothing hides."""
+    """Return the unhidden share of the sun's disc, which is some degrees wide with its haze."""
     spread = np.linspace(-1.2, 1.2, 9)
     azimuth, elevation = (np.radians(v) for v in np.meshgrid(SUN_AZIMUTH + spread, SUN_ELEVATION + spread))
     towards = mi.Vector3f(

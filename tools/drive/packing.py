@@ -1,4 +1,4 @@
-"""The rendered frames as the files of ``assets/drive``: pictures compressed, truth to the bit, poses in one JSON."""
+"""Conversion of rendered frames to ``assets/drive``: compressed pictures, lossless ground truth, poses in one JSON."""
 
 import json
 import shutil
@@ -11,12 +11,12 @@ from .course import BASELINE_M, FOCAL_PX, FRAME_RATE, FRAMES, RUNS, camera, came
 from .frames import EYES
 
 DESTINATION = Path(__file__).parents[2] / "assets" / "drive" / "motorway"
-QUALITY = 95  # of WebP: what that costs the matchers stands in benchmarks/NOTES.md
+QUALITY = 95  # of WebP: its effect on the matchers is in benchmarks/NOTES.md
 TRUTHS = ("disparity", "occlusion", "objects")
 
 
 def pack(work: Path, destination: Path = DESTINATION) -> None:
-    """Write the folder anew from the frames of `work`, which must all be there."""
+    """Rewrite the folder from the frames in `work`, which must be complete."""
     if destination.exists():
         shutil.rmtree(destination)
     for part in (*EYES, *TRUTHS):
@@ -32,7 +32,7 @@ def pack(work: Path, destination: Path = DESTINATION) -> None:
 
 
 def poses() -> dict[str, object]:
-    """Camera and objects to world, 4 × 4, of every frame; object 0 is the world itself, which stands still."""
+    """Return the 4 × 4 poses of camera and objects to world in every frame; object 0 is the stationary world."""
     times = np.arange(FRAMES) / FRAME_RATE
     cameras = [camera_pose(camera(time)) for time in times]
     objects = [[np.eye(4), *(run.pose(time) for run in RUNS.values())] for time in times]

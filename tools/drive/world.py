@@ -34,17 +34,17 @@ SUN_AZIMUTH, SUN_ELEVATION = 27.0, 21.0
 
 @dataclass(frozen=True)
 class World:
-    """`still` is all that never moves; `vehicles` are groups of shapes about their own origins, by name."""
+    """`still` never moves; `vehicles` are groups of shapes about their own origins, by name."""
 
     still: dict[str, Any]
     vehicles: dict[str, mi.Object]
 
     def at(self, time: float, camera: StereoCamera) -> tuple[StereoScene, mi.Scene]:
-        """The description and the scene at `time`, s; vehicle `name` is its shape ``name``."""
+        """Return the description and the scene at `time`, s; vehicle `name` is its shape ``name``."""
         placed: dict[str, Any] = {}
         for name, group in self.vehicles.items():
             pose = mi.ScalarTransform4f(RUNS[name].pose(time))
-            placed[f"{name}_model"] = group  # a scene knows only those groups that are among its own
+            placed[f"{name}_model"] = group  # a scene knows only groups that are among its own objects
             placed[name] = {"type": "instance", "to_world": pose, "group": group}
         description = StereoScene(
             title="Drive",
@@ -54,7 +54,7 @@ class World:
             exposure=1.3,
             max_depth=3,
             sensor_noise=0.7,
-            sampler="orthogonal",  # half the noise of independent samples, for the price of a fourth of them
+            sampler="orthogonal",  # half the noise of independent samples, which would need four times as many
             brightest=3.0,
         )
         return description, description.load()
@@ -73,7 +73,7 @@ def sun_direction() -> np.ndarray:
 
 
 def _loaded(parts: dict[str, Any]) -> dict[str, Any]:
-    """Groups become objects, so that a new scene of them shares their geometry; instances stay descriptions."""
+    """Load groups as objects, so that new scenes share their geometry, and return them with all other loaded parts."""
     groups = {name: mi.load_dict(part) for name, part in parts.items() if _kind(part) == "shapegroup"}
     loaded: dict[str, Any] = {}
     for name, part in parts.items():
@@ -89,7 +89,7 @@ def _kind(part: Any) -> str:
 
 
 def _asphalt(picture: np.ndarray, repeat: tuple[float, float]) -> dict[str, Any]:
-    """Worn smooth by tyres: it shines against the sun."""
+    """Return asphalt worn smooth by tyres, which shines against the sun."""
     return {
         "type": "blendbsdf",
         "weight": 0.22,

@@ -1,1 +1,1 @@
-"""Draws the mazes in which Rocketman hides: ``python -m tools.maze`` writes ``assets/maze``."""
+"""Drawing of the mazes in which Rocketman hides: ``python -m tools.maze`` writes ``assets/maze``."""

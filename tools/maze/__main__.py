@@ -1,4 +1,4 @@
-"""Write Rocketman, both mazes and the truth about them to ``assets/maze``: ``python -m tools.maze``."""
+"""Write Rocketman, both mazes and their ground truth to ``assets/maze``: ``python -m tools.maze``."""
 
 import json
 from pathlib import Path
@@ -23,7 +23,7 @@ DULLED_PLACE = (1048, 1707)
 
 
 def make_template() -> Image.Image:
-    """Draw Rocketman in the palette's colours; a pixel is his or it is not, nothing between."""
+    """Draw Rocketman in the palette's colours; every pixel is either opaque or fully transparent."""
     pixels = np.array(rocketman())
     pixels[..., :3] = snap(pixels[..., :3])
     pixels[..., 3] = np.where(pixels[..., 3] >= 128, 255, 0)
@@ -32,7 +32,7 @@ def make_template() -> Image.Image:
 
 
 def make_maze(template: Image.Image) -> Image.Image:
-    """Draw the garden maze: he is there exactly as in the template."""
+    """Draw the garden maze, with Rocketman exactly as in the template."""
     picture = Image.fromarray(snap(np.array(compose(GARDEN, np.random.default_rng(528_982)))))
     row, col = PLACE
     picture.paste(template, (col, row), template)
@@ -40,7 +40,7 @@ def make_maze(template: Image.Image) -> Image.Image:
 
 
 def make_dulled_maze(template: Image.Image) -> Image.Image:
-    """Draw the maze on the moon: he is half hidden by a boulder and a balloon, and dust lies over it all."""
+    """Draw the maze on the moon: a boulder and a balloon half hide Rocketman, and dust lies over everything."""
     rng = np.random.default_rng(1_048_170)
     picture = Image.fromarray(snap(np.array(compose(MOON_BASE, rng)))).convert("RGBA")
     row, col = DULLED_PLACE
@@ -58,7 +58,7 @@ def make_dulled_maze(template: Image.Image) -> Image.Image:
 
 
 def covers(row: int, col: int) -> list[Item]:
-    """Draw what stands in front of him."""
+    """Draw the objects in front of Rocketman."""
     rng = np.random.default_rng(3)
     return [
         Item(0, col - 12, row + 77, things.boulder(85, 66)),

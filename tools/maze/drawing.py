@@ -1,4 +1,4 @@
-"""A pencil for small figures: smooth outlined shapes, drawn large and scaled down."""
+"""Drawing of small figures: smooth outlined shapes, drawn large and scaled down."""
 
 from collections.abc import Sequence
 from typing import Self
@@ -26,7 +26,7 @@ def smooth(points: ArrayLike, closed: bool = True, steps: int = 8) -> NDArray[np
 
 
 def ring(x: float, y: float, across: float, down: float, turn: float = 0.0, steps: int = 40) -> NDArray[np.float64]:
-    """Give the points of an ellipse, turned by an angle in degrees."""
+    """Return the points of an ellipse, rotated by an angle in degrees."""
     angle = np.linspace(0, 2 * np.pi, steps, endpoint=False)
     cos, sin = np.cos(np.radians(turn)), np.sin(np.radians(turn))
     u, v = across * np.cos(angle), down * np.sin(angle)
@@ -34,7 +34,7 @@ def ring(x: float, y: float, across: float, down: float, turn: float = 0.0, step
 
 
 def star(x: float, y: float, radius: float, turn: float = 0.0, tips: int = 5) -> NDArray[np.float64]:
-    """Give the points of a star."""
+    """Return the points of a star."""
     angle = np.radians(turn - 90) + np.pi / tips * np.arange(2 * tips)
     reach = radius * np.where(np.arange(2 * tips) % 2, 0.45, 1.0)
     return np.stack([x + reach * np.cos(angle), y + reach * np.sin(angle)], axis=-1)
@@ -116,5 +116,5 @@ class Sketch:
             self._pen.ellipse((x - half, y - half, x + half, y + half), fill=colour)
 
     def picture(self) -> Image.Image:
-        """Scale the drawing down to its size, RGBA."""
+        """Scale the drawing down to its final size, RGBA."""
         return self._sheet.convert("RGBa").resize(self.size, Image.Resampling.BOX).convert("RGBA")

@@ -1,4 +1,4 @@
-"""Clouds of dust: they dull what lies in them and add grain."""
+"""Clouds of dust, which dull the picture beneath them and add grain."""
 
 import numpy as np
 from numpy.typing import NDArray

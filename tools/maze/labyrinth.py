@@ -1,4 +1,4 @@
-"""The labyrinth: which walls stand, and how ground and walls are painted."""
+"""The labyrinth: the layout of its walls, and the painting of ground and walls."""
 
 from dataclasses import dataclass
 
@@ -29,8 +29,8 @@ class Theme:
 def carve(rows: int, cols: int, rng: Rng) -> NDArray[np.bool_]:
     """Carve a maze into blocks, True where a wall stands.
 
-    A depth-first walk visits every cell of ``CELL`` blocks; a tenth of the walls left over are
-    opened too, so that there are loops to get lost in.
+    A depth-first walk visits every cell of ``CELL`` blocks; a tenth of the remaining walls are opened too, so that
+    there are loops to get lost in.
     """
     walls = np.ones((rows * CELL + 1, cols * CELL + 1), bool)
     seen = np.zeros((rows, cols), bool)

@@ -1,8 +1,8 @@
 """The colours of the mazes: few, so that every colour of Rocketman occurs many times around him.
 
-Anti-aliasing would make nearly every pixel on an edge unique, and an edge pixel of Rocketman would
-then betray him at once. So each picture is snapped to one palette: the paints below, and the
-mixtures of each with ink and with white that an edge passes through.
+Anti-aliasing would make nearly every edge pixel unique, and an edge pixel of Rocketman would then betray him at once.
+So each picture is snapped to one palette: the paints below, and their mixtures with ink and with white, as found along
+edges.
 """
 
 import numpy as np
@@ -55,7 +55,7 @@ def mix(colour: Colour, other: Colour, share: float) -> Colour:
 
 
 def pick(rng: Rng, colours: tuple[Colour, ...]) -> Colour:
-    """Choose one of some colours."""
+    """Choose one of several colours."""
     return colours[rng.integers(len(colours))]
 
 

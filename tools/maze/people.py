@@ -44,7 +44,7 @@ RIVALS = (
 
 
 def visitor(rng: Rng) -> Image.Image:
-    """Draw a walker with any of five hats, in the colours that Rocketman wears."""
+    """Draw a walker in one of five hats and in Rocketman's colours."""
     sketch = Sketch(76, 112, scale=rng.uniform(0.72, 0.92), mirrored=rng.random() < 0.5)
     shirt, trousers, skin, shoes = (pick(rng, kind) for kind in (CLOTHES, CLOTHES, SKINS, (NAVY, BROWN, CRIMSON)))
     stride = rng.uniform(2, 9)
@@ -158,7 +158,7 @@ def guest(rng: Rng) -> Image.Image:
 
 
 def rival(rng: Rng) -> Image.Image:
-    """Draw a rocket flyer of Rocketman's build in the wrong colours, or his colours the wrong way round."""
+    """Draw a rocket flyer of Rocketman's build in the wrong colours, or in his own but mirrored."""
     if rng.random() < 0.25:
         return rocketman(mirrored=True, scale=rng.uniform(0.82, 0.96))
     outfit = RIVALS[rng.integers(len(RIVALS))]

@@ -23,7 +23,7 @@ FLYING: Figures = ((people.rival, 1),)
 
 @dataclass(frozen=True)
 class Item:
-    """A picture at a place; those with their feet further down are drawn later."""
+    """A picture at a position; items whose feet are further down are drawn later."""
 
     depth: float
     left: int
@@ -31,12 +31,12 @@ class Item:
     picture: Image.Image
 
     def draw_on(self, canvas: Image.Image) -> None:
-        """Draw the part that lies on the canvas."""
+        """Draw the part that falls on the canvas."""
         cut = max(-self.left, 0), max(-self.top, 0)
         canvas.alpha_composite(self.picture.crop((*cut, *self.picture.size)), (max(self.left, 0), max(self.top, 0)))
 
     def shadow(self) -> "Item":
-        """Give the shadow at its feet."""
+        """Return the shadow at its feet."""
         width = round(self.picture.width * 0.8)
         sheet = things.shade(width, round(width * 0.34))
         left = self.left + (self.picture.width - width) // 2
@@ -65,7 +65,7 @@ def _standing(x: float, y: float, picture: Image.Image, lift: float = 0.0) -> It
 
 
 def _crowd(walls: NDArray[np.bool_], taken: list[tuple[float, float]], rng: Rng) -> list[Item]:
-    """Fill the corridors with figures far enough apart to be seen, and let some fly over the walls."""
+    """Fill the corridors with figures far enough apart to stay visible, and let some fly over the walls."""
     items, places = [], np.array(taken)
     for _ in range(9000):
         place = rng.uniform((15, 40), (COLUMNS - 15, ROWS + 20))

@@ -1,4 +1,4 @@
-"""What stands and floats about the maze: rockets, planets, saucers, balloons, signs, trees, crates."""
+"""Objects in and above the maze: rockets, planets, saucers, balloons, signs, trees, crates."""
 
 from PIL import Image
 
@@ -63,7 +63,7 @@ def rocket(rng: Rng) -> Image.Image:
 
 
 def planet(rng: Rng) -> Image.Image:
-    """Draw a planet with bands or craters, perhaps ringed."""
+    """Draw a planet with bands or craters, sometimes ringed."""
     sketch = Sketch(110, 80, scale=rng.uniform(0.55, 0.95), turn=rng.uniform(-25, 25), mirrored=rng.random() < 0.5)
     body, other = pick(rng, BRIGHT), pick(rng, BRIGHT)
     sketch.ellipse(55, 40, 29, 29, body)
@@ -108,7 +108,7 @@ def balloon(rng: Rng) -> Image.Image:
 
 
 def sign(rng: Rng, words: str = "") -> Image.Image:
-    """Draw a signpost; without words of its own it helps nobody."""
+    """Draw a signpost; without given words it shows unhelpful ones."""
     sketch = Sketch(92, 96, scale=rng.uniform(0.75, 0.95), turn=rng.uniform(-5, 5))
     board = pick(rng, (RED, BLUE, YELLOW, ORANGE, WHITE, TEAL, NAVY))
     sketch.limb([(46, 46), (46, 93)], BROWN, 8)
@@ -193,7 +193,7 @@ def flag(rng: Rng) -> Image.Image:
 
 
 def shade(width: int, height: int) -> Image.Image:
-    """Draw the soft shadow that a figure casts at its feet."""
+    """Draw the soft shadow at a figure's feet."""
     sheet = Sketch(width, height).ellipse(width / 2, height / 2, width / 2, height / 2, INK, outline=0).picture()
     sheet.putalpha(sheet.getchannel("A").point(lambda alpha: alpha * 72 // 255))
     return sheet

@@ -1,6 +1,6 @@
-"""Path-traced stereo pairs with exact ground truth: what ``assets/stereo`` is made by.
+"""Path-traced stereo pairs with exact ground truth, the source of ``assets/stereo``.
 
-Mitsuba 3 is needed to run this package and nothing else of the project needs it.
+This package needs Mitsuba 3, which nothing else in the project needs.
 The world has z up and is measured in metres; colours are given in sRGB, 0 to 1.
 """
 

@@ -40,7 +40,7 @@ class StereoCamera:
         return np.asarray(self.position) + self.baseline_m * self.rightward
 
     def sensor(self, eye: str) -> dict[str, Any]:
-        """The Mitsuba description of the ``"left"`` or ``"right"`` camera."""
+        """Return the Mitsuba description of the ``"left"`` or ``"right"`` camera."""
         position = np.asarray(self.position) if eye == "left" else self.right_position
         pose = mi.ScalarTransform4f().look_at(
             origin=position.tolist(),

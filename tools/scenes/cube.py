@@ -63,7 +63,7 @@ def _room(rng: np.random.Generator) -> dict[str, mi.Mesh]:
 
 
 def _puzzle(rng: np.random.Generator) -> dict[str, mi.Mesh]:
-    """The cube, its upper layer half turned by a few degrees as if put down mid-game."""
+    """Return the cube, its upper layer turned by a few degrees as if put down mid-game."""
     body = box((CUBIE * 0.985,) * 3, radius=0.0017)
     bodies: list[Mesh] = []
     stickers: dict[tuple[float, float, float], list[Mesh]] = {}
@@ -81,7 +81,7 @@ def _puzzle(rng: np.random.Generator) -> dict[str, mi.Mesh]:
 
 
 def _scramble(rng: np.random.Generator, moves: int) -> list[Cubie]:
-    """Places of the 26 cubies with the orientation of each and its stickers, after random turns of outer layers."""
+    """Return the 26 cubies after random turns of outer layers, each with its place, orientation and stickers."""
     cubies: list[Cubie] = []
     for corner in np.ndindex(3, 3, 3):
         place = np.array(corner) - 1

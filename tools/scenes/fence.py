@@ -15,8 +15,8 @@ from .vegetation import bush, forest, grass, tree
 FOCAL_PX = 800.0
 BASELINE = 0.2
 
-# Half a pixel in the true disparity and in the spacing: whole-pixel windows fit better one picket beside the true place
-# than at it, so a match that rests on the score alone is wrong, which is what this scene is there to show.
+# The true disparity and the spacing both end in half a pixel: whole-pixel windows fit better one picket away than at
+# the true place, so a match by score alone is wrong, which this scene is meant to show.
 FENCE = FOCAL_PX * BASELINE / 26.5
 SPACING = 14.5 * FENCE / FOCAL_PX
 PICKET = (0.062, 0.018, 1.28)
@@ -49,7 +49,7 @@ def build() -> StereoScene:
 
 
 def _fence(rng: np.random.Generator) -> dict[str, Any]:
-    """Pickets at equal distances, painted alike, on two rails."""
+    """Return equally spaced, identically painted pickets on two rails."""
     paint = glossy((0.17, 0.25, 0.22), 0.35)
     places = np.arange(FENCE_ENDS[0], FENCE_ENDS[1], SPACING)
     pickets = [_picket(PICKET).moved((x, FENCE, 0.06)) for x in places]
@@ -59,7 +59,7 @@ def _fence(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _picket(size: tuple[float, float, float]) -> Mesh:
-    """A board that stands on the ground and ends in a point; its front is at y = 0."""
+    """Return a board that stands on the ground and ends in a point; its front is at y = 0."""
     width, thickness, height = size
     outline = np.array([[-0.5, 0], [0.5, 0], [0.5, 1 - 0.6 * width / height], [0, 1], [-0.5, 1 - 0.6 * width / height]])
     x, z = (outline * [width, height]).T
@@ -73,7 +73,7 @@ def _picket(size: tuple[float, float, float]) -> Mesh:
 
 
 def _walls(rng: np.random.Generator) -> dict[str, Any]:
-    """The white wall has no texture at all; every brick of the house has a tone of its own."""
+    """Return a white wall without any texture, and a house in which every brick has its own tone."""
     height = 2.75
     bricks = matte(textures.bricks((1536, 1440), rng, courses=16, across=5))
     stone = matte(textures.concrete((512, 1024), rng))
@@ -88,7 +88,7 @@ def _walls(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _window(middle: np.ndarray, stone: dict[str, Any]) -> dict[str, Any]:
-    """A window with its blind down: mirrors would show what has another disparity."""
+    """Return a window with its blind down: reflections would show objects at another disparity."""
     width, height, bar = 1.05, 1.2, 0.06
     bars = [box((bar, 0.05, height)).moved((x, -0.03, 0)) for x in (-width / 2, 0, width / 2)]
     bars += [box((width + bar, 0.05, bar)).moved((0, -0.032, z)) for z in (-height / 2, 0.2, height / 2)]
@@ -124,7 +124,7 @@ def _ground(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _greenery(rng: np.random.Generator) -> dict[str, Any]:
-    """A bush at the house, and trees over the wall."""
+    """Return a bush by the house, and trees above the wall."""
     oaks = [tree(rng, 7.5, crown_width=6.0, crown_height=5.0, leaf=0.13, leaves=24_000) for _ in range(2)]
     stands = [(x, 21 + rng.normal(0, 1.5), rng.uniform(0.75, 1.0)) for x in (-10.0, -5.5, -1.5, 3.0)]
     shrub = bush(rng, (1.5, 0.8, 1.0), 5000, 0.05).moved((2.6, HOUSE - 0.65, 0))

@@ -47,7 +47,7 @@ def build() -> StereoScene:
 
 
 def giraffe(rng: np.random.Generator, *, neck: float, stride: float) -> Mesh:
-    """An animal that looks along +x. `neck` leans forward by degrees; `stride` is a step in metres."""
+    """Return an animal facing +x. `neck` is its forward lean in degrees; `stride` is a step in metres."""
     lean = np.radians(neck)
     shoulder = np.array([0.62, 0, 2.55])
     nape = shoulder + 1.95 * np.array([np.sin(lean), 0, np.cos(lean)])
@@ -107,7 +107,7 @@ def _add_legs(body: Volume, side: int, step: float) -> None:
 
 
 def _pelt(places: np.ndarray, shoulder: np.ndarray, nape: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Brown patches parted by cream lines, fading on the shins, the belly and the head."""
+    """Return the colours of brown patches separated by cream lines, fading on the shins, the belly and the head."""
     warped = places + 0.025 * np.sin(places[:, [1, 2, 0]] * 23) + 0.012 * np.sin(places[:, [2, 0, 1]] * 61)
     spots = _spread(warped, rng, spacing=0.17)
     distance, index = cKDTree(spots).query(warped, k=2)
@@ -131,7 +131,7 @@ def _pelt(places: np.ndarray, shoulder: np.ndarray, nape: np.ndarray, rng: np.ra
 
 
 def _spread(places: np.ndarray, rng: np.random.Generator, spacing: float) -> np.ndarray:
-    """Some of `places`, none nearer to another than `spacing` (dart throwing)."""
+    """Return some of `places`, no two closer together than `spacing` (dart throwing)."""
     chosen: list[np.ndarray] = []
     for place in places[rng.permutation(len(places))[:4000]]:
         if not chosen or np.min(np.sum((np.array(chosen) - place) ** 2, axis=1)) > spacing**2:

@@ -1,4 +1,4 @@
-"""Smooth bodies: signed distances on a grid, joined and turned into a mesh by marching cubes."""
+"""Smooth bodies: signed distances on a grid, blended and turned into a mesh by marching cubes."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +20,7 @@ class Volume:
         self.distance = np.full([len(axis) for axis in axes], 10.0, dtype=np.float32)
 
     def add_limb(self, start: ArrayLike, end: ArrayLike, radii: tuple[float, float], blend: float) -> None:
-        """A bone with flesh of a radius at either end, grown together with what is there."""
+        """Add a bone with flesh of a given radius at either end, blended with the existing body."""
         a, b = np.asarray(start, dtype=np.float32), np.asarray(end, dtype=np.float32)
         axis = b - a
         along = (self.x - a[0]) * axis[0] + (self.y - a[1]) * axis[1] + (self.z - a[2]) * axis[2]
@@ -38,11 +38,11 @@ class Volume:
 
 
 def smooth_union(first: np.ndarray, second: np.ndarray, radius: float) -> np.ndarray:
-    """The lesser of two distances, with the seam rounded over `radius` (polynomial minimum)."""
+    """Return the lesser of two distances, with the seam rounded over `radius` (polynomial minimum)."""
     overlap = np.maximum(radius - np.abs(first - second), 0) / radius
     return np.minimum(first, second) - overlap * overlap * radius / 4
 
 
 def smooth_intersection(first: np.ndarray, second: np.ndarray, radius: float) -> np.ndarray:
-    """The greater of two distances, with the edge rounded over `radius`."""
+    """Return the greater of two distances, with the edge rounded over `radius`."""
     return -smooth_union(-first, -second, radius)

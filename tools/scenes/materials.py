@@ -1,4 +1,4 @@
-"""Surfaces: what a colour, a texture or the colours of a mesh's vertices are made of."""
+"""Surfaces made from a colour, a texture or the colours of a mesh's vertices."""
 
 from typing import Any
 
@@ -10,13 +10,13 @@ VERTEX_COLOUR = "vertex_color"
 
 
 def linear(srgb: np.ndarray) -> np.ndarray:
-    """sRGB values, 0 to 1, to linear reflectance."""
+    """Convert sRGB values, 0 to 1, to linear reflectance."""
     values = np.clip(np.asarray(srgb, dtype=np.float32), 0.0, 1.0)
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def reflectance(colour: Colour, repeat: tuple[float, float] = (1.0, 1.0)) -> dict[str, Any]:
-    """`colour` is an sRGB triple, a texture ``(rows, columns, 3)`` or `VERTEX_COLOUR`."""
+    """Return the reflectance of an sRGB triple, a texture ``(rows, columns, 3)`` or `VERTEX_COLOUR`."""
     if isinstance(colour, str):
         return {"type": "mesh_attribute", "name": colour}
     values = linear(np.asarray(colour))
@@ -31,12 +31,12 @@ def reflectance(colour: Colour, repeat: tuple[float, float] = (1.0, 1.0)) -> dic
 
 
 def matte(colour: Colour, repeat: tuple[float, float] = (1.0, 1.0)) -> dict[str, Any]:
-    """Paper, stone, leaves, asphalt."""
+    """Return a matte surface: paper, stone, leaves, asphalt."""
     return _both_sides({"type": "diffuse", "reflectance": reflectance(colour, repeat)})
 
 
 def glossy(colour: Colour, roughness: float = 0.2, repeat: tuple[float, float] = (1.0, 1.0)) -> dict[str, Any]:
-    """A coloured base under a clear coat: varnished wood, plastic, car paint."""
+    """Return a coloured base under a clear coat: varnished wood, plastic, car paint."""
     return _both_sides(
         {
             "type": "roughplastic",

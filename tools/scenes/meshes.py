@@ -1,4 +1,4 @@
-"""Triangle meshes made in NumPy and handed to Mitsuba."""
+"""Triangle meshes built in NumPy and passed to Mitsuba."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,14 +25,14 @@ class Mesh:
         return Mesh(self.vertices + np.asarray(offset), self.faces, self.uv, self.colour)
 
     def turned(self, degrees: float, axis: int = 2) -> "Mesh":
-        """Rotated about a coordinate axis through the origin, anticlockwise."""
+        """Return the mesh rotated anticlockwise about a coordinate axis through the origin."""
         return Mesh(self.vertices @ rotation(degrees, axis).T, self.faces, self.uv, self.colour)
 
     def faces_where(self, chosen: np.ndarray) -> "Mesh":
         return Mesh(self.vertices, self.faces[chosen], self.uv, self.colour)
 
     def shape(self, surface: dict[str, Any], *, smooth: bool = False) -> mi.Mesh:
-        """The Mitsuba shape; `smooth` shades across edges."""
+        """Return the Mitsuba shape; `smooth` shades across edges."""
         properties = mi.Properties()
         properties["surface"] = mi.load_dict(surface)
         mesh = mi.Mesh(
@@ -64,7 +64,7 @@ def rotation(degrees: float, axis: int) -> np.ndarray:
 
 
 def join(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh of many; they must agree in what they carry."""
+    """Join meshes into one; all must have the same attributes."""
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
     uv = None if meshes[0].uv is None else np.concatenate([m.uv for m in meshes])
     colour = None if meshes[0].colour is None else np.concatenate([m.colour for m in meshes])
@@ -77,7 +77,7 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def grid(rows: int, columns: int, wrap: bool = False) -> np.ndarray:
-    """Triangles over a ``(rows, columns)`` array of vertices; `wrap` closes the columns."""
+    """Return triangles over a ``(rows, columns)`` array of vertices; `wrap` closes the columns."""
     across = columns if wrap else columns - 1
     i, j = np.meshgrid(np.arange(rows - 1), np.arange(across), indexing="ij")
     a, b = i * columns + j, i * columns + (j + 1) % columns
@@ -86,7 +86,7 @@ def grid(rows: int, columns: int, wrap: bool = False) -> np.ndarray:
 
 
 def plane(corner: ArrayLike, along_u: ArrayLike, along_v: ArrayLike, tile: float = 0.0) -> Mesh:
-    """A parallelogram; the texture covers it once, or repeats every `tile` metres."""
+    """Return a parallelogram; the texture covers it once, or repeats every `tile` metres."""
     corner, along_u, along_v = (np.asarray(v, dtype=float) for v in (corner, along_u, along_v))
     vertices = np.stack([corner, corner + along_u, corner + along_v, corner + along_u + along_v])
     uv = np.array([[0, 0], [1, 0], [0, 1], [1, 1]], dtype=float)
@@ -103,7 +103,7 @@ def terrain(
     tile: float,
     cells: int = 256,
 ) -> Mesh:
-    """Rolling ground whose height deviates from 0 by about `relief` metres."""
+    """Return rolling ground whose height deviates from 0 by about `relief` metres."""
     y, x = np.meshgrid(np.linspace(*y_range, cells), np.linspace(*x_range, cells), indexing="ij")
     height = relief * fractal_noise((cells, cells), rng, slope=2.0, finest=6)
     vertices = np.stack([x, y, height], -1).reshape(-1, 3)
@@ -111,9 +111,9 @@ def terrain(
 
 
 def box(size: ArrayLike, radius: float = 0.0, steps: int = 4, tile: float = 0.0) -> Mesh:
-    """A box about the origin with rounded edges; every face carries the whole texture.
+    """Return a box about the origin with rounded edges; every face shows the whole texture.
 
-    With `tile` the texture repeats every so many metres instead, as on sawn wood.
+    With `tile` the texture instead repeats at that distance in metres, as on sawn wood.
     """
     half = np.asarray(size, dtype=float) / 2
     inner = half - radius
@@ -150,7 +150,7 @@ def _box_side(
 
 
 def tube(points: np.ndarray, radii: np.ndarray, sides: int = 12, tile: float = 0.5) -> Mesh:
-    """A round bar along `points` ``(n, 3)`` with a radius at each."""
+    """Return a round bar along `points` ``(n, 3)`` with a radius at each point."""
     points, radii = np.asarray(points, dtype=float), np.asarray(radii, dtype=float)
     tangent = np.gradient(points, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
@@ -169,7 +169,7 @@ def tube(points: np.ndarray, radii: np.ndarray, sides: int = 12, tile: float = 0
 
 
 def revolved(profile: np.ndarray, sides: int = 40) -> Mesh:
-    """A ``(radius, x)`` profile turned about the x axis: wheels, discs, posts."""
+    """Rotate a ``(radius, x)`` profile about the x axis: wheels, discs, posts."""
     radius, offset = np.asarray(profile, dtype=float).T
     angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     ring = np.stack([np.zeros(sides), np.cos(angle), np.sin(angle)], -1)
@@ -178,7 +178,7 @@ def revolved(profile: np.ndarray, sides: int = 40) -> Mesh:
 
 
 def extruded(profile: np.ndarray, y_range: tuple[float, float], tile: float = 1.0) -> Mesh:
-    """An ``(x, z)`` outline drawn along y: barriers, rails, kerbs."""
+    """Extrude an ``(x, z)`` outline along y: barriers, rails, kerbs."""
     outline = np.asarray(profile, dtype=float)
     length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(outline, axis=0), axis=1))])
     ends = [np.insert(outline, 1, y, axis=1) for y in y_range]

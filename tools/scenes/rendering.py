@@ -12,7 +12,7 @@ SAMPLES_PER_PASS = 16  # bounds the memory of one pass; passes are averaged
 
 
 class BoundedPaths(mi.SamplingIntegrator):
-    """Path tracing that cuts what one path brings, so that a rare one by way of a mirror leaves no spark."""
+    """Path tracing that limits the light of one path, so that a rare path by way of a mirror leaves no spark."""
 
     def __init__(self, properties: mi.Properties) -> None:
         super().__init__(properties)
@@ -39,10 +39,9 @@ def render(
     per_pass: int = SAMPLES_PER_PASS,
     veil: np.ndarray | float = 0.0,
 ) -> np.ndarray:
-    """The picture of one eye, ``(height, width, 3)`` uint8; `veil` is light that the lens scatters over it.
+    """Return the picture of one eye, ``(height, width, 3)`` uint8; `veil` is light that the lens scatters over it.
 
-    `seed` decides every random number; give the two eyes different ones, so that
-    the noise of one says nothing about the noise of the other.
+    `seed` determines every random number; use different seeds for the two eyes, so that their noise is independent.
     """
     sampler = {"type": description.sampler, "sample_count": per_pass}
     sensor = mi.load_dict({**description.camera.sensor(eye), "sampler": sampler})
@@ -57,7 +56,7 @@ def render(
 
 
 def _develop(light: np.ndarray) -> np.ndarray:
-    """Linear light to sRGB, with a soft shoulder above 0.6 in place of clipping."""
+    """Convert linear light to sRGB, with a soft shoulder above 0.6 instead of clipping."""
     knee = 0.6
     above = np.maximum(light - knee, 0.0)
     shoulder = knee + (1 - knee) * (1 - np.exp(-above / (1 - knee)))

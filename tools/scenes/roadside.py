@@ -1,4 +1,4 @@
-"""What stands along a motorway: barriers, rails, signs, a bridge and the surface itself."""
+"""Objects along a motorway, and its surface: barriers, rails, signs, a bridge, the carriageway."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,8 +12,8 @@ from .materials import glossy, matte, metal
 from .meshes import Mesh, box, extruded, join, plane, tube
 
 LANE = 3.5
-PERIOD = 24.0  # metres of road after which its texture repeats
-TEXELS = 170.0  # a metre
+PERIOD = 24.0  # metres of road after which the texture repeats
+TEXELS = 170.0  # per metre
 WHITE, BLACK = (242, 242, 240), (10, 10, 10)
 
 
@@ -25,9 +25,9 @@ def carriageway(
     contrast: float = 1.0,
     finish: Callable[..., dict[str, Any]] = matte,
 ) -> mi.Mesh:
-    """Three lanes along y with edge lines, dashes, wheel tracks and repairs.
+    """Return three lanes along y with edge lines, dashes, wheel tracks and repairs.
 
-    `contrast` scales what the stones of the asphalt show; `finish` makes its surface of the texture.
+    `contrast` scales the contrast of the asphalt's stones; `finish` turns the texture into a surface.
     """
     width = 3 * LANE + 1.5
     rows, columns = int(PERIOD * TEXELS), int(width * TEXELS)
@@ -67,7 +67,7 @@ def _paint(shape: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
 
 
 def guard_rail(name: str, rng: np.random.Generator, x: float, facing: int, end: float) -> dict[str, mi.Mesh]:
-    """A W-shaped steel beam on posts; `facing` -1 turns it to the left, 1 to the right."""
+    """Return a W-shaped steel beam on posts; `facing` -1 turns it to the left, 1 to the right."""
     wave = np.array([[0.0, 0.45], [0.06, 0.48], [0.08, 0.54], [0.0, 0.60], [0.08, 0.66], [0.06, 0.73], [0.0, 0.76]])
     beam = extruded(wave * [facing, 1.0] + [x, 0.0], (0, end), tile=1.5)
     steel = textures.mottle((512, 512), rng, (0.42, 0.44, 0.46), (0.66, 0.68, 0.70))
@@ -83,7 +83,7 @@ def guard_rail(name: str, rng: np.random.Generator, x: float, facing: int, end: 
 
 
 def median_barrier(rng: np.random.Generator, x: float, end: float) -> mi.Mesh:
-    """A concrete wall with a splayed foot."""
+    """Return a concrete wall with a splayed foot."""
     section = np.array(
         [[-0.32, 0], [-0.30, 0.08], [-0.14, 0.32], [-0.09, 0.86], [0.09, 0.86], [0.14, 0.32], [0.30, 0.08], [0.32, 0]]
     )
@@ -94,7 +94,7 @@ def median_barrier(rng: np.random.Generator, x: float, end: float) -> mi.Mesh:
 
 
 def bridge(rng: np.random.Generator, y: float, clearance: float) -> dict[str, Any]:
-    """A concrete overpass across the road, its railing and its piers."""
+    """Return a concrete overpass across the road, its railing and its piers."""
     surface = matte(textures.concrete((1024, 1024), rng))
     wide, deep = 90.0, 9.0
     slab = [
@@ -121,7 +121,7 @@ def bridge(rng: np.random.Generator, y: float, clearance: float) -> dict[str, An
 def sign(
     name: str, picture: np.ndarray, place: tuple[float, float, float], size: float, shape: str
 ) -> dict[str, mi.Mesh]:
-    """A panel on a pole; arguments as of `panel`."""
+    """Return a panel on a pole; arguments as for `panel`."""
     x, y, z = place
     pole = tube(np.array([[x, y + 0.08, -0.2], [x, y + 0.08, z + 0.2 * size]]), np.full(2, 0.04))
     steel = pole.shape(metal(roughness=0.35), smooth=True)
@@ -131,7 +131,7 @@ def sign(
 def panel(
     name: str, picture: np.ndarray, place: tuple[float, float, float], size: float, shape: str
 ) -> dict[str, mi.Mesh]:
-    """`picture` on a ``"disc"``, ``"triangle"`` or ``"board"`` of a width `size` about `place`."""
+    """Return `picture` on a ``"disc"``, ``"triangle"`` or ``"board"`` of width `size` centred at `place`."""
     turn = np.linspace(0, 2 * np.pi, 48, endpoint=False)
     corners = {
         "disc": np.stack([np.cos(turn), np.sin(turn)], -1),
@@ -168,7 +168,7 @@ def warning() -> np.ndarray:
 
 
 def direction(lines: tuple[str, ...], colour: tuple[int, int, int]) -> np.ndarray:
-    """A board with place names and an arrow ahead."""
+    """Return a board with place names and an arrow ahead."""
     image = np.full((300, 640, 3), colour, dtype=np.uint8)
     cv2.rectangle(image, (8, 8), (631, 291), WHITE, 8, cv2.LINE_AA)
     for number, line in enumerate(lines):

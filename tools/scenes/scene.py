@@ -1,4 +1,4 @@
-"""A scene: what there is to see, who looks at it and how the picture is developed."""
+"""The description of a scene: its objects, its camera and the development of the picture."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +10,7 @@ from .camera import StereoCamera
 
 @dataclass(frozen=True)
 class StereoScene:
-    """`objects` are Mitsuba shapes and lights by name; `exposure` scales their light to white at 1."""
+    """`objects` are Mitsuba shapes and lights by name; `exposure` scales their light so that white is 1."""
 
     title: str
     description: str
@@ -21,7 +21,7 @@ class StereoScene:
     max_depth: int = 6
     sensor_noise: float = 0.8  # standard deviation, 8-bit levels
     sampler: str = "independent"
-    brightest: float | None = None  # what one light path may bring at most; None: anything
+    brightest: float | None = None  # limit for the light of one path; None: no limit
 
     def load(self) -> mi.Scene:
         return mi.load_dict(

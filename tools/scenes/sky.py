@@ -20,7 +20,7 @@ def sky(
     sun_strength: float = 3.0,
     cloudiness: float = 0.5,
 ) -> dict[str, Any]:
-    """The emitter. `sun_azimuth` in degrees clockwise from +y; `sun_strength` is its irradiance."""
+    """Return the emitter. `sun_azimuth` is in degrees clockwise from +y; `sun_strength` is the sun's irradiance."""
     direction = _directions()
     elevation = np.arcsin(np.clip(direction[..., 2], -1, 1))
     height = np.clip(elevation / (np.pi / 2), 0, 1)[..., None]
@@ -42,7 +42,7 @@ def sky(
 
 
 def _directions() -> np.ndarray:
-    """World direction of every texel of Mitsuba's map, whose own pole is y, turned to z."""
+    """Return the world direction of every texel of Mitsuba's map, whose own pole is y, with the pole turned to z."""
     polar = (np.arange(SIZE[0]) + 0.5) / SIZE[0] * np.pi
     turn = (np.arange(SIZE[1]) + 0.5) / SIZE[1] * 2 * np.pi
     polar, turn = np.meshgrid(polar, turn, indexing="ij")
@@ -51,7 +51,7 @@ def _directions() -> np.ndarray:
 
 
 def _clouds(direction: np.ndarray, rng: np.random.Generator, cloudiness: float) -> np.ndarray:
-    """Cover, 0 to 1: noise on a flat layer overhead, seen in perspective."""
+    """Return the cloud cover, 0 to 1: noise on a flat layer overhead, seen in perspective."""
     layer = fractal_noise((1024, 1024), rng, slope=1.7, finest=3, coarsest=300)
     distance = 1 / np.clip(direction[..., 2] + 0.06, 0.03, None)
     columns, rows = ((60 * direction[..., axis] * distance).astype(np.float32) for axis in (0, 1))

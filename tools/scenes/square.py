@@ -1,4 +1,4 @@
-"""A raised square on a printed sheet, the same print on both, seen from above."""
+"""A raised square on a printed sheet with the same print, seen from above."""
 
 from typing import Any
 
@@ -50,7 +50,7 @@ def build() -> StereoScene:
 
 
 def _sheet(rng: np.random.Generator) -> Mesh:
-    """Paper that does not lie quite flat: its corners lift a little."""
+    """Return paper that is not quite flat: its corners lift a little."""
     count = 80
     v, u = np.meshgrid(np.linspace(0, 1, count), np.linspace(0, 1, count), indexing="ij")
     x, y = (u - 0.5) * SHEET, (v - 0.5) * SHEET
@@ -61,7 +61,7 @@ def _sheet(rng: np.random.Generator) -> Mesh:
 
 
 def _terrazzo(shape: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
-    """Angular chips of several sizes on off-white: no two places alike."""
+    """Return angular chips of several sizes on off-white, which look different everywhere."""
     palette = np.array(
         [
             [0.80, 0.36, 0.25], [0.17, 0.36, 0.45], [0.88, 0.66, 0.27], [0.24, 0.25, 0.27],

@@ -17,10 +17,10 @@ def fractal_noise(
     finest: float = 2.0,
     coarsest: float | None = None,
 ) -> np.ndarray:
-    """Noise whose amplitude falls with frequency to the power `slope`; mean 0, deviation 1.
+    """Return noise whose amplitude falls with frequency to the power `slope`; mean 0, standard deviation 1.
 
-    Made in the Fourier domain, hence periodic. `stretch` lengthens it along rows and
-    columns; `finest` and `coarsest` bound its wavelengths, in px.
+    It is generated in the Fourier domain, hence periodic. `stretch` lengthens it along rows and columns; `finest` and
+    `coarsest` bound its wavelengths, in px.
     """
     vertical = np.fft.fftfreq(shape[0])[:, None] * stretch[0]
     horizontal = np.fft.rfftfreq(shape[1])[None, :] * stretch[1]
@@ -35,7 +35,7 @@ def fractal_noise(
 
 
 def cells(shape: Shape, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Periodic Voronoi cells: number of each pixel's cell, distances to its two nearest seeds, px."""
+    """Return periodic Voronoi cells: the cell of each pixel, and the distances to its two nearest seeds, px."""
     seeds = rng.random((count, 2)) * shape
     places = np.indices(shape).reshape(2, -1).T.astype(float)
     distance, index = cKDTree(seeds, boxsize=shape).query(places, k=2)
@@ -43,7 +43,7 @@ def cells(shape: Shape, rng: np.random.Generator, count: int) -> tuple[np.ndarra
 
 
 def blend(amount: np.ndarray, *colours: Rgb) -> np.ndarray:
-    """Colours interpolated by `amount`, 0 for the first to 1 for the last."""
+    """Return colours interpolated by `amount`, 0 for the first to 1 for the last."""
     stops = np.linspace(0.0, 1.0, len(colours))
     palette = np.asarray(colours)
     return np.stack([np.interp(amount, stops, palette[:, c]) for c in range(3)], axis=-1).astype(np.float32)
@@ -52,12 +52,12 @@ def blend(amount: np.ndarray, *colours: Rgb) -> np.ndarray:
 def mottle(
     shape: Shape, rng: np.random.Generator, *colours: Rgb, slope: float = 1.0, spread: float = 0.22
 ) -> np.ndarray:
-    """Cloudy mixture of `colours`: earth, plaster, stone."""
+    """Return a cloudy mixture of `colours`: earth, plaster, stone."""
     return blend(0.5 + spread * fractal_noise(shape, rng, slope=slope), *colours)
 
 
 def wood(shape: Shape, rng: np.random.Generator, light: Rgb, dark: Rgb, rings: float = 14.0) -> np.ndarray:
-    """A board whose grain runs along the columns."""
+    """Return a board whose grain runs along the columns."""
     rows = np.linspace(0, 1, shape[0], endpoint=False)[:, None]
     warp = fractal_noise(shape, rng, slope=2.2, stretch=(1.0, 7.0))
     phase = rings * rows + 0.55 * warp
@@ -69,7 +69,7 @@ def wood(shape: Shape, rng: np.random.Generator, light: Rgb, dark: Rgb, rings: f
 
 
 def planks(shape: Shape, rng: np.random.Generator, light: Rgb, dark: Rgb, count: int = 5) -> np.ndarray:
-    """Boards side by side, each of its own tone, with dark joints between."""
+    """Return boards side by side, each with its own tone, with dark joints between them."""
     height = shape[0] // count
     boards = []
     for _ in range(count):
@@ -81,7 +81,7 @@ def planks(shape: Shape, rng: np.random.Generator, light: Rgb, dark: Rgb, count:
 
 
 def asphalt(shape: Shape, rng: np.random.Generator) -> np.ndarray:
-    """Dark binder with light and dark chippings, stains and cracks."""
+    """Return dark binder with light and dark chippings, stains and cracks."""
     kind, _, _ = cells(shape, rng, shape[0] * shape[1] // 30)
     stone = rng.normal(0.0, 1.0, kind.max() + 1)[kind]
     grey = 0.40 + 0.065 * stone + 0.035 * fractal_noise(shape, rng, slope=1.3)
@@ -95,7 +95,7 @@ def asphalt(shape: Shape, rng: np.random.Generator) -> np.ndarray:
 
 
 def turf(shape: Shape, rng: np.random.Generator, dryness: float = 0.35) -> np.ndarray:
-    """Short grass from above, with dry places: their share is `dryness`."""
+    """Return short grass seen from above; `dryness` is the share of dry patches."""
     blades = fractal_noise(shape, rng, slope=0.5)
     dry = fractal_noise(shape, rng, slope=1.6)
     grass = blend(0.5 + 0.2 * blades, (0.13, 0.19, 0.06), (0.34, 0.42, 0.14), (0.55, 0.60, 0.28))
@@ -105,13 +105,13 @@ def turf(shape: Shape, rng: np.random.Generator, dryness: float = 0.35) -> np.nd
 
 
 def bark(shape: Shape, rng: np.random.Generator) -> np.ndarray:
-    """Grey-brown bark with furrows along the rows."""
+    """Return grey-brown bark with furrows along the rows."""
     furrow = fractal_noise(shape, rng, slope=1.0, stretch=(5.0, 1.0))
     return blend(0.5 + 0.25 * furrow, (0.12, 0.09, 0.07), (0.36, 0.29, 0.23), (0.58, 0.51, 0.44))
 
 
 def concrete(shape: Shape, rng: np.random.Generator) -> np.ndarray:
-    """Cast concrete with streaks of rain and small holes."""
+    """Return cast concrete with rain streaks and small holes."""
     streaks = fractal_noise(shape, rng, slope=1.0, stretch=(6.0, 1.0))
     stains = fractal_noise(shape, rng, slope=1.4)
     holes = fractal_noise(shape, rng, slope=0.4, finest=3, coarsest=12) > 2.3
@@ -121,7 +121,7 @@ def concrete(shape: Shape, rng: np.random.Generator) -> np.ndarray:
 
 
 def bricks(shape: Shape, rng: np.random.Generator, courses: int, across: int) -> np.ndarray:
-    """A wall of `courses` by `across` bricks in stretcher bond, each fired to a tone of its own, in pale mortar."""
+    """Return a wall of `courses` by `across` bricks in stretcher bond, each of its own tone, in pale mortar."""
     rows, columns = np.indices(shape)
     wobble = 1.5 * fractal_noise(shape, rng, slope=1.4, coarsest=shape[0] / courses)
     up = (rows + wobble) * courses / shape[0]

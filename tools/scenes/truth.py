@@ -8,21 +8,21 @@ import numpy as np
 
 from .camera import StereoCamera
 
-DISPARITY_SCALE = 256  # codes per pixel in the 16-bit file; code 0 says "no truth"
+DISPARITY_SCALE = 256  # codes per pixel in the 16-bit file; code 0 means "no ground truth"
 
 
 @dataclass(frozen=True)
 class Truth:
-    """`disparity` in px, 0 where the sky has none; `occluded` where the right eye sees nothing of it."""
+    """`disparity` in px, 0 in the sky; `occluded` where the point is hidden from the right eye."""
 
     disparity: np.ndarray
     occluded: np.ndarray
 
 
 def trace(scene: mi.Scene, camera: StereoCamera) -> Truth:
-    """Truth in the frame of the left camera, shapes ``(height, width)``.
+    """Return the ground truth in the frame of the left camera, shapes ``(height, width)``.
 
-    Neither is averaged over a pixel, so no depth between an edge and its background is made up.
+    Neither is averaged over a pixel, so no depths between an edge and its background are invented.
     """
     ray = centre_rays(camera)
     hit = scene.ray_intersect(ray)
@@ -43,7 +43,7 @@ def trace(scene: mi.Scene, camera: StereoCamera) -> Truth:
 
 
 def centre_rays(camera: StereoCamera) -> mi.Ray3f:
-    """One ray through the exact centre of every left pixel, row by row."""
+    """Return one ray through the exact centre of every left pixel, row by row."""
     sensor = mi.load_dict(camera.sensor("left"))
     rows, columns = np.mgrid[: camera.height, : camera.width]
     centre = mi.Point2f(
@@ -55,7 +55,7 @@ def centre_rays(camera: StereoCamera) -> mi.Ray3f:
 
 
 def encode(truth: Truth, num_disparities: int) -> np.ndarray:
-    """The 16-bit codes of `disparity.png`; a disparity outside the scene's own range is an error."""
+    """Return the 16-bit codes of `disparity.png`; a disparity outside the scene's range raises an error."""
     nearest = float(truth.disparity.max())
     if nearest > num_disparities - 1:
         raise ValueError(

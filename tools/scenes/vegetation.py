@@ -1,4 +1,4 @@
-"""Trees, bushes and grass grown from triangles."""
+"""Trees, bushes and grass made of triangles."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -31,7 +31,7 @@ def tree(
     leaf: float = 0.11,
     leaves: int = 22_000,
 ) -> Tree:
-    """A trunk that forks into boughs, each ending in a cloud of leaves."""
+    """Return a trunk that forks into boughs, each ending in a cloud of leaves."""
     fork = height - crown_height
     trunk_width = 0.035 * height
     sway = rng.normal(0, 0.02 * height, 2)
@@ -53,7 +53,7 @@ def tree(
 
 
 def bush(rng: np.random.Generator, size: tuple[float, float, float], leaves: int, leaf: float) -> Mesh:
-    """Leaves down to the ground, as in a hedge."""
+    """Return leaves down to the ground, as in a hedge."""
     blobs = [
         _cloud(
             rng, np.array([x, 0, 0.45 * size[2]]) * [size[0] / 2, 1, 1], np.array(size) * [0.35, 0.5, 0.5], leaves // 4
@@ -65,7 +65,7 @@ def bush(rng: np.random.Generator, size: tuple[float, float, float], leaves: int
 
 
 def foliage(rng: np.random.Generator, places: np.ndarray, leaf: float) -> Mesh:
-    """A small kite of two triangles at every place, lighter towards the top."""
+    """Return a small kite of two triangles at every place, lighter towards the top."""
     count = len(places)
     along, across = _frames(rng, count)
     length = leaf * rng.uniform(0.6, 1.3, (count, 1))
@@ -86,7 +86,7 @@ def foliage(rng: np.random.Generator, places: np.ndarray, leaf: float) -> Mesh:
 
 
 def grass(rng: np.random.Generator, places: np.ndarray, length: float) -> Mesh:
-    """A bent blade at every ``(x, y, z)`` place."""
+    """Return a bent blade at every ``(x, y, z)`` place."""
     count = len(places)
     heading = rng.uniform(0, 2 * np.pi, count)
     across = np.stack([np.cos(heading), np.sin(heading), np.zeros(count)], -1)
@@ -116,7 +116,7 @@ def grass(rng: np.random.Generator, places: np.ndarray, length: float) -> Mesh:
 def forest(
     rng: np.random.Generator, name: str, kinds: list[Tree], stands: list[tuple[float, float, float]]
 ) -> dict[str, Any]:
-    """Copies of `kinds` at every ``(x, y, scale)``; Mitsuba keeps one mesh of each kind."""
+    """Return copies of `kinds` at every ``(x, y, scale)``; Mitsuba keeps one mesh per kind."""
     bark = matte(textures.bark((512, 512), rng), repeat=(2.0, 1.0))
     objects: dict[str, Any] = {}
     for number, kind in enumerate(kinds):
@@ -133,7 +133,7 @@ def forest(
 
 
 def _cloud(rng: np.random.Generator, centre: np.ndarray, size: np.ndarray, count: int) -> np.ndarray:
-    """Places in an ellipsoid, denser at its surface, gathered in twigs."""
+    """Return places in an ellipsoid, denser at its surface and clustered in twigs."""
     twigs = rng.standard_normal((max(count // 25, 1), 3))
     twigs /= np.linalg.norm(twigs, axis=1, keepdims=True)
     twigs *= rng.uniform(0.25, 1.0, (len(twigs), 1)) ** 0.4

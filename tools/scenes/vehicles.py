@@ -17,7 +17,7 @@ Outline = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class BodyStyle:
-    """A car's side view as ``(y, z)`` corners, forwards along y, and its other dimensions, metres."""
+    """A car's side view as ``(y, z)`` corners, with y forwards, and its other dimensions, metres."""
 
     outline: Outline
     width: float
@@ -71,11 +71,11 @@ def car(
     *,
     oncoming: bool = False,
 ) -> dict[str, mi.Mesh]:
-    """The shapes of a car whose middle stands at ``(x, y)``."""
+    """Return the shapes of a car centred at ``(x, y)``."""
     body, parts = _shell(style)
     dust = textures.fractal_noise((512, 512), rng, slope=1.9)[..., None]
     coat = np.asarray(paint) * (1 + 0.03 * dust)
-    coat[91:95] *= 0.3  # the moulding at bumper height: texture rows follow the height
+    coat[91:95] *= 0.3  # the moulding at bumper height: texture rows follow height
     surfaces = {
         "paint": glossy(coat, 0.06, repeat=(0.3, 0.3)),
         "trim": matte((0.07, 0.07, 0.075)),
@@ -95,7 +95,7 @@ def car(
 
 
 def _shell(style: BodyStyle) -> tuple[Mesh, np.ndarray]:
-    """The body and, for each of its triangles, what that is made of."""
+    """Return the body, and the material of each of its triangles."""
     margin = 0.06
     volume = Volume(
         (-style.width / 2 - margin, style.rear - margin, 0.1),
@@ -117,7 +117,7 @@ def _shell(style: BodyStyle) -> tuple[Mesh, np.ndarray]:
 
 
 def _half_width(style: BodyStyle, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Narrower above the belt line and, seen from above, rounded at both ends."""
+    """Return the half width: narrower above the belt line and, seen from above, rounded at both ends."""
     leaning = 0.30 * np.maximum(z - style.belt + 0.03, 0)
     sill = 0.25 * np.maximum(0.45 - z, 0)
     end = np.maximum(np.abs(y) - (style.front - 0.55), 0)
@@ -179,7 +179,7 @@ def _plate_print(rng: np.random.Generator) -> np.ndarray:
 
 
 def lorry(name: str, place: tuple[float, float], rng: np.random.Generator) -> dict[str, mi.Mesh]:
-    """A box lorry seen from behind; `place` is the middle of its tail."""
+    """Return a box lorry seen from behind; `place` is the middle of its tail."""
     x, y = place
     doors = textures.mottle((512, 512), rng, (0.80, 0.79, 0.75), (0.90, 0.90, 0.88), spread=0.15)
     doors[:, 252:260] = 0.25
@@ -207,7 +207,7 @@ def lorry(name: str, place: tuple[float, float], rng: np.random.Generator) -> di
 
 
 def _outline_distance(outline: Outline, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Signed distance to a closed polygon, negative inside."""
+    """Return the signed distance to a closed polygon, negative inside."""
     nearest = np.full(np.broadcast_shapes(y.shape, z.shape), np.inf, dtype=np.float32)
     inside = np.zeros(nearest.shape, dtype=bool)
     for (y0, z0), (y1, z1) in zip(outline, (*outline[1:], outline[0]), strict=True):

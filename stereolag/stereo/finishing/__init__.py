@@ -1,1 +1,1 @@
-"""The stages that all of our matchers share once a disparity is found: checks, filters, filling, median."""
+"""Stages shared by the project's own matchers once disparities are found: checks, filters, filling, median."""

@@ -1,4 +1,4 @@
-"""Checks: which of the matches found can be believed."""
+"""Checks that decide which matches are reliable."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ MEASURED = np.uint8(Reason.MEASURED)
 
 
 class LeftRightCheck(Settings):
-    """A match must be the same, seen from the right image."""
+    """Left-right check: a match must be the same seen from the right image."""
 
     tolerance: int = Field(
         default=1,
         title="Left-right tolerance",
-        description="How far the match of the right image's pixel may lead from where it came, px. What fails is "
-        "mostly hidden from one of the cameras.",
+        description="How far from its start a pixel may end when matched to the right image and back, px. Pixels "
+        "that fail are mostly hidden from one of the cameras.",
         ge=0,
         le=16,
     )
 
 
 class AmbiguityTest(Settings):
-    """A match must clearly beat any other.
+    """Ambiguity test: a match must clearly beat any other.
 
-    The scores of the plain correlation have no bounds: beside them any lead is small, and the test refuses little.
+    The scores of plain correlation are unbounded: any lead is small beside them, and the test rejects little.
     """
 
     lead: float = Field(
         default=0.015,
         title="Lead over the next best",
-        description="By how much the best place must beat every place farther than 1 px from it: in the score, or as "
-        "a share of the highest cost where matches are optimised.",
+        description="How far the best match must lead every other one farther than 1 px from it: in score or, in "
+        "semi-global matching, as a share of the highest cost.",
         ge=0,
         le=2,
         json_schema_extra={"step": 0.005},
@@ -49,7 +49,7 @@ class AmbiguityTest(Settings):
 
 
 class TextureTest(Settings):
-    """A window must hold something to match."""
+    """Texture test: a window must contain something to match."""
 
     least: float = Field(
         default=1.0,
@@ -61,19 +61,19 @@ class TextureTest(Settings):
 
 
 def least_texture(test: TextureTest | None, left: Image, right: Image) -> float:
-    """Return the standard deviation, in the units of two images, up to which a window is not matched."""
+    """Return the standard deviation, in the units of the images, up to which a window is not matched."""
     return (test.least if test else FLAT_TEXTURE) * grey_level(left, right)
 
 
 def rejected(disparity: FloatMap, reason: ReasonMap, where: Mask, why: Reason) -> tuple[FloatMap, ReasonMap]:
-    """Return the map and its reasons without the measured pixels that are `where`.
+    """Return the map and its reasons without the measured pixels in `where`.
 
     Parameters
     ----------
     disparity
         (H, W) float32, NaN = none.
     reason
-        (H, W) uint8, :class:`Reason`; only what is MEASURED can be rejected: the first reason found stays.
+        (H, W) uint8, :class:`Reason`; only MEASURED pixels can be rejected: the first reason found stays.
     where
         (H, W) bool.
     why
@@ -97,7 +97,7 @@ def _reject_rows(
     kept: FloatMap,
     reasons: ReasonMap,
 ) -> None:
-    """Do rows `first` to `end` of :func:`rejected`."""
+    """Process rows `first` to `end` for :func:`rejected`."""
     for y in range(first, end):
         for x in range(disparity.shape[1]):
             lost = where[y, x] & (reason[y, x] == MEASURED)
@@ -106,22 +106,22 @@ def _reject_rows(
 
 
 def left_right_disagree(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int) -> Mask:
-    """Return where the match of the left pixel, followed to the right image, does not lead back.
+    """Return where a left pixel's match, followed to the right image, does not lead back.
 
     Parameters
     ----------
     dx
         (H, W) integer displacement of the match of each left pixel, right minus left, px.
     right_dx
-        (H, W) integer displacement, of the same sign, at which each right pixel was matched; any number that leads far
-        out of the frame says that there is none.
+        (H, W) integer displacement, with the same sign, at which each right pixel was matched; a value that leads far
+        out of the frame means none.
     tolerance
         Largest difference that still agrees, px.
 
     Returns
     -------
     ndarray
-        (H, W) bool; true as well where the match lies out of the frame.
+        (H, W) bool; also true where the match is out of the frame.
     """
     disagree = np.empty(dx.shape, np.bool_)
     over_bands(lambda first, end: _disagreeing_rows(dx, right_dx, tolerance, first, end, disagree), dx.shape[0])
@@ -132,7 +132,7 @@ def left_right_disagree(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolera
 def _disagreeing_rows(
     dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int, first: int, end: int, disagree: Mask
 ) -> None:
-    """Do rows `first` to `end` of :func:`left_right_disagree`."""
+    """Process rows `first` to `end` for :func:`left_right_disagree`."""
     width = np.int64(dx.shape[1])
     for y in range(first, end):
         for x in range(width):
@@ -144,7 +144,7 @@ def _disagreeing_rows(
 
 
 def left_right_disagree_reference(dx: npt.NDArray[Any], right_dx: npt.NDArray[Any], tolerance: int) -> Mask:
-    """Return what :func:`left_right_disagree` must equal, by plain NumPy."""
+    """Return the expected result of :func:`left_right_disagree`, computed with plain NumPy."""
     width = dx.shape[1]
     place = np.arange(width) + dx
     inside = (place >= 0) & (place < width)
@@ -153,8 +153,8 @@ def left_right_disagree_reference(dx: npt.NDArray[Any], right_dx: npt.NDArray[An
 
 
 def ambiguous(lowest: npt.NDArray[Any], runner_up: npt.NDArray[Any], margin: int) -> Mask:
-    """Return where the best lag is not cheaper by `margin` than every lag farther than one from it.
+    """Return where the best lag is not cheaper by `margin` than every lag more than one away from it.
 
-    A negative `runner_up` says that there is no such lag.
+    A negative `runner_up` means there is no such lag.
     """
     return np.asarray((runner_up >= 0) & (runner_up - lowest < margin))

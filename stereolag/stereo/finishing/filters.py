@@ -1,4 +1,4 @@
-"""Filters on a finished map: islands taken away, gaps filled from behind, edges kept."""
+"""Filters that finish a map: islands removed, gaps filled from the background, edges kept."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from stereolag.stereo.reasons import Reason
 
 
 class SpeckleFilter(Settings):
-    """Small islands of disparity unlike all around them are mismatches."""
+    """Speckle filter: small islands of disparity unlike their surroundings are mismatches."""
 
     size: int = Field(
         default=100,
         title="Smallest surface",
-        description="A connected surface of fewer pixels is taken away.",
+        description="Connected surfaces of fewer pixels are removed.",
         ge=1,
         le=10_000,
         json_schema_extra={"step": 10},
@@ -29,7 +29,7 @@ class SpeckleFilter(Settings):
     difference: float = Field(
         default=2.0,
         title="Connected within",
-        description="Neighbours belong to one surface if their disparities differ by no more, px.",
+        description="Largest difference in disparity between neighbours of one surface, px.",
         gt=0,
         le=64,
         json_schema_extra={"step": 0.5},
@@ -37,12 +37,12 @@ class SpeckleFilter(Settings):
 
 
 class MedianFilter(Settings):
-    """Each pixel takes the middle disparity of its neighbours of like colour: smooth inside, sharp at edges."""
+    """Edge-respecting median: each pixel takes the median disparity of its neighbours of similar colour."""
 
     radius: int = Field(
         default=6,
         title="Median radius",
-        description="How far the neighbours lie, px.",
+        description="Radius of the neighbourhood, px.",
         ge=2,
         le=30,
         multiple_of=2,
@@ -50,14 +50,14 @@ class MedianFilter(Settings):
     contrast: int = Field(
         default=25,
         title="Median contrast",
-        description="Difference of colour, levels of 255, at which a neighbour all but loses its vote.",
+        description="Difference of colour, levels of 255, from which a neighbour hardly counts.",
         ge=1,
         le=255,
     )
 
 
 def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFilter) -> tuple[FloatMap, ReasonMap]:
-    """Return the map without its small islands (as OpenCV's ``filterSpeckles``), which become SPECKLE.
+    """Return the map without its small islands (like OpenCV's ``filterSpeckles``), which become SPECKLE.
 
     Parameters
     ----------
@@ -66,22 +66,22 @@ def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFi
     reason
         (H, W) uint8.
     settings
-        What is small.
+        Size below which an island is removed, and disparity step that bounds it.
     """
     return rejected(disparity, reason, speckles(disparity, settings.size, settings.difference), Reason.SPECKLE)
 
 
 def edge_respecting_median(disparity: FloatMap, guide: npt.NDArray[np.uint8], settings: MedianFilter) -> FloatMap:
-    """Return the weighted median of 25 neighbours on a 5 × 5 grid, weighted by likeness of colour.
+    """Return the weighted median of 25 neighbours on a 5 × 5 grid, weighted by similarity of colour.
 
     Parameters
     ----------
     disparity
-        (H, W) float32 px; NaN takes no part, and stays.
+        (H, W) float32 px; NaN is ignored, and stays NaN.
     guide
         (H, W) or (H, W, channels) uint8, the left image.
     settings
-        Reach and weights.
+        Radius and contrast.
 
     Returns
     -------
@@ -95,10 +95,10 @@ def edge_respecting_median(disparity: FloatMap, guide: npt.NDArray[np.uint8], se
 def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap, ReasonMap]:
     """Return the map with every gap filled.
 
-    Along its row a gap takes the smaller disparity of its two ends (`filled_from_ends`): what one camera cannot see
-    lies on the farther surface, and the ground, which fills most of the gaps of a street, has one depth along a row.
-    Fills from eight or sixteen directions were worse on it. A row without any measurement repeats the nearest row that
-    has one.
+    A gap takes the smaller disparity of its two ends along the row (`filled_from_ends`): areas hidden from one camera
+    belong to the farther surface, and the ground, which makes up most of the gaps in street scenes, has one depth along
+    a row. Filling from eight or sixteen directions was worse there. A row without any measurement repeats the nearest
+    row that has one.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def filled_from_behind(disparity: FloatMap, reason: ReasonMap) -> tuple[FloatMap
     Returns
     -------
     tuple of ndarray
-        The map, and its reasons with FILLED where it was filled. A map without a single measurement stays as it is.
+        The map, and its reasons with FILLED where it was filled. A map without any measurement is returned unchanged.
     """
     filled = filled_from_ends(disparity)
     known = np.flatnonzero(np.isfinite(filled[:, 0]))

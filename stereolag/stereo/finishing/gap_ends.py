@@ -1,4 +1,4 @@
-"""Gaps filled along their rows, from what was measured around their two ends."""
+"""Filling of gaps along their rows, from the measurements around their two ends."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 
 INWARD, BESIDE = 6, 3
-"""The surface at an end of a gap: columns inward, and rows up and down, px."""
+"""Extent of the surface at an end of a gap: columns away from the gap, and rows up and down, px."""
 
 WIDE = 4
-"""A gap of fewer px takes its end pixels as they are: there are many of them, and nothing is gained."""
+"""Gaps narrower than this, px, use their end pixels alone: they are many, and a mean gains nothing."""
 
 SAME_SURFACE = 4.0
-"""Farthest that a pixel of that surface lies from the end of the gap, px of disparity."""
+"""Largest difference between a pixel of that surface and the end of the gap, px of disparity."""
 
 SLANT_COLS, SLANT_ROWS = 24, 12
-"""The surface that is continued to the left edge: columns inward, and rows up and down, px."""
+"""Extent of the surface that is continued to the left edge: columns to the right, and rows up and down, px."""
 
 STEEPEST = 0.1
-"""Most that it may rise or fall from column to column, px of disparity."""
+"""Steepest slant of that surface, px of disparity per column."""
 
 COVERED = 0.85
-"""The share of that surface that must be measured to continue its slant; a ragged one leads astray."""
+"""Share of that surface that must be measured to continue its slant; the slant of a ragged one is misleading."""
 
 
 def filled_from_ends(disparity: FloatMap) -> FloatMap:
     """Return the map with the gaps of each row filled from the farther of the surfaces at their two ends.
 
-    The surface at an end is the mean of what was measured close to it: a single pixel is noisy, and makes stripes. The
-    gap at the left edge, which the right camera does not see, continues the slant of the surface beside it if that is
-    measured well, but no farther away than the farthest that was measured anywhere. A row without a value stays NaN.
+    The surface at an end is the mean of the measurements near it: a single pixel is noisy and causes stripes. The gap
+    at the left edge, which the right camera does not see, continues the slant of the surface beside it if that is well
+    measured, but no farther than the farthest measurement in the map. A row without a value stays NaN.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out
                 if x < width:
                     value = min(value, _surface(disparity, y, x, 1) if wide else disparity[y, x])
                 slant = _slant(disparity, y, x, value) if start == 0 else np.float32(0)
-                # The mean of a surface is its value in the middle of it.
+                # The mean of a surface is its value at its middle.
                 middle = np.float32(x + (INWARD - 1) / 2 if wide else x)
                 for gap in range(start, x):
                     out[y, gap] = max(value - slant * (middle - np.float32(gap)), farthest)
@@ -73,7 +73,7 @@ def fill_between_ends(disparity: Array, farthest: Any, first: int, end: int, out
 
 @compiled
 def _surface(disparity: Array, y: int, x: int, inward: int) -> np.float32:
-    """Return the mean of what was measured near an end of a gap, within reach of the end itself."""
+    """Return the mean of the measurements near an end of a gap that are close to the end in disparity."""
     height, width = disparity.shape
     left = x if inward > 0 else max(0, x - INWARD + 1)
     right = min(width, x + INWARD) if inward > 0 else x + 1
@@ -82,7 +82,7 @@ def _surface(disparity: Array, y: int, x: int, inward: int) -> np.float32:
     for row in range(max(0, y - BESIDE), min(height, y + BESIDE + 1)):
         for col in range(left, right):
             apart = disparity[row, col] - end
-            near = abs(apart) <= np.float32(SAME_SURFACE)  # not of NaN
+            near = abs(apart) <= np.float32(SAME_SURFACE)  # false for NaN
             total += apart if near else np.float32(0)
             count += np.float32(1) if near else np.float32(0)
     return np.float32(end + total / count)
@@ -90,7 +90,7 @@ def _surface(disparity: Array, y: int, x: int, inward: int) -> np.float32:
 
 @compiled
 def _slant(disparity: Array, y: int, x: int, value: Any) -> np.float32:
-    """Return the change per column of the plane fitted to what lies right of (y, x); 0 where little was measured."""
+    """Return the slant per column of the plane fitted to the right of (y, x); 0 where too little was measured."""
     height, width = disparity.shape
     top, bottom, right = max(0, y - SLANT_ROWS), min(height, y + SLANT_ROWS + 1), min(width, x + SLANT_COLS)
     n = sx = sy = sz = sxx = sxy = syy = sxz = syz = 0.0
@@ -113,7 +113,7 @@ def _slant(disparity: Array, y: int, x: int, value: Any) -> np.float32:
 
 
 def fill_between_ends_reference(disparity: FloatMap) -> FloatMap:
-    """Return what :func:`fill_between_ends` must make of all rows, but for rounding, by plain NumPy."""
+    """Return the expected result of :func:`fill_between_ends` for all rows, up to rounding, with plain NumPy."""
     out = disparity.copy()
 
     def surface(y: int, x: int, cols: slice) -> Any:

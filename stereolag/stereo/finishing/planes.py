@@ -1,4 +1,4 @@
-"""Planes of patches: fitted to what was measured in each, and joined to those of its neighbours."""
+"""Planes of patches: fitted to the measurements in each patch, and joined to those of its neighbours."""
 
 from __future__ import annotations
 
@@ -12,53 +12,53 @@ from stereolag.loops.compilation import compiled
 from stereolag.stereo.finishing.superpixels import Superpixels, borders, neighbours
 
 MEASURED_SAMPLES, GUESSED_SAMPLES = 32, 16
-"""At most so many pixels of a patch, spread over it evenly, tell its plane."""
+"""Largest numbers of pixels, spread evenly over a patch, that its plane is fitted to."""
 
 GUESS_WEIGHT = 0.03
-"""Weight of a guessed pixel where a measured one has 1."""
+"""Weight of a guessed pixel; a measured one has 1."""
 
 TRIALS = np.random.default_rng(0).random((16, 3)).astype(np.float32)
-"""Which three guesses a trial plane goes through, as shares of their number."""
+"""The three guesses that each trial plane goes through, as shares of their number."""
 
 SWEEPS = 20
-"""How often all planes are fitted anew, each to its neighbours as they were before."""
+"""Number of times all planes are refitted, each to its neighbours' planes from the sweep before."""
 
 SPREAD = 2.0
 """Distance from the plane at which a pixel has lost most of its weight, px of disparity."""
 
 JOIN = 2.0
-"""Weight of a pixel of border between two patches of one colour, where a measured pixel has 1."""
+"""Weight of a border pixel between two patches of one colour; a measured pixel has 1."""
 
 JOIN_SPREAD = 2.0
-"""Distance between two neighbouring planes at which they are hardly held to be one surface, px of disparity."""
+"""Distance between two neighbouring planes at which they hardly count as one surface, px of disparity."""
 
 JOIN_CONTRAST = 10.0
-"""Difference of colour, levels in each channel, by which that weight falls to 0.37."""
+"""Colour difference, levels per channel, at which the weight of a border falls to 0.37 of JOIN."""
 
 STEEPEST = 2.0
-"""A trial plane changes by no more from one pixel of the reduced map to the next, px of disparity."""
+"""Steepest trial plane, px of disparity per pixel of the reduced map."""
 
 LEVEL = 1e-3
-"""What keeps a plane level where all its points lie on one line."""
+"""Weight that keeps a plane level if all its points are on one line."""
 
 
 class Samples(NamedTuple):
-    """Pixels of each patch that tell its plane."""
+    """Pixels of each patch that its plane is fitted to."""
 
     points: FloatMap
     """(patches, 3, most): columns, rows, disparities."""
     kept: npt.NDArray[np.int32]
-    """How many of them there are."""
+    """Number of samples in each patch."""
     counts: npt.NDArray[np.int32]
-    """How many pixels they stand for."""
+    """Number of pixels they represent."""
 
 
 def fitted(patches: Superpixels, measured: Samples, guessed: Samples) -> FloatMap:
-    """Return the plane of every patch with a gap, (patches, 3): change per column and row, and value at its centre."""
+    """Return the plane of every patch with a gap, (patches, 3): slant per column and row, and value at its centre."""
     at = np.ascontiguousarray(patches.centres[:, -2:])
     joins = borders(patches.labels, patches.grid)
     colour = patches.centres[:, :-2]
-    # Colours apart are parted at once: the weight of a border falls with the mean difference of the channels.
+    # Different colours separate patches: the weight of a border falls with the mean difference of the channels.
     near = neighbours(patches.grid)
     apart = np.abs(colour[near] - colour[:, None]).mean(axis=2)
     joins[:, :, 0] *= np.float32(JOIN) * np.exp(-apart / np.float32(JOIN_CONTRAST))
@@ -70,7 +70,7 @@ def fitted(patches: Superpixels, measured: Samples, guessed: Samples) -> FloatMa
 
 @compiled
 def sampled(labels: Array, values: Array, patches: int, most: int) -> tuple[Array, Array, Array]:
-    """Return `Samples`: at most so many pixels of each patch that have a value, evenly among them."""
+    """Return the fields of `Samples`: at most `most` pixels of each patch, spread evenly among those with a value."""
     height, width = labels.shape
     counts = np.zeros(patches, np.int32)
     for y in range(height):
@@ -95,9 +95,9 @@ def sampled(labels: Array, values: Array, patches: int, most: int) -> tuple[Arra
 
 @compiled
 def best_of_trials(points: Array, kept: Array, at: Array, trials: Array) -> FloatMap:
-    """Return for each patch the plane that most of its samples lie near: level ones, and those through three samples.
+    """Return the plane nearest to most samples of each patch, among level ones and those through three samples.
 
-    A patch of fewer than three samples has none: NaN.
+    A patch with fewer than three samples has no plane: NaN.
     """
     out = np.full((kept.size, 3), np.nan, np.float32)
     for patch in range(kept.size):
@@ -127,7 +127,7 @@ def best_of_trials(points: Array, kept: Array, at: Array, trials: Array) -> Floa
 
 @compiled(fastmath={"reassoc", "contract"})
 def _votes(points: Array, patch: int, count: int, col: Any, row: Any, rise: Any, fall: Any, value: Any) -> Any:
-    """Return how many points of a patch lie near a plane: 1 for each on it, less the farther it lies."""
+    """Return the number of points of a patch near a plane: each counts 1 on the plane, and less with distance."""
     votes = np.float32(0)
     for number in range(count):
         x, y = points[patch, 0, number] - col, points[patch, 1, number] - row
@@ -149,9 +149,9 @@ def refitted(
     near: Array,
     at: Array,
 ) -> FloatMap:
-    """Return the planes fitted once more, each by least squares weighted by how near a point lies to it now.
+    """Return the planes refitted by least squares, each point weighted by its closeness to the current plane.
 
-    Equals :func:`refitted_reference`, but for rounding.
+    Equals :func:`refitted_reference`, up to rounding.
     """
     out = planes.copy()
     joined = np.empty((1, 3, 3), np.float32)
@@ -195,7 +195,7 @@ def _add(
     weight: Any,
     spread: Any,
 ) -> None:
-    """Add the points in a row of an array to the normal equations of a patch, less where far from its plane."""
+    """Add the points in a row of an array to a patch's normal equations, with less weight far from its plane."""
     rise, fall, value = planes[patch, 0], planes[patch, 1], planes[patch, 2]
     middle, centre = at[patch, 1], at[patch, 0]
     sxx = sxy = sx = syy = sy = s = sxz = syz = sz = np.float32(0)
@@ -226,7 +226,7 @@ def _add(
 
 @compiled
 def _solve(sums: Array, planes: Array, patch: int) -> None:
-    """Set the plane that solves its normal equations, by Cramer's rule; it stays where they have no solution."""
+    """Set the plane that solves its normal equations, by Cramer's rule; keep it if they have no solution."""
     xx, xy, x, yy, y, n, xz, yz, z = sums
     a, b, c = yy * n - y * y, x * y - xy * n, xy * y - x * yy
     scale = xx * a + xy * b + x * c
@@ -245,7 +245,7 @@ def refitted_reference(
     near: npt.NDArray[np.int32],
     at: FloatMap,
 ) -> FloatMap:
-    """Return what :func:`refitted` must equal but for rounding, by plain NumPy."""
+    """Return the expected result of :func:`refitted`, up to rounding, computed with plain NumPy."""
 
     def above(patch: int, x: Array, y: Array) -> Array:
         return np.column_stack([x - at[patch, 1], y - at[patch, 0], np.ones(len(x))])

@@ -1,4 +1,4 @@
-"""Connected surfaces of a map, and which of them are too small: OpenCV's ``filterSpeckles``, on all cores."""
+"""Detection of small connected surfaces in a map: OpenCV's ``filterSpeckles``, on all cores."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def speckles(disparity: FloatMap, size: int, difference: float) -> Mask:
     Parameters
     ----------
     disparity
-        (H, W) float32 px, within ±2047; NaN = none, which is no speckle.
+        (H, W) float32 px, within ±2047; NaN = none, which is never a speckle.
     size
-        Pixels.
+        Smallest surface that is no speckle, pixels.
     difference
-        px.
+        Largest difference of connected neighbours, px.
     """
     sixteenths, run = np.empty(disparity.shape, np.int32), np.empty(disparity.shape, np.int32)
     parent, pixels = np.empty(disparity.size, np.int32), np.empty(disparity.size, np.int32)
@@ -51,9 +51,9 @@ def speckles(disparity: FloatMap, size: int, difference: float) -> Mask:
 def _find_runs(
     disparity: FloatMap, most: int, first: int, end: int, sixteenths: Array, run: Array, parent: Array, pixels: Array
 ) -> None:
-    """Give each pixel of rows `first` to `end` its run, by the place of its first pixel; -1 where there is nothing.
+    """Label each pixel of rows `first` to `end` with its run, the index of the run's first pixel; -1 for NaN.
 
-    A run is its own parent; `pixels` counts its pixels.
+    Each run starts as its own parent; `pixels` counts its pixels.
     """
     width = disparity.shape[1]
     for y in range(first, end):
@@ -76,7 +76,7 @@ def _find_runs(
 
 @compiled
 def _root(parent: Array, run: int) -> int:
-    """Return the run that stands for the surface of another, and shorten the way to it."""
+    """Return the run that represents the surface of another, and shorten the path to it."""
     while parent[run] != run:
         parent[run] = parent[parent[run]]
         run = parent[run]
@@ -85,7 +85,7 @@ def _root(parent: Array, run: int) -> int:
 
 @compiled
 def _join_rows(sixteenths: Array, most: int, first: int, end: int, run: Array, parent: Array) -> None:
-    """Join the runs of each of the rows `first` to `end` with those of the row above that they are connected to."""
+    """Join the runs of each row from `first` to `end` with the connected runs of the row above."""
     for y in range(first, end):
         last, last_above = -1, -1
         for x in range(run.shape[1]):
@@ -100,7 +100,7 @@ def _join_rows(sixteenths: Array, most: int, first: int, end: int, run: Array, p
 
 @compiled
 def _count_pixels(run: Array, parent: Array, pixels: Array) -> None:
-    """Let every run lead to its surface at once, which comes first of its runs, and count the pixels of that."""
+    """Point every run directly at the first run of its surface, and count the pixels of the surface there."""
     width = run.shape[1]
     for y in range(run.shape[0]):
         x = 0
@@ -130,7 +130,7 @@ def _mark_small(run: Array, parent: Array, pixels: Array, size: int, first: int,
 
 
 def speckles_reference(disparity: FloatMap, size: int, difference: float) -> Mask:
-    """Return what :func:`speckles` must equal, by OpenCV, which takes away what has at most so many pixels."""
+    """Return the expected result of :func:`speckles`, computed with OpenCV, whose limit is the largest size removed."""
     known = np.isfinite(disparity)
     sixteenths: npt.NDArray[np.int16] = np.full(disparity.shape, NOTHING, np.int16)
     np.rint(disparity * np.float32(SIXTEENTHS), out=sixteenths, where=known, casting="unsafe")

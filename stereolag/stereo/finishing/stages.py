@@ -1,4 +1,4 @@
-"""The stages after the checks, the same for every matcher of ours: speckles taken away, gaps filled, edges kept."""
+"""Stages after the checks, shared by the project's own matchers: speckles removed, gaps filled, edges kept."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from stereolag.stereo.matcher import PixelMatches
 
 Speckle = Annotated[
     SpeckleFilter | None,
-    Field(title="Speckle filter", description="Drop small islands of disparity unlike all around them."),
+    Field(title="Speckle filter", description="Drop small islands of disparity that differ from their surroundings."),
 ]
 Filling = Annotated[
-    bool, Field(title="Fill gaps", description="Continue the surface behind over what could not be measured.")
+    bool, Field(title="Fill gaps", description="Fill pixels that could not be measured from the surface behind.")
 ]
 Surfaces = Annotated[
     SurfaceFilling | None,
     Applies(lambda settings: settings.filling, "needs filling"),
     Field(
         title="Slanted surfaces",
-        description="Fill gaps by patches of like colour, each a slanted plane, and not along the row alone.",
+        description="Fill gaps with patches of similar colour, each a slanted plane, not only along the row.",
     ),
 ]
 Median = Annotated[
@@ -45,11 +45,11 @@ Median = Annotated[
 
 
 class Finishing(Protocol):
-    """The settings of a matcher that finishes its map."""
+    """Settings of a matcher that finishes its map."""
 
     @property
     def speckle(self) -> SpeckleFilter | None:
-        """Return what a speckle is; None keeps all."""
+        """Return the speckle filter; None keeps all speckles."""
 
     @property
     def filling(self) -> bool:
@@ -57,11 +57,11 @@ class Finishing(Protocol):
 
     @property
     def surfaces(self) -> SurfaceFilling | None:
-        """Return how gaps are filled as slanted surfaces; None: along their rows."""
+        """Return how gaps are filled with slanted surfaces; None fills them along their rows."""
 
     @property
     def median(self) -> MedianFilter | None:
-        """Return how the map is smoothed; None leaves it as it is."""
+        """Return how the map is smoothed; None leaves it unsmoothed."""
 
 
 def is_finished(settings: Finishing) -> bool:
@@ -70,16 +70,16 @@ def is_finished(settings: Finishing) -> bool:
 
 
 def finished(found: PixelMatches, left: Image, right: Image, settings: Finishing) -> PixelMatches:
-    """Return the map filtered and filled, as far as the settings ask for it.
+    """Return the map filtered and filled as the settings ask.
 
     Parameters
     ----------
     found
-        What was measured.
+        The measured matches.
     left, right
         The images; patches and median follow the edges of the left one.
     settings
-        Which stages, and how.
+        The stages to run, and their settings.
     """
     if not is_finished(settings):
         return found
@@ -93,12 +93,12 @@ def finished(found: PixelMatches, left: Image, right: Image, settings: Finishing
             disparity = filled_along_surfaces(measured, disparity, _guide(left, right), settings.surfaces)
     if settings.median is not None:
         disparity = edge_respecting_median(disparity, _guide(left, right), settings.median)
-    # After a search in two dimensions only speckles are taken away: nothing is filled.
+    # After a search in two dimensions only speckles are removed; nothing is filled.
     dy = None if found.dy is None else np.where(np.isnan(disparity), np.float32(np.nan), found.dy)
     return PixelMatches(disparity, reason, found.score, dy)
 
 
 def _guide(left: Image, right: Image) -> npt.NDArray[np.uint8]:
-    """Return the left image in 8 bits; alpha, which is no brightness, has no part in how it is stretched."""
+    """Return the left image in 8 bits; alpha, which is not brightness, does not affect the stretching."""
     colours = (image if image.ndim == 2 else image[:, :, :3] for image in (left, right))
     return np.ascontiguousarray(as_eight_bit(*colours)[0])

@@ -1,4 +1,4 @@
-"""Superpixels: an image cut into patches of like colour, about as large as a given square."""
+"""Superpixels: an image cut into patches of similar colour, each about as large as a given square."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 
 ROUNDS = 2
-"""How often the pixels are dealt out; a third round fills no better."""
+"""Number of times the pixels are assigned to patches; a third round does not improve the filling."""
 
 AROUND = 7
-"""Patches that touch lie within a square of so many on the grid: a pixel is at most one away from its patch there."""
+"""Touching patches are within a square of this side on the grid: a pixel is at most one square from its patch."""
 
 
 @dataclass(frozen=True, eq=False)
 class Superpixels:
-    """An image cut into patches, numbered row by row along a grid of squares.
+    """Image cut into patches, numbered row by row along a grid of squares.
 
     Attributes
     ----------
     labels
-        (H, W) int32, the patch of each pixel: that of the square it lies in, or of one of the eight around.
+        (H, W) int32, the patch of each pixel: that of its own square, or of one of the eight around it.
     centres
-        (patches, channels + 2) float32: mean colour, row and column of each patch. An empty one keeps its last.
+        (patches, channels + 2) float32: mean colour, row and column of each patch. An empty one keeps its last centre.
     grid
-        How many squares there are down and across.
+        Number of squares down and across.
     """
 
     labels: npt.NDArray[np.int32]
@@ -49,9 +49,9 @@ def superpixels(planes: FloatMap, side: int, contrast: float) -> Superpixels:
     planes
         (channels, H, W) float32, grey levels.
     side
-        Of the squares of the grid, px.
+        Side of the squares of the grid, px.
     contrast
-        Difference of colour, levels in each channel, that weighs as much as the side of a square.
+        Colour difference, levels per channel, that weighs as much as the side of a square.
     """
     channels, height, width = planes.shape
     grid = max(1, round(height / side)), max(1, round(width / side))
@@ -85,12 +85,12 @@ def choose_patches(
     end: int,
     labels: Array,
 ) -> None:
-    """Give every pixel in rows `first` to `end` of the grid to the nearest patch, by colour and place.
+    """Assign every pixel in rows `first` to `end` of the grid to the nearest patch in colour and position.
 
-    Of two equally near the one of the lower number has it. Equals :func:`choose_patches_reference`.
+    Ties go to the patch with the lower number. Equals :func:`choose_patches_reference`.
     """
     channels, height, width = planes.shape
-    # What each pixel of a row compares itself with, written out along the row: the loops over it become vectors.
+    # The patches around each pixel are written out along the row, so that the loops over it vectorise.
     compared = np.empty((9, channels + 2, width), np.float32)
     numbers = np.empty((9, width), np.int32)
     nearest, away = np.empty(width, np.float32), np.empty(width, np.float32)
@@ -111,7 +111,7 @@ def choose_patches(
 def _spread_centres(
     centres: Array, grid: tuple[int, int], row: int, width: int, compared: Array, numbers: Array
 ) -> None:
-    """Write out, for each column, the centres and numbers of the nine patches around; infinitely far where none is."""
+    """Write out the centres and numbers of the nine patches around each column, at infinity where there is none."""
     for one in range(9):
         down = row + one // 3 - 1
         for x in range(width):
@@ -124,7 +124,7 @@ def _spread_centres(
 
 @compiled
 def _place_distances(compared: Array, one: int, channels: int, y: Any, weight: Any, away: Array) -> None:
-    """Set how far the pixels of a row lie from one of the patches around each."""
+    """Set the weighted squared distance of each pixel of a row from one of the patches around it."""
     for x in range(away.size):
         down, across = compared[one, channels, x] - y, compared[one, channels + 1, x] - np.float32(x)
         away[x] = (down * down + across * across) * weight
@@ -134,7 +134,7 @@ def _place_distances(compared: Array, one: int, channels: int, y: Any, weight: A
 def _add_colour_distances(
     planes: Array, channel: int, y: int, compared: Array, one: int, weight: Any, away: Array
 ) -> None:
-    """Add how much they differ from it in a channel."""
+    """Add the weighted squared difference from that patch in one channel."""
     for x in range(away.size):
         apart = planes[channel, y, x] - compared[one, channel, x]
         away[x] += apart * apart * weight
@@ -142,7 +142,7 @@ def _add_colour_distances(
 
 @compiled
 def _keep_nearer(away: Array, numbers: Array, one: int, nearest: Array, nearest_patch: Array) -> None:
-    """Give the patch those pixels that are nearer to it than to any before."""
+    """Assign to the patch the pixels that are nearer to it than to any before."""
     for x in range(away.size):
         nearer = away[x] < nearest[x]
         nearest_patch[x] = numbers[one, x] if nearer else nearest_patch[x]
@@ -151,7 +151,7 @@ def _keep_nearer(away: Array, numbers: Array, one: int, nearest: Array, nearest_
 
 @compiled
 def mean_centres(planes: Array, labels: Array, before: Array) -> FloatMap:
-    """Return the mean colour, row and column of each patch; an empty one keeps those `before`."""
+    """Return the mean colour, row and column of each patch; an empty patch keeps those in `before`."""
     channels, height, width = planes.shape
     sums = np.zeros((before.shape[0], channels + 2), np.float64)
     counts = np.zeros(before.shape[0], np.int64)
@@ -172,7 +172,7 @@ def mean_centres(planes: Array, labels: Array, before: Array) -> FloatMap:
 
 
 def neighbours(grid: tuple[int, int]) -> npt.NDArray[np.int32]:
-    """Return the numbers of the 7 × 7 patches around each on the grid, (patches, 49); its own where there is none."""
+    """Return the numbers of the 7 × 7 patches around each on the grid, (patches, 49); its own beyond the grid."""
     number = np.arange(grid[0] * grid[1])
     down, across = np.divmod(np.arange(AROUND**2), AROUND)
     rows = number[:, None] // grid[1] + down - AROUND // 2
@@ -183,7 +183,7 @@ def neighbours(grid: tuple[int, int]) -> npt.NDArray[np.int32]:
 
 @compiled
 def borders(labels: Array, grid: tuple[int, int]) -> FloatMap:
-    """Return (patches, 49, 3) float32: length and mean column and row of each patch's border with those around it."""
+    """Return (patches, 49, 3) float32: length and mean column and row of each patch's border with each neighbour."""
     height, width = labels.shape
     out = np.zeros((grid[0] * grid[1], AROUND * AROUND, 3), np.float32)
     middle = AROUND // 2
@@ -210,7 +210,7 @@ def borders(labels: Array, grid: tuple[int, int]) -> FloatMap:
 def choose_patches_reference(
     planes: FloatMap, centres: FloatMap, grid: tuple[int, int], weights: tuple[float, float]
 ) -> npt.NDArray[np.int32]:
-    """Return what :func:`choose_patches` must give all pixels, by plain NumPy."""
+    """Return the patches expected of :func:`choose_patches` for all pixels, computed with plain NumPy."""
     _, height, width = planes.shape
     y, x = np.indices((height, width), np.float32)
     square = np.arange(height)[:, None] * grid[0] // height, np.arange(width) * grid[1] // width

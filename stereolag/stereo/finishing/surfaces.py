@@ -1,4 +1,4 @@
-"""Gaps filled as slanted surfaces: a plane for each patch of like colour, fitted to what was measured around."""
+"""Filling of gaps with slanted surfaces: a plane per patch of similar colour, fitted to nearby measurements."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from stereolag.stereo.finishing.planes import GUESSED_SAMPLES, MEASURED_SAMPLES,
 from stereolag.stereo.finishing.superpixels import superpixels
 
 REDUCED = 2
-"""Patches are cut and planes are fitted on every other row and column."""
+"""Patches and planes are computed on every other row and column."""
 
 NARROW = 32
-"""A gap of at most so many px between surfaces at different depths is what the nearer one hides from a camera."""
+"""A gap of at most this many px between surfaces at different depths is hidden from a camera by the nearer one."""
 
 HIDING = 2.5
-"""At different depths: farther apart than this, px of disparity."""
+"""Surfaces farther apart than this, px of disparity, are at different depths."""
 
 
 class SurfaceFilling(Settings):
-    """A gap continues the slanted surfaces around it, patch by patch of like colour."""
+    """Surface filling: a gap continues the slanted surfaces around it, by patches of similar colour."""
 
     patch: int = Field(
         default=30,
         title="Patch",
-        description="Side of a patch that is taken for one plane, about, px.",
+        description="Approximate side of a patch, which is treated as one plane, px.",
         ge=8,
         le=200,
         json_schema_extra={"step": 2},
@@ -40,7 +40,7 @@ class SurfaceFilling(Settings):
     contrast: int = Field(
         default=23,
         title="Patch contrast",
-        description="Difference of colour, levels of 255, that parts pixels as much as the side of a patch does.",
+        description="Difference of colour, levels of 255, that counts as much as a distance of one patch side.",
         ge=1,
         le=255,
     )
@@ -51,18 +51,18 @@ def filled_along_surfaces(
 ) -> FloatMap:
     """Return the map with its gaps filled from planes.
 
-    Each patch of the image with a gap in it has one plane: first the best of some through the guesses in the patch,
-    which tell the surface that is looked for; then fitted again and again to the measured pixels of the patch that
-    lie near it, to its neighbours' planes where these may be the same surface, and a little to the guesses. It is what
-    slanted-plane stereo does (K. Yamaguchi et al., "Efficient joint segmentation, occlusion labeling, stereo and flow
-    estimation", 2014), for the gaps alone.
+    Each patch with a gap has one plane. It starts as the best of several through the guesses in the patch, which
+    indicate the surface to look for, and is refitted repeatedly to the measured pixels of the patch near this plane, to
+    its neighbours' planes where these may be the same surface, and weakly to the guesses. This is slanted-plane stereo
+    (K. Yamaguchi et al., "Efficient joint segmentation, occlusion labeling, stereo and flow estimation", 2014) for the
+    gaps only.
 
     Parameters
     ----------
     disparity
         (H, W) float32 px; NaN = none.
     guess
-        (H, W) float32 px, the map already filled in some way; what it has in the gaps tells the surface.
+        (H, W) float32 px, the map already filled in some way; its values in the gaps indicate the surface.
     guide
         (H, W) or (H, W, channels) uint8, the left image.
     settings
@@ -71,7 +71,7 @@ def filled_along_surfaces(
     Returns
     -------
     ndarray
-        (H, W) float32; a map without a single measurement, or without a gap, as it is.
+        (H, W) float32; a map without any measurement, or without a gap, is returned unchanged.
     """
     missing = np.isnan(disparity)
     if missing.all() or not missing.any():
@@ -109,10 +109,10 @@ def fill_from_planes(
     end: int,
     out: Array,
 ) -> None:
-    """Fill the gaps of rows `first` to `end` from the planes of their patches, no farther than `low` to `high`.
+    """Fill the gaps of rows `first` to `end` from the planes of their patches, clipped to `low`..`high`.
 
-    In a narrow gap between a near and a far surface nothing lies before the guess, which is the far one's; and the
-    guess stands where a patch has no plane.
+    In a narrow gap between a near and a far surface no value is nearer than the guess, which belongs to the far one.
+    The guess is kept where a patch has no plane.
     """
     width = out.shape[1]
     for y in range(first, end):

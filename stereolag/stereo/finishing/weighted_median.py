@@ -1,4 +1,4 @@
-"""Weighted median: each pixel takes the middle value of its neighbours of like colour."""
+"""Weighted median: each pixel takes the median value of its neighbours of similar colour."""
 
 from __future__ import annotations
 
@@ -22,20 +22,21 @@ def weighted_median(
 ) -> FloatMap:
     """Return the weighted median of the values on a square grid around each pixel.
 
-    That is the smallest value such that it and the smaller ones hold at least half of the weight. A neighbour weighs
-    ``max(1, contrast * channels - difference)``, where the difference is that of the guide, summed over its channels.
+    This is the smallest value such that it and all smaller ones have at least half of the total weight. A neighbour
+    weighs ``max(1, contrast * channels - difference)``, where the difference is between the guide's pixels, summed over
+    its channels.
 
     Parameters
     ----------
     values
-        (H, W) float32; NaN = none: takes no part, and stays NaN.
+        (H, W) float32; NaN = none: ignored, and stays NaN.
     guide
         (H, W, channels) uint8.
     radius, spacing
-        The neighbours lie at -radius, -radius + spacing, ..., radius both ways, px; the first is a multiple of the
-        second.
+        The neighbours are at -radius, -radius + spacing, ..., radius in both directions, px; `radius` is a multiple of
+        `spacing`.
     contrast
-        Grey levels apart at which a neighbour all but loses its vote.
+        Grey-level difference at which a neighbour loses almost all its weight.
 
     Returns
     -------
@@ -47,11 +48,11 @@ def weighted_median(
     if np.isnan(least):
         return values.copy()
     votes = (2 * (radius // spacing) + 1) ** 2 * contrast * channels
-    # Sixteen numbers of 16 bits take half the registers; their lowest says that there is no value.
+    # Sixteen numbers of 16 bits take half the registers; the lowest number marks a missing value.
     narrow = most - least < np.iinfo(np.uint16).max - 4 and votes <= np.iinfo(np.int16).max
     dtype: type[np.int16 | np.int32] = np.int16 if narrow else np.int32
     middle = round((float(least) + float(most)) / 2)
-    # Beyond the frame there are no values, and room for the last sixteen pixels of a row.
+    # The border has no values, and leaves room to load the last sixteen pixels of a row.
     beyond = radius + -width % LANES
     framed = np.full((height + 2 * radius, width + radius + beyond), np.iinfo(dtype).min, dtype)
     planes = np.stack(
@@ -70,7 +71,7 @@ def weighted_median(
 
 @compiled
 def _quantise_rows(values: FloatMap, middle: int, radius: int, first: int, end: int, framed: Array) -> None:
-    """Set rows `first` to `end`, within a frame of the radius, to 256ths less `middle`; what is missing stays."""
+    """Set rows `first` to `end`, inside a border of the radius, to 256ths minus `middle`; skip missing values."""
     for y in range(first, end):
         row, source = framed[y + radius], values[y]
         for x in range(source.size):
@@ -96,9 +97,10 @@ def _median_rows(
     Parameters
     ----------
     values
-        (H, W) within a frame of the radius, 256ths less `middle`; the lowest number there is says that one is missing.
+        (H, W) inside a border of the radius, 256ths minus `middle`; the lowest number of the dtype marks a missing
+        value.
     planes
-        (channels, H, W) of the guide, framed alike.
+        (channels, H, W) guide with the same border.
     """
     width, stride = out.shape[1], values.shape[1]
     side = 2 * (radius // spacing) + 1
@@ -122,9 +124,10 @@ def _median_rows(
 
 @compiled
 def _weigh(planes: Array, centre: int, place: int, contrast: int, weights: Array, at: int) -> None:
-    """Set the weights of one neighbour of sixteen pixels.
+    """Set the weights of one neighbour of each of sixteen pixels.
 
-    `centre` and `place` are where these and their neighbours begin in a plane of the guide, `at` where the weights do.
+    `centre` and `place` are the start of the pixels and of their neighbours in a plane of the guide, `at` that of the
+    weights.
     """
     channels, plane = planes.shape[0], planes.shape[1] * planes.shape[2]
     weight = splat(contrast * channels, weights.dtype)
@@ -137,10 +140,11 @@ def _weigh(planes: Array, centre: int, place: int, contrast: int, weights: Array
 
 @compiled
 def _median(values: Array, centre: int, corner: int, side: int, spacing: int, numbers: Array, weights: Array) -> Any:
-    """Return the medians of sixteen pixels, by halving the range that each may lie in.
+    """Return the medians of sixteen pixels, by bisecting the range of each.
 
-    No sorting: how much weight lies at or below a value is a plain sum, the same for all. The first neighbour lies at
-    `corner`; a missing one repeats the middle and loses its weight, and where the middle is missing there is no range.
+    Bisection needs no sorting: the weight at or below a value is a plain sum, the same operation for all pixels. The
+    first neighbour is at `corner`; a missing one repeats the central value and gets no weight. If the central value is
+    missing, the range is empty.
     """
     stride = values.shape[1]
     own = load(values, centre)
@@ -171,7 +175,7 @@ def _median(values: Array, centre: int, corner: int, side: int, spacing: int, nu
 def weighted_median_reference(
     values: FloatMap, guide: npt.NDArray[np.uint8], radius: int, spacing: int, contrast: int
 ) -> FloatMap:
-    """Return what :func:`weighted_median` must equal, pixel by pixel, for values that are whole 256ths."""
+    """Return the expected result of :func:`weighted_median`, pixel by pixel, for values that are whole 256ths."""
     height, width, channels = guide.shape
     out = values.copy()
     for y, x in np.argwhere(np.isfinite(values)):

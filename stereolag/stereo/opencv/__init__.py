@@ -1,4 +1,4 @@
-"""OpenCV's block matchers behind the same face as ours."""
+"""OpenCV's block matchers behind the project's own matcher interface."""
 
 from stereolag.stereo.opencv.matchers import SUBPIXEL, BlockMatcher, StereoBM, StereoSGBM
 

@@ -1,4 +1,4 @@
-"""The settings that both of OpenCV's matchers have, each declared once, with OpenCV's name in its description."""
+"""Settings shared by both OpenCV matchers, each declared once, with OpenCV's name in its description."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ UniquenessRatio = Annotated[
     int,
     Field(
         title="Uniqueness",
-        description="By how many percent the best must beat the second (OpenCV's uniquenessRatio).",
+        description="Least lead of the best match over the second best, percent (OpenCV's uniquenessRatio).",
         ge=0,
         le=100,
     ),
@@ -54,7 +54,7 @@ LeftRightTolerance = Annotated[
     int,
     Field(
         title="Left-right tolerance",
-        description="Largest disagreement of the two directions, px; -1: no check (OpenCV's disp12MaxDiff).",
+        description="Largest disagreement between the two directions, px; -1: no check (OpenCV's disp12MaxDiff).",
         ge=-1,
         le=64,
     ),

@@ -1,4 +1,4 @@
-"""StereoBM and StereoSGBM as OpenCV has them: their settings, what they need, and what their answer means here."""
+"""OpenCV's StereoBM and StereoSGBM: settings, memory and time estimates, and conversion of their results."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from stereolag.stereo.opencv.fields import (
 from stereolag.stereo.reasons import Reason
 
 SUBPIXEL = 16
-"""OpenCV's disparities are whole sixteenths of a pixel."""
+"""OpenCV's disparities are integers in units of 1/16 px."""
 
 NO_LIMIT = 1 << 20
-"""A difference of disparities, px, that no two can have."""
+"""Larger than any difference of two disparities, px."""
 
 
 class BlockMatcher(StereoMatcher):
-    """What both OpenCV matchers share: the search range, the checks, and how the result is read."""
+    """Base class of both OpenCV matchers: search range, checks, and conversion of the result."""
 
     num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
         default=64,
@@ -61,12 +61,12 @@ class BlockMatcher(StereoMatcher):
 
     @classmethod
     def other_name(cls, name: str) -> str:
-        """Return OpenCV's name of a setting: ``num_disparities`` is ``numDisparities``, ``p1`` is ``P1``."""
+        """Return OpenCV's name for a setting: ``num_disparities`` is ``numDisparities``, ``p1`` is ``P1``."""
         first, *others = name.split("_")
         return name.upper() if name in ("p1", "p2") else first + "".join(word.capitalize() for word in others)
 
     def costs(self, rows: int, cols: int) -> Estimate:
-        """Return what comparing all pixels at all disparities takes on two cores, by the rows kept at a time."""
+        """Return the memory of the rows kept at a time, and the time of all comparisons on two cores."""
         kept = (self.block_size + 6) * cols * self.num_disparities * self.bytes_of_a_cost
         return Estimate(kept, self.seconds_of_a_cost * rows * cols * self.num_disparities)
 
@@ -74,17 +74,17 @@ class BlockMatcher(StereoMatcher):
     bytes_of_a_cost: ClassVar[int]
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
-        """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype."""
+        """Return the memory and time of :meth:`compute` for images of a shape (rows, cols[, channels]) and dtype."""
         pixels = shape[0] * shape[1]
         grey = grey_bytes(shape, dtype)
-        # Other types are stretched to 8 bits in float64, which is gone before the maps are made.
+        # Other types are stretched to 8 bits in float64, which is freed before the maps are made.
         stretched = 0 if np.dtype(dtype) == np.uint8 else 20 * pixels
         costs = self.costs(*shape[:2])
         maps = max(stretched, 4 * pixels + costs.memory, (ANSWER + 3) * pixels)
         return Estimate(grey + maps + kept_blocks(4 * pixels, 2) + OVERHEAD, PIXEL_SECONDS / 2 * pixels + costs.seconds)
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
-        """Run OpenCV's matcher on the pair as 8-bit grey."""
+        """Run OpenCV's matcher on the pair, converted to 8-bit grey."""
         self._check_room(*left.shape[:2])
         progress(0.0)
         raw = np.asarray(self.opencv_matcher().compute(*as_eight_bit(as_grey(left), as_grey(right))))
@@ -103,12 +103,12 @@ class BlockMatcher(StereoMatcher):
         reach = max(abs(self.min_disparity), abs(self.min_disparity + self.num_disparities - 1))
         if reach + self.block_size >= cols:
             raise ValueError(
-                f"num_disparities is {self.num_disparities} from min_disparity {self.min_disparity}: that and a block "
+                f"num_disparities is {self.num_disparities} from min_disparity {self.min_disparity}: this and a block "
                 f"of {self.block_size} px need images wider than {reach + self.block_size} px; these have {cols}."
             )
 
     def _seen_by_both(self, rows: int, cols: int) -> npt.NDArray[np.bool_]:
-        """Return where OpenCV can match at all: far enough from the borders for the block and the whole search."""
+        """Return where OpenCV can match: far enough from the borders for the block and the whole search."""
         frame = (0, 0, cols, rows)
         x, y, width, height = cv2.getValidDisparityROI(
             frame, frame, self.min_disparity, self.num_disparities, self.block_size
@@ -119,11 +119,11 @@ class BlockMatcher(StereoMatcher):
 
     @abstractmethod
     def opencv_matcher(self) -> Any:
-        """Return OpenCV's own object with these settings."""
+        """Return the OpenCV matcher with these settings."""
 
 
 class StereoBM(BlockMatcher):
-    """OpenCV's ``StereoBM``: absolute differences over a block (Konolige 1997); defaults as OpenCV's own.
+    """OpenCV's ``StereoBM``: absolute differences over a block (Konolige 1997); the defaults are OpenCV's.
 
     Examples
     --------
@@ -144,7 +144,7 @@ class StereoBM(BlockMatcher):
     pre_filter_cap: int = Field(
         default=31,
         title="Pre-filter cap",
-        description="Gradients are clipped here before they are compared (OpenCV's preFilterCap).",
+        description="Gradients are clipped at this value before they are compared (OpenCV's preFilterCap).",
         ge=1,
         le=63,
     )
@@ -181,13 +181,13 @@ class StereoBM(BlockMatcher):
 Mode = Literal["sgbm", "hh", "sgbm_3way", "hh4"]
 
 FULL_COSTS = ("hh", "hh4")
-"""The modes that keep the costs of the whole image, and add up both ways along each path."""
+"""Modes that keep the costs of the whole image and sum them in both directions along each path."""
 
 
 class StereoSGBM(BlockMatcher):
     """OpenCV's ``StereoSGBM``: semi-global matching (Hirschmüller 2008) over Birchfield-Tomasi costs.
 
-    It is given grey images here, as all methods are that it is compared with; of its own it also takes colour.
+    It gets grey images here, like all the methods it is compared with; OpenCV's own also accepts colour.
 
     Examples
     --------
@@ -209,9 +209,9 @@ class StereoSGBM(BlockMatcher):
     mode: Mode = Field(
         default="sgbm",
         title="Paths",
-        description="Along how many paths costs are added up (OpenCV's mode: SGBM 5, HH 8, SGBM_3WAY 3, HH4 4). HH and "
-        "HH4 keep the costs of all pixels and disparities, 4 bytes each. OpenCV's SGBM sees grey images here; of its "
-        "own it also takes colour.",
+        description="Number of paths along which costs are added up (OpenCV's mode: SGBM 5, HH 8, SGBM_3WAY 3, HH4 4). "
+        "HH and HH4 keep the costs of all pixels and disparities, 4 bytes each. SGBM gets grey images here; on its "
+        "own it also accepts colour.",
     )
     p1: int = Field(
         default=200,
@@ -233,8 +233,8 @@ class StereoSGBM(BlockMatcher):
     pre_filter_cap: int = Field(
         default=0,
         title="Pre-filter cap",
-        description="Gradients are clipped here before they are compared; OpenCV takes 15 for anything less, 0 too "
-        "(preFilterCap).",
+        description="Gradients are clipped at this value before they are compared; OpenCV takes 15 for anything less, "
+        "also for 0 (preFilterCap).",
         ge=0,
         le=255,
     )
@@ -250,7 +250,7 @@ class StereoSGBM(BlockMatcher):
         return self
 
     def costs(self, rows: int, cols: int) -> Estimate:
-        """Return what the base does, and for some modes the costs of the whole image: one volume, and one of sums."""
+        """Return the base estimate; keeping all costs adds a volume of costs and one of sums, and doubles the time."""
         few = super().costs(rows, cols)
         if self.mode not in FULL_COSTS:
             return few
@@ -259,7 +259,7 @@ class StereoSGBM(BlockMatcher):
     def opencv_arguments(self) -> dict[str, Any]:
         """Return the arguments of ``cv2.StereoSGBM.create``, under OpenCV's names."""
         arguments = {self.other_name(name): value for name, value in self}
-        # OpenCV takes a negative limit for 1 here; only one beyond all disparities switches the check off.
+        # OpenCV treats a negative limit as 1 here; only a limit beyond all disparities switches the check off.
         arguments["disp12MaxDiff"] = self.disp12_max_diff if self.disp12_max_diff >= 0 else NO_LIMIT
         return arguments | {"mode": getattr(cv2, self.opencv_mode)}
 

@@ -1,1 +1,1 @@
-"""Matching by a volume of costs and semi-global optimisation."""
+"""Matching with a cost volume and semi-global optimisation."""

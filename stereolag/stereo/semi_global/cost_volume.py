@@ -1,4 +1,4 @@
-"""The matching cost of every pixel at every lag, added up from its terms in one pass over the pair."""
+"""Matching cost of every pixel at every lag, summed over its terms in one pass over the pair."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from stereolag.stereo.semi_global.costs import MatchingCost
 Costs = npt.NDArray[np.uint8]
 
 UNSEEN = 0.28
-"""Cost of a lag that leads out of the frame, as a share of the highest: between a good match and a mismatch."""
+"""Cost of a lag that leads out of the frame, as a share of the highest cost: between a good match and a mismatch."""
 
 RUN_CELLS = 4096
-"""Pixels times lags of a run: their costs fill half of a core's first-level cache."""
+"""Pixels times lags of a run; their costs fill half of a core's L1 cache."""
 
 
 def matching_cost(
@@ -37,23 +37,23 @@ def matching_cost(
 ) -> Costs:
     """Return the cost of every pixel of the left image at every disparity.
 
-    ZNCC on windows, truncated gradient difference, and the Hamming distance of census words, added up: correlation
-    carries flat and noisy regions, the other two draw the edges that a window blurs (Hirschmüller & Scharstein,
-    "Evaluation of stereo matching costs on images with radiometric differences", 2009; Mei et al., "On building an
-    accurate stereo matching system on graphics hardware", 2011). A lag that leads out of the frame costs more than a
-    match and less than a mismatch, so that a later optimisation carries the neighbours' disparity on to the border of
-    the image.
+    The cost is the sum of ZNCC on windows, truncated gradient difference, and Hamming distance of census words:
+    correlation handles flat and noisy regions, the other two sharpen the edges that a window blurs (Hirschmüller &
+    Scharstein, "Evaluation of stereo matching costs on images with radiometric differences", 2009; Mei et al., "On
+    building an accurate stereo matching system on graphics hardware", 2011). A lag that leads out of the frame costs
+    more than a match and less than a mismatch, so that the optimisation extends the neighbours' disparity to the border
+    of the image.
 
     Parameters
     ----------
     left, right
         (H, W) uint8, see :func:`stereolag.inputs.as_eight_bit`.
     window_size
-        Side of the correlation's window, px; odd.
+        Side of the correlation window, px; odd.
     min_disparity, num_disparities
-        The disparities, px.
+        Range of disparities, px.
     settings
-        The weights of the terms.
+        Weights of the terms.
 
     Returns
     -------
@@ -72,13 +72,13 @@ def matching_cost(
 
 
 def _add(left: Any, right: Any, run: Run, carried: Array, costs: Array) -> None:
-    """Add one term; which one it is, the type of its features tells."""
+    """Add one term, chosen by the type of its features."""
     next(term.add for term in TERMS if term.kind is type(left))(left, right, run, carried, costs)
 
 
 @overload(_add, strict=False)
 def _add_compiled(left: Any, right: Any, run: Any, carried: Any, costs: Any) -> Any:
-    """Return what :func:`_add` is in compiled code, which chooses the term when it is compiled."""
+    """Return the compiled form of :func:`_add`, which chooses the term at compile time."""
     add = next(term.add for term in TERMS if term.kind is left.instance_class)
     return lambda left, right, run, carried, costs: add(left, right, run, carried, costs)
 
@@ -92,14 +92,14 @@ def cost_rows(
     Parameters
     ----------
     pairs
-        The features of the left and the right image, for each term. Those of the right one are mirrored left to right,
-        so that larger lags lie at larger addresses; beyond its frame they hold zeros.
+        Features of the left and the right image, for each term. Those of the right image are mirrored left to right, so
+        that larger lags are at larger addresses, and are zero beyond its frame.
     radius
-        Of the correlation's window, px.
+        Radius of the correlation window, px.
     smallest
         Disparity of the first lag, px.
     origin
-        Column at which the right features hold column 0 of the image.
+        Column of the right features that corresponds to column 0 of the image.
     unseen
         Cost of a lag that leads out of the frame.
     costs
@@ -144,9 +144,9 @@ def features_of(
     before: int,
     after: int,
 ) -> tuple[tuple[Any, Any], ...]:
-    """Return the features of both images for each term, as :func:`cost_rows` takes them.
+    """Return the features of both images for each term, as :func:`cost_rows` expects them.
 
-    Those of the right image have as many zeros, `before` and `after`, beyond the frame that every lag can be read.
+    Those of the right image are padded with `before` and `after` zeros, so that every lag can be read.
     """
     return tuple(
         (
@@ -158,7 +158,7 @@ def features_of(
 
 
 def _mirrored(features: Any, radius: int, before: int, after: int) -> Any:
-    """Return features with their arrays mirrored left to right and framed, all to one width."""
+    """Return features with their arrays mirrored left to right and padded to one width."""
     arrays = [one for one in features if isinstance(one, np.ndarray)]
     narrowest = min(one.shape[1] for one in arrays)
 
@@ -178,7 +178,7 @@ def cost_reference(
     unseen: int,
     settings: MatchingCost,
 ) -> npt.NDArray[np.float64]:
-    """Return what :func:`cost_rows` must equal when rounded: (H, W, count), from the images, by plain NumPy."""
+    """Return the (H, W, count) costs expected of :func:`cost_rows` before rounding, computed with plain NumPy."""
     summed = sum(term.reference(left, right, radius, settings) for term in TERMS)
     x = np.arange(left.shape[1])
     other = x[:, None] - smallest - np.arange(count)

@@ -1,4 +1,4 @@
-"""The settings of the matching cost: how badly each pixel of the left image fits the right image at each lag."""
+"""Settings of the matching cost: how badly each pixel of the left image fits the right image at each lag."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from pydantic import Field, model_validator
 from stereolag.settings import Applies, Settings, marker
 
 MOST = 250
-"""The most that all weights may add up to: a volume holds the costs in 8 bits."""
+"""Largest sum of the weights: a volume stores costs in 8 bits."""
 
 
 @dataclass(frozen=True)
 class TermWeight:
-    """Marks the weight of a term: the most that it costs."""
+    """Marker for the weight of a term: its highest cost."""
 
 
 class MatchingCost(Settings):
-    """What a mismatch costs: the correlation of the windows, joined by finer terms that keep edges sharp."""
+    """Cost of a mismatch: window correlation plus finer terms that keep edges sharp."""
 
     correlation: Annotated[int, TermWeight()] = Field(
         default=100,
@@ -45,7 +45,7 @@ class MatchingCost(Settings):
     gradient_limit: Annotated[int, Applies(lambda settings: settings.gradient > 0, "needs gradient above 0")] = Field(
         default=8,
         title="Gradient limit",
-        description="Difference of gradients, grey levels of 255, beyond which a larger one costs no more.",
+        description="Difference of gradients, grey levels of 255, above which the cost no longer rises.",
         ge=1,
         le=64,
     )
@@ -66,5 +66,5 @@ class MatchingCost(Settings):
 
     @classmethod
     def weights(cls) -> list[str]:
-        """Return the names of the weights, one a term."""
+        """Return the names of the weights, one per term."""
         return [name for name, field in cls.model_fields.items() if marker(field, TermWeight)]

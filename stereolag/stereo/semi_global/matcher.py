@@ -1,4 +1,4 @@
-"""Depth by semi-global matching: the settings, and the order of the stages from the volume to the finished map."""
+"""Semi-global matching: the settings, and the sequence of stages from the cost volume to the finished map."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from stereolag.stereo.semi_global.paths import PATHS, SemiGlobal
 
 
 class SemiGlobalMatcher(StereoMatcher):
-    """Weigh every match against its neighbours' along eight paths, instead of taking the best of each pixel alone.
+    """Matcher that weighs each match against its neighbours' along eight paths, instead of taking each pixel's best.
 
-    H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008, over a cost that joins the
-    correlation of windows with census and gradient. The later stages are off unless they are given;
-    :func:`stereolag.preset` gives them.
+    H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008, with a cost that combines
+    window correlation, census and gradient. The later stages are off by default; :func:`stereolag.preset` returns
+    matchers with them on.
 
     Examples
     --------
@@ -65,15 +65,15 @@ class SemiGlobalMatcher(StereoMatcher):
     cost: MatchingCost = Field(
         default=MatchingCost(),
         title="Matching cost",
-        description="What the optimisation weighs: the correlation, joined by census and gradient.",
+        description="Cost of a match: the sum of correlation, census and gradient.",
     )
     optimisation: SemiGlobal = Field(
         default=SemiGlobal(),
         title="Semi-global optimisation",
-        description="What a change of disparity between neighbours costs.",
+        description="Cost of a change of disparity between neighbours.",
     )
     texture: TextureTest | None = Field(
-        default=None, title="Texture test", description="Give no disparity where a window holds too little to match."
+        default=None, title="Texture test", description="Give no disparity where a window has too little texture."
     )
     ambiguity: AmbiguityTest | None = Field(
         default=None, title="Ambiguity test", description="Give no disparity where another one fits nearly as well."
@@ -94,14 +94,14 @@ class SemiGlobalMatcher(StereoMatcher):
         return value
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
-        """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype."""
+        """Return the memory and time of :meth:`compute` for images of a shape (rows, cols[, channels]) and dtype."""
         return estimate_volume(shape, dtype, num_disparities=self.num_disparities)
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
         """Match the images as 8-bit grey, then check, filter and fill.
 
-        The score is 1 less the summed cost of the eight paths as a share of the highest that eight mismatches of the
-        weights in use can cost, 0 where penalties make it more.
+        The score is 1 minus the summed cost of the eight paths, as a share of eight times the highest matching cost; 0
+        where penalties push the sum beyond that.
         """
         if self.window_size > min(left.shape[:2]):
             raise ValueError(
@@ -131,7 +131,7 @@ class SemiGlobalMatcher(StereoMatcher):
         return finished(PixelMatches(disparity, reason, score), left, right, self)
 
     def _reasons(self, matches: VolumeMatches, highest: int) -> ReasonMap:
-        """Return which matches are believed, and why the others are not."""
+        """Return the reason of every pixel: MEASURED, or why its match is rejected."""
         first, lag = self.min_disparity, matches.lag
         reason = np.full(lag.shape, Reason.MEASURED, dtype=np.uint8)
         dx = np.int32(-first) - lag
@@ -141,7 +141,7 @@ class SemiGlobalMatcher(StereoMatcher):
         if self.ambiguity is not None:
             lead = round(self.ambiguity.lead * highest)
             reason[ambiguous(matches.lowest, matches.runner_up, lead)] = Reason.AMBIGUOUS
-        # Disparity 0 is infinity: an end of the world and not of the search.
+        # Disparity 0 is infinity: a physical limit, not an edge of the search.
         reason[(lag == self.num_disparities - 1) | ((lag == 0) & (first != 0))] = Reason.AT_SEARCH_EDGE
         match = np.arange(lag.shape[1], dtype=np.int32) + dx
         reason[(match < 0) | (match >= lag.shape[1])] = Reason.OUT_OF_FRAME

@@ -1,4 +1,4 @@
-"""Matching by a volume of costs, strip by strip: cost, optimisation, selection, and where between the lags it lies."""
+"""Matching with a cost volume, strip by strip: cost, optimisation, selection and sub-pixel fit."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from stereolag.stereo.semi_global.paths import SemiGlobal, optimise
 from stereolag.stereo.semi_global.selection import cheapest_lags, valley_offset
 
 BYTES_OF_A_CELL = 3
-"""One of cost and two of path costs, for every pixel and lag."""
+"""Bytes per pixel and lag: one for the cost and two for the path costs."""
 
 MOST_BYTES = 460 * 2**20
-"""A larger volume is worked on in strips of rows."""
+"""A larger volume is processed in strips of rows."""
 
 COST_SHARE, PATHS_SHARE = 0.3, 0.5
-"""Shares of a strip's time that its costs and its paths take."""
+"""Shares of a strip's time spent on costs and on paths."""
 
 OVERLAP = 24
-"""Rows that a strip sees beyond its own, so that paths have settled where its own rows begin."""
+"""Rows that a strip reads beyond its own, so that paths have settled where its own rows begin."""
 
 
 @dataclass(frozen=True, eq=False)
 class VolumeQuery:
-    """Which pair is matched, over which disparities, and how.
+    """Query of semi-global matching: image pair, range of disparities, and settings.
 
     Attributes
     ----------
     left, right
         (H, W) uint8.
     window_size
-        Side of the correlation's window, px; odd.
+        Side of the correlation window, px; odd.
     min_disparity, num_disparities
         The disparities tried, px: lag k is the disparity ``min_disparity + k``.
     cost, optimisation
@@ -55,21 +55,21 @@ class VolumeQuery:
 
 
 class VolumeMatches(NamedTuple):
-    """The best match of every pixel of the left image, each (H, W)."""
+    """Best match of every pixel of the left image; each field is (H, W)."""
 
     lag: npt.NDArray[np.int16]
     """Index of the cheapest lag."""
     offset: FloatMap
-    """float32, where between the lags the valley lies, -0.5..0.5."""
+    """float32 offset of the valley from the cheapest lag, -0.5..0.5."""
     lowest: npt.NDArray[np.int32]
     """Summed path cost of the match."""
     runner_up: npt.NDArray[np.int32]
-    """The least among lags farther than one from it; -1 where there is none."""
+    """Lowest cost among lags more than one away from it; -1 if there is none."""
     right_lag: npt.NDArray[np.int16]
-    """Index of the cheapest lag of the right image's pixel; -32768 where it has none."""
+    """Index of the cheapest lag of the right image's pixel; -32768 if it has none."""
 
     def rows(self, rows: slice) -> VolumeMatches:
-        """Return the part that belongs to some rows."""
+        """Return the matches of some rows."""
         lag, offset, lowest, runner_up, right_lag = self
         return VolumeMatches(lag[rows], offset[rows], lowest[rows], runner_up[rows], right_lag[rows])
 
@@ -86,7 +86,7 @@ class Strip(NamedTuple):
 def match_semi_global(query: VolumeQuery, progress: Progress) -> VolumeMatches:
     """Match every pixel of the left image.
 
-    The volumes take 3 bytes per pixel and lag, of at most 460 MB: larger images are matched in overlapping strips.
+    The volumes take 3 bytes per pixel and lag, at most 460 MB: larger images are matched in overlapping strips.
     """
     height, width = query.left.shape
     parts: list[VolumeMatches] = []
@@ -102,7 +102,7 @@ def match_semi_global(query: VolumeQuery, progress: Progress) -> VolumeMatches:
 
 
 def strips(height: int, bytes_of_a_row: int) -> Iterator[Strip]:
-    """Give strips of rows that cover the image, each small enough for its volume to fit MOST_BYTES."""
+    """Yield strips of rows that cover the image, each small enough for its volume to fit in MOST_BYTES."""
     rows = max(1, MOST_BYTES // bytes_of_a_row - 2 * OVERLAP)
     if height * bytes_of_a_row <= MOST_BYTES:
         rows = height

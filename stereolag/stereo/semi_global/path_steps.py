@@ -1,4 +1,4 @@
-"""One step of the semi-global paths that reach a pixel: from its neighbours to itself, sixteen lags at once."""
+"""One step of the semi-global paths, from a pixel's neighbours to the pixel, sixteen lags at once."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from stereolag.loops.vector_lanes import LANES, cast, load, smaller, smallest, s
 
 
 class PathStep(NamedTuple):
-    """What carries one path from a pixel to the next."""
+    """Values that extend one path from a pixel to the next."""
 
     before: np.uint64
-    """Where the cell of the pixel before begins."""
+    """Start of the previous pixel's cell."""
     here: np.uint64
     least: np.uint16
-    """The least of the costs before."""
+    """Lowest cost at the previous pixel."""
     jump: np.uint16
-    """That, plus the large penalty."""
+    """`least` plus the large penalty."""
 
 
 @compiled
 def _carry(paths: Array, step: PathStep, lag: Any, cost: Any, small: Any) -> Any:
-    """Carry one path to sixteen lags, and return their costs."""
+    """Extend one path at sixteen lags, and return their costs."""
     one, two = np.uint64(1), np.uint64(2)
     beside = smaller(load(paths, step.before + lag), load(paths, step.before + lag + two)) + small
     best = smaller(smaller(load(paths, step.before + lag + one), beside), splat(step.jump, np.uint16))
@@ -36,7 +36,7 @@ def _carry(paths: Array, step: PathStep, lag: Any, cost: Any, small: Any) -> Any
 
 @compiled
 def _carry_one(paths: Array, step: PathStep, lag: Any, cost: Any, small: Any) -> Any:
-    """Carry one path to one lag, and return its cost: for the lags beyond the last sixteen."""
+    """Extend one path at one lag, and return its cost; for the lags left over from the strips of sixteen."""
     one, two = np.uint64(1), np.uint64(2)
     beside = np.uint16(min(paths[step.before + lag], paths[step.before + lag + two]) + small)
     best = min(min(paths[step.before + lag + one], beside), step.jump)
@@ -59,9 +59,9 @@ def advance(
     second: PathStep,
     third: PathStep,
 ) -> tuple[np.uint16, np.uint16, np.uint16, np.uint16]:
-    """Carry four paths to the lags at `place` of the volume, and return the least of each path.
+    """Extend four paths at the lags at `place` of the volume, and return the lowest cost of each path.
 
-    All four at once, so that a cost is read and a sum written once. The sums are set, or `adds` to the present ones.
+    Extending all four at once reads each cost and writes each sum only once. The sums are set, or added to if `adds`.
     """
     strip = np.uint64(LANES)
     full = lags - lags % strip

@@ -22,23 +22,23 @@ Pixels = npt.NDArray[np.uint8]
 Span = tuple[int, int]
 
 PATHS = 8
-"""How many paths reach a pixel."""
+"""Number of paths that reach a pixel."""
 
 WALL = 30_000
-"""A cost that no path takes, one lag beyond either end; twice this still fits 16 bits."""
+"""Cost that keeps paths out of the lags beyond either end; twice this still fits in 16 bits."""
 
 CELLS_AT_ONCE = 40_000_000
-"""Pixels times lags between two calls of progress: some hundredths of a second."""
+"""Pixels times lags between two progress calls: a few hundredths of a second."""
 
 
 def path_sums(costs: Costs, guide: Pixels, small: int, large: Array, progress: Progress = silent) -> Sums:
-    """Return the path costs summed over the eight paths that reach a pixel.
+    """Return the path costs, summed over the eight paths that reach a pixel.
 
     Along a path with direction r the cost of pixel p at lag d is
     ``L(p, d) = C(p, d) + min(L(q, d), L(q, d ± 1) + small, min L(q) + large) - min L(q)``, where q = p - r.
 
-    Two sweeps carry four paths each, one downwards and one upwards, at the same time. Until they meet in the middle,
-    each sets the sums of its rows; from there on, each adds to those of the other, so that one volume is enough.
+    Two simultaneous sweeps, one downwards and one upwards, carry four paths each. Until they meet in the middle, each
+    sets the sums of its rows; after that, each adds to the sums of the other, so that one volume is enough.
 
     Parameters
     ----------
@@ -49,8 +49,8 @@ def path_sums(costs: Costs, guide: Pixels, small: int, large: Array, progress: P
     small
         Penalty for a change of one lag.
     large
-        (256,) uint16 penalty for a larger change, by the step of the guide between the two pixels; with the largest
-        cost it stays below 4096, so that eight paths fit 16 bits.
+        (256,) uint16 penalty for a larger change, indexed by the step of the guide between the two pixels; with the
+        largest cost it stays below 4096, so that eight paths fit in 16 bits.
     progress
         Called with the fraction done.
 
@@ -75,9 +75,9 @@ def path_sums(costs: Costs, guide: Pixels, small: int, large: Array, progress: P
 
 
 def _spans(height: int, rows: int) -> Iterator[tuple[tuple[Span, Span], bool]]:
-    """Give the rows that the two sweeps pass at the same time, at most `rows`, and whether they add to the sums.
+    """Yield the rows that the two sweeps process at the same time, at most `rows`, and whether they add to the sums.
 
-    Each sweep counts the rows from where it begins.
+    Each sweep counts rows from its own start.
     """
     middle = height // 2
     for down, up, adds in (
@@ -96,16 +96,16 @@ def _share(span: Span, step: int, steps: int) -> Span:
 
 
 class _Front(NamedTuple):
-    """The paths where a sweep stands: two rows of three paths a pixel, the one before and the one being written."""
+    """Current paths of a sweep: three paths per pixel in two rows, the previous one and the one being written."""
 
     paths: Sums
-    """The path along the row, at two pixels; then both rows; each cell has a wall at either end."""
+    """The path along the row, at two pixels, then both rows; each cell has a wall at either end."""
     least: Sums
-    """The least cost of each path of both rows."""
+    """Lowest cost of each path in both rows."""
 
     @staticmethod
     def before(width: int, lags: int) -> _Front:
-        """Return the front of a sweep that has not begun."""
+        """Return the front of a sweep that has not started."""
         paths = np.zeros((2 + 2 * 3 * (width + 2), lags + 2), np.uint16)
         paths[:, [0, -1]] = WALL
         return _Front(paths.reshape(-1), np.zeros(2 * 3 * (width + 2), np.uint16))
@@ -113,7 +113,7 @@ class _Front(NamedTuple):
 
 @compiled
 def _step(guide: Pixels, first: np.uint64, second: np.uint64) -> np.uint64:
-    """Return the step of grey level between two places of the flat guide."""
+    """Return the absolute grey-level step between two indices of the flattened guide."""
     a, b = np.uint64(guide[first]), np.uint64(guide[second])
     return a - b if a > b else b - a
 
@@ -131,10 +131,9 @@ def _sweep(
     front: _Front,
     sums3: Sums,
 ) -> None:
-    """Sum the four paths that reach a pixel in reading order, or in its reverse, for the rows `first` to `end`.
+    """Sum the four paths that reach a pixel in reading order, or in reverse, for rows `first` to `end`.
 
-    The sums are set, or `adds` to those that are there. One array holds the costs of all paths, in the row before and
-    in this one.
+    The sums are set, or added to if `adds`. One array stores the costs of all paths, in this row and the previous one.
     """
     costs, guide, sums = costs3.reshape(-1), guide2.reshape(-1), sums3.reshape(-1)
     paths, least = front.paths, front.least
@@ -191,7 +190,7 @@ def _sweep(
 
 
 def path_sums_reference(costs: Costs, guide: Pixels, small: int, large: Array) -> npt.NDArray[np.int64]:
-    """Return what :func:`path_sums` must equal, by the formula, pixel by pixel."""
+    """Return the expected result of :func:`path_sums`, computed from the formula pixel by pixel."""
     height, width, lags = costs.shape
     total = np.zeros(costs.shape, np.int64)
     for dy, dx in ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)):
@@ -211,7 +210,7 @@ def path_sums_reference(costs: Costs, guide: Pixels, small: int, large: Array) -
 
 
 class SemiGlobal(Settings):
-    """What a change of disparity between neighbours costs; a mismatch costs up to 250."""
+    """Penalties for a change of disparity between neighbours; a mismatch costs up to 250."""
 
     penalty_small: int = Field(
         default=24,
@@ -223,7 +222,7 @@ class SemiGlobal(Settings):
     penalty_large: int = Field(
         default=400,
         title="Penalty of a jump",
-        description="Cost of any larger change, where the image is even.",
+        description="Cost of any larger change where the image has no edge.",
         ge=1,
         le=3000,
         json_schema_extra={"step": 20},
@@ -231,7 +230,7 @@ class SemiGlobal(Settings):
     penalty_at_edges: int = Field(
         default=80,
         title="Penalty of a jump at an edge",
-        description="What is left of that cost across a strong edge of the image, where surfaces may end.",
+        description="Cost of any larger change across a strong edge of the image, where surfaces may end.",
         ge=1,
         le=3000,
         json_schema_extra={"step": 20},
@@ -255,10 +254,10 @@ class SemiGlobal(Settings):
 
 
 def optimise(costs: Costs, guide: npt.NDArray[np.uint8], settings: SemiGlobal, progress: Progress = silent) -> Sums:
-    """Return the costs of the best paths from eight sides, summed.
+    """Return the summed costs of the best paths from eight directions.
 
     H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008. The penalty of a jump
-    falls in a straight line with the step of grey level that the path crosses.
+    falls linearly with the grey-level step that the path crosses.
 
     Parameters
     ----------
@@ -274,7 +273,7 @@ def optimise(costs: Costs, guide: npt.NDArray[np.uint8], settings: SemiGlobal, p
     Returns
     -------
     ndarray
-        (H, W, D) uint16; the disparity of a pixel is where it is least.
+        (H, W, D) uint16; the disparity of a pixel is at its minimum.
     """
     fall = np.linspace(settings.penalty_large, settings.penalty_at_edges, settings.edge_contrast + 1)
     large = np.full(256, settings.penalty_at_edges, np.uint16)

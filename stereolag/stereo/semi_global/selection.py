@@ -1,4 +1,4 @@
-"""The cheapest lag of every pixel of the left image, and of every pixel of the right one, from one volume."""
+"""The cheapest lag of every pixel of the left image and of the right image, from one volume."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from stereolag.loops.compilation import compiled
 Sums = npt.NDArray[np.uint16]
 
 NO_RIGHT_MATCH = np.iinfo(np.int16).min
-"""Where no lag leads a pixel of the right image to a pixel of the left one."""
+"""Marks a pixel of the right image that no lag pairs with a pixel of the left image."""
 
 
 class CheapestLags(NamedTuple):
-    """What the volume says of every pixel."""
+    """Cheapest lags of every pixel, and their costs."""
 
     lag: npt.NDArray[np.int16]
-    """(H, W) index of the cheapest lag; of equal ones the first."""
+    """(H, W) index of the cheapest lag; the first of equal ones."""
     around: npt.NDArray[np.int32]
-    """(3, H, W) cost at the lag before, at the cheapest and at the one after; -1 where there is no such lag."""
+    """(3, H, W) cost at the lag before the cheapest, at the cheapest and at the one after; -1 if there is none."""
     runner_up: npt.NDArray[np.int32]
-    """(H, W) least cost among lags farther than one from the cheapest; -1 where there is none."""
+    """(H, W) lowest cost among lags more than one away from the cheapest; -1 if there is none."""
     right_lag: npt.NDArray[np.int16]
-    """(H, W) index of the cheapest lag of the right image's pixel; NO_RIGHT_MATCH where it has none."""
+    """(H, W) index of the cheapest lag of the right image's pixel; NO_RIGHT_MATCH if it has none."""
 
 
 def cheapest_lags(sums: Sums, smallest: int) -> CheapestLags:
@@ -38,7 +38,7 @@ def cheapest_lags(sums: Sums, smallest: int) -> CheapestLags:
     sums
         (H, W, D) uint16 summed path costs.
     smallest
-        Disparity of the first lag, px: lag k joins column x on the left and ``x - smallest - k`` on the right.
+        Disparity of the first lag, px: lag k pairs column x on the left with ``x - smallest - k`` on the right.
     """
     height, width = sums.shape[:2]
     found = CheapestLags(
@@ -55,13 +55,13 @@ def cheapest_lags(sums: Sums, smallest: int) -> CheapestLags:
 def _cheapest_rows(sums3: Sums, smallest: int, first: int, end: int, found: CheapestLags) -> None:
     """Find the cheapest lags of rows `first` to `end`.
 
-    A key is the cost with the lag in its low bits: its minimum settles cost and tie in one comparison.
+    A key is the cost with the lag in its low bits, so that one comparison decides on cost and breaks ties.
     """
     width, count = sums3.shape[1], sums3.shape[2]
     lags = np.uint64(count)
     sums = sums3.reshape(-1)
     keys = np.zeros(lags, np.uint32)
-    # Right columns run backwards, so that larger lags lie at larger addresses, with room beyond the frame.
+    # Right columns run backwards, so that larger lags are at larger addresses, with room beyond the frame.
     before = max(0, -smallest)
     right = np.zeros(width + before + max(0, smallest + count), np.uint32)
     for y in range(first, end):
@@ -89,7 +89,7 @@ def _cheapest_rows(sums3: Sums, smallest: int, first: int, end: int, found: Chea
 
 @compiled
 def _keys(sums: Array, place: Any, lags: Any, keys: Array) -> Any:
-    """Set the keys of one pixel and return the least."""
+    """Set the keys of one pixel and return the smallest."""
     least = np.uint32(0xFFFFFFFF)
     for lag in range(lags):
         key = np.uint32(np.uint32(np.uint32(sums[place + lag]) << np.uint32(12)) | np.uint32(lag))
@@ -100,14 +100,14 @@ def _keys(sums: Array, place: Any, lags: Any, keys: Array) -> Any:
 
 @compiled
 def _see_from_right(keys: Array, right: Array, target: Any, lags: Any) -> None:
-    """Let the pixels of the right image that the lags lead to keep the least key they have seen."""
+    """Update the smallest key of each pixel of the right image that the lags lead to."""
     for lag in range(lags):
         right[target + lag] = min(right[target + lag], keys[lag])
 
 
 @compiled
 def _least(keys: Array, first: Any, end: Any) -> Any:
-    """Return the least of some keys."""
+    """Return the smallest key in a range of lags."""
     least = np.uint32(0xFFFFFFFF)
     for lag in range(first, end):
         least = min(least, keys[lag])
@@ -115,7 +115,7 @@ def _least(keys: Array, first: Any, end: Any) -> Any:
 
 
 def cheapest_lags_reference(sums: Sums, smallest: int) -> CheapestLags:
-    """Return what :func:`cheapest_lags` must equal, by plain NumPy."""
+    """Return the expected result of :func:`cheapest_lags`, computed with plain NumPy."""
     volume = sums.astype(np.int32)
     width, count = volume.shape[1:]
     lag = volume.argmin(axis=2)
@@ -135,23 +135,23 @@ def cheapest_lags_reference(sums: Sums, smallest: int) -> CheapestLags:
 
 
 def valley_offset(before: npt.NDArray[Any], lowest: npt.NDArray[Any], after: npt.NDArray[Any]) -> FloatMap:
-    """Return how far the true minimum lies from the cheapest lag, from the costs one lag to each side.
+    """Return the offset of the true minimum from the cheapest lag, fitted to the costs one lag to each side.
 
     With r the ratio of the lower flank to the higher one, the offset is ``(1 - r ** 2.5) / 2`` towards the lower. The
-    penalty of a slant holds summed path costs at whole lags, and the usual fits with them: over shifts by steps of
-    0.05 px the mean error reached 0.19 px on photographs by the parabola, 0.13 px by two equal lines (r in place of
-    its power) and 0.04 px by this; on smooth textures 0.25, 0.19 and 0.08 px. A higher power has still less bias on
-    those, and more noise.
+    penalty of a slant biases summed path costs, and thus the usual fits, towards whole lags: over shifts in steps of
+    0.05 px the mean error reached 0.19 px on photographs with a parabola, 0.13 px with two equal lines (r in place of
+    its power) and 0.04 px with this fit; on smooth textures 0.25, 0.19 and 0.08 px. A higher power has even less bias
+    on those, but more noise.
 
     Parameters
     ----------
     before, lowest, after
-        Costs at lag - 1, lag, lag + 1 of one shape; a negative `before` or `after` says that there is no such lag.
+        Costs at lag - 1, lag, lag + 1 of one shape; a negative `before` or `after` means there is no such lag.
 
     Returns
     -------
     ndarray
-        float32 offset, -0.5..0.5 lags; 0 where a neighbour is missing or the three are level.
+        float32 offset, -0.5..0.5 lags; 0 where a neighbour is missing or all three are equal.
     """
     left, right = (before - lowest).astype(np.float32), (after - lowest).astype(np.float32)
     lower, higher = np.minimum(left, right), np.maximum(left, right)

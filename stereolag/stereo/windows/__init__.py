@@ -1,1 +1,1 @@
-"""Matching windows by correlation: the settings, the search areas, and the two engines."""
+"""Window matching by correlation: the settings, the search areas, and the two engines."""

@@ -19,27 +19,27 @@ from stereolag.stereo.windows.window_sums import match_windows
 Engine: TypeAlias = Literal["window_sums", "fft"]
 
 SUMS_SECONDS = 1.2e-10
-"""Running sums: seconds per pixel and lag, two cores; they visit every pixel whatever the step."""
+"""Running sums: seconds per pixel and lag on two cores; they visit every pixel whatever the step."""
 
 FFT_SECONDS = 2.1e-9
-"""Batched FFT: seconds per point of a padded search area and doubling of its size."""
+"""Batched FFT: seconds per N log2 N, with N the points of a padded search area."""
 
 
 def find_matches(query: WindowQuery, engine: Engine, progress: Progress = silent) -> WindowMatches:
-    """Match every window with the engine named; both find the same, to the bit where the images hold integers.
+    """Match every window with the given engine; both give the same result, bit for bit if the images are integers.
 
-    `right_matches`, the best left window of every right one, is had by window sums alone.
+    Only window sums support `right_matches`, the best left window of every right window.
     """
     return (match_windows_fft if engine == "fft" else match_windows)(query, progress)
 
 
 def cheaper_engine(shape: tuple[int, int], window_size: int, step: int, lags: LagRange) -> Engine:
-    """Return the engine that should need less time.
+    """Return the engine that is expected to be faster.
 
-    Window sums cost pixels × lags, whatever the window; batched FFT costs windows × N log N, N being the area of a
-    window's search area. So the FFT is favoured where windows hardly overlap and the search is two-dimensional and
-    several times as large as they are; on all else measured (windows 8 to 40 px, 64 to 14,641 lags) sums are faster,
-    mostly ten times and more. Searches of more than 65535 lags are the FFT's alone.
+    Window sums cost pixels × lags, whatever the window; batched FFT costs windows × N log N, where N is the area of a
+    window's search area. So FFT wins where windows hardly overlap and the search is two-dimensional and several times
+    their size; in all other cases measured (windows 8 to 40 px, 64 to 14,641 lags) sums are faster, mostly by ten times
+    or more. Only FFT can search more than 65535 lags.
     """
     if lags.count > MOST_LAGS:
         return "fft"
@@ -49,7 +49,7 @@ def cheaper_engine(shape: tuple[int, int], window_size: int, step: int, lags: La
 
 
 def predicted_seconds(shape: tuple[int, int], window_size: int, step: int, lags: LagRange, engine: Engine) -> float:
-    """Return how long an engine will take to match all windows, s."""
+    """Return the time an engine takes to match all windows, s."""
     if engine == "window_sums":
         return shape[0] * shape[1] * lags.rows * lags.cols * SUMS_SECONDS
     rows, cols = ((side - window_size) // step + 1 for side in shape)
@@ -58,13 +58,13 @@ def predicted_seconds(shape: tuple[int, int], window_size: int, step: int, lags:
 
 
 WINDOW_CHECKS = 24
-"""Bytes of a window while the left-right check compares the two directions."""
+"""Bytes per window while the left-right check compares the two directions."""
 
 BYTES_OF_A_POINT = 32
-"""What the batched FFT reckons for each point of a search area."""
+"""Bytes that the batched FFT allows per point of a search area."""
 
 SLOWER_WHOLE, SLOWER_DOUBLE, SLOWER_FFT, SLOWER_WHITENED = 3, 8, 1.5, 5
-"""How many times as long as predicted a whole match takes: by sums of uint8 and of float64, by FFT, and whitened."""
+"""Ratio of a whole match's time to the prediction: sums of uint8, sums of float64, FFT, and whitened FFT."""
 
 
 def estimate_windows(
@@ -80,31 +80,31 @@ def estimate_windows(
     both_views: bool,
     finished: bool,
 ) -> Estimate:
-    """Return what matching window by window will take.
+    """Return the memory and time of matching window by window.
 
     Parameters
     ----------
     shape, dtype
-        Of one image: (rows, cols) or (rows, cols, channels).
+        Shape, (rows, cols) or (rows, cols, channels), and dtype of one image.
     window_size, step, lags, engine, score, circular
-        As :class:`stereolag.stereo.windows.matches.WindowQuery` holds them.
+        As in :class:`stereolag.stereo.windows.matches.WindowQuery`; `engine` is the one that answers it.
     both_views
-        Whether the best left window of every right one is looked for too.
+        Whether the best left window of every right window is found too.
     finished
         Whether the map is filtered or filled.
     """
     (height, width), pixels = shape[:2], shape[0] * shape[1]
     rows, cols = (max(1, (side - window_size) // step + 1) for side in (height, width))
     windows = rows * cols
-    # The scores at and around the peak, the lag, the texture, the runner-up and the offset between two lags.
+    # Bytes per window: scores at and around the peak, lag, texture, runner-up and sub-pixel offset.
     kept = (4 * 9 + 4 if lags.rows > 1 else 4 * 3 + 2) + 4 + 4 + 8 + 2 * both_views
     images = grey_bytes(shape, dtype)
     whole = np.dtype(dtype) == np.uint8
     margin = (height + lags.rows) * (width + lags.cols + 32)
-    # Pixels of other types are compared as float64, once as they are and once framed, and one more on its way.
+    # Pixels of other types are compared as float64: a plain copy, a padded one, and a temporary one.
     matching = 2 * margin if whole else 8 * (4 * pixels + margin)
     if whole and engine == "window_sums":
-        matching += 4 * margin  # rows that enter beside those that leave
+        matching += 4 * margin  # entering rows packed with leaving ones
     if engine == "fft":
         slower = SLOWER_WHITENED if score == "phase" else SLOWER_FFT
         area = window_size**2 if circular else (window_size + lags.rows) * (window_size + lags.cols)

@@ -1,4 +1,4 @@
-"""Depth by windowed correlation: the settings, and the order of the stages from the windows to the finished map."""
+"""Window correlation: the settings, and the sequence of stages from the windows to the finished map."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from stereolag.stereo.windows.pixels import spread_over_pixels
 from stereolag.stereo.windows.search import AnySearch, LagRange, RectifiedSearch
 
 LARGEST_VERTICAL = 64
-"""Rows that a strip may reach up and down."""
+"""Largest vertical reach of a strip, rows up and down."""
 
 
 def _step(settings: Any) -> int:
@@ -54,9 +54,9 @@ ALONG_THE_ROW = "needs a search along the row: search.vertical must be 0"
 
 
 class CorrelationMatcher(StereoMatcher):
-    """Slide every window of the left image over its search area in the right one and keep the best score.
+    """Matcher that slides every left window over its search area in the right image and keeps the best score.
 
-    The later stages are off unless they are given; :func:`stereolag.preset` gives them.
+    The later stages are off by default; :func:`stereolag.preset` returns matchers with them on.
 
     Examples
     --------
@@ -76,15 +76,15 @@ class CorrelationMatcher(StereoMatcher):
     window_size: Annotated[int, Pixels(), FitsImage()] = Field(
         default=20,
         title="Window",
-        description="Side of the square window that is compared, px. Large windows are sure and blurred, small ones "
-        "sharp and easily fooled.",
+        description="Side of the square window that is compared, px. Large windows are reliable but blur edges, small "
+        "ones are sharp but easily fooled.",
         ge=3,
         le=255,
     )
     overlap: float = Field(
         default=0.95,
         title="Overlap",
-        description="Fraction of a window that it shares with the next one: 0.95 of 20 px moves on by 1 px.",
+        description="Fraction of a window shared with the next one: 0.95 of 20 px is a step of 1 px.",
         ge=0,
         lt=1,
         json_schema_extra={"step": 0.05},
@@ -113,10 +113,10 @@ class CorrelationMatcher(StereoMatcher):
         description="Running window sums or batched FFT; both give the same map, auto takes the faster one.",
     )
     texture: TextureTest | None = Field(
-        default=None, title="Texture test", description="Give no disparity where a window holds too little to match."
+        default=None, title="Texture test", description="Give no disparity where a window has too little texture."
     )
     ambiguity: AmbiguityTest | None = Field(
-        default=None, title="Ambiguity test", description="Give no disparity where another place fits nearly as well."
+        default=None, title="Ambiguity test", description="Give no disparity where another match fits nearly as well."
     )
     left_right: Annotated[
         LeftRightCheck | None,
@@ -144,25 +144,25 @@ class CorrelationMatcher(StereoMatcher):
         return _step(self)
 
     def after_scaling(self, document: dict[str, Any]) -> dict[str, Any]:
-        """Return the settings for another size, with windows at every pixel where these are checked at every pixel."""
+        """Return the settings for another size, keeping a window at every pixel if the left-right check is on."""
         window = document["window_size"]
         if self.left_right is not None and window > self.window_size:
             document["overlap"] = max(self.overlap, round(1 - 1 / window, 4))
         return document
 
     def search_range(self) -> tuple[int, int] | None:
-        """Return the first disparity searched and how many, px; None of a correlation that wraps around."""
+        """Return the first disparity searched and the number of disparities, px; None if the search wraps around."""
         return None if self.search.circular(self.window_size) else self.reach()
 
     def reach(self) -> tuple[int, int]:
-        """Return the first disparity that a map can hold and how many, px."""
+        """Return the first disparity a map can contain and how many, px."""
         lags = self.search.lags(self.window_size)
         return -lags.dx_last, lags.cols
 
     def with_search_range(self, min_disparity: int, num_disparities: int) -> Self:
-        """Return the matcher with a strip of this range, or as much of it as is allowed.
+        """Return the matcher with a strip of this range, as far as it is allowed.
 
-        A square search area becomes a strip that reaches as many rows up and down, if as many are allowed.
+        A square search area becomes a strip with the same vertical reach, as far as that is allowed.
         """
         search = RectifiedSearch(
             num_disparities=min(num_disparities, LARGEST_COUNT),
@@ -172,7 +172,7 @@ class CorrelationMatcher(StereoMatcher):
         return changed(self, {"search": search.model_dump()})
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
-        """Return what :meth:`compute` will take for two images of a shape, with channels or without, and a dtype."""
+        """Return the memory and time of :meth:`compute` for images of a shape (rows, cols[, channels]) and dtype."""
         return estimate_windows(
             shape,
             dtype,
@@ -206,7 +206,7 @@ class CorrelationMatcher(StereoMatcher):
         return finished(found, left, right, self)
 
     def query(self, left: Image, right: Image) -> WindowQuery:
-        """Return what is asked of the windows of two grey images of one type."""
+        """Return the query for the windows of two grey images of one type."""
         return WindowQuery(
             left,
             right,
@@ -221,10 +221,10 @@ class CorrelationMatcher(StereoMatcher):
 
     @property
     def _lags_tried(self) -> LagRange:
-        """Return the lags asked for with one guard lag at each end of every direction that is searched at all.
+        """Return the requested lags plus one guard lag at each end of every direction searched.
 
-        A peak on the border of the search has no sub-pixel neighbour and may be the flank of a higher one outside.
-        With the guard every lag asked for has both neighbours, and only a peak *on* the guard is in doubt.
+        A peak on the border of the search lacks a neighbour for the sub-pixel fit and may be the flank of a higher one
+        outside. With the guard every requested lag has both neighbours, and only a peak *on* the guard is in doubt.
         """
         lags = self.search.lags(self.window_size)
         if self.search.circular(self.window_size):
@@ -242,10 +242,10 @@ class CorrelationMatcher(StereoMatcher):
         return self.engine
 
     def _refused(self, matches: WindowMatches) -> ReasonMap | None:
-        """Return which windows the left-right check or the test for ambiguity refuses; None where neither is made."""
+        """Return the reasons of windows that the left-right check or ambiguity test rejects; None if neither is on."""
         reason: ReasonMap | None = None
         measured = np.full(matches.score.shape, Reason.MEASURED, dtype=np.uint8)
-        # np.where runs through noise at the speed of memory; an assignment under a mask guesses every pixel's branch.
+        # np.where runs at memory speed even on noise; a masked assignment needs a branch prediction for every pixel.
         if self.left_right is not None and matches.right_dx is not None:
             disagree = left_right_disagree(matches.dx, matches.right_dx, self.left_right.tolerance)
             reason = np.where(disagree, np.uint8(Reason.LEFT_RIGHT), measured)

@@ -1,8 +1,8 @@
-"""Sub-pixel fits of every window's peak: compiled, and the plain formula that they must equal.
+"""Sub-pixel fits of every window's peak: compiled, and as a plain formula for reference.
 
-Written without a branch, so that the compiler fits sixteen windows at once. A Gaussian needs only the logarithms of
-ratios of scores, which come from the series of the inverse hyperbolic tangent: the fits differ from the plain formula
-by less than 0.003 px as long as no score is positive and below a fiftieth of the peak.
+The loops have no branches, so that the compiler fits sixteen windows at once. A Gaussian needs only the logarithms of
+ratios of scores, which are computed from the series of the inverse hyperbolic tangent: the fits differ from the plain
+formula by less than 0.003 px as long as no score is positive and below a fiftieth of the peak.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ def _log_ratio(numerator: Any, denominator: Any) -> Any:
 
 @compiled
 def _fit_three(before: Any, peak: Any, after: Any) -> Any:
-    """Return the offset of a peak between three scores: by a Gaussian, or a parabola where one is not positive."""
+    """Return the offset of the peak of three scores: from a Gaussian, or a parabola if one is not positive."""
     positive = min(before, after) > ZERO
     fall_before = _log_ratio(peak, before) if positive else peak - before
     fall_after = _log_ratio(peak, after) if positive else peak - after
     bend = fall_before + fall_after
     offset = min(HALF, max(-HALF, HALF * (fall_before - fall_after) / bend))
-    # A missing neighbour is NaN, and so is the bend: then this is false too.
+    # A missing neighbour makes the bend NaN, and this comparison false.
     return offset if bend > ZERO else ZERO
 
 
@@ -65,7 +65,7 @@ def _fit_in_two_dimensions(around: FloatMap, offset_dy: FloatMap, offset_dx: Flo
                 min(min(nw[col], n[col]), min(ne[col], w[col])), min(min(e[col], sw[col]), min(s[col], se[col]))
             )
             positive = lowest > ZERO
-            # The peak itself is 0 among the logarithms of ratios to it.
+            # Everything is relative to the peak, which is therefore 0.
             a = _log_ratio(nw[col], top) if positive else nw[col] - top
             b = _log_ratio(n[col], top) if positive else n[col] - top
             c = _log_ratio(ne[col], top) if positive else ne[col] - top
@@ -91,23 +91,23 @@ def _fit_in_two_dimensions(around: FloatMap, offset_dy: FloatMap, offset_dx: Flo
 
 
 def fit_peaks(around: FloatMap) -> tuple[FloatMap, FloatMap]:
-    """Return the sub-pixel (dy, dx) offsets of the peak of every window: the one fit of the package.
+    """Return the sub-pixel (dy, dx) offsets of every window's peak: the one peak fit of the package.
 
     Along one row it is a Gaussian through three scores (Willert & Gharib 1991, the usual choice in PIV), or a parabola
-    where a score is not positive and so has no logarithm. Of the fits measured on shifted textures and photographs
+    where a score is not positive and so has no logarithm. Of the fits compared on shifted textures and photographs
     (parabola, equiangular lines, cosine, lines through the root of the distance) the Gaussian had the smallest bias: at
     most 0.04 px on windows of 20 px, against 0.07 px for the parabola.
 
     In two dimensions a Gaussian is fitted to the nine scores at once by regression (Nobach & Honkanen, "Two-dimensional
     Gaussian regression for sub-pixel displacement estimation in particle image velocimetry", 2005). Two separate fits
-    would err wherever the peak is oblique: on shifted textures their bias reached 0.14 px, that of the joint fit
-    0.03 px. Where a score is missing or the nine do not bend down to all sides, the separate fits stand in.
+    are biased wherever the peak is oblique: by up to 0.14 px on shifted textures, against 0.03 px for the joint fit.
+    Where a score is missing or the nine do not bend down in all directions, the separate fits are used instead.
 
     Parameters
     ----------
     around
         (3, 3, n_rows, n_cols) float32 scores at dy - 1..dy + 1 and dx - 1..dx + 1, the largest in the middle, or
-        (1, 3, ...) after a search along one row of lags; NaN = no such lag. Of a single window: (3, 3, 1, 1).
+        (1, 3, ...) after a search along one row of lags; NaN = no such lag. For a single window: (3, 3, 1, 1).
 
     Returns
     -------
@@ -127,7 +127,7 @@ def fit_peaks(around: FloatMap) -> tuple[FloatMap, FloatMap]:
 
 
 def fit_peaks_reference(around: FloatMap) -> tuple[FloatMap, FloatMap]:
-    """Return what :func:`fit_peaks` must equal within 0.003 px, by the logarithms themselves."""
+    """Return the expected result of :func:`fit_peaks`, within 0.003 px, computed with exact logarithms."""
     if around.shape[0] == 1:
         return np.zeros(around.shape[2:], np.float32), _fit_three_reference(*around[0])
     apart_y, apart_x = _fit_three_reference(*around[:, 1]), _fit_three_reference(*around[1])

@@ -1,4 +1,4 @@
-"""From the windows to the pixels: a disparity, or a reason, for every pixel, in one pass over memory."""
+"""Conversion from windows to pixels: a disparity or a reason for every pixel, in one pass over memory."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ MEASURED, OUT_OF_FRAME, LOW_TEXTURE, AT_SEARCH_EDGE = (
 
 
 class Cells(NamedTuple):
-    """Where the windows lie: px from the frame to the first window's cell, side of a cell, and the last window's place.
+    """Layout of the windows' cells: margin before the first cell, side of a cell, and last possible window place, px.
 
-    The cell of a window is what is nearest to its centre, step × step px.
+    The cell of a window is the step × step px nearest to its centre.
     """
 
     offset: int
@@ -37,7 +37,7 @@ class Cells(NamedTuple):
 
 
 class _Maps(NamedTuple):
-    """What is written, each (H, W); `dy` is empty after a search along one row."""
+    """Maps to write, each (H, W); `dy` is empty after a search along one row."""
 
     disparity: FloatMap
     dy: FloatMap
@@ -48,22 +48,22 @@ class _Maps(NamedTuple):
 def spread_over_pixels(
     matches: WindowMatches, query: WindowQuery, *, asked: LagRange, flat: float, refused: ReasonMap | None
 ) -> PixelMatches:
-    """Return what every pixel learns from the window whose cell it lies in.
+    """Return the matches of all pixels, each taken from the window whose cell it is in.
 
-    Here the sign turns: windows are displaced, right minus left, and pixels have a disparity, ``-dx``.
+    The sign changes here: windows have a displacement, right minus left, and pixels a disparity, ``-dx``.
 
     Parameters
     ----------
     matches
-        What was found of the windows.
+        Matches of the windows.
     query
-        What they were asked.
+        Query that they answer.
     asked
-        The displacements that the settings ask for: a peak on one beyond them is at the edge of the search.
+        Displacements that the settings request; a peak beyond them is at the edge of the search.
     flat
         Texture up to which a window is too flat, grey levels.
     refused
-        (n_rows, n_cols) reasons found already, which every other outweighs; None without any.
+        (n_rows, n_cols) reasons already found, which any other overrides; None if there are none.
     """
     shape = (query.left.shape[0], query.left.shape[1])
     last_row, last_col = (side - query.window_size for side in shape)
@@ -109,7 +109,7 @@ def _write_cells(
     beside_dx: FloatMap,
     maps: _Maps,
 ) -> None:
-    """Write the cells of rows `first` to `end` of the grid, and with its first and last row the frame beyond."""
+    """Write the cells of rows `first` to `end` of the grid; its first and last row also write the border beyond."""
     offset, step, last_row, last_col = cells
     dy_first, dy_last, dx_first, dx_last = ends
     rows, cols = best.shape
@@ -141,7 +141,7 @@ def _write_cells(
             known = reason[col] if score == score else OUT_OF_FRAME
             known = LOW_TEXTURE if texture[row, col] <= flat else known
             reason[col] = known
-            # 0 less dx: a negated zero would print as -0.
+            # 0 - dx, as a negated zero would print as -0.
             turned = np.float32(0) - (beside_dx[row, col] + np.float32(lag_dx[row, col]))
             disparity[col] = turned if known == MEASURED else NOTHING
         if vertical:
@@ -189,7 +189,7 @@ def _blank(maps: _Maps, y: int, left: int, right: int) -> None:
 def spread_over_pixels_reference(
     matches: WindowMatches, query: WindowQuery, *, asked: LagRange, flat: float, refused: ReasonMap | None
 ) -> PixelMatches:
-    """Return what :func:`spread_over_pixels` must equal, by plain NumPy."""
+    """Return the expected result of :func:`spread_over_pixels`, computed with plain NumPy."""
     height, width = query.left.shape
     size, step = query.window_size, query.step
     beside_dy, beside_dx = fit_peaks(matches.around)

@@ -1,4 +1,4 @@
-"""A pair made ready for matching by windows: what both engines share, so that they differ in the products alone."""
+"""Image pair prepared for window matching, shared by both engines, so that they differ only in the products."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from stereolag.stereo.windows.scores import as_scores
 from stereolag.stereo.windows.search import LagRange, lag_table, strips_of
 
 LARGEST_EXACT_WINDOW = 181
-"""px: 181² products of uint8 still fit a signed 32-bit sum."""
+"""px; 181² products of uint8 still fit in a signed 32-bit sum."""
 
 NO_RIGHT_MATCH = -32768
 
 
 class Windows(NamedTuple):
-    """The windows of one image: (rows, cols)."""
+    """Sums and norms of the windows of one image, (rows, cols)."""
 
     total: Array
     """Sum of the pixels."""
     inverse: npt.NDArray[np.float32]
-    """1 / norm; NaN for a window that takes no part."""
+    """1 / norm; NaN for an excluded window."""
 
 
 class Found(NamedTuple):
-    """What is known of each window of the grid (rows, cols); what nobody asked for is empty."""
+    """Result for each window of the grid (rows, cols); fields not requested are empty."""
 
     dy: npt.NDArray[np.int16]
     dx: npt.NDArray[np.int16]
@@ -49,18 +49,18 @@ class Comparable(NamedTuple):
     left: Array
     right: Array
     exact: bool
-    """Whether all sums are whole numbers, without rounding."""
+    """Whether all sums are exact whole numbers."""
     floor: float
-    """Energy up to which a window is flat: the one rule for flatness of both engines."""
+    """Energy up to which a window is flat, for both engines."""
 
 
 class PreparedPair:
-    """What is known of a pair before any window meets another, and room for what is found.
+    """Data of a pair computed before any windows are compared, and room for the results.
 
     Parameters
     ----------
     query
-        What is asked.
+        The pair, its windows and the lags.
 
     Raises
     ------
@@ -102,21 +102,21 @@ class PreparedPair:
         )
 
     def left_windows(self, first: int, end: int) -> Windows:
-        """Return the left windows of rows `first` to `end` of the grid, and note their texture."""
-        # A right window compares the plain scores of several left windows: they need one unit.
+        """Return the left windows of rows `first` to `end` of the grid, and record their texture."""
+        # A right window compares the unnormalised scores of several left windows, which need one unit.
         norm = self.left_norm if self.score == "cross" and self.right_dx.size else 0.0
         windows = self._nothing_yet(end - first, self.cols)
         self._describe(self.left, self.step, first, norm, windows, self.texture[first:end])
         return windows
 
     def right_windows(self, first: int, end: int) -> Windows:
-        """Return the right windows that the lags of these rows of the grid meet; out of the frame they have no norm.
+        """Return the right windows that the lags of these grid rows meet; out of the frame they have no norm.
 
-        The first of them is met by the first left window at the first lag, the next one by its neighbour px. Of a
-        circular correlation: the right windows at the same places as the left ones.
+        They are one px apart. Row 0 is the one that the first row of left windows meets at the first lag; columns are
+        those of the framed right image. For a circular correlation they are at the places of the left ones.
         """
         assert self.lags is not None
-        # The scores without a norm of the right window ask of it only that it lies in the frame.
+        # Scores without the norm of the right window only need it to be in the frame.
         norm = self.right_norm if self.score in ("cross", "phase") and not self.circular else 0.0
         nothing = np.empty((0, 0), np.float32)
         if self.circular:
@@ -140,18 +140,18 @@ class PreparedPair:
         describe_windows(image, self.window, step, first, self.share, norm, self.floor, *windows, texture)
 
     def rescale(self, first: int, end: int, left_inverse: Array) -> None:
-        """Turn what rows `first` to `end` of the grid keep as integers into scores, in place."""
+        """Convert the integers stored for rows `first` to `end` of the grid into scores, in place."""
         for kept in (*self.found.around, *self.found.runner_up[None, : self.rows]):
             if kept.size:
                 as_scores(kept[first:end], kept[first:end].view(np.float32), left_inverse, self.score_norm)
 
     @property
     def score_norm(self) -> float:
-        """Return the norm of a right window that is to be taken out of the scores again, 0 for none."""
+        """Return the norm of a right window by which scores are multiplied again, 0 for none."""
         return self.right_norm if self.score == "cross" else 0.0
 
     def matches(self) -> WindowMatches:
-        """Return what was found."""
+        """Return the matches found."""
         around = self.found.around.view(np.float32).reshape(-1, 3, self.rows, self.cols)
         nowhere = np.broadcast_to(np.int16(0), self.texture.shape)
         return WindowMatches(
@@ -182,12 +182,12 @@ def _check(query: WindowQuery) -> None:
 
 
 def comparable(left: Image, right: Image, window: int, score: str) -> Comparable:
-    """Return both images as uint8, or as float64 about their mean, and what a flat window is."""
+    """Return both images as uint8, or as float64 about their mean, with the energy of a flat window."""
     if left.dtype == np.uint8 and window <= LARGEST_EXACT_WINDOW:
         return Comparable(
             np.ascontiguousarray(left), np.ascontiguousarray(right), True, flat_energy(window**2, 255, exact=True)
         )
-    # One mean for both: what a score takes off each window is the same then for either. "ncc" keeps the mean.
+    # One mean for both images, so that each is shifted by the same amount. "ncc" keeps the mean.
     mean = 0.0 if score == "ncc" else float(np.rint((left.mean(dtype=float) + right.mean(dtype=float)) / 2))
     if score != "ncc" and np.issubdtype(left.dtype, np.floating):
         mean = float((left.mean(dtype=float) + right.mean(dtype=float)) / 2)
@@ -204,7 +204,7 @@ def _spread(image: Array) -> float:
 
 
 def framed(image: Array, lags: LagRange) -> Array:
-    """Return the image with zeros around it, so that every lag of every pixel can be read."""
+    """Return the image padded with zeros, so that every lag of every pixel can be read."""
     return cv2.copyMakeBorder(
         image,
         top=max(0, -lags.dy_first),

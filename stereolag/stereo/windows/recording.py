@@ -1,7 +1,7 @@
-"""What is written down of each window once its lags are scored: the best lag, the scores around it, the runner-up.
+"""Recording of each window's result once its lags are scored: best lag, scores around it, runner-up.
 
-The scores are the integers of :mod:`stereolag.stereo.windows.scores`, and lags have the codes of
-:class:`stereolag.stereo.windows.search.LagTable`: both engines choose and settle ties here.
+Scores are the integers of :mod:`stereolag.stereo.windows.scores`, and lags have the codes of
+:class:`stereolag.stereo.windows.search.LagTable`: both engines choose the best lag and break ties here.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ def record_group(
     dx: Array,
     around: Array,
 ) -> None:
-    """Write down the best lags of a group of windows and the scores around them, from window `at` of the grid on.
+    """Record the best lags of a group of windows and the scores around them, from window `at` of the grid on.
 
-    A group at a time: the processor then works on one window's best while it waits for another's.
+    Working in groups lets the processor work on one window's best while it waits for another's.
     """
     planes = around_code.shape[1]
     for member in range(count):
@@ -62,7 +62,7 @@ def record_runners_up(
     code_mask: int,
     runner_up: Array,
 ) -> None:
-    """Write down the best score farther than one pixel from the peak, whose neighbourhood is struck out of `scores`."""
+    """Record the best score more than one pixel from the peak, and clear the peak's neighbourhood in `scores`."""
     planes = around_code.shape[1]
     for member in range(count):
         for plane in range(planes):
@@ -72,7 +72,7 @@ def record_runners_up(
     for member in range(count):
         best = splat(0, np.int32)
         for lag in range(0, codes.size, LANES):
-            # The codes bring the sign bit to the lanes beyond the range.
+            # The codes set the sign bit in the lanes beyond the range.
             key = load(scores, member * scores.shape[1] + lag) | load(codes, lag)
             best = larger(best, key & score_bits)
         put(runner_up, at + member, largest(best) if item(found_codes, member) > 0 else 0)
@@ -86,12 +86,12 @@ def record_windows(
     scores: npt.NDArray[np.int32],
     best_lanes: npt.NDArray[np.int32],
 ) -> None:
-    """Write down the best lags of some windows, counted from row `first` of the grid on."""
+    """Record the best lags of some windows, counted from row `first` of the grid on."""
     found, table, left_at = pair.found, pair.table, int(some[0])
     at = first * pair.cols + left_at
     score_mask, score_codes = table.code_mask, table.codes
     if np.count_nonzero(table.codes > 0) > MOST_LAGS:
-        # Score and code do not fit one integer: the best of each window is found apart, and no score loses its bits.
+        # Score and code do not fit in one integer: the best of each window is found separately, with no bits lost.
         best_lanes = _best_of_many(scores, table)
         score_mask, score_codes = 0, np.minimum(table.codes, 0)
     codes = np.empty(some.size, np.int32)
@@ -116,7 +116,7 @@ def record_windows(
 
 
 def _best_of_many(scores: npt.NDArray[np.int32], table: LagTable) -> npt.NDArray[np.int32]:
-    """Return lanes of which the first holds the code of the best lag of each window, as its only candidate."""
+    """Return lanes with the code of each window's best lag in the first lane, as its only candidate."""
     keys = scores[:, : table.codes.size].astype(np.int64) << 32 | np.maximum(table.codes, 0)
     keys[:, table.codes < 0] = 0
     best = keys.max(axis=1)

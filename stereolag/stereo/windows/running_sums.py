@@ -1,14 +1,14 @@
-"""Running sums of the products of two images, for every lag: what a window correlation is made of.
+"""Running sums of the products of two images at every lag, the basis of window correlation.
 
-A *column sum* holds the products of one image column over the window's height, for every lag. One row down it gains
-the products that enter and loses those that leave, both by one instruction where the pixels are whole numbers
-(:func:`changing_rows`). A *window sum* slides right: one column sum gained and one lost. So a window costs the same
-whatever its size. The lag is the innermost axis, in strips of sixteen
+A *column sum* is the sum of the products of one image column over the window's height, for every lag. Moving down one
+row adds the products that enter and subtracts those that leave, both in one instruction if the pixels are whole numbers
+(:func:`changing_rows`). A *window sum* slides right by adding one column sum and subtracting another, so a window costs
+the same whatever its size. The lag is the innermost axis, in strips of sixteen
 (:class:`stereolag.stereo.windows.search.LagTable`).
 
-Of an image, ``at`` counts pixels from its first one, row after row, and ``back`` leads from a pixel that enters to the
-one above it that leaves; `offsets` lead from the right pixel of the first lag to those of each strip. Sums of uint8
-products are int32, and exact; other images have float64 sums by the same code.
+``at`` is an index into the flattened image, and ``back`` the distance from an entering pixel to the leaving one above
+it; `offsets` lead from the right pixel of the first lag to those of each strip. Sums of uint8 products are int32, and
+exact; other images have float64 sums in the same code.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import LANES, item, load, paired_products, splat, store
 
 NEITHER, ENTERING, BOTH = 0, 1, 2
-"""What a row does to the column sums that end in it: nothing, enter them, or enter as another leaves."""
+"""How a row changes the column sums that end in it: not at all, by entering, or by entering as another leaves."""
 
 
 def changing_rows(image: Array, window: int) -> Array:
-    """Return the rows of an image as :func:`change` takes them.
+    """Return the rows of an image as :func:`change` expects them.
 
     Parameters
     ----------
     image
         (H, W) uint8 or float64.
     window
-        How many rows below a pixel lies the one at whose coming it leaves.
+        Height of the window: a pixel leaves when the one this many rows below enters.
 
     Returns
     -------
     ndarray
-        (H, W) int32 of uint8 images: the pixel that enters in the low 16 bits, the one that leaves in the high ones,
-        0 where that would lie above the image. Others stay as they are.
+        (H, W) int32 for uint8 images: the entering pixel in the low 16 bits, the leaving one in the high ones, 0 where
+        that would be above the image. Other images are returned unchanged.
     """
     if image.dtype != np.uint8:
         return image
@@ -52,7 +52,7 @@ def changing_rows(image: Array, window: int) -> Array:
 
 
 def left_change(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
-    """Return a left pixel that enters and the one `back` before it that leaves, in all lanes; in compiled code only."""
+    """Return an entering left pixel and the leaving one `back` before it, in all lanes; for compiled code only."""
 
 
 @overload(left_change, strict=False)
@@ -71,7 +71,7 @@ def _left_change_of_type(left: Any, at: Any, back: Any, which: Any, rows: Any) -
 
 
 def change(left: Any, rows: Array, at: int, back: int) -> Any:
-    """Return by how much the products of a left pixel with sixteen right ones change. In compiled code only."""
+    """Return the change in the products of a left pixel with sixteen right ones; for compiled code only."""
 
 
 @overload(change, strict=False)
@@ -98,7 +98,7 @@ def change_row(
     offsets: Array,
     which: int,
 ) -> None:
-    """Change the column sums by a row: ``columns[x, lag] += left[x] * right[x + lag]``, less what leaves."""
+    """Change the column sums by a row: ``columns[x, lag] += left[x] * right[x + lag]``, minus the leaving products."""
     at = 0
     for x in range(width):
         pixel = left_change(left, left_at + x, left_back, which, right_rows)
@@ -121,7 +121,7 @@ def slide(window_sums: Array, columns: Array, entering: int, leaving: int) -> No
 
 @compiled
 def add_pixels(row: Array, pixels: Array, column_total: Array, column_square: Array) -> None:
-    """Add a row of an image to the column sums of pixels and of their squares; `pixels` takes it in their type."""
+    """Add an image row to the column sums of pixels and of squares; `pixels` is a buffer of the sums' type."""
     for x in range(row.size):
         pixels[x] = row[x]
     for x in range(row.size):
@@ -131,7 +131,7 @@ def add_pixels(row: Array, pixels: Array, column_total: Array, column_square: Ar
 
 @compiled
 def take_pixels(row: Array, pixels: Array, column_total: Array, column_square: Array) -> None:
-    """Take a row of an image off the column sums again."""
+    """Subtract an image row from the column sums of pixels and of squares."""
     for x in range(row.size):
         pixels[x] = row[x]
     for x in range(row.size):
@@ -143,8 +143,8 @@ def take_pixels(row: Array, pixels: Array, column_total: Array, column_square: A
 def sum_columns(columns: Array, count: int, window: int, span: Array, sums: Array) -> None:
     """Set ``sums[x] = columns[x : x + window].sum()`` for `count` windows.
 
-    All three have room for sixteen more. `span` holds the sums of 1, 2, 4, ... neighbours in turn, and those that the
-    window is made of are added up: no sum waits for the one beside it.
+    All three arrays have room for sixteen more. `span` is set to the sums of 1, 2, 4, ... neighbours in turn, and those
+    that make up the window are added, so that no sum waits for the one beside it.
     """
     span[:] = columns
     sums[:] = 0
@@ -169,7 +169,7 @@ def energies(total: Array, square: Array, share: float, energy: Array) -> None:
 
 @compiled
 def inverse_roots(energy: Array, floor: float, inverse: Array) -> None:
-    """Set ``1 / sqrt(energy)``, and NaN where the energy is no more than `floor`."""
+    """Set ``1 / sqrt(energy)``, or NaN where the energy is at most `floor`."""
     for x in range(energy.size):
         known = np.float32(energy[x]) if energy[x] > floor else np.float32(np.nan)
         inverse[x] = np.float32(1) / np.sqrt(known)
@@ -177,7 +177,7 @@ def inverse_roots(energy: Array, floor: float, inverse: Array) -> None:
 
 @compiled
 def deviations(energy: Array, floor: float, window: int, texture: Array) -> None:
-    """Set the standard deviation, and 0 where the energy is no more than `floor`."""
+    """Set the standard deviation, or 0 where the energy is at most `floor`."""
     for x in range(energy.size):
         known = np.float32(energy[x]) if energy[x] > floor else np.float32(0)
         texture[x] = np.sqrt(known) * np.float32(1 / window)
@@ -196,7 +196,7 @@ def describe_windows(
     inverse: Array,
     texture: Array,
 ) -> None:
-    """Set total, inverse norm and texture of the windows of a grid from its row `first` on.
+    """Set the total, inverse norm and texture of the windows of a grid, from its row `first` on.
 
     Parameters
     ----------
@@ -207,11 +207,12 @@ def describe_windows(
     norm
         Norm of every window, if above 0.
     floor
-        Energy below which a window is flat.
+        Energy up to which a window is flat.
     total, inverse
-        (rows, cols) of the grid; the dtype of `total` must hold the sum of squares.
+        (rows, cols) of the grid; the dtype of `total` must be wide enough for the sum of squares.
     texture
-        The same: standard deviation. A flat window has none and, there, no inverse norm either. Empty if not asked for.
+        (rows, cols) standard deviation, empty if not requested; if it is, a flat window gets 0, and NaN as inverse
+        norm.
     """
     columns, width = image.shape[1], image.shape[1] - window + 1
     room = columns + 2 * LANES
@@ -248,7 +249,7 @@ def describe_windows(
 def describe_windows_reference(
     image: Array, window: int, step: int, share: float, norm: float, floor: float
 ) -> tuple[Array, Array, Array]:
-    """Return the total, inverse norm and texture that :func:`describe_windows` must set, from the first row on."""
+    """Return the total, inverse norm and texture expected of :func:`describe_windows`, from the first row on."""
     windows = sliding_window_view(image.astype(np.float64), (window, window))[::step, ::step]
     total, square = windows.sum((2, 3)), (windows**2).sum((2, 3))
     energy, about_mean = square - share * total**2, square - total**2 / window**2

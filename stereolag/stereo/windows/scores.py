@@ -1,11 +1,10 @@
-"""Scores of windows at every lag, and which lag is best.
+"""Scores of windows at every lag, and the choice of the best lag.
 
-A score s of -1..1 is kept as the integer ``(s + OFFSET) * SCALE``: positive, below 2**31, and as fine as float32; 0
-means no candidate. With its low bits given to the code of the lag
-(:class:`stereolag.stereo.windows.search.LagTable`), one comparison finds the better of two scores and settles ties,
-and nothing is divided before the best is known.
+A score s of -1..1 is stored as the integer ``(s + OFFSET) * SCALE``: positive, below 2**31, and as fine as float32; 0
+means no candidate. With the code of the lag (:class:`stereolag.stereo.windows.search.LagTable`) in its low bits, one
+comparison finds the better of two scores and breaks ties, and nothing is divided before the best is known.
 
-Inner loops take arrays one by one: Numba counts references on every field taken out of a tuple.
+Inner loops take arrays as separate arguments: Numba counts references on every field taken out of a tuple.
 """
 
 from __future__ import annotations
@@ -37,20 +36,20 @@ SCALE = 2.0**29
 OFFSET = 1.5
 
 FRACTIONS = 256
-"""Parts of a grey level: the product of so coarse a fraction and a sum of pixels is exact in float32."""
+"""Parts of a grey level; the product of such a coarse fraction and a sum of pixels is exact in float32."""
 
 
 class LeftTerms(NamedTuple):
-    """What the scores of some left windows have in common at every lag, each (windows)."""
+    """Terms of the scores of some left windows that are the same at every lag, each (windows)."""
 
     whole: Array
-    """The mean, or 0 for a score that keeps it, rounded; of float64 sums as it is."""
+    """The mean, or 0 for a score that keeps it, rounded; not rounded for float64 sums."""
     coarse: npt.NDArray[np.float32]
-    """What is missing, in 256ths."""
+    """Remainder of the mean, in 256ths."""
     fine: npt.NDArray[np.float32]
-    """What is still missing."""
+    """Remainder of the mean after `whole` and `coarse`."""
     scale: npt.NDArray[np.float32]
-    """SCALE / norm; NaN for a window that takes no part."""
+    """SCALE / norm; NaN for an excluded window."""
 
 
 @compiled
@@ -65,7 +64,7 @@ def _set_left_terms(
     fine: Array,
     scale: Array,
 ) -> None:
-    """Set the terms of `count` windows from window `at` on: ahead of their scores, which would wait for them."""
+    """Set the terms of `count` windows from window `at` on, ahead of the scores, which would wait for them."""
     for member in range(count):
         mean = item(total, at + member) * share
         nearest_mean = nearest(mean, whole.dtype)
@@ -80,17 +79,17 @@ def _set_left_terms(
 def _as_kept(
     products: Any, whole: Any, coarse: Any, fine: Any, scale: Any, right_total: Any, right_inverse: Any
 ) -> Any:
-    """Return the scores of one left window at sixteen lags as they are kept; 0 where `right_inverse` is NaN.
+    """Return the scores of one left window at sixteen lags as stored integers; 0 where `right_inverse` is NaN.
 
     The covariance of a left window, whose mean is ``share * total`` (0 for a score that keeps the mean), with a right
     window r is ``sum(l * r) - mean * sum(r)``. The mean is split into a whole number, a fraction of 8 bits and the
-    rest: what is large is subtracted in integers, or in float32 without rounding, and little is left to round.
-    (Float64 sums need no such care: there the first part is the mean, and the others are 0.)
+    rest: the large parts are subtracted in integers, or in float32 without rounding, and little is left to round.
+    (Float64 sums need no such care: the first part is the mean, and the others are 0.)
     """
     total = cast(right_total, np.float32)
     covariance = cast(products - whole * right_total, np.float32) - coarse * total - fine * total
     kept = covariance * scale * right_inverse + splat(OFFSET * SCALE, np.float32)
-    # What is less than 1 becomes 0; compared with 0 itself it would take two instructions.
+    # Values below 1 become 0; a comparison with 0 itself would take two instructions.
     return cast(at_least(kept, splat(0.5, np.float32)), np.int32)
 
 
@@ -127,9 +126,9 @@ def score_group(
 ) -> None:
     """Score `count` left windows of a row at every lag; the first ends at `column` of the tile, the others follow.
 
-    One pass over the lags does it all: the column sums move down a row (as in ``change_row``), the window sums slide
-    right, the sums become scores (:func:`_as_kept`), each lane keeps the best, and so does every right window, unless
-    `right_key` is empty.
+    One pass over the lags does everything: the column sums move down a row (as in ``change_row``), the window sums
+    slide right, the sums become scores (:func:`_as_kept`), and each lane keeps the best, as does every right window
+    unless `right_key` is empty.
     """
     lags = columns.shape[1]
     seen_from_right = right_key.size > 0
@@ -182,9 +181,9 @@ def score_products(
     scores: Array,
     best_lanes: Array,
 ) -> None:
-    """Score windows `first` to `end` of those whose `products`, (windows, lags), are known: as :func:`score_group`.
+    """Score windows `first` to `end` from their known `products`, (windows, lags), as :func:`score_group` does.
 
-    The first of all is window `left_at` of the left ones; at the first lag each meets the right window `right_at`.
+    Window 0 is left window `left_at`; at the first lag each window meets the right window in `right_at`.
     """
     lags, score_bits = codes.size, splat(~code_mask, np.int32)
     wholes, scales = np.empty(1, products.dtype), np.empty(1, np.float32)
@@ -206,10 +205,10 @@ def score_products(
 
 @compiled
 def as_scores(kept: Array, score: Array, left_inverse: Array, right_norm: float) -> None:
-    """Turn kept integers into scores, NaN where there is no candidate; `score` may lie over `kept`.
+    """Convert stored integers into scores, NaN where there is no candidate; `score` may share memory with `kept`.
 
-    Normalised scores are clipped to -1..1: rounding may have carried them beyond. If `right_norm` is above 0 the norms
-    that went into them are taken out again.
+    Normalised scores are clipped to -1..1, as rounding may have carried them beyond. If `right_norm` is above 0, the
+    normalisation is undone.
     """
     for row in range(kept.shape[0]):
         for col in range(kept.shape[1]):
@@ -221,7 +220,7 @@ def as_scores(kept: Array, score: Array, left_inverse: Array, right_norm: float)
 
 
 def score_volume_reference(query: WindowQuery) -> npt.NDArray[np.float64]:
-    """Return (dy, dx, rows, cols): the score of every window at every lag, NaN where that is no candidate."""
+    """Return the (dy, dx, rows, cols) scores of every window at every lag, NaN where the lag is no candidate."""
     size, step, lags = query.window_size, query.step, query.lags
     left_windows = sliding_window_view(query.left, (size, size))[::step, ::step]
     right_windows = sliding_window_view(query.right, (size, size))
@@ -244,8 +243,8 @@ def _score_reference(left_windows: Array, right_windows: Array, score: Score) ->
     left_windows, right_windows
         (rows, cols, window, window).
     score
-        ``"zncc"`` is Pearson's correlation, ``"ncc"`` equation 1.3 of the report, ``"cross"`` the numerator of the
-        first.
+        ``"zncc"`` is Pearson's correlation, ``"ncc"`` equation 1.3 of the source report, ``"cross"`` the numerator of
+        the first.
     """
     left, right = left_windows.astype(np.float64), right_windows.astype(np.float64)
     flat = np.ptp(left, axis=(2, 3)) == 0

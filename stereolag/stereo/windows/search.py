@@ -1,4 +1,4 @@
-"""Search areas: the part of the right image in which a window of the left one is looked for."""
+"""Search areas: the part of the right image in which a window of the left image is searched for."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROOM_FOR_WINDOW = 32
 
 
 class SearchArea(Settings):
-    """What both search geometries share; make one with :meth:`centred` or :meth:`rectified`.
+    """Base class of both search areas; create one with :meth:`centred` or :meth:`rectified`.
 
     Examples
     --------
@@ -29,15 +29,15 @@ class SearchArea(Settings):
     """
 
     title: ClassVar[str] = ""
-    """What the page calls it."""
+    """Name on the page."""
     first_shown: ClassVar[tuple[str, ...]] = ()
-    """The settings that most visitors want; none given: all."""
+    """Settings that most visitors want; if empty, all."""
 
     @staticmethod
     def centred(search_size: int, *, vertical: int | None = None) -> CentredSearch:
-        """Return a square search area of `search_size` px around the window's own place, as in the report.
+        """Return a square search area of `search_size` px around the window's own position, as in the source report.
 
-        It reaches ``(search_size - window_size) // 2`` px to every side; `vertical` gives the rows their own reach.
+        It reaches ``(search_size - window_size) // 2`` px to every side; `vertical` overrides it up and down.
         """
         return CentredSearch(search_size=search_size, vertical=vertical)
 
@@ -57,17 +57,17 @@ class SearchArea(Settings):
         raise TypeError("SearchArea is abstract: use SearchArea.centred(...) or SearchArea.rectified(...).")
 
     def circular(self, window_size: int) -> bool:
-        """Return whether the correlation wraps around: the report's unpadded case, without room for a linear match."""
+        """Return whether the correlation wraps around: the source report's unpadded case, too small to be linear."""
         return False
 
     @classmethod
     def reaching(cls, num_disparities: int) -> Self:
-        """Return the search area that holds so many disparities from 0."""
+        """Return the search area that covers `num_disparities` disparities from 0."""
         raise TypeError("SearchArea is abstract: use SearchArea.centred(...) or SearchArea.rectified(...).")
 
 
 class CentredSearch(SearchArea):
-    """A square around the window's own place: it reaches ``(search_size - window_size) // 2`` px to every side."""
+    """Square around the window's own position, reaching ``(search_size - window_size) // 2`` px to every side."""
 
     title = "Square"
 
@@ -76,20 +76,20 @@ class CentredSearch(SearchArea):
         default=40,
         title="Search area",
         description="Side of the square of the right image in which a window is looked for, px. "
-        "Equal to the window (unpadded) the correlation is circular and wraps at half the window.",
+        "If equal to the window (unpadded), the correlation is circular and wraps at half the window.",
         ge=2,
         le=1024,
     )
     vertical: Annotated[int | None, Pixels(), Usual(high=256)] = Field(
         default=None,
         title="Vertical reach",
-        description="Rows searched above and below, px; none means as far as sideways.",
+        description="Rows searched above and below, px; none: the same as sideways.",
         ge=0,
         le=256,
     )
 
     def lags(self, window_size: int) -> LagRange:
-        """Return ±(search_size - window_size) // 2 both ways, or ±window_size / 2, wrapped, when unpadded."""
+        """Return ±(search_size - window_size) // 2 in both directions, or ±window_size / 2, wrapped, if unpadded."""
         if self.search_size < window_size:
             raise ValueError(
                 f"search_size is {self.search_size} px and window_size {window_size} px; "
@@ -113,12 +113,12 @@ class CentredSearch(SearchArea):
 
     @classmethod
     def reaching(cls, num_disparities: int) -> Self:
-        """Return the square that reaches so many disparities to either side of a window of 32 px."""
+        """Return the square that reaches `num_disparities` px to either side of a window of 32 px."""
         return cls(search_size=2 * num_disparities + ROOM_FOR_WINDOW)
 
 
 class RectifiedSearch(SearchArea):
-    """A one-sided strip along the row, as OpenCV searches a rectified pair, with an optional vertical reach."""
+    """One-sided strip along the row, as OpenCV searches a rectified pair, with an optional vertical reach."""
 
     title = "Strip along the row"
     first_shown = ("num_disparities", "min_disparity", "vertical")
@@ -141,26 +141,26 @@ class RectifiedSearch(SearchArea):
 
     @classmethod
     def reaching(cls, num_disparities: int) -> Self:
-        """Return the strip of so many disparities."""
+        """Return the strip of `num_disparities` disparities."""
         return cls(num_disparities=num_disparities)
 
 
 AnySearch = Annotated[CentredSearch | RectifiedSearch, Field(discriminator="kind")]
-"""The type of a settings field that holds a search area."""
+"""Type of a settings field for a search area."""
 
 
 MOST_LAGS = 2**16 - 1
-"""Of more, the codes would leave too few bits for the score that they share an integer with."""
+"""With more lags, the codes would leave too few bits for the score in the same integer."""
 
 
 @dataclass(frozen=True)
 class LagRange:
-    """A rectangle of displacements, right minus left, in px; both ends belong to it.
+    """Rectangle of displacements, right minus left, in px; both ends are included.
 
     Raises
     ------
     ValueError
-        An end before its beginning.
+        An end before its start.
     """
 
     dy_first: int
@@ -171,25 +171,25 @@ class LagRange:
     def __post_init__(self) -> None:
         for axis, first, last in (("dy", self.dy_first, self.dy_last), ("dx", self.dx_first, self.dx_last)):
             if last < first:
-                raise ValueError(f"The search ends at {axis} = {last}, before its beginning at {first}.")
+                raise ValueError(f"The search ends at {axis} = {last}, before its start at {first}.")
 
     @property
     def rows(self) -> int:
-        """How many vertical displacements."""
+        """Number of vertical displacements."""
         return self.dy_last - self.dy_first + 1
 
     @property
     def cols(self) -> int:
-        """How many horizontal displacements."""
+        """Number of horizontal displacements."""
         return self.dx_last - self.dx_first + 1
 
     @property
     def count(self) -> int:
-        """How many lags."""
+        """Number of lags."""
         return self.rows * self.cols
 
     def within(self, most_dy: int, most_dx: int) -> LagRange | None:
-        """Return the part that moves no farther than that, or None if there is none."""
+        """Return the part within ±`most_dy` and ±`most_dx`, or None if there is none."""
         dy_first, dy_last = max(self.dy_first, -most_dy), min(self.dy_last, most_dy)
         dx_first, dx_last = max(self.dx_first, -most_dx), min(self.dx_last, most_dx)
         if dy_last < dy_first or dx_last < dx_first:
@@ -197,10 +197,9 @@ class LagRange:
         return LagRange(dy_first, dy_last, dx_first, dx_last)
 
     def ranked(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return (dy, dx) of every lag in the order in which equal scores rank.
+        """Return (dy, dx) of every lag, in order of preference among equal scores.
 
-        The shortest displacement comes first; of equally short ones the smaller ``abs(dy)``, then the smaller dy,
-        then the smaller dx.
+        The shortest displacement comes first; ties go to the smaller ``abs(dy)``, then dy, then dx.
         """
         dy, dx = np.mgrid[self.dy_first : self.dy_last + 1, self.dx_first : self.dx_last + 1].reshape(2, -1)
         order = np.lexsort((dx, dy, np.abs(dy), dy**2 + dx**2))
@@ -208,21 +207,21 @@ class LagRange:
 
 
 class LagTable(NamedTuple):
-    """A lag range laid out in strips of sixteen neighbours in dx, row of dy after row, for the compiled loops.
+    """Lag range laid out in strips of sixteen neighbours in dx, one row of dy after another, for the compiled loops.
 
-    Each lag has a code, an integer from 1 up: the shorter the displacement, the larger the code. The codes stand in
-    the low bits of the integers that are compared for the best score, so that one comparison settles score and tie.
+    Each lag has a code, an integer from 1 up: the shorter the displacement, the larger the code. The codes are in the
+    low bits of the integers that are compared for the best score, so that one comparison also breaks ties.
     """
 
     codes: npt.NDArray[np.int32]
-    """(strips * 16): the code of each lag; the lanes beyond the range hold the sign bit, and lose."""
+    """(strips * 16): the code of each lag; the lanes beyond the range have the sign bit set, and lose."""
     code_mask: int
-    """The bits that hold the code."""
+    """Mask of the bits of the code."""
     right_offset: npt.NDArray[np.int64]
-    """(strips): pixels of the framed right image from the first lag's to the strip's."""
+    """(strips): distance in the framed right image from the first lag's pixel to the strip's, in pixels."""
     around: npt.NDArray[np.int32]
-    """By code, (codes, 9 | 3): index of the 3 × 3 lags around a lag (1 × 3 where there is one dy) in the strips; the
-    index just behind the strips, where no lag is, for a lag that is not in the range, and for code 0."""
+    """By code, (codes, 9 | 3): index in the strips of the 3 × 3 lags around a lag (1 × 3 if there is one dy); for a lag
+    out of the range, and for code 0, the index just past the strips."""
     dy: npt.NDArray[np.int16]
     """By code."""
     dx: npt.NDArray[np.int16]
@@ -230,9 +229,9 @@ class LagTable(NamedTuple):
 
 
 def lag_table(lags: LagRange, stride: int, *, wrapped: bool = False) -> LagTable:
-    """Return `lags` laid out in strips, for a right image of `stride` pixels a row.
+    """Return `lags` laid out in strips, for a right image of `stride` pixels per row.
 
-    The neighbours of the lags at one end are those at the other if the search is `wrapped`.
+    If the search is `wrapped`, the lags at one end are neighbours of those at the other.
     """
     width = strips_of(lags) * LANES
     dy, dx = (np.concatenate([[0], lag[::-1]]) for lag in lags.ranked())
@@ -258,5 +257,5 @@ def lag_table(lags: LagRange, stride: int, *, wrapped: bool = False) -> LagTable
 
 
 def strips_of(lags: LagRange) -> int:
-    """Return how many strips of sixteen hold the horizontal displacements."""
+    """Return the number of strips of sixteen that cover the horizontal displacements."""
     return -(-lags.cols // LANES)

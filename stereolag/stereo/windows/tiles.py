@@ -1,4 +1,4 @@
-"""The compiled heart: a tile of left windows against every lag."""
+"""Compiled core of window sums: a tile of left windows against every lag."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from stereolag.stereo.windows.search import LagRange, LagTable
 
 
 class Workspace(NamedTuple):
-    """What a thread needs besides; small enough to stay in its core's cache."""
+    """Buffers of a thread, small enough to stay in its core's cache."""
 
     columns: Array
     """(image columns of the tile, lags): column sums."""
     window: Array
-    """(lags): the sliding window sum, without the column that entered last."""
+    """(lags): the sliding window sum, without its newest column."""
     left: LeftTerms
-    """(group): those of a few left windows."""
+    """(group): terms of a few left windows."""
     scores: npt.NDArray[np.int32]
-    """(group, lags + 16): the scores of a few left windows; zeros behind the lags."""
+    """(group, lags + 16): the scores of a few left windows; zeros after the lags."""
     best: npt.NDArray[np.int32]
     """(group, 16): score and code of the best lag of each lane."""
     codes: npt.NDArray[np.int32]
@@ -58,11 +58,11 @@ def match_tile(
     left
         The left image.
     right_rows
-        Rows of the right one, in a frame wide enough for every lag, by ``changing_rows``.
+        Rows of the right image, in a frame wide enough for every lag, from ``changing_rows``.
     right_row, right_col
         The pixel of `right_rows` that the first lag of left pixel (0, 0) meets.
     row_first
-        Row of the window grid at which `left_windows` begins.
+        Row of the window grid at which `left_windows` starts.
     """
     left_total, left_inverse = left_windows
     right_total, right_inverse = right_windows
@@ -85,7 +85,7 @@ def match_tile(
         for y in range(top if renewed else top + window - step, top + window):
             left_row = y * left_stride + x_first
             right_row_at = (y + right_row) * right_stride + right_col + x_first
-            # The last row to enter: where every column ends a window its sums move down together with the scoring.
+            # The last row to enter: if every column ends a window, its sums are updated during scoring instead.
             changed = width if step > 1 or y < top + window - 1 else window - 1
             change_row(
                 columns, changed, left, left_row, left_back, right_rows, right_row_at, right_back, offsets, which
@@ -150,7 +150,7 @@ def match_tile(
 
 @compiled
 def as_right_dx(right_key: Array, dx_of: Array, code_mask: int, nowhere: int, right_dx: Array) -> None:
-    """Turn what the right windows kept into displacements; `nowhere` where no left window met one."""
+    """Convert the keys of the right windows into displacements; `nowhere` where no left window met one."""
     for row in range(right_dx.shape[0]):
         for x in range(right_dx.shape[1]):
             key = right_key[row, x]
@@ -158,17 +158,17 @@ def as_right_dx(right_key: Array, dx_of: Array, code_mask: int, nowhere: int, ri
 
 
 def right_view_reference(volume: Array, lags: LagRange, nowhere: int) -> npt.NDArray[np.int16]:
-    """Return the displacement of the best left window of every right one, `nowhere` where none meets it.
+    """Return the displacement of the best left window of every right window; `nowhere` where none meets it.
 
     Parameters
     ----------
     volume
-        (1, lags, rows, cols) scores of windows one pixel apart, NaN where there is none: those of
+        (1, lags, rows, cols) scores of windows one pixel apart, NaN where there is none, from
         :func:`stereolag.stereo.windows.scores.score_volume_reference`.
     """
     rows, cols = volume.shape[2:]
     best, right_dx = np.full((rows, cols), -np.inf), np.full((rows, cols), nowhere, np.int16)
-    for dx in lags.ranked()[1]:  # the shortest first: it keeps what is as good
+    for dx in lags.ranked()[1]:  # the shortest first, so that it wins ties
         scores = np.full((rows, cols), -np.inf)
         left, right = slice(max(0, -dx), min(cols, cols - dx)), slice(max(0, dx), min(cols, cols + dx))
         if left.start < left.stop:

@@ -1,8 +1,9 @@
 """Window matching by batched FFT: every window against its own search area, many at a time.
 
-Beside :mod:`stereolag.stereo.windows.window_sums` this engine pays where windows are few (a low overlap) and the
-search is large, and it is the only one for scores that need a spectrum: phase correlation, and the circular correlation
-of an unpadded search. Only the products come from elsewhere: what is made of them is the same code, and so is the map.
+Compared with :mod:`stereolag.stereo.windows.window_sums`, this engine pays off where windows are few (a low overlap)
+and the search is large, and it is the only one for scores that need a spectrum: phase correlation, and the circular
+correlation of an unpadded search. Only the products are computed differently: the code that uses them is the same, and
+so is the map.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ Spectrum = npt.NDArray[np.complex128]
 Surface = npt.NDArray[np.float64]
 
 BATCH_BYTES = 32 * 2**20
-"""Windows are taken in batches whose padded search areas fill about this much memory."""
+"""Windows are processed in batches whose padded search areas take about this much memory."""
 
 POWERLESS = 1e-9
 """Share of a spectrum's highest magnitude up to which a frequency has no power, and so no phase."""
@@ -37,23 +38,23 @@ POWERLESS = 1e-9
 def match_windows_fft(query: WindowQuery, progress: Progress = silent) -> WindowMatches:
     """Match every window of the left image by FFT, as :func:`stereolag.stereo.windows.window_sums.match_windows` does.
 
-    Sums of integers are rounded to integers: then both give the same to the bit. Of other images the sums of either
-    are rounded in the sixteenth digit, which a score of 32 bits shows once in a million.
+    Sums of integers are rounded to integers, so that both agree to the bit. For other images the sums of both are
+    rounded in the sixteenth digit, which changes a 32-bit score once in a million.
 
     Parameters
     ----------
     query
-        `right_matches` are not to be had by FFT.
+        `right_matches` is not supported.
     progress
         Called with the fraction done after every batch.
 
     Raises
     ------
     ValueError
-        What :class:`stereolag.stereo.windows.prepared_pair.PreparedPair` refuses, or `right_matches`.
+        A query that :class:`stereolag.stereo.windows.prepared_pair.PreparedPair` rejects, or one for `right_matches`.
     """
     if query.right_matches:
-        raise ValueError("Matches of the right windows are had by window sums alone.")
+        raise ValueError("Only window sums give the matches of the right windows.")
     pair = PreparedPair(query)
     if pair.lags is None:
         for first in range(pair.rows):
@@ -75,7 +76,7 @@ def match_windows_fft(query: WindowQuery, progress: Progress = silent) -> Window
 
 
 def score_surface(query: WindowQuery, top: int, left_edge: int) -> Surface:
-    """Return the (lag rows, lag cols) scores of the one window whose top-left pixel is given, as its match saw them.
+    """Return the (lag rows, lag cols) scores of the window with the given top-left pixel, as used in its match.
 
     NaN = no candidate.
     """
@@ -102,7 +103,7 @@ def _surfaces(pair: PreparedPair, lags: LagRange) -> _Surfaces:
 
 
 class _Surfaces(ABC):
-    """The scores of windows at every lag, kept as :mod:`stereolag.stereo.windows.scores` keeps them."""
+    """Scores of windows at every lag, stored as in :mod:`stereolag.stereo.windows.scores`."""
 
     def __init__(self, pair: PreparedPair, lags: LagRange) -> None:
         self.pair, self.lags = pair, lags
@@ -123,11 +124,11 @@ class _Surfaces(ABC):
         Parameters
         ----------
         first
-            Row of the grid at which `left` and `right` begin.
+            Row of the grid at which `left` and `right` start.
         some
-            (n,) indices of the left windows, one after the other.
+            (n,) consecutive indices of the left windows.
         left, right
-            What is known of the windows.
+            Sums and norms of the windows.
         """
 
     def places(self, first: int, some: npt.NDArray[np.intp]) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
@@ -146,7 +147,7 @@ class _Surfaces(ABC):
 
 
 class _Products(_Surfaces):
-    """Sums of products with larger search areas, zero-padded so that nothing wraps, made scores as by window sums."""
+    """Sums of products with larger search areas, zero-padded so that nothing wraps, scored as for window sums."""
 
     def score(
         self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
@@ -186,11 +187,11 @@ class _Products(_Surfaces):
 
 
 class _Whitened(_Surfaces):
-    """Phase correlation: nothing but the phase of the spectrum counts."""
+    """Phase correlation: only the phase of the spectrum counts."""
 
     def __init__(self, pair: PreparedPair, lags: LagRange) -> None:
         super().__init__(pair, lags)
-        # Beyond the frame lies the mean: an edge there would have a phase.
+        # Padded with the mean, as an edge of the frame would have a phase.
         self.right = framed(pair.plain_right - float(np.mean(pair.left)), lags)
 
     def score(
@@ -206,7 +207,7 @@ class _Whitened(_Surfaces):
 
 
 class _Circular(_Surfaces):
-    """Scores of windows against the same place of the right image, wrapped around at the window's edges."""
+    """Scores of windows against the same place in the right image, wrapped around at the window's edges."""
 
     def score(
         self, first: int, some: npt.NDArray[np.intp], left: Windows, right: Windows
@@ -232,9 +233,9 @@ class _Circular(_Surfaces):
 def _as_kept(
     pair: PreparedPair, lags: LagRange, scores: Surface
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """Return (n, lag rows, lag cols) scores of -1..1, NaN for none, as they are kept, and the best of each lane.
+    """Return (n, lag rows, lag cols) scores of -1..1, NaN for none, as stored integers, and the best of each lane.
 
-    Rounded to the nearest: what an FFT leaves of equal scores must not choose between them.
+    They are rounded to the nearest, so that the error of an FFT does not choose between equal scores.
     """
     codes, count = pair.table.codes, len(scores)
     kept = np.zeros((count, codes.size + LANES), np.int32)
@@ -255,7 +256,7 @@ def _mean_free(patches: Array) -> Array:
 
 
 def _whiten(spectrum: Spectrum) -> None:
-    """Leave only the phase of a cross-power spectrum; where there is no power there is no phase either."""
+    """Keep only the phase of a cross-power spectrum; frequencies without power are set to 0."""
     magnitude = np.abs(spectrum)
     floor = POWERLESS * magnitude.max(axis=(1, 2), keepdims=True)
     np.divide(spectrum, magnitude, out=spectrum, where=magnitude > floor)

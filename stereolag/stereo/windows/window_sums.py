@@ -1,4 +1,4 @@
-"""Dense windowed correlation by running sums: every window of the left image against every lag."""
+"""Dense windowed correlation by running sums: every window of the left image at every lag."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from stereolag.stereo.windows.search import MOST_LAGS
 from stereolag.stereo.windows.tiles import Workspace, as_right_dx, match_tile
 
 CACHE_BYTES = 512 * 1024
-"""The column sums of a tile: they stay in a core's second-level cache."""
+"""Size of the column sums of a tile, which stay in a core's L2 cache."""
 GROUP_BYTES = 24 * 1024
-"""The scores of a few windows: they stay in a core's first-level cache."""
+"""Size of the scores of a few windows, which stay in a core's L1 cache."""
 BAND_WORK = 60e6
-"""Pixels times lags of a band: some 50 ms."""
+"""Pixels times lags of a band: about 50 ms."""
 
 
 def match_windows(query: WindowQuery, progress: Progress = silent) -> WindowMatches:
     """Find the lag at which each window of the left image correlates best with the right image.
 
-    The right window of a lag must lie wholly inside the right image, else the lag is no candidate; nor is one that
-    leads to a flat window (``zncc``) or one without energy (``ncc``). Lags whose scores differ by less than float32
-    and the number of lags can tell (2e-6 for 441 of them) are equal, and the shortest displacement among them wins;
-    see :meth:`LagRange.ranked`. The time does not depend on the window's size.
+    A lag is a candidate only if its right window is wholly inside the right image, and neither flat (``zncc``) nor
+    without energy (``ncc``). Lags whose scores differ by less than float32 and the number of lags can resolve (2e-6 for
+    441 of them) are equal, and the shortest displacement among them wins; see :meth:`LagRange.ranked`. The time does
+    not depend on the window's size.
 
     Parameters
     ----------
     query
-        uint8 images have exact integer sums, others float64 ones. `right_matches` need step 1 and a search without
+        uint8 images have exact integer sums, others float64 ones. `right_matches` needs step 1 and a search without
         vertical reach.
     progress
         Called with the fraction done.
@@ -44,13 +44,13 @@ def match_windows(query: WindowQuery, progress: Progress = silent) -> WindowMatc
     ------
     ValueError
         Images that are not grey or differ in size or dtype, a window larger than they are, a step below 1, more than
-        65535 lags, a score or a circular correlation that needs a spectrum, or `right_matches` where it cannot be had.
+        65535 lags, a score or a circular correlation that needs a spectrum, or unsupported `right_matches`.
     """
     _check(query)
     matcher = _Matcher(query)
     if matcher.pair.lags is not None and matcher.pair.lags.count > MOST_LAGS:
         raise ValueError(
-            f"The search holds {matcher.pair.lags.count} lags; window sums allow at most {MOST_LAGS}, "
+            f"The search has {matcher.pair.lags.count} lags; window sums allow at most {MOST_LAGS}, "
             "engine 'fft' any number."
         )
     over_bands(matcher.match_band, matcher.pair.rows, most_rows=matcher.most_rows, progress=progress)
@@ -62,7 +62,7 @@ def _check(query: WindowQuery) -> None:
     if query.score not in ("zncc", "ncc", "cross") or query.circular:
         raise ValueError(
             f"The score is {query.score!r}{', circular' if query.circular else ''}; "
-            "allowed are 'zncc', 'ncc' and 'cross', and none of them wrapped."
+            "allowed are 'zncc', 'ncc' and 'cross', none of them circular."
         )
     if query.right_matches and (query.step > 1 or lags.dy_first != 0 or lags.dy_last != 0):
         raise ValueError(
@@ -72,14 +72,14 @@ def _check(query: WindowQuery) -> None:
 
 
 class _Matcher:
-    """One pair made ready: what the threads share while each matches its own band of rows."""
+    """Prepared pair that the threads share while each matches its own band of rows."""
 
     def __init__(self, query: WindowQuery) -> None:
         self.pair = PreparedPair(query)
 
     @property
     def most_rows(self) -> int:
-        """Rows of a band, so that progress comes often enough."""
+        """Largest number of rows in a band, so that progress comes often enough."""
         pair = self.pair
         work_of_row = pair.width * (pair.lags.count if pair.lags else 1) * min(pair.window, 2 * pair.step) / 2
         return max(1, int(BAND_WORK / work_of_row))
@@ -137,7 +137,7 @@ class _Matcher:
 
 
 def _aligned(shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-    """Return zeros that begin at a cache line, so that no strip straddles two."""
+    """Return zeros that start at a cache line, so that no strip straddles two."""
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
     memory = np.zeros(size + 64, np.uint8)
     start = -memory.ctypes.data % 64

@@ -1,1 +1,1 @@
-"""The parts of the page that calibrates a stereo camera."""
+"""The parts of the calibration page."""

@@ -1,4 +1,4 @@
-"""Which board the pictures show: guessed, and corrected where the guess is wrong."""
+"""The board in the pictures: guessed, and corrected by the visitor if the guess is wrong."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ SQUARE_MM = (0.1, 10_000.0)
 
 @dataclass(frozen=True)
 class Unseen:
-    """Why no board was guessed."""
+    """The reason why no board was guessed."""
 
     sentence: str
 
 
 def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
-    """Ask for the board, as guessed at first, and the side of its squares, metres; None while it is not known."""
+    """Ask for the board, initially the guessed one, and the side of its squares, metres; None while it is unknown."""
     guessed = _guess(pictures, None)
     if guessed is None:
         return None
@@ -57,7 +57,7 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
             format="%.3f",
             **persistent(f"{KEY}.square.{pictures.example or 'own'}"),
             width=190,
-            help="Measured on the print. All lengths follow from it: one hundredth too long, and so is every distance.",
+            help="Measured on the print. All lengths follow from it: if it is 1 % too long, so is every distance.",
         )
     if columns is None or rows is None:
         return None
@@ -67,12 +67,12 @@ def ask_board(pictures: BoardPictures) -> tuple[Board, float] | None:
         show_refused(asked.sentence)
     if not isinstance(asked, Board):
         return None
-    prose.caption(f"{_in_words(asked)} {'Guessed from the pictures.' if asked == at_first else 'As you say.'}")
+    prose.caption(f"{_in_words(asked)} {'Guessed from the pictures.' if asked == at_first else 'As entered.'}")
     return asked, float(side or SQUARE_MM[0]) / 1000
 
 
 def _guess(pictures: BoardPictures, size: tuple[int, int] | None) -> Board | Unseen | None:
-    """Return the board, or why there is none, None while it is looked for; of a known size, only its kind."""
+    """Return the board or why there is none, or None while looking for it; a known size leaves only its kind open."""
 
     def guess(_: object) -> Board | Unseen:
         try:

@@ -1,4 +1,4 @@
-"""Examples to calibrate without files: boards drawn as a stereo camera of known geometry would take them."""
+"""Calibration examples: boards drawn as a stereo camera of known geometry would see them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from stereolag.geometry.rig import StereoRig
 
 PAIRS = 11
 WRONG_PAIR = 6
-"""From 0: its right picture is of another moment, so that it contradicts the others."""
+"""Index of the pair whose right picture is from another moment, so that it contradicts the others."""
 
 
 @dataclass(frozen=True)
 class DrawnExample:
-    """What is drawn: a board, and the side of its squares, metres."""
+    """A drawn example: its board, and the side of the squares, metres."""
 
     title: str
     board: Board
@@ -34,7 +34,7 @@ EXAMPLES = {
 
 
 def drawn_rig() -> StereoRig:
-    """Return the stereo camera that the examples are drawn with."""
+    """Return the stereo camera that draws the examples."""
     return StereoRig(
         np.array([[520.0, 0, 326], [0, 521, 237], [0, 0, 1]]),
         np.array([-0.28, 0.09, 0.0006, -0.0004, 0.0]),
@@ -49,7 +49,7 @@ def drawn_rig() -> StereoRig:
 
 @st.cache_resource(show_spinner="Drawing the example …")
 def example_pairs(name: str) -> list[tuple[Grey8, Grey8]]:
-    """Return the pictures of an example."""
+    """Return the picture pairs of an example."""
     example = EXAMPLES[name]
     drawn = drawn_pairs(drawn_rig(), example.board, PAIRS + 1, square_m=example.square_m, seed=5, partly=example.partly)
     *pairs, another = drawn

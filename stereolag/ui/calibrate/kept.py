@@ -1,4 +1,4 @@
-"""The calibration that a visitor made and wants to use on the depth page, for as long as the session lasts."""
+"""The calibration a visitor made for use on the depth page, kept for the session."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stereolag.ui.choices import OWN, no_files_yet
 from stereolag.ui.uploads import Upload
 
 KEPT = "calibrate.kept"
-"""In the session's state: the calibration, as an upload of it would be."""
+"""Session-state key of the calibration, stored as an upload."""
 
 DEPTH_PAGE = "pages/3_Depth_maps.py"
 
@@ -25,18 +25,18 @@ def keep_calibration(calibration: Calibration) -> None:
 
 
 def kept_calibration() -> Upload[Calibration] | None:
-    """Return the calibration that was kept in this session; None where none was."""
+    """Return the calibration kept in this session, or None."""
     kept: Upload[Calibration] | None = st.session_state.get(KEPT)
     return kept
 
 
 def forget_calibration() -> None:
-    """Use the kept calibration no longer."""
+    """Stop using the kept calibration."""
     st.session_state.pop(KEPT, None)
 
 
 def use_kept_calibration() -> Upload[Calibration] | None:
-    """Return the kept calibration, and say that it is in use, with a way to use it no longer."""
+    """Return the kept calibration, and show that it is in use, with a button to stop using it."""
     kept = kept_calibration()
     if kept is not None:
         error = "" if kept.content.rms is None else f", {kept.content.rms:.2f} px"
@@ -47,7 +47,7 @@ def use_kept_calibration() -> Upload[Calibration] | None:
 
 
 def open_depth_page(calibration: Calibration) -> None:
-    """Keep a calibration and open the depth page for files of the visitor's own, to which it belongs."""
+    """Keep a calibration, and open the depth page for the visitor's own files, to which it applies."""
     keep_calibration(calibration)
     st.session_state[keys.PAIR] = OWN
     st.session_state.pop(keys.HANDED, None)

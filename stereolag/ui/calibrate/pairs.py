@@ -1,4 +1,4 @@
-"""The pairs one by one: which count, how far off each is, and its pictures with the corners that were found."""
+"""The pairs one by one: whether each counts, its error, and its pictures with the detected corners."""
 
 from __future__ import annotations
 
@@ -24,17 +24,18 @@ WHY_LEFT_OUT = {
     LeftOut.NOT_FOUND: "the board was not found in either picture",
     LeftOut.NOT_FOUND_LEFT: "the board was not found in the left picture",
     LeftOut.NOT_FOUND_RIGHT: "the board was not found in the right picture",
-    LeftOut.OTHER_SIZE: "its pictures have another size than most",
+    LeftOut.OTHER_SIZE: "its pictures differ in size from most",
     LeftOut.FEW_IN_COMMON: "both pictures share too few corners",
-    LeftOut.SAME_VIEW: "it shows the same as an earlier pair",
+    LeftOut.SAME_VIEW: "it shows the same view as an earlier pair",
     LeftOut.NOT_FLAT: "its corners are not those of a flat board",
-    LeftOut.CONTRADICTS: "it contradicts the others: not taken at one moment, or the board turned round in one picture",
+    LeftOut.CONTRADICTS: "it contradicts the others: not taken at the same moment, or the board turned round in "
+    "one picture",
     LeftOut.BY_HAND: "you left it out",
 }
 
 
 def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
-    """Ask which of the pairs with a board in both pictures count; return the numbers of those that shall not."""
+    """Ask which of the pairs with a board in both pictures count; return the numbers of those to leave out."""
     usable = [
         number
         for number, both in enumerate(zip(views.left, views.right, strict=True))
@@ -55,7 +56,7 @@ def ask_pairs(pictures: BoardPictures, views: BoardViews) -> frozenset[int]:
 
 
 def choose_shown(pictures: BoardPictures, result: StereoCalibration | None) -> int:
-    """Show how far off each pair is, and return which one to look at: by a click on its bar, or by name."""
+    """Show the error of each pair, and return the number of the one to show, picked by its bar or by name."""
     key = f"{KEY}.shown.{pictures.digest}"
     at_first = next((number for number in (result.used if result else ())), 0)
     shown = int(st.session_state.setdefault(key, at_first))
@@ -77,7 +78,7 @@ def choose_shown(pictures: BoardPictures, result: StereoCalibration | None) -> i
             alt=_errors_in_words(pictures, result),
         )
         if event.selection.points:
-            # A chart keeps its selection; under a new name it begins without one.
+            # A chart keeps its selection; under a new key it starts without one.
             st.session_state[f"{key}.clicks"] = clicks + 1
             st.session_state[key] = int(event.selection.points[0]["x"])
             st.rerun(scope="fragment")
@@ -93,7 +94,7 @@ def choose_shown(pictures: BoardPictures, result: StereoCalibration | None) -> i
 
 
 def show_pair(pictures: BoardPictures, views: BoardViews, number: int, result: StereoCalibration | None) -> None:
-    """Show both pictures of a pair with their corners, and what became of it."""
+    """Show both pictures of a pair with their corners, its errors, and whether it counts."""
     report = result.pairs[number] if result else None
     left, right = (report.left, report.right) if report else (views.left[number], views.right[number])
 
@@ -160,7 +161,7 @@ def _with_length(both: tuple[bytes, bytes]) -> tuple[bytes, bytes, bytes]:
 
 @typesets
 def _errors_in_words(pictures: BoardPictures, result: StereoCalibration) -> str:
-    """Return what the bars show, for whoever cannot see them."""
+    """Return a description of the error bars for screen readers."""
     errors = {
         name: max(pair.left_rms, pair.right_rms)
         for name, pair in zip(pictures.names, result.pairs, strict=True)
@@ -172,12 +173,12 @@ def _errors_in_words(pictures: BoardPictures, result: StereoCalibration) -> str:
     left_out = len(result.pairs) - len(errors)
     return (
         f"Reprojection error of each pair, left and right: {min(errors.values()):.2f} to {errors[worst]:.2f} px, the "
-        f"largest of pair {worst}; {left_out} {'pair does' if left_out == 1 else 'pairs do'} not count."
+        f"largest for pair {worst}; {left_out} {'pair does' if left_out == 1 else 'pairs do'} not count."
     )
 
 
 def _in_words(report: PairReport) -> str:
-    """Return what became of a pair."""
+    """Return sentences about the errors of a pair and whether it counts."""
     errors = (
         ""
         if math.isnan(report.left_rms)
@@ -186,5 +187,5 @@ def _in_words(report: PairReport) -> str:
     )
     if report.left_out is not None:
         return f"{errors}Left out: {WHY_LEFT_OUT[report.left_out]}."
-    turned = " Its corners were counted from the other end in the right picture; put in order." if report.turned else ""
+    turned = " The right picture’s corners, counted from the other end, were reordered." if report.turned else ""
     return f"{errors}It counts.{turned}"

@@ -1,4 +1,4 @@
-"""The pairs of pictures of a calibration board: an example, or files of the visitor's own matched by their names."""
+"""Picture pairs of a calibration board: an example, or the visitor's own files matched by name."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from stereolag.ui.uploads import PICTURE_TYPES, upload_named
 KEY = "calibrate"
 
 BYTES_PER_PIXEL = 24
-"""Of two decoded pictures, their grey versions and what looks for corners in them."""
+"""Memory for two decoded pictures, their grey versions and the corner search."""
 
 PICTURE_S, MEGAPIXEL_S = 0.15, 0.12
-"""What one picture takes, and each of its megapixels."""
+"""Time per picture, and per megapixel of it, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,19 +34,19 @@ class BoardPictures:
     Attributes
     ----------
     names
-        What each pair is called.
+        Name of each pair.
     pairs
-        Left and right pictures, decoded when they are asked for.
+        Left and right pictures, decoded on demand.
     pixels
-        Of one picture.
+        Number of pixels of one picture.
     description
-        What the page says of them.
+        Text about them on the page.
     digest
-        Tells them from all others.
+        Identifies the pictures.
     shared
         Whether they are an example.
     example
-        Its name; None of the visitor's own.
+        Name of the example; None for the visitor's own pictures.
     """
 
     names: tuple[str, ...]
@@ -58,7 +58,7 @@ class BoardPictures:
     example: str | None = None
 
     def estimate(self, pairs: int) -> Estimate:
-        """Return what it takes to look for the board in so many of them."""
+        """Return the cost of looking for the board in a number of pairs."""
         seconds = 2 * pairs * (PICTURE_S + MEGAPIXEL_S * self.pixels / 1e6)
         return Estimate(BYTES_PER_PIXEL * self.pixels + 64 * 2**20, seconds)
 
@@ -74,7 +74,7 @@ def _example(name: str) -> BoardPictures:
     names = tuple(str(number) for number in range(1, len(pairs) + 1))
     description = (
         f"{len(pairs)} pairs **drawn by this app** with a camera whose lens and position are known, so that the result "
-        f"can be checked. The right picture of pair {WRONG_PAIR + 1} is of another moment."
+        f"can be checked. The right picture of pair {WRONG_PAIR + 1} is from another moment."
     )
     return BoardPictures(names, pairs, pairs[0][0].size, description, f"drawn {name}", True, name)
 
@@ -85,8 +85,8 @@ def _own() -> BoardPictures | None:
         _matched,
         key=f"{KEY}.files",
         types=(*PICTURE_TYPES, "zip"),
-        note="8 to 40 pairs, each taken at one moment. Their names tell what belongs together: left01 and right01, "
-        "L_3 and R_3, or equal names in folders left and right of a ZIP.",
+        note="8 to 40 pairs, both pictures of each taken at the same moment. They are matched by name: left01 and "
+        "right01, L_3 and R_3, or equal names in folders left and right of a ZIP.",
     )
     show_limits(
         f"At most {MOST_PAIRS} pairs, {MAX_BYTES // 2**20} MB together, and {limits().max_megapixels} megapixels each."
@@ -102,7 +102,7 @@ def _own() -> BoardPictures | None:
 
 
 def _matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs, int, int]:
-    """Return what the pairs are called, the pairs, the pixels of a picture, and how many pictures have no partner."""
+    """Return the names of the pairs, the pairs, the pixels of a picture, and the number of unmatched pictures."""
     readers: dict[str, Callable[[], bytes]] = {}
     for name, data in files:
         if is_archive(data):
@@ -111,12 +111,12 @@ def _matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs
         else:
             readers[name] = partial(bytes, data)
     if sum(len(data) for _, data in files) > MAX_BYTES:
-        raise ValueError(f"The files hold more than {MAX_BYTES // 2**20} MB; give fewer, or the same as JPEG.")
+        raise ValueError(f"The files exceed {MAX_BYTES // 2**20} MB in total; upload fewer, or JPEGs.")
     pairs = matched_pairs([*readers])
     if not pairs:
         raise ValueError(
-            f"Among {len(readers)} files no left and right pictures belong together by their names; name them left01 "
-            "and right01, left02 and right02, and so on."
+            f"No left and right pictures match by name (files given: {len(readers)}); name them left01 and right01, "
+            "left02 and right02, and so on."
         )
     if len(pairs) > MOST_PAIRS:
         raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")

@@ -1,4 +1,4 @@
-"""What came out: the figures, what is weak about them, where the board has been, and files to take away."""
+"""The result of a calibration: its figures, weaknesses and coverage, and the downloads."""
 
 from __future__ import annotations
 
@@ -25,19 +25,17 @@ GOOD_ROWS_PX = 0.5
 
 
 def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
-    """Show how good the calibration is, and what the cameras are."""
+    """Show how good the calibration is, and the figures of the cameras."""
     calibration = result.calibration
     announce(
         f"Calibrated from {len(result.used)} of {len(result.pairs)} pairs: {result.rms:.2f} px reprojection error."
     )
     show_numbers(
         (
+            Number("Reprojection error", f"{result.rms:.2f} px", "Distance of detected from predicted corners, RMS."),
+            Number("Epipolar error", f"{result.row_error:.2f} px", "Row offset of matching corners, once rectified."),
             Number(
-                "Reprojection error", f"{result.rms:.2f} px", "How far corners lie from where the cameras see them."
-            ),
-            Number("Epipolar error", f"{result.row_error:.2f} px", "Rows of matching corners apart, once rectified."),
-            Number(
-                "Pairs that count", f"{len(result.used)} of {len(result.pairs)}", "Why others do not is said below."
+                "Pairs that count", f"{len(result.used)} of {len(result.pairs)}", "Reasons for the others are below."
             ),
             Number("Focal length", f"{calibration.focal_px:,.1f} px", "Of the rectified pair."),
             Number("Baseline", f"{1000 * calibration.baseline_m:.2f} mm", "The distance between the cameras."),
@@ -54,24 +52,24 @@ def show_figures(pictures: BoardPictures, result: StereoCalibration) -> None:
         )
     sentences = weaknesses(pictures, result)
     if sentences:
-        # Of the example nobody has to do anything about it.
+        # Nobody has to act on the weaknesses of an example.
         show = prose.info if pictures.example else prose.warning
         show("  \n".join(sentences), icon=":material/info:")
 
 
 def weaknesses(pictures: BoardPictures, result: StereoCalibration) -> list[str]:
-    """Return what is weak about a calibration, and what mends it."""
+    """Return sentences about the weaknesses of a calibration, and how to mend them."""
     sentences = []
     for reason in LeftOut:
         names = [name for name, pair in zip(pictures.names, result.pairs, strict=True) if pair.left_out is reason]
         if names and reason is not LeftOut.BY_HAND:
             sentences.append(f"Left out: pair {', '.join(names)} – {WHY_LEFT_OUT[reason]}.")
     if len(result.used) < ENOUGH_PAIRS:
-        sentences.append(f"{len(result.used)} pairs count: {ENOUGH_PAIRS} to 40 make it sure.")
+        sentences.append(f"{len(result.used)} pairs count: use {ENOUGH_PAIRS} to 40 for a reliable result.")
     least = min(result.left_coverage, result.right_coverage)
     if least < ENOUGH_COVERAGE:
         sentences.append(
-            f"The board has been in {percent(least)} of the picture: hold it into the corners too, where the lens "
+            f"The board has covered {percent(least)} of the picture: hold it in the corners too, where the lens "
             "distorts most."
         )
     if result.focal_error > SURE_FOCAL:
@@ -80,8 +78,8 @@ def weaknesses(pictures: BoardPictures, result: StereoCalibration) -> list[str]:
         )
     if result.row_error > GOOD_ROWS_PX:
         sentences.append(
-            f"Rows are {result.row_error:.2f} px apart on average, which matchers notice: is the board flat, are the "
-            "pictures sharp, and both taken at one moment?"
+            f"Rows are {result.row_error:.2f} px apart on average, enough to disturb matching: is the board flat, are "
+            "the pictures sharp, and both taken at the same moment?"
         )
     return sentences
 
@@ -105,7 +103,7 @@ def show_coverage(result: StereoCalibration) -> None:
 
 
 def show_downloads(result: StereoCalibration) -> None:
-    """Offer the calibration as files, and to go on with it."""
+    """Offer the calibration as files, and for use on the depth page."""
     calibration = result.calibration
     with st.container(horizontal=True, gap="small", vertical_alignment="center"):
         if st.button("Use it on the depth page", key=f"{KEY}.use", type="primary", icon=":material/arrow_forward:"):
@@ -118,4 +116,4 @@ def show_downloads(result: StereoCalibration) -> None:
             ("calibration.json", "JSON", calibration_json(calibration)),
         ):
             download_button(label, content, name, key=f"{KEY}.download.{name}", icon=":material/download:")
-    prose.caption("Lengths are in metres. The calibration is kept in this session only: take it away to keep it.")
+    prose.caption("Lengths are in metres. The calibration is kept in this session only: download it to keep it.")

@@ -1,4 +1,4 @@
-"""The two computations of the page: where the corners are, and the calibration from those that count."""
+"""The two computations of the page: finding the corners, and calibrating from the pairs that count."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from stereolag.ui.results import computed_in_turn
 from stereolag.ui.states import show_refused
 
 MEMORY, PAIR_S = 64 * 2**20, 0.08
-"""Of a calibration: bytes, and seconds for each pair."""
+"""Cost of a calibration: memory, bytes, and time per pair, s."""
 
 
 @dataclass(frozen=True, eq=False)
 class Refused:
-    """Why there is no calibration."""
+    """The reason why there is no calibration."""
 
     sentence: str
 
 
 def found_boards(pictures: BoardPictures, board: Board) -> BoardViews | None:
-    """Return the corners in all pictures; None while they are looked for, or why they cannot be is said."""
+    """Return the corners in all pictures; None during the search, or if it is refused, with the reason shown."""
     try:
         return computed_in_turn(
             "corners",
@@ -44,7 +44,7 @@ def found_boards(pictures: BoardPictures, board: Board) -> BoardViews | None:
 def calibrated(
     pictures: BoardPictures, views: BoardViews, square_m: float, leave_out: frozenset[int]
 ) -> StereoCalibration | None:
-    """Return the calibration from the pairs that count; None while it is computed, or where there is none, and why."""
+    """Return the calibration; None while it is being computed, or if it is refused, with the reason shown."""
 
     def calibrate(_: object) -> StereoCalibration | Refused:
         try:

@@ -1,1 +1,1 @@
-"""The parts of the depth page, one subject each: every part shows one :class:`~stereolag.ui.depth.view.DepthView`."""
+"""Parts of the depth page, one topic each; every part shows one :class:`~stereolag.ui.depth.view.DepthView`."""

@@ -30,17 +30,17 @@ from stereolag.ui.page_address import (
 from stereolag.ui.pairs import SIZES, StereoPair
 
 WRITTEN_KEY = "depth.address"
-"""In the session's state: the parameters as this page wrote them last."""
+"""Session-state key of the parameters that this page wrote last."""
 
 MAPS = "maps"
 """The parameter that names the maps shown."""
 
 ADOPTED = "depth.adopt"
-"""In the session's state: the settings to take over, as :func:`stereolag.reading.matchers.read_matcher` reads them."""
+"""Session-state key of the settings to adopt, as read by :func:`stereolag.reading.matchers.read_matcher`."""
 
 
 def recall_choices() -> None:
-    """Choose the example, the size and the maps that a new address names, and keep its settings for their time."""
+    """Apply the example, size and maps that a new address names, and keep its settings for later."""
     found = new_parameters(WRITTEN_KEY)
     if found is not None:
         choose_named(found, _choices())
@@ -49,7 +49,7 @@ def recall_choices() -> None:
 
 
 def _recall_maps(value: str | None) -> None:
-    """Choose the maps that an address names; those shown at first where it names none."""
+    """Choose the maps that an address names; the initial ones if it names none."""
     allowed = [method.short_name for method in METHODS]
     named = [] if value is None else value.split(",")
     if named and set(named) <= set(allowed):
@@ -65,7 +65,7 @@ def _recall_maps(value: str | None) -> None:
 
 
 def recall_settings(pair: StereoPair) -> None:
-    """Set the controls, none of which must be drawn yet, to the settings of a new address, all others as at first."""
+    """Set the controls to the settings of a new address, the rest to initial values; none must have been drawn yet."""
     parameters = kept_settings(WRITTEN_KEY)
     if parameters is None:
         return
@@ -79,7 +79,7 @@ def recall_settings(pair: StereoPair) -> None:
 
 
 def write_address(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) -> None:
-    """Put what is chosen and set into the address, as far as it is not as at first."""
+    """Write the choices and settings that differ from their initial values into the address."""
     parameters = chosen(_choices())
     shown = [method.short_name for method in shown_methods()]
     if shown and shown != SHOWN_AT_FIRST:
@@ -92,13 +92,13 @@ def write_address(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) ->
 
 
 def adopt(matcher: StereoMatcher) -> None:
-    """Hand settings over to the page, which runs again from its top and sets its controls to them."""
+    """Hand settings over to the page, and rerun it from the top so that it sets its controls to them."""
     st.session_state[ADOPTED] = settings_json(matcher)
     st.rerun(scope="app")
 
 
 def take_over(pair: StereoPair) -> None:
-    """Show the settings that were handed over, if there are any; no control must be drawn yet in this run."""
+    """Show the settings that were handed over, if any; no control must have been drawn yet in this run."""
     handed_over: str | None = st.session_state.pop(ADOPTED, None)
     if handed_over is not None:
         show_settings(read_matcher(handed_over.encode()), pair)
@@ -112,12 +112,12 @@ def show_settings(matcher: StereoMatcher, pair: StereoPair) -> None:
 
 
 def _choices() -> dict[str, Choice]:
-    """Return what an address can choose, by its name there."""
+    """Return the choices that an address can name, by parameter."""
     return {"pair": example_choice(keys.PAIR, samples.stereo_pairs()), "size": Choice(keys.SIZE, [*SIZES])}
 
 
 def _prefix(kind: type[StereoMatcher]) -> str:
-    """Return what stands before the settings of a method: nothing for the first."""
+    """Return the parameter prefix of a method's settings; empty for the first method."""
     return "" if kind is METHODS[0] else f"{kind.short_name}."
 
 

@@ -1,4 +1,4 @@
-"""A table by pair: how the settings in use do on every pair of a set."""
+"""A table by pair: how well the settings in use do on every pair of a set."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ from stereolag.ui.sentences import duration
 
 KEY = "depth.all_pairs"
 WANTED = f"{KEY}.wanted"
-"""In the session's state: the set and the settings for which the table was asked for last."""
+"""Session-state key of the set and settings that the table was last requested for."""
 BYTES_OF_A_PAIR = 40
-"""A pixel of a pair while it is decoded, rectified and made smaller."""
+"""Memory per pixel while a pair is decoded, rectified and scaled down."""
 
 NONE_YET = (
-    "This is for several pairs at once: choose “ZIP or several pairs” under your own files, and give a ZIP, or many "
-    "files whose names tell left from right."
+    "This is for several pairs at once: choose “ZIP or several pairs” under your own files, and upload a ZIP, or "
+    "many files whose names tell left from right."
 )
 
 
 @dataclass(frozen=True)
 class Figures:
-    """One map of one pair: the share of pixels with a disparity, seconds, and % off by more than 2 px or missing.
+    """Figures of one map: the share of pixels with a disparity, seconds, and % off by more than 2 px or missing.
 
-    The last by the ground truth, or estimated where there is none; NaN where there is nothing to judge by.
+    Bad-2 is relative to the ground truth, or estimated without one; NaN if there is nothing to judge by.
     """
 
     coverage: float
@@ -53,7 +53,7 @@ class Figures:
 
 @dataclass(frozen=True)
 class PairRow:
-    """What every method, by its title, made of one pair; or why it could not be judged."""
+    """Figures of every method, by title, on one pair; or why they could not be computed."""
 
     name: str
     figures: Mapping[str, Figures] = field(default_factory=dict)
@@ -108,7 +108,7 @@ def show_all_pairs(view: DepthView) -> None:
 
 
 def table_of(pairs: PairSet, matchers: Sequence[StereoMatcher], preparation: Preparation, progress: Progress) -> Table:
-    """Compute every pair of a set by all matchers; one pair is held at a time, and those that fail say why."""
+    """Compute every pair of a set with all matchers, one pair in memory at a time; a pair that fails says why."""
 
     def rows() -> Iterator[PairRow]:
         count = len(pairs.pairs)
@@ -143,7 +143,7 @@ def _figures(
 
 
 def _part(progress: Progress, done: float, share: float) -> Progress:
-    """Return what tells the progress of a share of the work."""
+    """Return a progress callback for a share of the work."""
     return lambda fraction: progress(done + share * fraction)
 
 
@@ -166,9 +166,9 @@ def _show(table: Table) -> None:
         alt = f"Figures of every method on {len(good)} pairs."
         st.dataframe(frame, column_config={"_index": "Pair", **columns}, key=f"{KEY}.table", alt=alt)
         prose.caption(
-            "Bad-2: the share of the pixels with ground truth that are off by more than 2 px or missing. Estimated: by "
-            "what the accurate preset measured, where there is no truth. Every pair with the settings in use, without "
-            "the input doctor’s remedies."
+            "Bad-2: the share of the pixels with ground truth that are off by more than 2 px or missing. Estimated "
+            "bad-2: against the accurate preset, for pairs without ground truth. Every pair is computed with the "
+            "settings in use, without the input doctor’s remedies."
         )
     for row in table.rows:
         if row.problem:
@@ -176,7 +176,7 @@ def _show(table: Table) -> None:
 
 
 def _cells(row: PairRow) -> dict[str, float]:
-    """Return the cells of a row: first how right every method is, then what it covers, and how long it took."""
+    """Return the cells of a row: bad-2 of every method first, then coverage, then time."""
     found = row.figures.items()
     return (
         {f"{name}: bad-2, %": figures.bad_2 for name, figures in found}

@@ -1,4 +1,4 @@
-"""What the maps and the charts of the depth page show, in a sentence each, for whoever cannot see them."""
+"""Text alternatives for the maps and charts of the depth page, a sentence each."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from stereolag.typography import typeset, typesets
 from stereolag.ui.sentences import REASON_WORDS, percent
 
 EVERY = 4
-"""Every so many rows and columns tell the range of a map well enough, in a sixteenth of the time."""
+"""Sampling step of rows and columns: enough for the range of a map, in a sixteenth of the time."""
 
 
 ERROR_COLOURS_IN_WORDS = typeset("Colours of the errors: blue at 0 px, red from 4 px on.")
@@ -25,7 +25,7 @@ ERROR_COLOURS_IN_WORDS = typeset("Colours of the errors: blue at 0 px, red from 
 
 @typesets
 def map_in_words(disparity: FloatMap, what: str = "disparity map") -> str:
-    """Return how much of a map has a disparity, and between which values all but the outermost 2 % lie."""
+    """Return the share of a map that has a disparity, and the range of all but the outermost 2 %."""
     known = disparity[::EVERY, ::EVERY]
     known = known[np.isfinite(known)]
     if known.size == 0:
@@ -37,7 +37,7 @@ def map_in_words(disparity: FloatMap, what: str = "disparity map") -> str:
 
 @typesets
 def difference_in_words(difference: FloatMap) -> str:
-    """Return where two maps differ."""
+    """Return how much two maps differ."""
     known = difference[np.isfinite(difference)]
     if known.size == 0:
         return "no pixel that both measured"
@@ -49,7 +49,7 @@ def difference_in_words(difference: FloatMap) -> str:
 
 @typesets
 def photograph_in_words(image: Image) -> str:
-    """Return what a photograph is."""
+    """Return the size of a photograph in words."""
     rows, cols = image.shape[:2]
     return f"photograph, {cols:,} by {rows:,} pixels"
 
@@ -67,13 +67,13 @@ def blanks_in_words(reason: ReasonMap) -> str:
 
 @typesets
 def all_blanks_in_words(reasons: Mapping[str, ReasonMap]) -> str:
-    """Return the bars of the reasons of every method."""
+    """Return the shares of the reasons for every method."""
     return "; ".join(f"{name}: {blanks_in_words(reason)}" for name, reason in reasons.items()) + "."
 
 
 @typesets
 def errors_in_words(disparity: FloatMap, truth: FloatMap, against: str) -> str:
-    """Return how far a map is off."""
+    """Return the shares of wrong and of missing pixels of a map."""
     error = np.abs(disparity - truth)[np.isfinite(truth)]
     wrong = 100 * float(np.mean(error > 2))
     missing = 100 * float(np.mean(np.isnan(error)))
@@ -82,7 +82,7 @@ def errors_in_words(disparity: FloatMap, truth: FloatMap, against: str) -> str:
 
 @typesets
 def coverage_curves_in_words(curves: Mapping[str, CoverageCurve]) -> str:
-    """Return the ends of the curves of error against coverage."""
+    """Return the error of each method at its full coverage and at half of it."""
 
     def told(name: str, curve: CoverageCurve) -> str:
         most = int(np.argmax(curve.coverage))
@@ -97,7 +97,7 @@ def coverage_curves_in_words(curves: Mapping[str, CoverageCurve]) -> str:
 
 @typesets
 def scores_in_words(seen: MatchExplanation, shape: str) -> str:
-    """Return the peaks of the scores of one window."""
+    """Return the peak and the runner-up of one window's scores."""
     if seen.peak is None:
         return f"{shape}: no place has a score."
     said = f"{shape}: the peak, {seen.peak_score:.3f}, is at a disparity of {-seen.peak[1]} px"
@@ -108,14 +108,14 @@ def scores_in_words(seen: MatchExplanation, shape: str) -> str:
 
 @typesets
 def fit_in_words(seen: MatchExplanation) -> str:
-    """Return where the curve through the scores next to the peak has its top."""
+    """Return the position of the maximum of the curve through the scores next to the peak."""
     found = "no disparity is taken" if math.isnan(seen.disparity) else f"its top is at {seen.disparity:.2f} px"
     return f"Curve through the scores next to the peak: {found}."
 
 
 @typesets
 def sheet_in_words(sheet: ContactSheet, titles: tuple[str, str]) -> str:
-    """Return what was tried in a sweep, and which of its cells is best where that is known."""
+    """Return the values tried in a sweep, and its best cell if known."""
     tried = f"{len(sheet.rows)} values of {titles[0]} down, {len(sheet.cols)} of {titles[1]} across"
     if not sheet.judged:
         return f"{tried}."

@@ -1,4 +1,4 @@
-"""A pair put together of what its files hold: images, ground truth and calibration that fit each other."""
+"""A pair assembled from its files: images, ground truth and calibration that fit each other."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.uploads import Upload
 
 ONE_DEPTH = (
-    "One image has 8 bits per channel and the other 16: both were brought to 16, black at 0 and white at 65535, by how "
-    "bright they are on the whole."
+    "One image has 8 bits per channel and the other 16: both were scaled to 16 bits, black at 0 and white at 65535, so "
+    "that their mean brightness agrees best."
 )
-SAME_PICTURE = "Left and right are one and the same image: every disparity is 0, and there is no depth to see."
+SAME_PICTURE = "Left and right are the same image: every disparity is 0, and there is no depth to see."
 
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
-    """Two images as they were given, a digest of their files, and what was done to them."""
+    """Two images as given, a digest of their files, and the changes made to them."""
 
     left: Image
     right: Image
@@ -37,7 +37,7 @@ class Pictures:
 
 
 def split_picture(data: bytes) -> Pictures:
-    """Return both halves of a side-by-side image, without a digest; ValueError where it cannot be read or halved."""
+    """Return both halves of a side-by-side image, without a digest; raise ValueError if it cannot be read or halved."""
     both = read_image(data)
     left, right = halves(both)
     width = both.shape[1]
@@ -47,14 +47,14 @@ def split_picture(data: bytes) -> Pictures:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """A ground truth, px, and a digest of its file and of what was made of its numbers."""
+    """A ground truth, px, and a digest of its file and divisor."""
 
     disparity: FloatMap
     digest: str
 
 
 def together(pictures: Pictures, truth: Truth | None, calibration: Calibrated | None) -> StereoPair:
-    """Return the pair; ValueError where the files do not belong together."""
+    """Return the pair; raise ValueError if the files do not belong together."""
     left, right = as_stereo_pair(*as_deep(*cropped_alike(pictures.left, pictures.right)))
     rows, cols = left.shape[:2]
     changes = list(pictures.changes)
@@ -95,21 +95,21 @@ def _disparities_of(calibration: Calibration | None) -> int | None:
 
 
 def named_pair(files: PairFiles, read: Callable[[str], bytes], digest: str) -> StereoPair:
-    """Return a pair of files that were matched by name; nothing is asked, and what was decided is said.
+    """Return the pair in files matched by name, without asking; its changes say what was decided.
 
     Parameters
     ----------
     files
-        Their names.
+        File names.
     read
-        Returns the bytes of a file by its name.
+        Returns the bytes of a named file.
     digest
-        Tells this pair from every other.
+        Identifies the pair.
 
     Raises
     ------
     ValueError
-        Images that cannot be read or do not fit together, or a ground truth that does not fit them.
+        If the images cannot be read or do not fit together, or the ground truth does not fit them.
     """
     left, right = read_image(read(files.left)), read_image(read(files.right))
     changes: list[Change] = []
@@ -125,13 +125,13 @@ def named_pair(files: PairFiles, read: Callable[[str], bytes], digest: str) -> S
         try:
             calibration = Upload("", read_calibration(*map(read, files.calibrations)))
         except ValueError as error:
-            changes.append(Change("", f"The calibration beside it is not used. {error}"))
+            changes.append(Change("", f"The pair’s calibration is not used. {error}"))
     pair = together(Pictures(left, right, digest, tuple(changes)), truth, calibration)
     return replace(pair, description=f"Pair “{harmless(files.name)}”.")
 
 
 def session_pair(session: Session, digest: str) -> StereoPair:
-    """Return the pair of a session that was taken away from here; its range is known, and need not be found again."""
+    """Return the pair of a saved session; its range is known and need not be found again."""
     ranges = [found for matcher in session.matchers if (found := matcher.search_range()) is not None]
     first, count = session.min_disparity, session.num_disparities
     if count is None and ranges:

@@ -1,4 +1,4 @@
-"""The frame of the depth page: a head of one line, and controls beside maps that stay in view."""
+"""The layout of the depth page: a one-line head, and controls beside maps that stay in view."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ INTRODUCTION = (
 
 @contextmanager
 def head(title: str, *, awaited: bool) -> Iterator[DeltaGenerator]:
-    """Draw the heading beside a line that unfolds to the choice of the pair, which goes inside.
+    """Draw the heading beside an expander; the choice of the pair is drawn inside the ``with`` block.
 
-    It stays unfolded while files are `awaited`, and folds when they are there. What is yielded is the place between
-    both, where :func:`show_name` puts the name of the pair once it is known.
+    The expander stays open while files are `awaited`, and closes when they are there. The container yielded,
+    between the two, is for :func:`show_name` once the pair is known.
     """
     st.html(STYLE)
     if awaited or st.session_state.pop(FOLD_NEXT, False):
@@ -40,7 +40,7 @@ def head(title: str, *, awaited: bool) -> Iterator[DeltaGenerator]:
     with st.container(horizontal=True, vertical_alignment="top", gap="medium", key="depth-head"):
         st.title(title, anchor=False, width="content")
         name = st.container(width="content", key="depth-head-pair")
-        # A label that changed would be drawn anew, and take the focus from whoever chooses within by the keyboard.
+        # Changing the label would redraw the expander and take the keyboard focus from the controls inside.
         with st.expander(
             "Choose a pair or bring your own",
             key=FOLD,
@@ -52,13 +52,13 @@ def head(title: str, *, awaited: bool) -> Iterator[DeltaGenerator]:
 
 
 def show_name(place: DeltaGenerator, pair: str) -> None:
-    """Show how the pair is called whose maps are shown."""
+    """Show the name of the pair whose maps are shown."""
     with place:
         prose.markdown(f"**{pair}**", width="content")
 
 
 def bench() -> tuple[DeltaGenerator, DeltaGenerator]:
-    """Return where the controls go, and beside it where the maps go."""
+    """Return the containers for the controls and, beside them, for the maps."""
     both = st.container(horizontal=True, gap="medium", vertical_alignment="top", key="depth-bench")
     controls = both.container(width=CONTROLS_WIDTH, gap="xsmall", key="depth-bench-controls")
     return controls, both.container(key="depth-bench-maps")
@@ -67,7 +67,7 @@ def bench() -> tuple[DeltaGenerator, DeltaGenerator]:
 def show_controls(pair: StereoPair) -> None:
     """Draw the controls of one method at a time, chosen by a row of tabs.
 
-    A method turned to has its map shown: its controls are to move something.
+    Selecting a method also shows its map, so that moving its controls has a visible effect.
     """
     names = [kind.short_name for kind in METHODS]
     by_name = dict(zip(names, METHODS, strict=True))

@@ -26,7 +26,7 @@ KEY = "depth.blanks"
 
 @fragment
 def show_blanks(view: DepthView) -> None:
-    """Show where each method has no measurement and why, and the share of the image that each reason costs."""
+    """Show where each method has no measurement and why, and the share of the image lost to each reason."""
     reasons = {name: reasons_of(view, name) for name in view.results}
     present = [cause for cause in REASON_COLOURS if any((one == cause).any() for one in reasons.values())]
     words = tuple(REASON_WORDS[cause] for cause in Reason)
@@ -64,7 +64,7 @@ def show_blanks(view: DepthView) -> None:
 
 
 def reasons_of(view: DepthView, name: str) -> ReasonMap:
-    """Return the reason of every pixel of one map; OpenCV's are found by matching again."""
+    """Return the reason for every pixel of one map; OpenCV's reasons are found by matching again."""
     result = view.results[name]
     if result.settings.gives_reasons:
         return result.reason

@@ -1,4 +1,4 @@
-"""The calibration of a visitor's own camera: from files, or two numbers typed in."""
+"""The calibration of a visitor's own camera: from files, or from two numbers typed in."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
 def ask_calibration(key: str) -> Calibrated | None:
-    """Ask for the calibration of the camera; None while there is none: depth is then relative."""
+    """Ask for the calibration of the camera; None if there is none, and depth is then relative."""
     with st.expander("Calibration (optional): for depth in metres, and to rectify"):
         columns = st.columns([2, 1, 1], gap="medium")
         with columns[0]:
@@ -35,7 +35,7 @@ def ask_calibration(key: str) -> Calibrated | None:
                 lambda contents: read_calibration(*contents, length_unit_m=UNITS[unit]),
                 key=f"{key}.calibration",
                 types=CALIBRATION_TYPES,
-                note="All that belong together, at once or one after another. OpenCV’s YAML, XML or JSON, NPZ, ROS, "
+                note="All files of one calibration, together or one by one. OpenCV’s YAML, XML or JSON, NPZ, ROS, "
                 "Kalibr, Middlebury, KITTI, stereodemo, or JSON with focal_px and baseline_m. With both cameras’ "
                 "matrices and distortion the pair is rectified.",
                 variant=unit,
@@ -46,8 +46,8 @@ def ask_calibration(key: str) -> Calibrated | None:
                 default="m",
                 required=True,
                 **persistent(f"{key}.unit"),
-                help="Files of OpenCV and NumPy do not state it: it is that of the chessboard’s squares. Others "
-                "state it, or are in metres by custom (ROS, Kalibr).",
+                help="Files of OpenCV and NumPy do not state it: it is the unit of the chessboard’s square size. "
+                "Others state it, or are in metres by convention (ROS, Kalibr).",
             )
         focal = columns[1].number_input(
             "Focal length, px",
@@ -76,7 +76,7 @@ def ask_calibration(key: str) -> Calibrated | None:
 
 @dataclass(frozen=True)
 class KnownDistance:
-    """A pixel whose distance, metres, the visitor knows, and the calibration that follows from it."""
+    """A pixel, its distance as entered by the visitor, metres, and the calibration derived from it."""
 
     row: int
     col: int
@@ -96,13 +96,13 @@ def keep_known_distance(pair: StereoPair, known: KnownDistance | None) -> None:
 
 
 def calibration_of(pair: StereoPair) -> Calibration | None:
-    """Return the calibration in use: by the known distance if one was entered, else the pair's own."""
+    """Return the calibration in use: derived from the known distance if one was entered, else the pair's own."""
     known = known_distance(pair)
     return known.calibration if known else pair.calibration
 
 
 def disparity_error(view: DepthView, name: str) -> float:
-    """Return the typical error of a method's disparities, px: measured where the ground truth is known."""
+    """Return the typical error of a method's disparities, px; measured if the ground truth is known."""
     if view.pair.truth is None:
         return DISPARITY_ERROR
     truth, result = view.pair.truth, view.results[name]
@@ -117,7 +117,7 @@ def disparity_error(view: DepthView, name: str) -> float:
 
 
 def depth_scale(pair: StereoPair, error: float) -> DepthScale | None:
-    """Return what the browser needs to show depths; None without a calibration."""
+    """Return the numbers that the browser needs to show depths; None without a calibration."""
     calibration = calibration_of(pair)
     if calibration is None:
         return None

@@ -1,6 +1,6 @@
-"""The colours of all maps of the depth page: one range and one palette, near bright unless they are inverted.
+"""The colours of all maps of the depth page: one range and one palette, in which near is bright unless inverted.
 
-Beside them, the switch for the outlines of the left image over all maps.
+Also the switch for the outlines of the left image over all maps.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ PALETTE, INVERTED = f"{COLOURS}.palette", f"{COLOURS}.inverted"
 OUTLINED = f"{COLOURS}.outlined"
 FIRST_PALETTE = "viridis"
 MOST_BEYOND = 0.02
-"""Share of a map beyond the colours from which on the page says so."""
+"""Share of a map beyond the colours above which the page says so."""
 
 
 def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> DepthView:
     """Ask for the colours and return the view of all maps in them.
 
-    The range is the one searched, of all maps shown together, until the visitor sets another; without a map, the one
-    with which the pair begins.
+    The range is the one searched by all maps shown together, until the visitor sets another; without a map, the
+    initial range of the pair.
     """
     key = range_key(pair)
     first, count = pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST
@@ -46,7 +46,7 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
     inverted = st.session_state.get(INVERTED, False)
     outlined = st.session_state.get(OUTLINED, False)
     colours = st.popover("Colours", icon=":material/palette:", key=f"{COLOURS}.opened", on_change="rerun")
-    if colours.open:  # drawing what nobody sees takes time at every move
+    if colours.open:  # drawing hidden controls would cost time in every run
         with colours:
             _ask_range(key, pair, results, (low, high))
             palette = st.segmented_control(
@@ -60,7 +60,7 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
             inverted = st.toggle(
                 "Invert: far is bright",
                 **persistent(INVERTED),
-                help="As the source report shows its maps: near things dark. The report’s preset switches it on.",
+                help="Near things are dark, as in the source report’s maps. The report’s preset switches this on.",
             )
             outlined = st.toggle(
                 "Outlines of the left image",
@@ -75,7 +75,7 @@ def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> Dep
 
 
 def offer_fit(view: DepthView) -> None:
-    """Say which maps lie beyond the colours, where that is more than a little, and offer to fit the range to them."""
+    """Name the maps with more than `MOST_BEYOND` outside the colours, and offer to fit the range to them."""
     beyond = {name: _share_beyond(view, name) for name in view.results}
     beyond = {name: share for name, share in beyond.items() if share > MOST_BEYOND}
     if not beyond:
@@ -87,17 +87,17 @@ def offer_fit(view: DepthView) -> None:
 
 
 def set_inverted(inverted: bool) -> None:
-    """Let far things be bright, or near things; only while the switch is not drawn yet."""
+    """Set whether far things are bright, instead of near ones; the switch must not have been drawn yet."""
     st.session_state[INVERTED] = inverted
 
 
 def _outlines(pair: StereoPair) -> str:
-    """Return the outlines of the left image; from memory where they were drawn before."""
+    """Return the outlines of the left image; from memory if they were drawn before."""
     return remembered("outlines", lambda: edge_path(pair.left), inputs=pair.digest, settings="", shared=pair.shared)
 
 
 def _ask_range(key: str, pair: StereoPair, results: Mapping[str, DisparityMap], shown: tuple[float, float]) -> None:
-    """Ask for the ends of the colours, and offer to fit them or to let them follow the search."""
+    """Ask for the ends of the colour range, and offer to fit it or to let it follow the search."""
     low, high = shown
     with st.container(horizontal=True, gap="small"):
         for end, value in (("far", low), ("near", high)):
@@ -114,7 +114,7 @@ def _ask_range(key: str, pair: StereoPair, results: Mapping[str, DisparityMap], 
             )
     with st.container(horizontal=True, gap="small"):
         st.button(
-            "Fit to what is shown",
+            "Fit to the maps",
             on_click=_fit,
             args=(key, pair, results),
             key=f"{COLOURS}.fit",
@@ -136,14 +136,14 @@ def _set_range(key: str) -> None:
 
 
 def _fit(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> None:
-    """Set the range so that it holds all but the outermost 1 % of every map shown, and of the truth."""
+    """Set the range to cover every map shown and the truth, except the outermost 1 % at either end of each."""
     maps: list[FloatMap] = [one.disparity for one in results.values()]
     ranges = [disparity_range([one]) for one in (maps if pair.truth is None else [*maps, pair.truth])]
     st.session_state[key] = min(low for low, _ in ranges), max(high for _, high in ranges)
 
 
 def _share_beyond(view: DepthView, name: str) -> float:
-    """Return the share of a map's disparities that lie beyond the colours, 0..1."""
+    """Return the share of a map's disparities beyond the colours, 0..1."""
     result = view.results[name]
 
     def share() -> float:
@@ -162,5 +162,5 @@ def _share_beyond(view: DepthView, name: str) -> float:
 
 
 def range_key(pair: StereoPair) -> str:
-    """Return the key of the range that the visitor set for a pair; without it the range follows the search."""
+    """Return the key of the visitor's range for a pair; while it is unset, the range follows the search."""
     return f"{COLOURS}.range.{pair.digest}"

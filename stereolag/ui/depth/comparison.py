@@ -1,4 +1,4 @@
-"""Compare: every method beside every other and the ground truth, pixel on pixel."""
+"""Compare: all methods and the ground truth side by side, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ KEY = "depth.comparison"
 
 @fragment
 def show_comparison(view: DepthView) -> None:
-    """Show all maps in one range of colours, the difference of two of them, and where the methods agree."""
+    """Show all maps in one colour range, the difference of two of them, and where the methods agree."""
     maps = {name: result.disparity for name, result in view.results.items()}
     if view.pair.truth is not None:
         maps[TRUTH] = view.pair.truth
@@ -47,7 +47,7 @@ def show_comparison(view: DepthView) -> None:
 
 
 def _difference(maps: dict[str, FloatMap], legends: list[Legend]) -> Picture:
-    """Ask for two of the maps and return the one minus the other."""
+    """Ask for two of the maps and return the first minus the second."""
     names = list(maps)
     with st.container(horizontal=True, vertical_alignment="center"):
         prose.markdown("Difference of", width="content")
@@ -67,7 +67,7 @@ def _difference(maps: dict[str, FloatMap], legends: list[Legend]) -> Picture:
 
 
 def _agreement(view: DepthView, legends: list[Legend]) -> Picture:
-    """Return how many of the methods agree to 1 px, and say what their agreement is worth."""
+    """Return the number of methods that agree to 1 px at each pixel, and say how far agreement can be trusted."""
     maps = [result.disparity for result in view.results.values()]
     count = len(maps)
     agreeing = consensus(maps)
@@ -79,8 +79,8 @@ def _agreement(view: DepthView, legends: list[Legend]) -> Picture:
         wrong = evaluate(np.where(agreed, maps[0], np.nan), truth).bad_measured[1.0]
         alone = [evaluate(one, truth).bad_measured[1.0] for one in maps]
         said += (
-            f" There, **{wrong:.1f} %** are wrong by more than 1 px, and of what each measures alone "
-            f"{min(alone):.1f} to {max(alone):.1f} %: methods that work differently seldom err alike."
+            f" There, **{wrong:.1f} %** are wrong by more than 1 px; of all the pixels each method measured, "
+            f"{min(alone):.1f} to {max(alone):.1f} %. Methods that work differently seldom make the same errors."
         )
     prose.markdown(said)
     some = [] if count == 2 else [(SOME_AGREE, "some agree")]

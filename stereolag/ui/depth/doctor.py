@@ -1,4 +1,4 @@
-"""The input doctor: what is wrong with the pair, and a button for each remedy."""
+"""The input doctor: its findings on the pair, and a button for each remedy."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from stereolag.ui.results import computed, computed_before, computed_in_turn
 from stereolag.ui.states import show_refused
 
 CALIBRATE = "pages/4_Calibrate.py"
-"""The page that measures the lenses and how the cameras stand."""
+"""The page that calibrates the lenses and the relative pose of the cameras."""
 
 TASK = "diagnosis"
 REMEDIES_KEY = "depth.remedies"
@@ -51,7 +51,7 @@ def treated(pair: StereoPair) -> StereoPair:
 
 
 def with_remedies(pair: StereoPair, remedies: Iterable[Remedy]) -> StereoPair:
-    """Return the pair with these remedies; without those that cannot be applied, which is said."""
+    """Return the pair with these remedies; show an error for each that cannot be applied, and skip it."""
     for remedy in remedies:
         try:
             pair = _remedied(pair, remedy)
@@ -61,7 +61,7 @@ def with_remedies(pair: StereoPair, remedies: Iterable[Remedy]) -> StereoPair:
 
 
 def show_doctor(view: DepthView) -> None:
-    """Show what the doctor finds on the pair and in the ranges searched, and a button for each remedy."""
+    """Show the doctor's findings on the pair and on the ranges searched, and a button for each remedy."""
     pair = view.pair
     diagnosis = _diagnosis(pair)
     if diagnosis is None:
@@ -82,7 +82,7 @@ def show_doctor(view: DepthView) -> None:
 
 
 def diagnosis_at_once(pair: StereoPair) -> Diagnosis | None:
-    """Return what the doctor finds, or None where that takes long and is not known yet: `show_doctor` finds it out."""
+    """Return the diagnosis, or None if it takes long and is not known yet; `show_doctor` then computes it."""
     if is_heavy(_estimate(pair)):
         found: Diagnosis | None = computed_before(TASK, inputs=pair.digest, settings="", shared=pair.shared)
         return found
@@ -90,7 +90,7 @@ def diagnosis_at_once(pair: StereoPair) -> Diagnosis | None:
 
 
 def _diagnosis(pair: StereoPair) -> Diagnosis | None:
-    """Return what the doctor finds; None while the pair is examined."""
+    """Return the diagnosis; None while the pair is being examined."""
     return computed_in_turn(
         TASK,
         lambda progress: diagnose(pair.left, pair.right),
@@ -114,7 +114,7 @@ class Advice(NamedTuple):
 
 
 def _advice(diagnosis: Diagnosis, view: DepthView) -> list[Advice]:
-    """Return the findings on the pair, and on the range of the first method whose range is not good."""
+    """Return the findings on the pair, and one on the range: the first that is not healthy, else the first."""
     pair = view.pair
     advice = [
         Advice(finding, partial(_prescribe, pair, finding.remedy))
@@ -140,7 +140,7 @@ def _set_ranges(diagnosis: Diagnosis, matchers: list[StereoMatcher], pair: Stere
 
 
 def _prescribe(pair: StereoPair, remedy: Remedy | None) -> None:
-    """Note that the visitor wants this remedy; swapping swapped sides is no remedy but undoes the other."""
+    """Record that the visitor wants this remedy; swapping swapped sides undoes the first swap instead."""
     if remedy is None:
         return
     applied = _applied(pair)
@@ -161,7 +161,7 @@ def _applied(pair: StereoPair) -> tuple[Remedy, ...]:
 
 
 def _remedied(pair: StereoPair, remedy: Remedy) -> StereoPair:
-    """Return the pair after one remedy, from memory where it was applied before."""
+    """Return the pair after one remedy, from memory if it was applied before."""
     return computed(
         "remedy",
         lambda progress: _with_remedy(pair, remedy),
@@ -173,7 +173,7 @@ def _remedied(pair: StereoPair, remedy: Remedy) -> StereoPair:
 
 
 def _with_remedy(pair: StereoPair, remedy: Remedy) -> StereoPair:
-    """Return the pair after one remedy; truth, mask and calibration are kept where they still hold."""
+    """Return the pair after one remedy; truth, mask and calibration are kept if they are still valid."""
     left, right = apply_remedy(pair.left, pair.right, remedy)
     done = REMEDIES_DONE[remedy]
     if remedy in TRUTH_DROPPED and pair.truth is not None:
@@ -189,7 +189,7 @@ def _with_remedy(pair: StereoPair, remedy: Remedy) -> StereoPair:
 
 
 def _show_all(advice: list[Advice], heading: str) -> None:
-    """Show every finding, folded away under a heading."""
+    """Show every finding in a collapsed expander."""
     with st.expander(heading):
         prose.markdown("\n\n".join(f"{_mark(one.finding)} {finding_in_words(one.finding)}" for one in advice))
 
@@ -213,7 +213,7 @@ def _show_remedy(pair: StereoPair, number: int, change: Change) -> None:
 
 
 def _button(label: str, key: str, act: Callable[[], None]) -> None:
-    """Draw a button that changes what the whole page works on, not this part alone."""
+    """Draw a button whose click affects the whole page, not only this part."""
     if st.button(label, key=key, on_click=act):
         st.rerun()
 

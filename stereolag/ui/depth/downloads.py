@@ -1,4 +1,4 @@
-"""Take it away and bring settings back: the buttons for all files about one result."""
+"""Take it away: buttons for all files about one result, and for loading settings."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from stereolag.ui.uploads import upload
 
 KEY = "depth.take"
 BYTES_OF_A_PIXEL = 100
-"""While files are made: the map in the pair's own size, its points and colours, and the file."""
+"""Memory per pixel while files are made: the map at the pair's own size, its points and colours, and the file."""
 WANTED = f"{KEY}.wanted"
-"""In the session's state: the maps that the visitor wants computed in their pair's own size."""
+"""Session-state key of the maps that the visitor wants computed at their pair's own size."""
 
 
 def show_downloads(view: DepthView) -> None:
-    """Offer the files of one result, and take settings back in."""
+    """Offer the files of one result, and ask for settings to load."""
     opened = st.expander("Take it away", icon=":material/download:", key=f"{KEY}.opened", on_change="rerun")
     if not opened.open or not view.results:
         return
@@ -50,7 +50,7 @@ def show_downloads(view: DepthView) -> None:
                 partial(archive, subject),
                 memory,
                 key=KEY,
-                more="Given back in place of a left image, it opens the page as it is now.",
+                more="Upload it as the left image to reopen the page as it is now.",
             )
             download_button(
                 "Session ZIP",
@@ -58,7 +58,7 @@ def show_downloads(view: DepthView) -> None:
                 "stereolag-session.zip",
                 "application/zip",
                 key=f"{KEY}.session",
-                meaning="The pair and what the page is set to, without the results: enough to continue from here.",
+                meaning="The pair and the page’s settings, without the results: enough to continue from here.",
                 icon=":material/bookmark:",
             )
             show_file_buttons(files(subject), memory, key=KEY)
@@ -67,7 +67,7 @@ def show_downloads(view: DepthView) -> None:
 
 
 def _compute_in_own_size(subject: Subject) -> None:
-    """Offer to compute the map in the pair's own size, where that takes long; note it in the subject once it is."""
+    """Offer to compute the map at the pair's own size if that takes long; store the result in the subject."""
     matcher, pair = subject.settings, subject.pair
     if matcher is None:
         prose.warning(subject.settings_refusal)
@@ -110,13 +110,13 @@ def _want(wanted: str) -> None:
 
 
 def _load_settings(subject: Subject) -> None:
-    """Ask for a settings file, and set the controls to what it says for the size shown, once a file."""
+    """Ask for a settings file, and set the controls to it once per file, scaled to the size shown."""
     loaded = upload(
         "Load settings",
         read_matcher,
         key=f"{KEY}.load",
         types=("json",),
-        note="A settings JSON from here: for the pair in its own size.",
+        note="A settings JSON saved here, for the pair at its full size.",
         lasting=False,
     )
     digest = loaded.digest if loaded else None

@@ -1,4 +1,4 @@
-"""The scoreboard where no ground truth is known: every method held against what the accurate preset measured."""
+"""The scoreboard without ground truth: every method compared with the measurements of the accurate preset."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TASK = "reference"
 
 
 def show_estimates(view: DepthView) -> None:
-    """Show the estimated bad-2 of every method, and where they differ from what they are judged by."""
+    """Show the estimated bad-2 of every method, and where its map differs from the reference."""
     try:
         reference = _reference(view)
     except ValueError as error:
@@ -56,14 +56,14 @@ def show_estimates(view: DepthView) -> None:
     for column, (name, result) in zip(st.columns(len(judged)), judged.items(), strict=True):
         with column:
             prose.markdown(f"**{name}**")
-            alt = errors_in_words(result.disparity, reference, "what the accurate preset measured")
+            alt = errors_in_words(result.disparity, reference, "the accurate preset")
             show_png(error_png(result.disparity, reference), f"{name}. {alt}")
     st.plotly_chart(error_legend(), key=f"{KEY}.legend", config={"displayModeBar": False}, alt=ERROR_COLOURS_IN_WORDS)
     prose.caption("Grey: no disparity. Black: not judged.")
 
 
 def estimates_so_far(view: DepthView) -> dict[str, float]:
-    """Return the estimated bad-2 of every method, %, where what judges them is in memory already; else nothing."""
+    """Return the estimated bad-2 of every method, %, if the reference is already in memory; else nothing."""
     pair = view.pair
     searched = widest_range(result.settings for result in view.results.values())
     reference: FloatMap | None = computed_before(TASK, inputs=pair.digest, settings=repr(searched), shared=pair.shared)
@@ -77,7 +77,7 @@ def estimates_so_far(view: DepthView) -> dict[str, float]:
 
 
 def _reference(view: DepthView) -> FloatMap | None:
-    """Return what the accurate preset measured over the ranges of all methods; None where that is not there yet."""
+    """Return the measurements of the accurate preset over the ranges of all methods; None if not computed yet."""
     pair = view.pair
     searched = widest_range(result.settings for result in view.results.values())
     return computed_in_turn(
@@ -104,7 +104,7 @@ def _show_table(judged: Mapping[str, DisparityMap], reference: FloatMap) -> None
             "_index": st.column_config.TextColumn("Method"),
             "Estimated bad-2": st.column_config.NumberColumn(
                 format=PERCENT,
-                help="Share of the pixels that the accurate preset measured at which the method is off by more than "
+                help="Of the pixels that the accurate preset measured, the share where the method is off by more than "
                 "2 px from it, or has no disparity.",
             ),
             "Coverage": st.column_config.NumberColumn(
@@ -113,5 +113,5 @@ def _show_table(judged: Mapping[str, DisparityMap], reference: FloatMap) -> None
         },
         width=520,
         key=f"{KEY}.table",
-        alt="Estimated bad-2 and coverage of each method, the best first.",
+        alt="Estimated bad-2 and coverage of each method, best first.",
     )

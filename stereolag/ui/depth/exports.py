@@ -1,4 +1,4 @@
-"""Take it away: everything about one result as files, each made when it is asked for."""
+"""Take it away: the files about one result, each made on request."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from stereolag.ui.downloads import File
 
 
 def _of_map(ending: str) -> Callable[[Subject], str]:
-    """Return what names a file of the map: an enlarged one says so."""
+    """Return a function that names a file of the map; the name of an enlarged map says so."""
     return lambda it: f"disparity{f'_enlarged_{it.factor:.3g}x' if it.enlarged else ''}{ending}"
 
 
@@ -49,14 +49,14 @@ def _confidence(subject: Subject) -> FloatMap:
 
 
 def _confidence_in_words(form: str) -> Callable[[Subject], str]:
-    """Return what says in which form a file holds the confidence, and what that is of this map."""
+    """Return a function that describes a confidence file: the source of its values for this map, and its `form`."""
 
     def said(subject: Subject) -> str:
-        sure = "How sure each measured disparity is, 0 to 1: "
+        sure = "Confidence of each measured disparity, 0 to 1: "
         if has_scores(subject.shown):
-            return f"{sure}the method’s own score, and 0 where that is negative. {form}."
+            return f"{sure}the method’s own score, or 0 if that is negative. {form}."
         return (
-            f"{sure}how well the 7 × 7 pixels around it correlate (ZNCC) with those around its match, for the method "
+            f"{sure}how well the 7 × 7 pixels around it correlate (ZNCC) with those around its match, as the method "
             f"gives no score from 0 to 1. {form}."
         )
 
@@ -69,7 +69,7 @@ def _cloud(subject: Subject) -> bytes:
 
 
 def _metrics(subject: Subject) -> str:
-    """Return the figures of every method on the page, so that they can be compared."""
+    """Return the figures of every method on the page as CSV, for comparison."""
     judged: dict[str, Evaluation] = {}
     for name, result in subject.each_result():
         judged |= evaluations(DepthView(subject.pair, {name: result}, *subject.colour_range))
@@ -146,8 +146,8 @@ EXPORTS: list[Export] = [
         "Metrics CSV",
         "metrics.csv",
         _metrics,
-        "Coverage and time of every method, and its figures against the ground truth where that is known, once more "
-        "without occluded pixels; without a ground truth bad-2 as the scoreboard estimated it.",
+        "Coverage and time of every method, and its figures against the ground truth if that is known, with and "
+        "without occluded pixels; otherwise bad-2 as estimated in the scoreboard.",
     ),
     Export("Settings JSON", "settings.json", _settings, "Can be loaded again below.", _settings_refusal),
     Export(
@@ -158,22 +158,22 @@ EXPORTS: list[Export] = [
         _settings_refusal,
         _of_opencv,
     ),
-    Export("Python script", "reproduce.py", _script, "Makes the map of these images again.", _settings_refusal),
+    Export("Python script", "reproduce.py", _script, "Reproduces the map from these images.", _settings_refusal),
     Export(
         "OpenCV script",
         "reproduce_opencv.py",
         lambda it: opencv_script(_block_matcher(it), *image_names(it)),
-        "Makes the map of these images again with OpenCV alone.",
+        "Reproduces the map from these images with OpenCV alone.",
         _settings_refusal,
         _of_opencv,
     ),
     *PAIR_EXPORTS,
 ]
-"""All files about a result, in the order in which they are offered: a new one is listed here and nowhere else."""
+"""All files about a result, in the order offered; a new one is added here and nowhere else."""
 
 
 def files(subject: Subject, exports: Sequence[Export] | None = None) -> list[File]:
-    """Return files about a result, of all exports unless told, in the order in which they are offered."""
+    """Return the files about a result in the order offered; of all exports by default."""
 
     def said(text: Text) -> str:
         return text if isinstance(text, str) else text(subject)
@@ -186,20 +186,20 @@ def files(subject: Subject, exports: Sequence[Export] | None = None) -> list[Fil
 
 
 def archive(subject: Subject, exports: Sequence[Export] | None = None) -> bytes:
-    """Return one ZIP of the files that can be had, of all exports unless told, and of what each holds."""
+    """Return a ZIP of the available files and a description of each; of all exports by default."""
     return downloads.archive(files(subject, exports), size_in_words(subject))
 
 
 def size_in_words(subject: Subject) -> str:
-    """Return of which size the files are, and how their map came to it."""
+    """Return sentences about the image size of the files, and how their map was brought to it."""
     rows, cols = subject.pair.left.shape[:2]
-    said = f"All files are for the images in their own size, {cols} × {rows} pixels."
+    said = f"All files are for the images at full size, {cols} × {rows} pixels."
     if not subject.reduced:
         return said
     shown = f"{subject.view.pair.left.shape[1]} × {subject.view.pair.left.shape[0]}"
     if not subject.enlarged:
-        return f"{said} The map was computed in that size; the page shows {shown}."
+        return f"{said} The map was computed at that size; the page shows {shown}."
     return (
         f"{said} The map was computed at {shown} and enlarged, its disparities multiplied by {subject.factor:.4g}: it "
-        "is as exact as that smaller one. Settings and programs are scaled to the images’ own size."
+        "is no more accurate than the smaller one. Settings and programs are scaled to the images’ full size."
     )

@@ -1,4 +1,4 @@
-"""What the input doctor found and did, in words."""
+"""Sentences for the input doctor's findings and repairs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ REMEDIES_DONE = {
     Remedy.ALIGN_ROWS: "The right image was moved up or down until its rows match the left one’s.",
     Remedy.LEVEL: "The right image was rotated and scaled until its rows match: depth is relative.",
     Remedy.RECTIFY: (
-        "Both images were turned until their rows match, and freed of a lens distortion where that helps: depth is "
+        "Both images were turned until their rows match, and corrected for lens distortion where that helps: depth is "
         "relative."
     ),
     Remedy.MATCH_EXPOSURE: "The right image was given the brightness and contrast of the left one.",
@@ -23,12 +23,12 @@ TRUTH_DROPPED = {
 
 
 def problems_in_words(count: int) -> str:
-    """Return how many problems the doctor found."""
+    """Return a sentence with the number of problems found."""
     return f"**Input doctor:** {'one problem' if count == 1 else f'{count} problems'} found on this pair."
 
 
 def finding_in_words(finding: Finding) -> str:
-    """Return a finding of the doctor, with its numbers."""
+    """Return the sentence for a finding, with its numbers."""
     return _FINDINGS[finding.code](finding)
 
 
@@ -61,14 +61,14 @@ def _matches(finding: Finding) -> str:
 
 def _identity(finding: Finding) -> str:
     if not finding.healthy:
-        return "Both images show one and the same view: nothing moves between them, so nothing tells depth."
+        return "Both images show the same view: nothing moves between them, so there is no depth to measure."
     moved = finding.numbers.get("moved_px")
     return "The images differ." if moved is None else f"The images differ: features move by up to {moved:.0f} px."
 
 
 def _sides(finding: Finding) -> str:
     if not finding.numbers["known"]:
-        return "Which image is the left one cannot be told: the pair is not rectified, and its features are undecided."
+        return "It is unclear which image is the left one: the pair is not rectified, and its features do not decide."
     disparities = f"disparities run from {finding.numbers['lowest_px']:.0f} to {finding.numbers['highest_px']:.0f} px"
     if finding.healthy:
         return f"Left is left: {disparities}."
@@ -97,7 +97,7 @@ def _bent_rows(finding: Finding) -> str:
     if finding.healthy:
         return f"Rows do not bend ({spread})."
     said = (
-        f"Rows bend: moved, rotated and scaled as well as can be, they are still off by {numbers['lowest_px']:+.1f} to "
+        f"Rows bend: after the best shift, rotation and scale, they are still off by {numbers['lowest_px']:+.1f} to "
         f"{numbers['highest_px']:+.1f} px ({spread}). The lenses distort, or the cameras are turned. The page "
         "“Calibrate” measures both from pictures of a board."
     )

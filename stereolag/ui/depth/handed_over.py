@@ -1,4 +1,4 @@
-"""A pair that another page hands over to the depth page, in place of files of the visitor's own."""
+"""A pair that another page hands over to the depth page, in place of the visitor's own files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stereolag.ui.pairs import StereoPair
 def hand_over(
     frame: StereoFrame, digest: str, description: str, calibration: Calibration | None, search: tuple[int, int] | None
 ) -> None:
-    """Let the depth page begin with this frame; only where its controls are not drawn yet in this run."""
+    """Make the depth page start with this frame; its controls must not have been drawn yet in this run."""
     left, right = as_stereo_pair(frame.left, frame.right)
     st.session_state[HANDED] = StereoPair(
         left,
@@ -33,7 +33,7 @@ def hand_over(
 
 
 def handed_over() -> StereoPair | None:
-    """Return the pair that was handed over, and say so, with a way to use others; None where there is none."""
+    """Return the pair that was handed over and say so, with a button to use other files; None if there is none."""
     pair: StereoPair | None = st.session_state.get(HANDED)
     if pair is not None:
         with st.container(horizontal=True, vertical_alignment="center"):

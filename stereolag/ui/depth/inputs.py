@@ -1,4 +1,4 @@
-"""The pair that the depth page works on: an example or files of the visitor's own, resized, rectified and mended."""
+"""The pair on the depth page: an example or the visitor's own files, resized, rectified and with remedies applied."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ from stereolag.ui.uploads import refused
 KEY = "pairs"
 TITLE = "Depth maps"
 KEPT = f"{KEY}.kept_settings"
-"""In the session's state: for which images the settings in use are."""
+"""Session-state key of the images that the settings in use are for."""
 SCALED_FROM = f"{KEY}.scaled_from"
-"""In the session's state: of each kind of settings, how they were last :class:`Scaled`."""
+"""Session-state key of {kind of settings: how they were last :class:`Scaled`}."""
 OWN_PAIR_THERE = f"{KEY}.there"
 
 
 @dataclass(frozen=True)
 class Scaled:
-    """Settings that were scaled with the images, those they were at first, and by how much the sides were divided."""
+    """Settings scaled with the images, the original settings, and the divisor of the image sides for the latter."""
 
     settings: StereoMatcher
     first: StereoMatcher
@@ -50,10 +50,10 @@ class Scaled:
 
 
 def choose_pair() -> StereoPair:
-    """Ask which pair to measure and in which size; return it ready to be matched, and say what was done to it.
+    """Ask for the pair and its size; return it ready for matching, and show the changes made to it.
 
-    Settings that the address names, or that a part of the page handed over, are set in the controls, which must
-    therefore be drawn after this.
+    Settings from the address, or handed over by a part of the page, are set in the controls, which must therefore be
+    drawn after this.
     """
     recall_choices()
     examples = samples.stereo_pairs()
@@ -98,7 +98,7 @@ def choose_pair() -> StereoPair:
 
 
 def ask_size(pair: StereoPair, key: str) -> StereoPair:
-    """Ask in which size to match the pair and return it so; ranges, truth and calibration change with it."""
+    """Ask for the size to match at, and return the pair at that size; range, truth and calibration are scaled too."""
     rows, cols = pair.left.shape[:2]
     chosen = st.segmented_control(
         "Size",
@@ -126,7 +126,7 @@ def _resized(pair: StereoPair, divisor: int) -> StereoPair:
     except ValueError as error:
         show_refused(error)
         return pair
-    # What is known of the pair may be newer than its images that were kept.
+    # Range and calibration of the pair may be newer than the resized images in memory.
     first = pair.min_disparity // divisor
     end = None if pair.num_disparities is None else -(-(pair.min_disparity + pair.num_disparities) // divisor)
     return replace(
@@ -140,7 +140,7 @@ def _resized(pair: StereoPair, divisor: int) -> StereoPair:
 
 
 def at_size(pair: StereoPair, divisor: int) -> StereoPair:
-    """Return the pair with its sides divided."""
+    """Return the pair with its sides divided by `divisor`."""
     factor = 1 / divisor
     left, right = scaled_image(pair.left, factor), scaled_image(pair.right, factor)
     size = (left.shape[1], left.shape[0])
@@ -159,7 +159,7 @@ def at_size(pair: StereoPair, divisor: int) -> StereoPair:
 
 
 def original(pair: StereoPair) -> StereoPair:
-    """Return the pair in its own size, with all that was done to the smaller one."""
+    """Return the pair at its own size, with all changes made to the smaller one."""
     if pair.full is None:
         return pair
     full, _ = rectified(pair.full)
@@ -167,10 +167,10 @@ def original(pair: StereoPair) -> StereoPair:
 
 
 def _keep_settings(pair: StereoPair) -> None:
-    """Let the settings in use stay where the images are the same in another size, or another pair of the same set.
+    """Keep the settings in use if the images are the same at another size, or another pair of the same set.
 
-    They then cover the same part of the images as before. Those that nobody moved since are scaled from what they were
-    at first: sizes are rounded once, and are the same again in the same size.
+    They are scaled to cover the same part of the images. Settings not changed since the last scaling are scaled from
+    the originals: sizes are rounded only once, and are the same again at the same size.
     """
     full = pair.full or pair
     now = pair.collection or full.searched, full.left.shape[1] / pair.left.shape[1], pair.searched

@@ -1,4 +1,4 @@
-"""What settings are judged by on a pair, and what came of it, in words."""
+"""The criterion for judging settings on a pair, and sentences about the results."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ JUDGED_BY = {
         "missing**."
     ),
     Criterion.ESTIMATED_BAD_2: (
-        "There is no ground truth, so bad-2 is **estimated**: the accurate preset judges, and counted is the share of "
-        "the pixels it measured (not those it filled) that are off by more than 2 px from it, or missing."
+        "There is no ground truth, so bad-2 is **estimated** against the accurate preset: the share of the pixels it "
+        "measured (not those it filled) that are off by more than 2 px from it, or missing."
     ),
 }
 
@@ -32,8 +32,8 @@ UNJUDGED = {
         "is Semi-global itself. Add a ground truth to judge it too."
     ),
     Unjudged.TOO_LITTLE_MEASURED: (
-        "There is nothing to judge by: without ground truth the accurate preset is the judge, and it could measure too "
-        "little of this pair. See what the input doctor says of it, and whether the range searched is right."
+        "There is nothing to judge by: without ground truth the accurate preset is the judge, and it measured too "
+        "little of this pair. Check the input doctor’s findings and the search range."
     ),
 }
 
@@ -42,22 +42,22 @@ JUDGE_LEFT_OUT = "Semi-global is not in the table: the accurate preset is Semi-g
 
 
 def estimates_in_words(measured: float) -> str:
-    """Return what estimated figures rest on: the accurate preset, and the share of the pixels that it measured."""
+    """Return the basis of estimated figures: the accurate preset, and the share of the pixels that it measured."""
     return (
-        "There is no ground truth, so these figures are **estimates**: every method is held against the "
-        f"{percent(measured)} of the pixels that the accurate preset measured. They put methods in order; what is "
-        "hidden from one camera is not judged, so the true share of wrong pixels is higher."
+        "There is no ground truth, so these figures are **estimates**: every method is compared on the "
+        f"{percent(measured)} of the pixels that the accurate preset measured. They rank the methods; pixels hidden "
+        "from one camera are not judged, so the true share of wrong pixels is higher."
     )
 
 
 def bad_2(criterion: Criterion, *, first: bool = False) -> str:
-    """Return what the figure is called, at the beginning of a sentence or within one."""
+    """Return the name of the figure; capitalised if it comes `first` in a sentence."""
     name = "bad-2" if criterion is Criterion.TRUE_BAD_2 else "estimated bad-2"
     return name[0].upper() + name[1:] if first else name
 
 
 def suggestion_in_words(found: Suggestion) -> str:
-    """Return what a search for settings came to, with its figures."""
+    """Return the outcome of a search for settings, with its figures."""
     if isinstance(found.outcome, Unjudged):
         return UNJUDGED[found.outcome]
     ended = "" if found.finished else " The search was ended before it had tried everything."
@@ -65,14 +65,14 @@ def suggestion_in_words(found: Suggestion) -> str:
     if found.outcome is Outcome.AS_GOOD and found.finished and not found.tried:
         return f"{method} has no other settings to try over this range. {name}: **{found.bad_before:.1f} %**."
     if found.outcome is Outcome.AS_GOOD:
-        as_good = f"Your {method} settings are as good: none of the {tried} tried is really better."
+        as_good = f"Your {method} settings are as good: none of the {tried} tried is clearly better."
         return f"{as_good} {name}: **{found.bad_before:.1f} %**.{ended}"
     change = f"{found.bad_before:.1f} % → {found.bad:.1f} %"
     return f"The best of {tried} tried for {method}. {name} on the whole images: **{change}**.{ended}"
 
 
 def search_so_far(found: Suggestion) -> str:
-    """Return how far a search for settings is."""
+    """Return the progress of a search for settings."""
     yours = f"{found.start.title}: {found.tried} tried. Yours: {bad_2(found.criterion)} {found.bad_before:.1f} %."
     if not found.trials:
         return yours
@@ -81,7 +81,7 @@ def search_so_far(found: Suggestion) -> str:
 
 
 def sweep_in_words(criterion: Criterion, *, judged: bool, finished: bool, of: str = "") -> str:
-    """Return what the pictures of a sweep show; `of` which pair, where there are several."""
+    """Return the caption of a sweep; `of` names the pair that the maps show, if there are several."""
     ended = "" if finished else " The sweep was ended before it had tried everything."
     if not judged:
         whose = f"The maps are of {of}. " if of else ""
@@ -92,7 +92,7 @@ def sweep_in_words(criterion: Criterion, *, judged: bool, finished: bool, of: st
 
 
 def value_in_words(value: object) -> str:
-    """Return the value of a setting as a table shows it; stages that are given are on."""
+    """Return the value of a setting for a table; an enabled stage is shown by its own settings."""
     if value is None or value is False:
         return "off"
     if value is True:
@@ -104,19 +104,19 @@ def value_in_words(value: object) -> str:
 
 
 def known_truth(pair: StereoPair) -> FloatMap | None:
-    """Return the ground truth of a pair; None where it is not known of any pixel."""
+    """Return the ground truth of a pair; None if it is not known for any pixel."""
     return pair.truth if pair.truth is not None and np.isfinite(pair.truth).any() else None
 
 
 def criterion_on(pair: StereoPair) -> Criterion:
-    """Return what settings are judged by on a pair."""
+    """Return the criterion by which settings are judged on a pair."""
     return Criterion.ESTIMATED_BAD_2 if known_truth(pair) is None else Criterion.TRUE_BAD_2
 
 
 def tuning_pairs(
     pairs: Iterable[StereoPair], search_range: tuple[int, int] | None, job: Job[Any]
 ) -> Iterator[TuningPair]:
-    """Give pairs as settings are judged on them, each by its truth or by a reference, within a job."""
+    """Yield the pairs for judging settings within a job, each with its truth or a reference."""
     for pair in pairs:
         yield TuningPair.of(
             pair.left,

@@ -1,4 +1,4 @@
-"""The maps of the depth page: computed, judged, and shown beside each other with their numbers."""
+"""The maps of the depth page: computed, judged, and shown side by side with their numbers."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ KEY = "depth.bench"
 SENT = f"{KEY}.sent"
 
 HEAD_START_S = 0.03
-"""What a browser takes to draw a map. All that reached it sooner would be worked off before the map is seen."""
+"""Time a browser needs to draw a map; it would process anything that arrives sooner before it shows the map."""
 
 COLUMNS = 2
-"""Maps side by side where there is room."""
+"""Maps side by side if there is room."""
 
 
 def map_task(matcher: StereoMatcher) -> str:
@@ -71,9 +71,9 @@ def choose_maps() -> None:
 
 
 def show_method(method: type[StereoMatcher], *, instead: bool = False) -> None:
-    """See to it that the map of a method is shown, beside the others or in place of the first.
+    """Add the map of a method to those shown, beside the others or, if `instead`, in place of the first.
 
-    Only before the choice of maps is drawn: in a callback, or above it.
+    To be called before the choice of maps is drawn: in a callback, or above it.
     """
     shown = [one.short_name for one in shown_methods()]
     if method.short_name not in shown:
@@ -83,9 +83,9 @@ def show_method(method: type[StereoMatcher], *, instead: bool = False) -> None:
 def measured(
     pair: StereoPair, matcher: StereoMatcher | None, waiting: DeltaGenerator | None = None
 ) -> dict[str, DisparityMap]:
-    """Return the map of one method under its title; nothing, and say why, where it cannot be had.
+    """Return the map of one method under its title; show why and return nothing if it cannot be computed.
 
-    Until heavy work is done, that is the map of the settings before; `waiting` is where to show how far it is.
+    While a heavy job runs, that is the map of the previous settings, and `waiting` shows the progress.
     """
     if matcher is None:
         return {}
@@ -117,15 +117,15 @@ def _computation(pair: StereoPair, matcher: StereoMatcher) -> dict[str, Any]:
 
 
 def send_ahead(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) -> dict[str, PackedPicture]:
-    """Send the maps that can be had at once before anything else is drawn, and return them by title.
+    """Send the maps that are available at once before anything else is drawn, and return them by title.
 
-    The browser shows each in the place of the one before as soon as it is there; what is said of it follows.
+    The browser replaces each previous map as soon as the new one arrives; text and numbers follow.
     """
     packs = {}
     for matcher in matchers:
         try:
             result = matcher and computed_at_once(**_computation(pair, matcher))
-        except ValueError:  # said where the map would be
+        except ValueError:  # shown in place of the map
             continue
         if result:
             picture = Picture(result.settings.title, None, _readings(result, digits=1))
@@ -141,9 +141,9 @@ def send_ahead(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) -> di
 
 
 def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
-    """Show the maps of the view under one crosshair, with what can be said of each in numbers, and the images small.
+    """Show the maps of the view with their numbers under one crosshair, and the images as thumbnails.
 
-    What was `sent` ahead is not sent again.
+    Pictures already `sent` are not sent again.
     """
     pictures = [_map_with_figures(view, name) for name in view.results]
     pictures += [left_picture(view, small=True), right_picture(view, small=True), *truth_picture(view, small=True)]
@@ -160,12 +160,12 @@ def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
 
 
 def _said_of(view: DepthView, name: str) -> str:
-    """Return the numbers of a map in a sentence, but for the time it took."""
+    """Return a sentence with the numbers of a map, except the time it took."""
     return f"{name}: {', '.join(f'{one.label} {one.value}' for one in _figures(view, name)[1:])}."
 
 
 def _packed(pair: StereoPair, picture: Picture, result: DisparityMap | None) -> PackedPicture:
-    """Return a picture packed for the browser; from memory where it was packed before."""
+    """Return a picture packed for the browser; from memory if it was packed before."""
     return remembered(
         "packed picture",
         partial(packed, picture),
@@ -189,13 +189,13 @@ def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
     judgement = judged(view.pair, result, view.pair.truth)
     return (
         *figures,
-        Figure("Bad-2", f"{judgement.bad[2.0]:.1f} %", "Pixels that are off by more than 2 px, or have none."),
+        Figure("Bad-2", f"{judgement.bad[2.0]:.1f} %", "Pixels off by more than 2 px or without a disparity."),
         Figure("EPE", f"{judgement.epe:.2f} px", "Mean error of the pixels that have a disparity."),
     )
 
 
 def judged(pair: StereoPair, result: DisparityMap, truth: FloatMap) -> Evaluation:
-    """Return the figures of a map over all pixels with truth; from memory where they were worked out before."""
+    """Return the figures of a map over all pixels with truth; from memory if they were computed before."""
     return remembered(
         "evaluation",
         lambda: evaluate(result.disparity, truth),
@@ -206,7 +206,7 @@ def judged(pair: StereoPair, result: DisparityMap, truth: FloatMap) -> Evaluatio
 
 
 def settings_key(result: DisparityMap) -> str:
-    """Return what tells the maps of one pair apart: which matcher made it, and with which settings."""
+    """Return the cache key of a map: its matcher and that matcher's settings."""
     return f"{type(result.settings).__name__} {result.settings.model_dump_json()}"
 
 
@@ -225,7 +225,7 @@ def right_picture(view: DepthView, *, small: bool = False) -> Picture:
 
 
 def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None) -> Picture:
-    """Return the map of a method; under it disparity, depth, score, and the reason where there is none."""
+    """Return the map of a method with readings of disparity, depth and score, and the reason for a blank pixel."""
     result = view.results[name]
     score = Reading(result.score, label="score", digits=2)
     readings = *_readings(result, partial(_depth, view, name), reason=reason), score
@@ -233,7 +233,7 @@ def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None) -> 
 
 
 def _map_with_figures(view: DepthView, name: str) -> Picture:
-    """Return the map of a method with its numbers below; without scores and to 0.1 px, a third of what is sent."""
+    """Return the map of a method with its numbers; without scores and to 0.1 px, only a third of the data is sent."""
     result = view.results[name]
     readings = _readings(result, partial(_depth, view, name), digits=1)
     said = partial(map_in_words, result.disparity)
@@ -258,7 +258,7 @@ def _readings(
 
 
 def truth_picture(view: DepthView, *, small: bool = False) -> list[Picture]:
-    """Return the ground truth, or nothing where it is not known."""
+    """Return the ground truth, or nothing if it is unknown."""
     truth = view.pair.truth
     if truth is None:
         return []
@@ -267,12 +267,12 @@ def truth_picture(view: DepthView, *, small: bool = False) -> list[Picture]:
 
 
 def map_legends(view: DepthView) -> tuple[Legend, ...]:
-    """Return what the colours of the maps of a pair mean."""
+    """Return the legends of the maps of a pair."""
     return disparity_legends(view.low, view.high, view.palette, calibration_of(view.pair))
 
 
 def _said(reason: Reason) -> str:
-    """Return a reason as it stands under a map; nothing for what was simply measured."""
+    """Return the text for a reason under a map; "" for a measured pixel."""
     if reason is Reason.MEASURED:
         return ""
     return REASON_WORDS[reason] if reason is Reason.FILLED else f"no disparity: {REASON_WORDS[reason]}"

@@ -1,4 +1,4 @@
-"""Why this match? One window, every score that it got, and why the match is right or could not be."""
+"""Why this match? One window, all its scores, and why the match is right or could not be."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ from stereolag.ui.sentences import REASON_WORDS, percent
 KEY = "depth.inspection"
 ROWS_AROUND = 8
 SAME_PX = 1e-4
-"""A disparity no farther from the match's own is drawn once, px."""
+"""Disparities this close to that of the match are not drawn separately, px."""
 PLAIN_CHART = {"displayModeBar": False}
 
 EXAMPLE_ICONS = {
@@ -63,7 +63,7 @@ EXAMPLE_ICONS = {
 
 @fragment
 def show_inspection(view: DepthView) -> None:
-    """Show for one pixel the window, where it was looked for, every score, and the disparity of each method."""
+    """Show the window of one pixel, its search area, all scores, and the disparity of each method."""
     matcher = _correlation(view)
     if matcher is None:
         prose.info(NO_CORRELATION)
@@ -71,7 +71,7 @@ def show_inspection(view: DepthView) -> None:
     _offer_examples(view, matcher)
     row, col = _pixel(view)
     seen = explain_match(matcher, view.pair.left, view.pair.right, row, col)
-    # Above the pictures: on a phone and on a low screen they and what follows the pointer are then seen together.
+    # Above the pictures, so that a phone or a low screen shows them together with the view that follows the pointer.
     if can_follow(view.pair, matcher):
         hovered_match(view.pair, matcher, (row, col), pictures=KEY)
     else:
@@ -109,7 +109,7 @@ def show_inspection(view: DepthView) -> None:
 
 
 def _correlation(view: DepthView) -> CorrelationMatcher | None:
-    """Return the correlation to explain: that of a map shown, or the one that semi-global optimisation starts from."""
+    """Return the correlation to explain: that of a map shown, or the one from which semi-global optimisation starts."""
     shown = [result.settings for result in view.results.values()]
     own = next((matcher for matcher in shown if isinstance(matcher, CorrelationMatcher)), None)
     optimised = next((matcher for matcher in shown if isinstance(matcher, SemiGlobalMatcher)), None)
@@ -125,7 +125,7 @@ def _pixel_key(view: DepthView) -> str:
 
 
 def _pixel(view: DepthView) -> Pixel:
-    """Return the pixel chosen; the middle of the image at first, or where the pair has another size now."""
+    """Return the chosen pixel; at first, and at another size, the centre of the image."""
     height, width = view.pair.left.shape[:2]
     row, col = st.session_state.get(_pixel_key(view), (height // 2, width // 2))
     return min(row, height - 1), min(col, width - 1)
@@ -178,7 +178,7 @@ def _show_patches(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None
                 show_png(patch_png(image, box), f"{name}: the window at row {box.row}, column {box.col}, enlarged")
                 prose.caption(name if math.isnan(its_score) else f"{name}: **{its_score:.3f}**")
     prose.caption(
-        "Enlarged, in grey as they are compared, each stretched from its darkest to its brightest. "
+        "Enlarged, in grey as they are compared, each stretched to full contrast. "
         f"The window actually has {percent(seen.contrast)} of the image’s contrast."
     )
 
@@ -205,8 +205,8 @@ def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
         st.plotly_chart(score_map(around, seen), key=f"{KEY}.above", config=PLAIN_CHART, alt=alt)
     if around.dy.size > seen.dy.size:
         prose.caption(
-            "A sharp peak is a sure match; along a ridge it slides, several peaks compete, and a plain holds no match. "
-            "Only the middle row is searched; the rows above and below are shown for the shape."
+            "A sharp peak is a sure match; along a ridge it can slide, several peaks compete, and a plain has no "
+            "match. Only the middle row is searched; the rows above and below are shown for the shape."
         )
 
 
@@ -237,7 +237,7 @@ def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
 
 
 def _disparities(view: DepthView, pixel: Pixel) -> dict[str, tuple[float, str]]:
-    """Return {name: (disparity or NaN, the same in words)} of the methods, and of the ground truth if known."""
+    """Return {name: (disparity or NaN, the same in words)} for the methods, and for the ground truth if known."""
     disparities: dict[str, tuple[float, str]] = {}
     for name, result in view.results.items():
         disparity = float(result.disparity[pixel])

@@ -1,4 +1,4 @@
-"""The frames of one match over the pictures, and what their colours mean."""
+"""The frames of one match over the pictures, and the legend of their colours."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Pixel = tuple[int, int]
 
 
 def legend_of(view: DepthView) -> Legend:
-    """Return what the colours of the frames mean."""
+    """Return the legend of the frames."""
     colours = [WINDOW_COLOUR, RUNNER_UP_COLOUR, SEARCH_COLOUR]
     words = ["the window, and where it was found", "the runner-up", "the search area"]
     if view.pair.truth is not None:
@@ -24,7 +24,7 @@ def legend_of(view: DepthView) -> Legend:
 
 
 def marks_of(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> list[Mark]:
-    """Return the frames: left the window, right the search area and the places: runner-up, true and found."""
+    """Return the frames: the window at left; the search area and the runner-up, true and found places at right."""
     marks = [_frame(seen.search, SEARCH_COLOUR, 1, area=True), _frame(seen.window, WINDOW_COLOUR, 0)]
     if seen.runner_up:
         marks.append(_frame(moved(seen, seen.runner_up), RUNNER_UP_COLOUR, 1))
@@ -36,12 +36,12 @@ def marks_of(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> list[Mark
 
 
 def truth_at(view: DepthView, pixel: Pixel) -> float:
-    """Return the ground truth at a pixel, px; NaN where it is not known."""
+    """Return the ground truth at a pixel, px; NaN if unknown."""
     return math.nan if view.pair.truth is None else float(view.pair.truth[pixel])
 
 
 def true_lag(view: DepthView, pixel: Pixel) -> tuple[int, int] | None:
-    """Return the whole (dy, dx) nearest to the ground truth; None where it is not known."""
+    """Return the integer lag (dy, dx) nearest to the ground truth; None if unknown."""
     truth = truth_at(view, pixel)
     return None if math.isnan(truth) else (0, -round(truth))
 

@@ -1,4 +1,4 @@
-"""How the windows overlap: neighbours around the chosen pixel, and the values that a map gets there."""
+"""How the windows overlap: the neighbours around the chosen pixel, and the map values there."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ KEY = "depth.inspection.overlap"
 
 
 def show_overlap(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation) -> None:
-    """Show the window that was explained among its neighbours, and say how many values the map has there."""
+    """Show the explained window among its neighbours, and the number of map values there."""
     height, width = view.pair.left.shape[:2]
     grid = window_grid((height, width), seen.window, matcher.step)
     prose.markdown("### How the windows overlap")
@@ -29,7 +29,7 @@ def show_overlap(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
 
 
 def overlap_in_words(grid: WindowGrid, asked: float) -> str:
-    """Return the sentence below the figure; `asked` is the overlap that is set, 0..1."""
+    """Return the text beside the figure; `asked` is the overlap in the settings, 0..1."""
     overlap = f"{percent(asked)} overlap"
     if percent(asked) != percent(grid.overlap):
         overlap += f" ({percent(grid.overlap)} in whole pixels)"
@@ -39,7 +39,7 @@ def overlap_in_words(grid: WindowGrid, asked: float) -> str:
         "Each dot is the centre of a window and becomes one value of the map."
     )
     if grid.every > 1:
-        said += f" Of windows and dots every {_ordinal(grid.every)} is drawn."
+        said += f" Only every {_ordinal(grid.every)} window and dot is drawn."
     return said
 
 

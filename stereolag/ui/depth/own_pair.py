@@ -1,4 +1,4 @@
-"""A pair of the visitor's own: two images, one with both, or an archive, and what is known of them."""
+"""The visitor's own pair: two images, one side-by-side image or an archive, with ground truth and calibration."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side ima
 
 
 def ask_own_pair(key: str) -> StereoPair | None:
-    """Ask for images, truth and calibration; return the last that fitted together, or None while there are none.
+    """Ask for images, truth and calibration; return the last pair that fitted together, or None until there is one.
 
-    An archive in place of the left image brings all of that with it: a session that was taken away, or many pairs.
+    An archive in place of the left image contains all of these: a saved session, or several pairs.
     """
     handed = handed_over()
     if handed is not None:
@@ -72,7 +72,7 @@ def _ask_two_pictures(key: str) -> Pictures | Upload[Bundle] | None:
             _picture_or_bundle,
             key=f"{key}.left",
             types=(*PICTURE_TYPES, "zip"),
-            note="Or a ZIP: one that was taken away from here, or several pairs.",
+            note="Or a ZIP: one saved from this page, or several pairs.",
         )
     if left is not None and not isinstance(left.content, np.ndarray):
         return Upload(left.digest, left.content)
@@ -101,13 +101,13 @@ def _ask_one_picture(key: str) -> Pictures | None:
 
 
 def _ask_truth(key: str, pictures: Pictures | None) -> Truth | None:
-    """Ask for the ground truth of the left image; one of 8 bits is read by the divisor that agrees with the pair."""
+    """Ask for the ground truth of the left image; the default divisor of 8-bit values is the one that fits the pair."""
     given = upload(
         "Ground truth (optional)",
         read_stored_disparity,
         key=f"{key}.truth",
         types=DISPARITY_TYPES,
-        note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s) or of 8 bits, whose divisor is told from the pair.",
+        note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s) or of 8 bits, whose divisor is found from the pair.",
     )
     divisor = st.session_state.get(f"{key}.divisor")
     unsure = given is not None and given.content.divisor is None and pictures is not None and divisor is None
@@ -134,7 +134,7 @@ def _ask_truth(key: str, pictures: Pictures | None) -> Truth | None:
 
 
 def _ask_divisor(truth: Upload[StoredDisparity], pictures: Pictures, key: str) -> float:
-    """Ask for the divisor of 8-bit values, beginning with the one that agrees best with a quick map of the pair."""
+    """Ask for the divisor of 8-bit values; the default is the one that agrees best with a quick map of the pair."""
     stored = truth.content
     likely = computed(
         "divisor",
@@ -153,6 +153,6 @@ def _ask_divisor(truth: Upload[StoredDisparity], pictures: Pictures, key: str) -
             format_func=lambda divisor: f"÷ {divisor}: up to {largest / divisor:.4g} px",
             required=True,
             **persistent(f"{key}.divisor.{truth.digest[:16]}.{pictures.digest[:16]}"),
-            help="The one chosen at first agrees best with a quick map of the pair.",
+            help="The preselected one agrees best with a quick map of the pair.",
         )
     )

@@ -1,4 +1,4 @@
-"""The files that make up a pair and what the page was set to: all that is needed to continue from there."""
+"""The files of a pair and of the state of the page: everything needed to continue from there."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ Text = str | Callable[[Subject], str]
 
 @dataclass(frozen=True)
 class Export:
-    """A file on offer.
+    """A file offered for download.
 
     Attributes
     ----------
     label
-        The button; "" of a file that goes into the ZIP alone.
+        Label of the button; "" for a file that is only in the ZIP.
     name
-        Of the file, or what makes it.
+        File name, or a function that returns it.
     make
-        Makes its bytes, or its text.
+        Makes its bytes or text.
     meaning
-        The button's help, and what is said of it in the ZIP.
+        Help of the button, and description of the file in the ZIP.
     refusal
-        Returns why there is none where it cannot be had, "" where it can.
+        Returns why the file is not available; "" if it is.
     offered
-        Returns whether it makes sense at all for this result.
+        Returns whether the file makes sense for this result at all.
     """
 
     label: Text
@@ -48,13 +48,13 @@ def _images(subject: Subject) -> tuple[tuple[str, Image], tuple[str, Image]]:
 
 
 def image_names(subject: Subject) -> tuple[str, str]:
-    """Return the names of the files of the two images."""
+    """Return the file names of the two images."""
     left, right = (_image_name(side, image) for side, image in _images(subject))
     return left, right
 
 
 def _image_name(side: str, image: Image) -> str:
-    """Return the name of a file that keeps every value of an image."""
+    """Return the file name of an image, in a format that keeps every value."""
     return f"{side}.tif" if image.dtype.kind == "f" else f"{side}.png"
 
 
@@ -69,7 +69,7 @@ def _image_export(number: int) -> Export:
         image = _images(subject)[number][1]
         return image_tiff(image) if image.dtype.kind == "f" else image_png(image)
 
-    meaning = f"The {('left', 'right')[number]} image as it is matched, in its own size."
+    meaning = f"The {('left', 'right')[number]} image as it is matched, at full size."
     return Export(label, lambda it: image_names(it)[number], make, meaning)
 
 
@@ -84,7 +84,7 @@ VISIBLE = Export(
     "",
     "visible.png",
     lambda it: image_png(_known(it.pair.visible)),
-    "White where the right camera sees what the left one does.",
+    "White where both cameras see the point.",
     offered=lambda it: it.pair.visible is not None,
 )
 CALIBRATION = Export(
@@ -99,14 +99,14 @@ SESSION_EXPORT = Export(
     "",
     SESSION,
     lambda it: session_json(files=pair_files(it), **it.session),
-    "What the page was set to: give it this ZIP as it is, in place of a left image, to continue from here.",
+    "The page’s settings: upload this ZIP, unchanged, as the left image to continue from here.",
 )
 
 PAIR_EXPORTS = [_image_export(0), _image_export(1), TRUTH, VISIBLE, CALIBRATION, SESSION_EXPORT]
 
 
 def pair_files(subject: Subject) -> dict[str, str]:
-    """Return the names of the files that make up the pair, by what a session calls them."""
+    """Return the file names of the pair, by their names in a session."""
     left, right = image_names(subject)
     others = {"truth": TRUTH, "visible": VISIBLE, "calibration": CALIBRATION}
     offered = {what: str(export.name) for what, export in others.items() if export.offered(subject)}

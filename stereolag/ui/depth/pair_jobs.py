@@ -1,4 +1,4 @@
-"""A search or a sweep beside the page: which pair it is on, how far it is, and its end when asked for."""
+"""A search or sweep in the background: its pair, its progress and its cancellation."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ BETWEEN_LOOKS_S = 0.3
 
 @dataclass(frozen=True, eq=False)
 class PairJob:
-    """A job on a pair, or on the set to which it belongs.
+    """A job on a pair or on the set it belongs to.
 
     Attributes
     ----------
     digest
-        Tells the pair, or the set and how its pairs are prepared.
+        Identifies the pair, or the set and the preparation of its pairs.
     asked
-        What was asked for.
+        The request that started the job.
     job
-        That does it.
+        The job itself.
     files, images
-        Tell the pair that was looked at when it began, and its images.
+        Identify the pair shown when the job began, and its images.
     place
-        Which pair of the set that is, in words; "" of a pair alone.
+        Position of that pair in the set, in words; "" for a single pair.
     """
 
     digest: str
@@ -43,12 +43,12 @@ class PairJob:
     place: str = ""
 
     def is_on(self, pair: StereoPair) -> bool:
-        """Return whether its images are still those that the page would give it where this pair is looked at."""
+        """Return whether the page, showing this pair, would still give the job the same images."""
         return self.digest == _digest(pair) and (self.files != pair.files or self.images == pair.digest)
 
 
 def job_on(pair: StereoPair, key: str) -> PairJob | None:
-    """Return the job of a part of the page on this pair; one on other images is called off and forgotten."""
+    """Return the job of a part of the page on this pair; cancel and forget a job on other images."""
     begun: PairJob | None = st.session_state.get(key)
     if begun is None or begun.is_on(pair):
         return begun
@@ -57,17 +57,17 @@ def job_on(pair: StereoPair, key: str) -> PairJob | None:
 
 
 def forget_job(key: str) -> None:
-    """Call the job of a part of the page off and forget it."""
+    """Cancel and forget the job of a part of the page."""
     st.session_state.pop(key).job.cancel()
 
 
 def begin_job(pair: StereoPair, key: str, asked: object, work: Callable[[Job[Any]], Any], estimate: Estimate) -> None:
-    """Start the job of a part of the page in a thread of its own."""
+    """Start the job of a part of the page in its own thread."""
     job = Job(work, estimate)
     this_visit().jobs[key] = pair.judged, job
     st.session_state[key] = PairJob(_digest(pair), asked, job, pair.files, pair.digest, place_in_set(pair))
 
 
 def _digest(pair: StereoPair) -> str:
-    """Return what tells the images judged together: of a set, the others are prepared as the page says."""
+    """Return the key of the images judged together; for a set, it includes the preparation of the other pairs."""
     return f"{pair.judged} {Preparation.chosen()}" if pair.collection else pair.judged

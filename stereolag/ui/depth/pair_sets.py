@@ -1,4 +1,4 @@
-"""All pairs of a set, one after another, prepared as the page prepares the one that is looked at."""
+"""All pairs of a set, one after another, prepared as the page prepares the one it shows."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from stereolag.ui.keys import PAIR, SIZE
 from stereolag.ui.pairs import SIZES, StereoPair
 
 HELD_BYTES = 256 * 2**20
-"""What pairs may take that are judged together and held all at once."""
+"""Maximum memory of pairs that are judged together and kept in memory at the same time."""
 HELD_BYTES_OF_A_PIXEL = 24
-"""Both images in colour, their reference, and one map."""
+"""Memory per pixel: both images in colour, their reference, and one map."""
 
 
 def set_of(pair: StereoPair) -> PairSet | None:
-    """Return the set to which a pair belongs, None of a pair alone."""
+    """Return the set that a pair belongs to; None for a single pair."""
     pairs: PairSet | None = st.session_state.get(SET)
     return pairs if pairs is not None and pairs.digest == pair.collection else None
 
 
 def place_in_set(pair: StereoPair) -> str:
-    """Return which pair of its set is looked at, in words; "" of a pair alone."""
+    """Return the position of the pair shown in its set, in words; "" for a single pair."""
     pairs = set_of(pair)
     return "" if pairs is None else f"pair {st.session_state.get(STEP, 0) + 1} of {len(pairs.pairs)}"
 
 
 @dataclass(frozen=True)
 class Preparation:
-    """How every pair of a set is prepared: the size, and what the visitor said of rectification."""
+    """How every pair of a set is prepared: the size, and the visitor's choices for rectification."""
 
     size: str
     choice: str
@@ -44,13 +44,13 @@ class Preparation:
 
     @classmethod
     def chosen(cls) -> Preparation:
-        """Return what is chosen on the page."""
+        """Return the preparation chosen on the page."""
         state = st.session_state
         choice, alpha = state.get(choice_key(PAIR), DECIDE), state.get(alpha_key(PAIR), 0.0)
         return cls(state.get(SIZE, "Automatic"), choice, alpha)
 
     def prepared(self, pair: StereoPair) -> StereoPair:
-        """Return a pair as the page would match it, without remedies; no part of Streamlit is called."""
+        """Return a pair as the page would match it, without remedies and without calling Streamlit."""
         rows, cols = pair.left.shape[:2]
         divisor = SIZES.get(self.size) or preview_divisor(cols, rows)
         if divisor > 1:
@@ -67,18 +67,18 @@ class Preparation:
 
 @dataclass(frozen=True)
 class JudgedPairs:
-    """The pairs on which settings are judged together: the one that is looked at first, then others of its set.
+    """The pairs on which settings are judged together: first the one shown, then others of its set.
 
     Attributes
     ----------
     current
-        The pair that is looked at.
+        The pair shown.
     pairs
-        Its set; None of a pair alone.
+        Its set; None for a single pair.
     others
-        The numbers of the others, as many as may be held at once, spread evenly over the set.
+        Indices of the others, as many as may be in memory at once, spread evenly over the set.
     preparation
-        Of the others.
+        How the others are prepared.
     """
 
     current: StereoPair
@@ -88,7 +88,7 @@ class JudgedPairs:
 
     @classmethod
     def of(cls, pair: StereoPair) -> JudgedPairs:
-        """Return the pairs to judge on where this one is looked at."""
+        """Return the pairs to judge on while this one is shown."""
         pairs = set_of(pair)
         if pairs is None:
             return cls(pair, None, (), Preparation.chosen())
@@ -100,11 +100,11 @@ class JudgedPairs:
         return cls(pair, pairs, tuple(others), Preparation.chosen())
 
     def __len__(self) -> int:
-        """Return how many pairs there are."""
+        """Return the number of pairs."""
         return 1 + len(self.others)
 
     def __iter__(self) -> Iterator[StereoPair]:
-        """Yield the pairs, each decoded when it is its turn; those whose files make no pair are left out."""
+        """Yield the pairs, each decoded in its turn; skip those whose files do not form a pair."""
         yield self.current
         for number in self.others:
             assert self.pairs is not None
@@ -115,7 +115,7 @@ class JudgedPairs:
 
     @property
     def sentence(self) -> str:
-        """Return on what settings are judged, where that is more than one pair."""
+        """Return a sentence about the pairs on which settings are judged; "" for a single pair."""
         if self.pairs is None:
             return ""
         count = len(self.pairs.pairs)

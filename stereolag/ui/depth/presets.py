@@ -1,4 +1,4 @@
-"""Settings by purpose, and back to the beginning."""
+"""The presets, and a reset to the initial settings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stereolag.ui.pairs import StereoPair
 
 
 def show_presets(pair: StereoPair) -> None:
-    """Offer the settings that serve a purpose, and those with which all methods began."""
+    """Draw a button for each preset, and one that resets all methods to their initial settings."""
     with st.container(horizontal=True, gap="xxsmall", vertical_alignment="center"):
         for name, one in PRESETS.items():
             st.button(one.title, key=preset_key(name), help=one.meaning, on_click=partial(_set_preset, name, pair))
@@ -24,17 +24,17 @@ def show_presets(pair: StereoPair) -> None:
             "Reset",
             key=preset_key("reset"),
             icon=":material/restart_alt:",
-            help="All settings of all methods as they were at first.",
+            help="Sets all methods back to their initial settings.",
             type="tertiary",
             on_click=partial(_reset, pair),
         )
 
 
 def _set_preset(name: PresetName, pair: StereoPair) -> None:
-    """Show a preset, over the range that the settings shown now search, in the colours that belong to it."""
+    """Show a preset in its own colours, over the range of the method whose settings are shown."""
     tab = st.session_state.get(TAB, METHODS[0].short_name)
     searched = [matcher.search_range() for matcher in matchers_in_use() if matcher.short_name == tab]
-    # A square reaches as far to either side: that is no range for a strip.
+    # A square search area reaches equally far to both sides, which makes no range for a strip.
     strips = [one for one in searched if one is not None and one[0] + one[1] - 1 != -one[0]]
     first, count = strips[0] if strips else (pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST)
     matcher = preset(name, count, first)

@@ -1,4 +1,4 @@
-"""The values under the cursor, disparity, depth, score and reason, and the distance between two points."""
+"""The values at the cursor (disparity, depth, score and reason) and the distance between two points."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Pixel = tuple[int, int]
 
 @fragment
 def show_readout(view: DepthView) -> None:
-    """Show the values of every method at the cursor and at two points clicked, and the distance between these."""
+    """Show the values of every method at the cursor and at two clicked points, and the distance between the points."""
     points_key = f"{KEY}.points.{view.pair.digest}"
     points: list[Pixel] = st.session_state.get(points_key, [])
 
@@ -64,7 +64,7 @@ def _marks(points: list[Pixel]) -> list[Mark]:
 
 
 def _calibration_in_words(view: DepthView) -> str:
-    """Return where the metres come from."""
+    """Return a sentence about the source of the metres."""
     known, calibration = known_distance(view.pair), calibration_of(view.pair)
     if calibration is None:
         return (
@@ -143,7 +143,7 @@ def _error(view: DepthView, name: str) -> float:
 
 
 def _metres(metres: float, error: float) -> str:
-    """Return a length with its error, to one more decimal than the error leaves certain."""
+    """Return a length with its error, to two significant digits of the error and at most 4 decimals."""
     if error == 0:
         return f"{metres:.4g} m"
     decimals = min(max(1 - math.floor(math.log10(error)), 0), 4)
@@ -151,7 +151,7 @@ def _metres(metres: float, error: float) -> str:
 
 
 def _uncertainty_in_words(view: DepthView) -> str:
-    """Return where the uncertainty comes from."""
+    """Return a sentence about the source of the uncertainty."""
     formula = "The uncertainty of a depth is Z² · δd / (f · B)"
     if view.pair.truth is None:
         return f"{formula}, with δd = {disparity_error(view, next(iter(view.results))):g} px, typical of a good match."
@@ -160,7 +160,7 @@ def _uncertainty_in_words(view: DepthView) -> str:
 
 
 def _ask_known_distance(view: DepthView, points: list[Pixel]) -> None:
-    """Ask for the distance of the point clicked last, and calibrate by it."""
+    """Ask for the distance of the last clicked point, and calibrate with it."""
     with st.container(border=True):
         prose.markdown("**Click something whose distance you know**")
         if not points:
@@ -176,7 +176,7 @@ def _ask_distance_of(view: DepthView, point: Pixel, letter: str) -> None:
     disparities = {name: float(one.disparity[point]) for name, one in view.results.items()}
     near = [name for name, disparity in disparities.items() if disparity + doffs > 0]
     if not near:
-        prose.caption(f"No method measures {letter} in front of infinity; choose a point where one does.")
+        prose.caption(f"No method gives {letter} a finite distance; choose a point where one does.")
         return
     with st.container(horizontal=True, vertical_alignment="bottom"):
         metres = st.number_input(
@@ -194,7 +194,7 @@ def _ask_distance_of(view: DepthView, point: Pixel, letter: str) -> None:
     if view.pair.calibration is None:
         prose.caption(
             "Depths follow from this one distance. Distances across the image also need the focal length: "
-            f"{FIELD_OF_VIEW:g}° from side to side are assumed."
+            f"a horizontal field of view of {FIELD_OF_VIEW:g}° is assumed."
         )
 
 

@@ -1,4 +1,4 @@
-"""Whether a pair with the calibration of both cameras is rectified: as its rows tell, or as the visitor says."""
+"""Whether to rectify a pair with the calibration of both cameras: decided from its rows, or by the visitor."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CHOICES = {DECIDE: "Decide from the rows", RAW: "Raw", RECTIFIED: "Rectified alr
 
 @dataclass(frozen=True)
 class Decision:
-    """Whether a pair was rectified with its calibration and in which frame, why, and whether the visitor said so."""
+    """Whether a pair was rectified with its calibration, in which frame, whether the visitor chose it, and why."""
 
     rectify: bool
     alpha: float | None
@@ -37,7 +37,7 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class Straightened:
-    """A pair after rectification, as it is kept in memory."""
+    """A pair after rectification, as kept in memory."""
 
     left: Image
     right: Image
@@ -45,28 +45,28 @@ class Straightened:
 
 
 def choice_key(key: str) -> str:
-    """Return the key of the control that asks what the images are, on the page whose keys begin with `key`."""
+    """Return the key of the control for raw or rectified images; `key` is the prefix of the page's keys."""
     return f"{key}.pictures_are"
 
 
 def alpha_key(key: str) -> str:
-    """Return the key of the control for what is in the frame, on the page whose keys begin with `key`."""
+    """Return the key of the control for the frame; `key` is the prefix of the page's keys."""
     return f"{key}.alpha"
 
 
 def ask_rectified(pair: StereoPair, key: str = PAIR, subject: str = "The pair") -> tuple[StereoPair, Decision | None]:
-    """Ask what the images of a pair are; return it as they should be matched, and what was decided.
+    """Ask whether the images of a pair are raw or rectified; return the pair ready for matching, and the decision.
 
-    There is nothing to decide, and None is returned, without the calibration of both cameras before rectification.
+    The decision is None without the calibration of both cameras before rectification: there is nothing to decide.
 
     Parameters
     ----------
     pair
-        As it was read.
+        The pair as read.
     key
-        What the keys of the controls begin with.
+        Prefix of the keys of the controls.
     subject
-        Of the sentence that says what was decided.
+        Subject of the sentence about the decision.
     """
     if pair.calibration is None or pair.calibration.rig is None:
         return pair, None
@@ -78,8 +78,8 @@ def ask_rectified(pair: StereoPair, key: str = PAIR, subject: str = "The pair") 
             format_func=lambda choice: CHOICES[choice],
             required=True,
             **persistent(choice_key(key)),
-            help="The calibration is of both cameras before rectification. Raw images are undistorted and rectified "
-            "with it; images that are rectified already are left as they are.",
+            help="The calibration describes both cameras before rectification. Raw images are undistorted and "
+            "rectified with it; images that are rectified already are left as they are.",
         )
         if pair.calibration.rig.rectification is None:
             st.slider(
@@ -90,15 +90,15 @@ def ask_rectified(pair: StereoPair, key: str = PAIR, subject: str = "The pair") 
                 0.05,
                 **persistent(alpha_key(key)),
                 width=220,
-                help="The calibration does not say how the pair is to be rectified (R1, R2, P1, P2). 0 keeps only what "
-                "the cameras took, 1 all of it, with black around. Of images that are rectified already: what they "
-                "were rectified with, for metres depend on it.",
+                help="The calibration does not include the rectification (R1, R2, P1, P2). 0 crops to valid pixels, "
+                "1 keeps all pixels, with black around them. For images that are rectified already: the value they "
+                "were rectified with, as metres depend on it.",
             )
     return rectified(pair, key, subject)
 
 
 def show_decision(decision: Decision, key: str = PAIR) -> None:
-    """Say what was decided, with a button that undoes it."""
+    """Show the decision, with a button that undoes it."""
     undo = ("Undo", RECTIFIED) if decision.rectify else ("Rectify it all the same", RAW)
     label, choice = (CHOICES[DECIDE], DECIDE) if decision.asked else undo
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
@@ -111,7 +111,7 @@ def _choose(key: str, choice: str) -> None:
 
 
 def rectified(pair: StereoPair, key: str = PAIR, subject: str = "The pair") -> tuple[StereoPair, Decision | None]:
-    """Return a pair as it should be matched, and what was decided, by what the visitor chose; draw no control."""
+    """Return the pair ready for matching and the decision, given the visitor's choice; draw no control."""
     if pair.calibration is None or pair.calibration.rig is None:
         return pair, None
     rig, choice = pair.calibration.rig, st.session_state.get(choice_key(key), DECIDE)
@@ -134,7 +134,7 @@ def rectified(pair: StereoPair, key: str = PAIR, subject: str = "The pair") -> t
 
 
 def _rectified(pair: StereoPair, alpha: float | None) -> Straightened:
-    """Return the pair rectified with its calibration, from memory where that was done before."""
+    """Return the pair rectified with its calibration, from memory if that was done before."""
     assert pair.calibration is not None
     assert pair.calibration.rig is not None
     calibration = pair.calibration
@@ -149,7 +149,7 @@ def _rectified(pair: StereoPair, alpha: float | None) -> Straightened:
 
 
 def _evidence(pair: StereoPair, again: Straightened) -> RowEvidence:
-    """Return what the rows say; the frame, which changes their scale a little, does not change that."""
+    """Return the evidence of the rows; the frame changes their scale a little, but not the outcome."""
     assert pair.calibration is not None
     assert pair.calibration.rig is not None
     return computed(
@@ -163,7 +163,7 @@ def _evidence(pair: StereoPair, again: Straightened) -> RowEvidence:
 
 
 def _fingerprint(rig: StereoRig, alpha: float | None) -> str:
-    """Return what tells this way of rectifying a pair from all others."""
+    """Return a digest that identifies this rectification of a pair."""
     arrays = [rig.left_matrix, rig.left_distortion, rig.right_matrix, rig.right_distortion, rig.rotation]
     arrays.append(rig.translation)
     if rig.rectification is not None:

@@ -1,4 +1,4 @@
-"""What the depth page is set to besides its pair: written when it is taken away, set again when it comes back."""
+"""The state of the depth page besides its pair: saved with a session, and restored from it."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from stereolag.ui.pairs import SIZES, StereoPair
 from stereolag.ui.states import show_refused
 
 RESTORED = "depth.restore"
-"""In the session's state: a session whose settings and colours are still to be set, for its pair in its own size."""
+"""Session-state key of a session's settings and colours that are still to be set, for its pair at its own size."""
 
 
 @dataclass(frozen=True)
 class PageState:
-    """What the page is set to: settings for the size shown, colours for the pair's own."""
+    """The state of the page: settings for the size shown, colours for the pair's own size."""
 
     matchers: list[StereoMatcher]
     shown: list[str]
@@ -33,7 +33,7 @@ class PageState:
 
 
 def page_state(pair: StereoPair, factor: float) -> PageState:
-    """Return what the page is set to; `factor` px of the pair's own size are one px of what is shown."""
+    """Return the state of the page; `factor` is the number of px at the pair's own size per px shown."""
     colours: dict[str, Any] = {
         "palette": st.session_state.get(PALETTE, FIRST_PALETTE),
         "inverted": bool(st.session_state.get(INVERTED, False)),
@@ -47,7 +47,7 @@ def page_state(pair: StereoPair, factor: float) -> PageState:
 
 
 def restore(session: Session) -> None:
-    """Set the page to a session whose pair is the one in use; before any of these controls is drawn in this run."""
+    """Set the page to a session whose pair is in use; none of these controls must have been drawn yet in this run."""
     st.session_state[keys.SIZE] = session.size if session.size in SIZES else "Automatic"
     if session.shown:
         st.session_state[keys.SHOWN] = [*session.shown]
@@ -60,7 +60,7 @@ def restore(session: Session) -> None:
 
 
 def restore_settings(pair: StereoPair) -> None:
-    """Set the controls, none of which must be drawn yet, to the settings of a session that :func:`restore` began."""
+    """Set the controls to the settings of the session given to :func:`restore`; none must have been drawn yet."""
     found: tuple[int, tuple[StereoMatcher, ...], Colours] | None = st.session_state.pop(RESTORED, None)
     if found is None:
         return

@@ -1,4 +1,4 @@
-"""Every method held against the ground truth: a table, maps of the error, and error against coverage."""
+"""Every method compared with the ground truth: a table, error maps, and error against coverage."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ MEANINGS = {
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """One map against the ground truth: for all pixels and, where these are known, for the visible ones."""
+    """Figures of one map against the ground truth, for all pixels and, if known, the visible ones."""
 
     evaluations: Mapping[str, Evaluation]
     curve: CoverageCurve
@@ -51,7 +51,7 @@ class Judgement:
 
 @fragment
 def show_scoreboard(view: DepthView) -> None:
-    """Show how right every method is; an estimate where the ground truth is not known."""
+    """Show the accuracy of every method; an estimate without ground truth."""
     truth = known_truth(view.pair)
     if truth is None:
         show_estimates(view)
@@ -76,7 +76,7 @@ def show_scoreboard(view: DepthView) -> None:
 
 
 def evaluations(view: DepthView) -> dict[str, Evaluation]:
-    """Return the figures of every method against the ground truth, by the rows of the table of metrics."""
+    """Return the figures of every method against the ground truth, by row of the metrics table."""
     truth = view.pair.truth
     if truth is None:
         return {}
@@ -92,7 +92,7 @@ def _by_row(judged: Mapping[str, Mapping[str, Evaluation]]) -> dict[str, Evaluat
 
 
 def _evaluations_of(pair: StereoPair, result: DisparityMap, truth: FloatMap) -> dict[str, Evaluation]:
-    """Return the figures of one map over all pixels and, where it is known which these are, the visible ones."""
+    """Return the figures of one map over all pixels and, if known, the visible ones."""
     found = {ALL: evaluate(result.disparity, truth)}
     if pair.visible is not None and (pair.visible & np.isfinite(truth)).any():
         found[VISIBLE] = evaluate(result.disparity, truth, mask=pair.visible)
@@ -100,7 +100,7 @@ def _evaluations_of(pair: StereoPair, result: DisparityMap, truth: FloatMap) -> 
 
 
 def _judged(view: DepthView, result: DisparityMap, truth: FloatMap) -> Judgement:
-    """Return the figures of a map; from memory where they were worked out before."""
+    """Return the figures of a map; from memory if they were computed before."""
 
     def judge(_: object) -> Judgement:
         curve = error_against_coverage(result.disparity, truth, result.score, threshold=THRESHOLD_PX)
@@ -126,7 +126,7 @@ def _show_tables(judgements: Mapping[str, Judgement]) -> None:
             required=True,
             key="depth.scoreboard.missing",
             help="A method can look good by matching only where it is easy. Counted as wrong, a pixel without a "
-            "disparity costs as much as a wrong one; left out, the figures tell how far to trust the rest.",
+            "disparity costs as much as a wrong one; left out, the figures show how far to trust the rest.",
         )
         download_button(
             "Figures as CSV",
@@ -161,7 +161,7 @@ def _row(evaluation: Evaluation, measured_only: bool) -> dict[str, float]:
 
 
 def _marked(table: pd.DataFrame) -> Styler:
-    """Return the table with the best value of each column marked, where there is more than one method to be best of."""
+    """Return the table with the best value of each column marked, if there is more than one method."""
 
     def best(column: pd.Series[Any]) -> list[str]:
         winner = column.max() if column.name == "Density" else column.min()
@@ -171,7 +171,7 @@ def _marked(table: pd.DataFrame) -> Styler:
 
 
 def _columns(evaluation: Evaluation) -> dict[str, Any]:
-    """Return how the columns are written, and what their headings explain."""
+    """Return the number formats of the columns and the help of their headings."""
     columns: dict[str, Any] = {
         "_index": st.column_config.TextColumn("Method"),
         "EPE": st.column_config.NumberColumn(format=PIXELS, help=MEANINGS["EPE"]),
@@ -192,6 +192,6 @@ def _show_curves(curves: Mapping[str, CoverageCurve]) -> None:
         alt=coverage_curves_in_words(curves),
     )
     prose.caption(
-        "Keep only the surest matches, then more and more. A line that climbs to the right knows where it is wrong: "
-        "asking for a higher score would keep the good matches. A method that gives no score is a single point."
+        "Only the surest matches are kept, then more and more. If its line climbs to the right, a method knows where "
+        "it is wrong: a higher minimum score would keep the good matches. A method without a score is a single point."
     )

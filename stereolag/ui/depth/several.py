@@ -1,4 +1,4 @@
-"""Several pairs at once, or a session that comes back: one archive, or many files matched by their names."""
+"""Several pairs at once, or a saved session: one archive, or many files matched by name."""
 
 from __future__ import annotations
 
@@ -30,30 +30,30 @@ from stereolag.ui.uploads import (
 )
 
 SET = f"{PAIR}.set"
-"""In the session's state: the set of pairs in use, if there is one."""
+"""Session-state key of the set of pairs in use, if there is one."""
 STEP = f"{PAIR}.step"
-"""In the session's state: which pair of the set is looked at, from 0."""
+"""Session-state key of the index of the pair shown, from 0, in its set."""
 RESTORED = f"{PAIR}.restored"
-"""In the session's state: the digest of the session that the page was set to last."""
+"""Session-state key of the digest of the session restored last."""
 
 NO_PAIRS = (
-    "None of these files are a pair: the names of its two images must differ in what tells the side, as left.png and "
-    "right.png, im0.png and im1.png, or left/5.png and right/5.png do."
+    "None of these files are a pair: the names of its two images must differ in the side, as in left.png and "
+    "right.png, im0.png and im1.png, or left/5.png and right/5.png."
 )
 
 
 @dataclass(frozen=True, eq=False)
 class PairSet:
-    """Pairs whose files stay as they were given, encoded; one is decoded when it is looked at.
+    """Pairs kept as encoded files; a pair is decoded when it is shown.
 
     Attributes
     ----------
     pairs
-        The names of their files.
+        File names of each pair.
     read
-        Returns the bytes of a file by its name.
+        Returns the bytes of a named file.
     digest
-        Tells the set from every other.
+        Identifies the set.
     """
 
     pairs: tuple[PairFiles, ...]
@@ -61,7 +61,7 @@ class PairSet:
     digest: str
 
     def pair(self, number: int) -> StereoPair:
-        """Decode one pair; ValueError, with a sentence, where its files do not make one."""
+        """Decode one pair; raise ValueError, with a sentence, if its files do not form one."""
         try:
             pair = named_pair(self.pairs[number], self.read, f"{self.digest} {number}")
         except ValueError as error:
@@ -73,7 +73,7 @@ Bundle: TypeAlias = Session | PairSet
 
 
 def read_bundle(files: Sequence[tuple[str, bytes]]) -> Bundle:
-    """Return what an archive, or many files by name, hold; ValueError where there is neither a session nor a pair."""
+    """Return the session or the pairs in an archive or in named files; raise ValueError if there are neither."""
     digest = hashlib.sha256(b"".join(hashlib.sha256(data).digest() for _, data in files)).hexdigest()
     if len(files) == 1 and is_archive(files[0][1]):
         archive = read_archive(files[0][1])
@@ -81,7 +81,7 @@ def read_bundle(files: Sequence[tuple[str, bytes]]) -> Bundle:
             return read_session(archive)
         return _pair_set(archive.names, archive.read, digest)
     if sum(len(data) for _, data in files) > MAX_BYTES:
-        raise ValueError(f"The files have more than {MAX_BYTES // 2**20} MB together, the most that is accepted.")
+        raise ValueError(f"The files exceed {MAX_BYTES // 2**20} MB in total, the most that is accepted.")
     by_name = dict(files)
     return _pair_set([*by_name], by_name.__getitem__, digest)
 
@@ -100,13 +100,13 @@ def ask_bundle(key: str) -> Upload[Bundle] | None:
         read_bundle,
         key=f"{key}.several",
         types=tuple(dict.fromkeys((*PICTURE_TYPES, "zip", *DISPARITY_TYPES, *CALIBRATION_TYPES))),
-        note="A ZIP that was taken away from here opens the page as it was. Of other files, left and right images, "
-        "ground truths and calibrations are matched by their names and folders.",
+        note="A ZIP saved from this page reopens it as it was. Otherwise, left and right images, ground truths "
+        "and calibrations are matched by name and folder.",
     )
 
 
 def pair_of_bundle(given: Upload[Bundle] | None) -> StereoPair | None:
-    """Return the pair to look at; of a session, set the page to it once, of a set, ask which. None of nothing."""
+    """Return the pair of a session, setting the page to it once, or the one chosen from a set; None without either."""
     if given is None:
         forget_bundle()
         return None
@@ -122,13 +122,13 @@ def pair_of_bundle(given: Upload[Bundle] | None) -> StereoPair | None:
 
 
 def forget_bundle() -> None:
-    """Forget what was given all at once: it is not there any more."""
+    """Forget the set or session: it is no longer in use."""
     for place in (SET, RESTORED, STEP):
         st.session_state.pop(place, None)
 
 
 def _stepped(pairs: PairSet) -> StereoPair | None:
-    """Return the pair of a set that :func:`show_steps` chose."""
+    """Return the pair chosen in :func:`show_steps`; show an error and return None if it cannot be read."""
     number = st.session_state[STEP] = min(st.session_state.get(STEP) or 0, len(pairs.pairs) - 1)
     try:
         return computed(
@@ -146,7 +146,7 @@ def _stepped(pairs: PairSet) -> StereoPair | None:
 
 
 def show_steps(pair: StereoPair) -> None:
-    """Ask which pair of a set to look at; nothing is asked of a pair alone."""
+    """Ask which pair of the set to show; do nothing for a single pair."""
     pairs: PairSet | None = st.session_state.get(SET)
     if pairs is not None and pairs.digest == pair.collection:
         _ask_step(pairs)

@@ -1,4 +1,4 @@
-"""A disparity map as a room to look around in: point cloud and bird's-eye view."""
+"""A disparity map in three dimensions: point cloud and bird's-eye view."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from stereolag.ui.results import computed
 
 KEY = "depth.space"
 FAR_BEHIND = 3.0
-"""Times the median distance: what lies beyond is not shown at first."""
+"""Points farther than this multiple of the median distance are hidden at first."""
 
 VIEWS = {"Left camera": (0, 0), "Left": (-50, 15), "Right": (50, 15), "Above": (0, 60)}
-"""How far each is turned and raised about the middle of the scene, degrees."""
+"""Rotation and elevation of each view about the centre of the scene, degrees."""
 
 LEAST_SHARE, MOST_AT_FIRST = 20, 95
 CELLS = 280
@@ -35,18 +35,18 @@ METRES, BASELINES = "m", "baselines"
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """The points of a map, all that are not farther than asked for.
+    """The points of a map up to a given distance.
 
     Attributes
     ----------
     points, colours
-        (n, 3) float32 and uint8: an even choice of them, as many as a browser can turn.
+        (n, 3) float32 and uint8: an even subsample, as many points as a browser can rotate.
     kept, flying
-        How many there are, and how many pixels hung in the air and were left out.
+        Number of points before subsampling, and of flying pixels left out.
     farthest
-        The distance up to which they are shown.
+        Distance up to which points are shown.
     above
-        All of them seen from above; None where there are none.
+        All points seen from above; None if there are none.
     """
 
     points: npt.NDArray[np.float32]
@@ -59,7 +59,7 @@ class Space:
 
 @fragment
 def show_space(view: DepthView) -> None:
-    """Show a map as a cloud of points to turn, and from above."""
+    """Show a map as a point cloud that can be rotated, and from above."""
     calibration, unit = _cameras(view)
     with st.container(horizontal=True, gap="large", vertical_alignment="bottom"):
         names = list(view.results)
@@ -113,29 +113,29 @@ def show_space(view: DepthView) -> None:
 
 
 def _cameras(view: DepthView) -> tuple[Calibration, str]:
-    """Return what turns disparity into distance, and the unit; without calibration say what is assumed."""
+    """Return the calibration and the unit of its distances; without one, say what is assumed."""
     known = calibration_of(view.pair)
     if known is not None:
         return known, METRES
     width = int(view.pair.left.shape[1])
     prose.info(
-        f"Without a calibration all distances are **relative**. Assumed: a focal length of {width:,} px, as long as "
-        "the image is wide, and a baseline of 1, so distances count in multiples of the way from one camera to the "
-        "other. Shapes may look stretched or squeezed in depth.",
+        f"Without a calibration all distances are **relative**. Assumed: a focal length of {width:,} px, the width of "
+        "the image, and a baseline of 1, so distances are multiples of the distance between the cameras. Shapes "
+        "may look stretched or squeezed in depth.",
         icon=":material/straighten:",
     )
     return Calibration(float(width), 1.0), BASELINES
 
 
 def _worth_showing(depth: npt.NDArray[np.float32]) -> int:
-    """Return the share of the points, %, to show at first: what lies far behind most of the scene squeezes the rest."""
+    """Return the share of the points to show at first, %: those far behind most of the scene would squeeze the rest."""
     known = depth[np.isfinite(depth)]
     share = 100 * float(np.mean(known <= FAR_BEHIND * np.median(known)))
     return int(np.clip(share, LEAST_SHARE, MOST_AT_FIRST))
 
 
 def _space(view: DepthView, result: DisparityMap, calibration: Calibration, farthest: float) -> Space:
-    """Return the points of a map up to a distance; from memory where they were worked out before."""
+    """Return the points of a map up to a distance; from memory if they were computed before."""
 
     def work_out(_: object) -> Space:
         near_enough = np.where(calibration.depth(result.disparity) <= farthest, result.disparity, np.float32(np.nan))

@@ -1,4 +1,4 @@
-"""The settings with which a pair of the visitor's own begins: the range that was found for it, and the fast preset."""
+"""The initial settings for the visitor's own pair: the range found for it, and the fast preset."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from stereolag.ui.sentences import started_in_words
 
 @dataclass(frozen=True)
 class Start:
-    """The range of a pair, px, and the settings of all methods with which it began, in a size so many px wide.
+    """The initial range of a pair, px, and the initial settings of all methods, for images of this width, px.
 
     Attributes
     ----------
     found
-        Whether anything told the range.
+        Whether the range was determined, not assumed.
     """
 
     min_disparity: int
@@ -36,16 +36,16 @@ class Start:
     width: int
 
     def range_at(self, width: int) -> tuple[int, int]:
-        """Return the first disparity and how many in another size."""
+        """Return the first disparity and the number of disparities at another width."""
         share = width / self.width
         return math.floor(self.min_disparity * share), math.ceil(self.num_disparities * share)
 
 
 def started(pair: StereoPair) -> StereoPair:
-    """Return a pair of the visitor's own with the range it began with; where it is new, set the controls to begin.
+    """Return the visitor's own pair with its initial range; for a new pair, set the controls to the initial settings.
 
-    The range is that of its calibration, or what the doctor found. What is added to the images later leaves the range
-    in use. The controls must not be drawn yet.
+    The range is that of its calibration, or the one the doctor found. Files added to the images later do not change
+    it. The controls must not have been drawn yet.
     """
     if pair.shared:
         return pair
@@ -53,7 +53,7 @@ def started(pair: StereoPair) -> StereoPair:
     width = int(pair.left.shape[1])
     if start is None:
         if pair.num_disparities is None and diagnosis_at_once(pair) is None:
-            return pair  # it is still examined
+            return pair  # still being examined
         found = _range_of(pair)
         first, count = found or (0, DISPARITIES_AT_FIRST)
         begun = replace(pair, min_disparity=first, num_disparities=count)
@@ -66,7 +66,7 @@ def started(pair: StereoPair) -> StereoPair:
 
 
 def show_start(pair: StereoPair) -> None:
-    """Say with which settings the pair began, while they are in use, and offer to undo that."""
+    """Show the initial settings of the pair while they are in use, and offer to undo them."""
     start: Start | None = st.session_state.get(_key(pair))
     if pair.shared or start is None or not start.found or not set(matchers_in_use()) <= set(start.settings):
         return
@@ -78,7 +78,7 @@ def show_start(pair: StereoPair) -> None:
 
 
 def _undo(pair: StereoPair) -> None:
-    """Set the controls as they are for a pair of which nothing is known."""
+    """Set the controls as for a pair about which nothing is known."""
     _set_all(tuple(kind().with_search_range(0, DISPARITIES_AT_FIRST) for kind in METHODS), pair)
 
 
@@ -88,7 +88,7 @@ def _set_all(settings: tuple[StereoMatcher, ...], pair: StereoPair) -> None:
 
 
 def _range_of(pair: StereoPair) -> tuple[int, int] | None:
-    """Return the first disparity and how many; None where nothing tells them."""
+    """Return the first disparity and the number of disparities; None if unknown."""
     if pair.num_disparities is not None:
         return pair.min_disparity, pair.num_disparities
     diagnosis = diagnosis_at_once(pair)

@@ -1,4 +1,4 @@
-"""The result that is taken away: of the pair in its own size, whatever the size in which it is shown."""
+"""The result to take away: at the pair's own size, whatever size is shown."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ from stereolag.ui.pairs import StereoPair
 
 @dataclass(eq=False)
 class Subject:
-    """One map of a view, and all that its files are made of, for the pair in its own size.
+    """One map of a view and the data for its files, at the pair's own size.
 
     Attributes
     ----------
     view, method
-        What the page shows, and the name of the map there.
+        The view on the page, and the name of the map in it.
     pair
-        In its own size, with all that was done to it.
+        The pair at its own size, with all changes made to it.
     calibration
-        Of that pair, by a known distance where one was entered.
+        Calibration of that pair, derived from a known distance if one was entered.
     factor
-        How many px of the pair are one px of what is shown.
+        Px of the pair per px shown.
     settings
-        Of the map, for that size; None, and why, where such settings are not allowed.
+        Settings of the map for that size; None if they are not allowed.
     settings_refusal
-        The sentence, "" where there are such settings.
+        Why the settings are not allowed; "" if they are.
     computed
-        The map computed in that size, where it was already.
+        The map computed at that size; None if not computed yet.
     session
-        What the page is set to, as :func:`stereolag.export.session_json` takes it.
+        State of the page, as arguments of :func:`stereolag.export.session_json`.
     estimated_bad
-        The estimated bad-2 of the maps that are shown, %, by the name of the method; nothing unless it was estimated.
+        Estimated bad-2 of the maps shown, %, by method name; empty unless it was estimated.
     """
 
     view: DepthView
@@ -93,23 +93,23 @@ class Subject:
 
     @cached_property
     def estimate(self) -> Estimate:
-        """Return what computing the map in the pair's own size takes."""
+        """Return the memory and time needed to compute the map at the pair's own size."""
         assert self.settings is not None
         return self.settings.estimate(self.pair.left.shape, self.pair.left.dtype)
 
     @property
     def light(self) -> bool:
-        """Return whether the map in the pair's own size takes so little that it is computed with its file."""
+        """Return whether the map at the pair's own size is cheap enough to be computed along with its file."""
         return self.settings is not None and not is_heavy(self.estimate) and self.estimate.memory <= limits().job_memory
 
     @property
     def enlarged(self) -> bool:
-        """Return whether the map is the one shown, enlarged, and not computed in the pair's own size."""
+        """Return whether the map is the one shown, enlarged, instead of computed at the pair's own size."""
         return self.computed is None and not self.light
 
     @cached_property
     def result(self) -> DisparityMap:
-        """Return the map in the pair's own size; made when first asked for."""
+        """Return the map at the pair's own size; made on first use."""
         if self.computed is not None:
             return self.computed
         if self.light:
@@ -118,7 +118,7 @@ class Subject:
         return self._enlarged(self.method)
 
     def each_result(self) -> Iterator[tuple[str, DisparityMap]]:
-        """Yield the maps of all methods in the pair's own size, one by one: all others than this one's enlarged."""
+        """Yield the maps of all methods at the pair's own size, one by one; those of the other methods are enlarged."""
         for name in self.view.results:
             yield name, self.result if name == self.method else self._enlarged(name)
 
@@ -132,7 +132,7 @@ class Subject:
 
     @property
     def colour_range(self) -> tuple[float, float]:
-        """Return the range of colours, px of the pair's own size."""
+        """Return the colour range, px at the pair's own size."""
         return self.view.low * self.factor, self.view.high * self.factor
 
 
@@ -154,7 +154,7 @@ def _session(view: DepthView, pair: StereoPair, factor: float) -> dict[str, Any]
 
 
 def _for_size(settings: StereoMatcher, factor: float) -> tuple[StereoMatcher | None, str]:
-    """Return settings for images that are so much larger, or None and why there are none."""
+    """Return settings for images enlarged by `factor`, or None and why they are not allowed."""
     if factor == 1:
         return settings, ""
     try:

@@ -1,4 +1,4 @@
-"""Settings found by search, and what they are worth."""
+"""Settings found by search, and how much better they are."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ BUDGETS_S = (10, 20, 60)
 
 @fragment
 def show_suggest(view: DepthView) -> None:
-    """Ask for a method and a time, search its settings, and offer what was found."""
+    """Ask for a method and a time, search its settings, and offer the best found."""
     criterion = criterion_on(view.pair)
     prose.markdown(
-        "Settings that go well together are tried in combination, and the best of them on the whole images beside "
-        "yours. The range searched stays, and so does what the checks tolerate. "
+        "The search range and the tolerances of the checks are kept; settings that go well together are tried in "
+        "combination, and the best of them compared with yours on the whole images. "
         + JudgedPairs.of(view.pair).sentence
         + JUDGED_BY[criterion],
         width=760,
@@ -76,7 +76,7 @@ def show_suggest(view: DepthView) -> None:
 
 
 def _begin(pair: StereoPair, matcher: StereoMatcher, budget_s: float) -> None:
-    """Start a search in a thread of its own."""
+    """Start a search in its own thread."""
     pairs = JudgedPairs.of(pair)
 
     def work(job: Job[Suggestion]) -> Suggestion:
@@ -96,7 +96,7 @@ def _begin(pair: StereoPair, matcher: StereoMatcher, budget_s: float) -> None:
 
 
 def _show_search(view: DepthView, matcher: StereoMatcher, begun: PairJob, was_running: bool) -> None:
-    """Show how far the search is, or what it found: that only beside the settings asked about, or those found."""
+    """Show the progress of the search, or its result if `matcher` has the settings it started from or found."""
     if begun.job.running:
         so_far: Suggestion | None = begun.job.so_far
         text = search_so_far(so_far) if so_far else f"Looking at the {begun.asked.title} settings in use …"
@@ -107,7 +107,7 @@ def _show_search(view: DepthView, matcher: StereoMatcher, begun: PairJob, was_ru
         st.rerun(scope="app")
     try:
         found: Suggestion = begun.job.result()
-    except CancelledError:  # before its turn came
+    except CancelledError:  # cancelled before its turn came
         return
     except ValueError as error:
         if matcher == begun.asked:
@@ -118,7 +118,7 @@ def _show_search(view: DepthView, matcher: StereoMatcher, begun: PairJob, was_ru
 
 
 def _show_suggestion(view: DepthView, found: Suggestion) -> None:
-    """Say what was found, and offer to use it."""
+    """Show the result, and offer to use the settings if they are better."""
     if isinstance(found.outcome, Unjudged):
         prose.info(suggestion_in_words(found), icon=":material/balance:")
         return

@@ -31,7 +31,7 @@ from stereolag.ui.states import show_busy, show_refused
 
 KEY = "depth.sweep"
 FEWER, MORE = 5, 7
-"""Values tried at first, down and across."""
+"""Initial number of values, down and across."""
 
 MOST_VALUES = 10
 
@@ -48,12 +48,12 @@ class Axis:
 
 @fragment
 def show_sweep(view: DepthView) -> None:
-    """Ask for two parameters, try all their combinations, and show them; a click takes a cell's settings over."""
+    """Ask for two parameters, try all their combinations, and show them; a click on a cell adopts its settings."""
     matcher = ask_method(view, key=f"{KEY}.method")
     criterion = criterion_on(view.pair)
     unjudged = criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher)
     prose.markdown(
-        "Two settings in all their combinations. A click on a cell, or its line in the list, takes its settings over. "
+        "Two settings in all their combinations. Click a cell, or its line in the list, to use its settings. "
         + (UNJUDGED[Unjudged.JUDGES_ITSELF] if unjudged else JudgedPairs.of(view.pair).sentence + JUDGED_BY[criterion]),
         width=760,
     )
@@ -88,7 +88,7 @@ def ask_method(view: DepthView, *, key: str) -> StereoMatcher:
 
 
 def _ask_axes(matcher: StereoMatcher) -> tuple[Axis, Axis] | None:
-    """Ask which parameters to vary and over what; None, and why, where that cannot be done."""
+    """Ask for the parameters to vary and their values; show why and return None if they cannot be used."""
     known = parameters(matcher)
     at_first = _likeliest(known)
     try:
@@ -106,7 +106,7 @@ def _ask_axes(matcher: StereoMatcher) -> tuple[Axis, Axis] | None:
 
 
 def _likeliest(known: Mapping[str, Parameter]) -> tuple[int, int]:
-    """Return which parameters to begin with: the size of the window or block, and the number of disparities."""
+    """Return the initial parameters: number of disparities or search size, and window or block size."""
     names = [name.rpartition(".")[2] for name in known]
     sizes = [number for number, name in enumerate(names) if name in ("window_size", "block_size")]
     ranges = [number for number, name in enumerate(names) if name in ("num_disparities", "search_size")]
@@ -132,20 +132,20 @@ def _ask_axis(label: str, matcher: StereoMatcher, known: Mapping[str, Parameter]
 
 
 def _numbers(text: str, kind: type[Number]) -> tuple[Number, ...]:
-    """Return the numbers of a list, ascending and each once."""
+    """Return the numbers in a list, ascending and without duplicates."""
     words = [word for word in re.split(r"[,;\s]+", text) if word]
     try:
         values = tuple(sorted({kind(word) for word in words}))
     except ValueError as error:
         what = "whole numbers" if kind is int else "numbers"
-        raise ValueError(f"{text!r} is no list of {what}; write them like this: 5, 7, 10.") from error
+        raise ValueError(f"{text!r} is not a list of {what}; write them like this: 5, 7, 10.") from error
     if not 1 <= len(values) <= MOST_VALUES:
-        raise ValueError(f"{text!r} holds {len(values)} values; allowed are 1 to {MOST_VALUES}.")
+        raise ValueError(f"{text!r} has {len(values)} values; allowed are 1 to {MOST_VALUES}.")
     return values
 
 
 def _asked(matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tuple[str, ...]:
-    """Return what a sweep depends on: not on what the two parameters are set to, which every cell sets anew."""
+    """Return the key of a sweep, without the current values of the two parameters: every cell replaces them."""
     others = matcher.model_dump()
     for axis in axes:
         *path, last = axis.parameter.name.split(".")
@@ -158,7 +158,7 @@ def _asked(matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tuple[str, ...]:
 
 
 def _begin(pair: StereoPair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> None:
-    """Start a sweep in a thread of its own."""
+    """Start a sweep in its own thread."""
     rows, cols = ((axis.parameter.name, axis.values) for axis in axes)
     truth = known_truth(pair)
     searched = range_of_sweep(matcher, rows=rows, cols=cols)
@@ -183,7 +183,7 @@ def _begin(pair: StereoPair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) ->
 def _show_job(
     view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], begun: PairJob, was_running: bool
 ) -> None:
-    """Show how far the sweep is, or what it found."""
+    """Show the progress of the sweep, or its result."""
     if begun.job.running:
         ending = "Ends the sweep; the maps made so far stay."
         show_busy(begun.job, "Trying all combinations …", key=f"{KEY}.cancel", ending=ending)
@@ -192,7 +192,7 @@ def _show_job(
         st.rerun(scope="app")
     try:
         sheet: ContactSheet = begun.job.result()
-    except CancelledError:  # before its turn came
+    except CancelledError:  # cancelled before its turn came
         return
     except ValueError as error:
         show_refused(error)
@@ -202,14 +202,14 @@ def _show_job(
 
 
 def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], sheet: ContactSheet, of: str) -> None:
-    """Show a sweep, its maps `of` one pair of a set, and take over the settings of a cell that was clicked."""
+    """Show a sweep, with maps of the pair that `of` names, and adopt the settings of a cell that was clicked."""
     titles = axes[0].parameter.title, axes[1].parameter.title
     cell = _cell_of(axes)
     figures = [("maps", sweep_maps(sheet, titles, view.colours, cell))]
     if sheet.judged:
         figures.append(("bad", sweep_bad(sheet, titles, cell)))
     clicked = None
-    # A chart keeps its selection; under a new name it begins without one, and the same cell can be clicked again.
+    # A chart keeps its selection; a new key starts without one, so that the same cell can be clicked again.
     clicks = st.session_state.setdefault(f"{KEY}.clicks", 0)
     for column, (kind, figure) in zip(st.columns([3, 2], gap="medium"), figures, strict=False):
         event = column.plotly_chart(
@@ -236,7 +236,7 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shee
 
 
 def _ask_cell(sheet: ContactSheet, titles: tuple[str, str], *, key: str) -> int | None:
-    """Return the number of a cell chosen by its name, the best first: charts are not clicked on with a keyboard."""
+    """Return the index of a cell chosen from a list, best first: a chart cannot be clicked with a keyboard."""
     bad = sheet.bad.ravel()
     cells = [int(cell) for cell in np.argsort(bad, kind="stable") if sheet.shown.ravel()[cell]]
 
@@ -251,13 +251,13 @@ def _ask_cell(sheet: ContactSheet, titles: tuple[str, str], *, key: str) -> int 
 
 
 def settings_of_cell(matcher: StereoMatcher, axes: tuple[Axis, Axis], row: int, col: int) -> StereoMatcher:
-    """Return the settings of one cell of a sweep; ValueError where they do not fit together."""
+    """Return the settings of one cell of a sweep; raise ValueError if they do not fit together."""
     down, across = axes
     return changed(matcher, {down.parameter.name: down.values[row], across.parameter.name: across.values[col]})
 
 
 def _cell_of(axes: tuple[Axis, Axis]) -> tuple[int, int] | None:
-    """Return the cell whose settings are in use, if it is one of the grid."""
+    """Return the cell whose settings are in use; None if the grid does not contain it."""
     down, across = axes
     if down.parameter.value not in down.values or across.parameter.value not in across.values:
         return None

@@ -1,4 +1,4 @@
-"""What the parts of the depth page look at together."""
+"""The data that the parts of the depth page share."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from stereolag.ui.pairs import StereoPair
 
 @dataclass(frozen=True, eq=False)
 class DepthView:
-    """One pair, what each method made of it, and the colour range that all maps share.
+    """One pair, the map of each method, and the colour range that all maps share.
 
     Attributes
     ----------
     pair
-        The images, with truth, mask and calibration where they are known.
+        The images, with truth, mask and calibration if known.
     results
         {name of the method as the page shows it: its map}, in the order shown; its settings are ``result.settings``.
     low, high
-        The locked range of colours, px of disparity.
+        The locked colour range, px of disparity.
     palette
         (256, 3) uint8 RGB from far to near.
     outlines
-        The outlines of the left image that lie over the maps, the path of an SVG; "" = none.
+        Outlines of the left image over the maps, as an SVG path; "" = none.
     """
 
     pair: StereoPair

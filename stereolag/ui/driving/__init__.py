@@ -1,1 +1,1 @@
-"""What the page of whole sequences is made of."""
+"""The parts of the driving page."""

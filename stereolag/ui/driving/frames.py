@@ -1,4 +1,4 @@
-"""The sequence that the page of driving works on: the example, or the visitor's own videos and frames."""
+"""The sequence of the driving page: the example, or the visitor's own videos and frames."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ KEY = "driving"
 EXAMPLE, ONE, TWO = "example", "one", "two"
 ORIGINS = {EXAMPLE: "Example", ONE: "Your ZIP, or side-by-side video", TWO: "Your two videos"}
 LOOKED_AT = 10
-"""Frames at the beginning, one of which must be readable."""
+"""Number of frames at the beginning, one of which must be readable."""
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A sequence and what is known of it.
+    """A sequence and the known facts about it.
 
     Attributes
     ----------
@@ -43,13 +43,13 @@ class Drive:
     first
         The first frame that can be read.
     digest
-        Tells it from all others.
+        Identifies the sequence.
     calibration
-        Of the rectified frames.
+        Calibration of the rectified frames.
     range
-        The first disparity that the first frame needs, px, and how many; None where it is not known.
+        First disparity and number of disparities that the first frame needs, px; None if unknown.
     example
-        Whether it is the bundled one, whose maps all visitors may share.
+        Whether it is the bundled example, whose maps all visitors may share.
     """
 
     sequence: StereoSequence
@@ -61,7 +61,7 @@ class Drive:
 
 
 def ask_drive() -> Drive | None:
-    """Ask for frames and calibration; None while they are not there."""
+    """Ask for frames and calibration; return the example while frames are missing, None if they are refused."""
     origin = st.segmented_control(
         "Frames",
         [*ORIGINS],
@@ -80,7 +80,7 @@ def ask_drive() -> Drive | None:
     show_limits(_limits())
     calibration = ask_calibration(KEY)
     if found is None and refused():
-        # What the example gives must not stand below a file that was refused.
+        # Do not show results of the example below a refused file.
         return None
     if found is None:
         show_awaited("your frames are" if origin == ONE else "both videos are", example.title)
@@ -91,7 +91,7 @@ def ask_drive() -> Drive | None:
 
 
 def _first_readable(sequence: StereoSequence, digest: str) -> StereoFrame | None:
-    """Return the first frame that can be read; say so where none of them can."""
+    """Return the first readable frame; if there is none, show an error and return None."""
     kept: tuple[str, StereoFrame | None] | None = st.session_state.get(f"{KEY}.first")
     if kept is None or kept[0] != digest:
         kept = digest, sequence.first_readable(LOOKED_AT)
@@ -104,7 +104,7 @@ def _first_readable(sequence: StereoSequence, digest: str) -> StereoFrame | None
 
 
 def _with_calibration(drive: Drive, calibration: Calibrated | None) -> Drive | None:
-    """Return a drive with its camera, rectified where its first frame is raw, and with the range that frame needs."""
+    """Return a drive with its calibration, rectified if its first frame is raw, and the range that frame needs."""
     frame = drive.first
     rows, cols = frame.left.shape[:2]
     fitted = None
@@ -112,7 +112,7 @@ def _with_calibration(drive: Drive, calibration: Calibrated | None) -> Drive | N
         try:
             fitted = calibration_for(calibration.content, cols, rows)
         except ValueError as error:
-            show_refused(f"{error} The drive is measured without it.")
+            show_refused(f"{error} The drive is processed without it.")
     try:
         left, right = as_stereo_pair(frame.left, frame.right)
     except ValueError as error:
@@ -131,7 +131,7 @@ def _with_calibration(drive: Drive, calibration: Calibrated | None) -> Drive | N
 
 
 def _range_of(pair: StereoPair) -> tuple[int, int] | None:
-    """Return the first disparity that a frame needs, and how many; None where the doctor cannot tell."""
+    """Return the first disparity and the number of disparities a frame needs; None if the input doctor cannot tell."""
     try:
         diagnosis = computed(
             "diagnosis",
@@ -159,8 +159,8 @@ def _example(name: str) -> Drive:
 def _limits() -> str:
     most = limits()
     return (
-        f"A file may have {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames, a video "
-        f"{most.max_video_s // 60} minutes."
+        f"At most {st.get_option('server.maxUploadSize')} MB and {most.max_frames:,} frames per file, and "
+        f"{most.max_video_s // 60} minutes per video."
     )
 
 

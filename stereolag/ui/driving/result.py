@@ -1,4 +1,4 @@
-"""What became of a sequence: the player, how far the work is, and the files to take away."""
+"""The result of a sequence: the player, the progress, and the downloads."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ OPENED = f"{KEY}.opened"
 
 
 def show_work(work: DriveWork, drive: Drive, asked: Asked) -> None:
-    """Show what there is; while it is computed, again and again."""
+    """Show the work so far, and refresh it while it is being computed."""
     st.fragment(_watch, run_every=BETWEEN_LOOKS_S if work.job.running else None)(work, drive, asked)
 
 
@@ -72,7 +72,7 @@ def _legends(work: DriveWork, drive: Drive) -> tuple[Legend, ...]:
     legends = disparity_legends(*work.kept.colours, VIRIDIS, drive.calibration)
     if work.watch is None or work.watch.largest is None or work.watch.settings.arrows:
         return legends
-    return *legends, wheel_legend("motion since the frame before", work.watch.largest)
+    return *legends, wheel_legend("motion since the previous frame", work.watch.largest)
 
 
 def _show_progress(work: DriveWork, drive: Drive, asked: Asked) -> None:
@@ -83,7 +83,7 @@ def _show_progress(work: DriveWork, drive: Drive, asked: Asked) -> None:
             known = state is not None and state.remaining_s == state.remaining_s
             rest = f", about {state.remaining_s:,.0f} s to go" if state and known else ""
             text = f"{done} of {total} frames{rest}"
-            ending = "Ends here; the frames that are done stay, and you can go on later."
+            ending = "Stops here; finished frames are kept, and you can go on later."
             show_busy(work.job, text, key=f"{KEY}.cancel", done=done / total, ending=ending)
             return
         with failures_answered(), suppress(CancelledError):
@@ -150,7 +150,7 @@ def _table(work: DriveWork) -> str:
 
 def _maps(work: DriveWork, drive: Drive) -> bytes:
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:  # PNGs do not get smaller
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:  # PNGs do not compress further
         for (number, method), data in sorted(work.kept.maps.items()):
             archive.writestr(f"{method}/{drive.sequence.names[number]}.png", data)
         archive.writestr("frames.csv", _table(work))

@@ -1,4 +1,4 @@
-"""Which methods compute the maps of a sequence, and over which range."""
+"""The settings of a sequence: the methods that compute its maps, and the range they search."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ MOTION_TITLE = "Optical flow"
 NO_MOTION, COLOURS, ARROWS = "off", "colours", "arrows"
 MOTIONS = {NO_MOTION: "Off", COLOURS: "Flow in colours", ARROWS: "Flow as arrows"}
 MOST = 256
-"""Px; the disparities that KITTI's PNG holds lie below."""
+"""Disparities stored in KITTI's PNG are below this, px."""
 FEWEST = 16
 USUAL_DISPARITIES = 64
-"""Searched where the range is not known."""
+"""Number of disparities searched if the range is unknown."""
 
 
 class Asked(NamedTuple):
-    """How the maps of a sequence are to be made: the methods by names that can be names of folders."""
+    """The settings for the maps of a sequence; the names of the methods are valid folder names."""
 
     matchers: dict[str, StereoMatcher]
     truth_in_video: bool = False
@@ -46,13 +46,13 @@ class Asked(NamedTuple):
 
     @property
     def titles(self) -> list[str]:
-        """Return the titles of the pictures of the video, in order."""
+        """Return the titles of the pictures in the video, in order."""
         more = [*([TRUTH_TITLE] if self.truth_in_video else []), *([MOTION_TITLE] if self.motion else [])]
         return ["Left image", *map(title_of, self.matchers), *more]
 
 
 def ask_methods(drive: Drive) -> Asked:
-    """Ask for the methods and for the range that each of them searches."""
+    """Ask for the methods and for the range that they search."""
     own = {f"own_{one.short_name}": one for one in matchers_in_use()}
     titles = OFFERED | {name: f"{one.title}, {FROM_DEPTH_PAGE}" for name, one in own.items()}
     with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
@@ -87,7 +87,7 @@ def ask_methods(drive: Drive) -> Asked:
 
 
 def _ask_range(drive: Drive) -> tuple[int, int]:
-    """Ask for the first disparity and how many, within those that the files of maps hold."""
+    """Ask for the first disparity and the number of disparities, within the limits of the map files."""
     lowest, needed = drive.range or (0, USUAL_DISPARITIES)
     first = st.number_input(
         "Smallest disparity, px",
@@ -97,7 +97,7 @@ def _ask_range(drive: Drive) -> tuple[int, int]:
         **persistent(f"{KEY}.first.{drive.digest}"),
         width=170,
     )
-    # Whole blocks of 16, as OpenCV's methods search, must fit too.
+    # OpenCV's methods search whole blocks of 16, which must fit too.
     most = (MOST - first) // FEWEST * FEWEST
     key = f"{KEY}.count.{drive.digest}"
     if st.session_state.get(key, most) > most:
@@ -109,21 +109,21 @@ def _ask_range(drive: Drive) -> tuple[int, int]:
         min(max(FEWEST, needed), most),
         FEWEST,
         **persistent(key),
-        help=f"The maps of a drive are kept as KITTI keeps them, which holds disparities up to {MOST} px.",
+        help=f"The maps of a drive are stored in KITTI’s format, which allows disparities up to {MOST} px.",
         width=170,
     )
     return first, count
 
 
 def _warn_of_range(drive: Drive) -> None:
-    """Say where the frames need disparities that the files of maps do not hold."""
+    """Warn if the frames need disparities that the map files cannot store."""
     if drive.range is None:
         return
     lowest, end = drive.range[0], sum(drive.range)
     if lowest < 0:
         prose.warning(
             f"In these frames disparities reach down to about {lowest} px; the maps of a drive begin at 0 px. "
-            "Rectify the frames so that infinity has no disparity, or take single frames to the depth page."
+            "Rectify the frames so that infinity has disparity 0, or take single frames to the depth page."
         )
     if end > MOST:
         prose.warning(
@@ -133,7 +133,7 @@ def _warn_of_range(drive: Drive) -> None:
 
 
 def _ask_motion(drive: Drive) -> SequenceMotion | None:
-    """Ask whether motion is to be shown, and how."""
+    """Ask whether and how to show motion."""
     shown = st.segmented_control(
         "Motion",
         [*MOTIONS],
@@ -141,17 +141,14 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
         format_func=MOTIONS.__getitem__,
         required=True,
         **persistent(f"{KEY}.motion"),
-        help="The optical flow since the frame before, by correlation in two dimensions; with a calibration our "
-        "own speed, too, and what moves against the world, outlined with its speed. It takes about a second a "
-        "frame.",
+        help="Optical flow since the previous frame, by correlation in two dimensions; with a calibration, also the "
+        "car’s own speed, and moving objects outlined with their speed. It takes about a second a frame.",
     )
     if shown == NO_MOTION:
         return None
     rate = drive.sequence.frame_rate
     if drive.calibration is None:
-        prose.caption(
-            "Speeds, and what moves against the world, need metres: give a calibration above.", width="content"
-        )
+        prose.caption("Speeds and moving objects need metres: give a calibration above.", width="content")
     else:
         rate = st.number_input(
             "Frames a second",
@@ -160,19 +157,19 @@ def _ask_motion(drive: Drive) -> SequenceMotion | None:
             float(rate),
             **persistent(f"{KEY}.rate.{drive.digest}"),
             width=170,
-            help="Of the camera. Speeds are as right as this number; pictures do not tell it, and 10 is assumed.",
+            help="Of the camera. Speeds are only as accurate as this number; image files lack it, and 10 is assumed.",
         )
     return SequenceMotion(arrows=shown == ARROWS, frame_rate=rate)
 
 
 def _ask_steadiness() -> Steadiness | None:
-    """Ask whether the frame before takes part in each map."""
+    """Ask whether the previous frame takes part in each map."""
     field = SequenceSettings.model_fields["steadiness"]
     wanted = st.toggle(str(field.title), help=field.description, **persistent(f"{KEY}.steadiness"))
     return Steadiness() if wanted else None
 
 
 def title_of(name: str) -> str:
-    """Return what a method is called above its maps."""
+    """Return the title of a method, shown above its maps."""
     by_name = {method.short_name: method.title for method in METHODS}
     return OFFERED.get(name) or by_name[name.removeprefix("own_")]

@@ -1,4 +1,4 @@
-"""The maps of a sequence, computed beside the page: begun, watched while they come, called off, and gone on with."""
+"""The maps of a sequence, computed in the background: started, watched as they arrive, cancelled and resumed."""
 
 from __future__ import annotations
 
@@ -23,33 +23,33 @@ from stereolag.ui.visits import this_visit
 
 WORK = f"{KEY}.work"
 FRAMES_AT_ONCE = 4
-"""Whose pictures and maps are in memory together."""
+"""Number of frames whose pictures and maps are in memory together."""
 EXAMPLES_KEPT = 2
-"""Of some 40 MB each."""
+"""Number of results for the example that are kept, some 40 MB each."""
 
 _examples: LRUCache[str, DriveWork] = LRUCache(EXAMPLES_KEPT)
-"""What was made of the example for one visitor, which the next sees at once."""
+"""Results for the example: computed for one visitor, shown to the next at once."""
 _examples_lock = threading.Lock()
 
 
 @dataclass(eq=False)
 class DriveWork:
-    """What was made of a sequence so far.
+    """The work on a sequence so far.
 
     Attributes
     ----------
     name
-        Tells the sequence and the settings from all others.
+        Identifies the sequence and the settings.
     watch
-        Tells what moves; None where that was not asked for.
+        Measures motion; None if that was not requested.
     kept, video
-        Maps, figures and pictures, as far as they are there; in memory, as all that a visitor uploads.
+        Maps, figures and pictures so far; in memory, like everything a visitor uploads.
     state
-        How far it is.
+        Progress; None before the first report.
     begun
-        How often it was begun.
+        Number of times it was started.
     job
-        What does it.
+        The job that does the work.
     """
 
     name: str
@@ -62,17 +62,17 @@ class DriveWork:
 
     @property
     def video_name(self) -> str:
-        """Return what tells the video from all others, 32 characters."""
+        """Return the name that identifies the video, 32 characters."""
         return hashlib.sha256(f"{self.name} {self.begun}".encode()).hexdigest()[:32]
 
     @property
     def computed(self) -> int:
-        """Return how many frames the pieces of the video hold."""
+        """Return the number of frames in the pieces of the video."""
         return self.video.collected
 
 
 def work_on(drive: Drive, asked: Asked) -> DriveWork:
-    """Return the work on a sequence with these settings; it begins where there is none, in place of any other."""
+    """Return the work on a sequence with these settings; start it if there is none, in place of any other."""
     settings = [f"{name} {matcher.model_dump_json()}" for name, matcher in asked.matchers.items()]
     job = map(repr, (drive.calibration, asked.truth_in_video, asked.motion, asked.steadiness))
     name = hashlib.sha256("\0".join([drive.digest, *job, *settings]).encode()).hexdigest()
@@ -95,7 +95,7 @@ def work_on(drive: Drive, asked: Asked) -> DriveWork:
 
 
 def go_on(work: DriveWork, drive: Drive, asked: Asked) -> None:
-    """Go on with work that was called off: what is finished is drawn again and not computed again."""
+    """Resume cancelled work: finished frames are drawn again, not computed again."""
     video = VideoPieces(drive.sequence.frame_rate)
     again = DriveWork(work.name, work.kept, video, work.watch, begun=work.begun + 1)
     _begin(again, drive, asked)
@@ -132,7 +132,7 @@ def _begin(work: DriveWork, drive: Drive, asked: Asked) -> None:
 
 
 def estimate(drive: Drive, asked: Asked) -> Estimate:
-    """Return what it takes to compute the maps of all frames."""
+    """Return the cost of computing the maps of all frames."""
     left = drive.first.left
     each = [matcher.estimate(left.shape, left.dtype) for matcher in asked.matchers.values()]
     if asked.motion is not None:

@@ -1,7 +1,7 @@
-"""The match of the window under the pointer: the window, the strip it is looked for in, and the score of every place.
+"""The match of the window under the pointer: the window, the strip searched for it, and the score of every position.
 
 It follows the crosshair of :func:`stereolag.ui.linked_pictures.linked_pictures` in the browser, where the scores are
-computed too (``scoring.js``); nothing is asked of the server.
+computed too (``scoring.js``), without any request to the server.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from stereolag.ui.pairs import StereoPair
 HERE = Path(__file__).parent
 
 LARGEST_PIXELS = 6_000_000
-"""Pixels of an image up to which the pair is sent to the browser: some megabytes."""
+"""Largest image whose pair is sent to the browser, pixels; that is some megabytes."""
 
 MOST_PRODUCTS = 30_000_000
-"""Products of pixels a window that the browser sums up within a frame or two."""
+"""Products of pixels per window that the browser can sum within a frame or two."""
 
 
-# The pair travels alone: what changes with a click is then some bytes, and Streamlit keeps the pair in the browser.
+# The pair is a separate component, which Streamlit keeps in the browser: a click then sends only some bytes.
 _pair = st.components.v2.component("stereolag.grey_pair", js=source("pair.js", folder=HERE))
 _panel = st.components.v2.component(
     "stereolag.hovered_match",
@@ -49,16 +49,16 @@ def can_follow(pair: StereoPair, matcher: CorrelationMatcher) -> bool:
 
 
 def hovered_match(pair: StereoPair, matcher: CorrelationMatcher, pixel: tuple[int, int], *, pictures: str) -> None:
-    """Show the match of the window under the crosshair of some linked pictures, and of a pixel while there is none.
+    """Show the match of the window under the crosshair of linked pictures, or at `pixel` while there is none.
 
     Parameters
     ----------
     pair, matcher
-        What is matched, and how; see :func:`can_follow`.
+        The pair and its matcher; see :func:`can_follow`.
     pixel
         (row, col) in the left image.
     pictures
-        The key of the linked pictures, the left image first and then the right one.
+        Key of the linked pictures, the left image first, then the right one.
     """
     settings = browser_settings(matcher, pair.left, pair.right)
     with st.container(gap=None):
@@ -87,7 +87,7 @@ def hovered_match(pair: StereoPair, matcher: CorrelationMatcher, pixel: tuple[in
 
 
 def browser_settings(matcher: CorrelationMatcher, left: Image, right: Image) -> dict[str, object]:
-    """Return what ``scoring.js`` needs to know of a matcher and of the constants of its explanation."""
+    """Return the settings of a matcher and the constants of its explanation that ``scoring.js`` needs."""
     size = matcher.window_size
     tried = matcher.query(as_grey(left), as_grey(right)).lags
     return {

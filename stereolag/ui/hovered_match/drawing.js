@@ -1,4 +1,4 @@
-// The panel beside the pictures: the window, the strip of the right image it is looked for in, and the score of every place.
+// The panel beside the pictures: the window, the strip of the right image searched for it, and the score at every lag.
 
 const SVG = "http://www.w3.org/2000/svg";
 const STRIP_PX = [28, 64];
@@ -19,7 +19,7 @@ function cut(canvas, image, x, y, width, height) {
   canvas.getContext("2d").drawImage(image, x, y, width, height, 0, 0, width, height);
 }
 
-// Every place worth a frame, the most important last: {name, colour, dy, dx, score}.
+// The places to frame, the most important last: {name, colour, dy, dx, score}.
 function places(seen, truth, settings) {
   const named = (name, lag) => (lag ? [{ name: settings.words[name], colour: settings.colours[name], ...lag }] : []);
   const { dx_first: first, dx_last: last, dy_first: up, dy_last: down } = seen.asked;
@@ -50,7 +50,7 @@ function drawStrip(parts, seen, found, pair) {
     drawn(parts.frames, "rect", { ...box, class: "halo" });
     drawn(parts.frames, "rect", { ...box, class: "frame", stroke: colour });
   }
-  // Where the middle of the window comes to lie, so that the curve stands under the strip.
+  // Maps a lag to the middle of the window, so that the curve lines up with the strip above it.
   return (dx) => (dx - asked.dx_first + size / 2) * scale;
 }
 
@@ -101,7 +101,7 @@ function niceStep(atLeast) {
   return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= atLeast) ?? 10 * power;
 }
 
-// Every score of a search in both directions, far to the right as along the strip.
+// Draws all scores of a search in both directions, dx to the right as along the strip.
 function drawFromAbove(parts, seen, found, settings) {
   const canvas = parts.above;
   canvas.parentElement.hidden = seen.rows === 1;

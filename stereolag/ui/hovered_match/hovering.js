@@ -1,4 +1,4 @@
-// Follows the crosshair of the pictures and explains the window under it, with nothing asked of the server.
+// Follows the crosshair of the pictures and explains the window under it, without server requests.
 
 export default function (component) {
   return shown(Panel, component);
@@ -49,7 +49,7 @@ class Panel {
     this.schedule();
   }
 
-  // Once a frame at most, however many times the pointer moves.
+  // At most once per frame, however often the pointer moves.
   schedule() {
     this.waiting ??= requestAnimationFrame(() => {
       this.waiting = undefined;
@@ -59,7 +59,7 @@ class Panel {
 
   draw() {
     const pair = window.stereolagPairs?.get(this.settings.pictures);
-    // What is on the page for a moment while a new pair is on its way belongs to the one before.
+    // While a new pair is on its way, the previous one is still on the page for a moment.
     if (!pair || pair.digest !== this.settings.digest || !this.root.clientWidth) return;
     const { row, col } = this.at ?? this.settings.pixel;
     if (row >= pair.rows || col >= pair.cols) return;

@@ -1,10 +1,10 @@
-// Both images of a pair in grey, and its ground truth, for whoever follows the pointer over it.
-// They travel alone: what changes with a setting or a click is then some bytes, and the images are kept.
+// Both images of a pair in grey and its ground truth, for the panel that follows the pointer.
+// They are sent separately: a changed setting or a click then costs a few bytes, and the images are kept.
 
 const TRUTH_SCALE = 64;
 const TRUTH_ZERO = 512;
 
-// The red and green of a PNG's pixels, untouched by any colour management.
+// The red and green of a PNG's pixels, without colour management.
 async function planes(bytes) {
   const image = await createImageBitmap(new Blob([bytes], { type: "image/png" }), { colorSpaceConversion: "none" });
   const canvas = new OffscreenCanvas(image.width, image.height);

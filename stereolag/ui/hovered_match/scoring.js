@@ -1,9 +1,9 @@
-// The scores of one window and what they show: stereolag.explaining.match.explain_match in the browser.
+// The scores of one window and their interpretation: stereolag.explaining.match.explain_match in the browser.
 // Lags are displacements, right minus left, px; a lag range has the fields dy_first, dy_last, dx_first and dx_last.
 
-const FLAT = 0.25; // energy about the mean up to which a window of whole numbers is flat
+const FLAT = 0.25; // a window of whole numbers is flat up to this energy about its mean
 
-// {top, start, rows, cols, dy, dx, scores, peak, runnerUp, kind, …}; `scores` row after row of the lags asked for.
+// {top, start, rows, cols, dy, dx, scores, peak, runnerUp, kind, …}; `scores` contains the lags of `asked`, row by row.
 function explained(pair, settings, row, col) {
   const { window_size: size, step, tried, asked } = settings;
   const startOf = (at, end) =>
@@ -93,7 +93,7 @@ function scored(score, product, window, total, square, size) {
   return Math.fround(Math.min(Math.max(shared / Math.sqrt(own * energy), -1), 1));
 }
 
-// The lag of the highest score, of equal ones the shortest.
+// The lag of the highest score; of equal ones, the shortest.
 function highest(scores, lags) {
   const cols = lags.dx_last - lags.dx_first + 1;
   let best = null;
@@ -114,7 +114,7 @@ function touchesFrame(pair, { top, start, size, rows, peak }) {
   return x === 0 || x === pair.cols - size || (rows > 1 && (y === 0 || y === pair.rows - size));
 }
 
-// The lowest score on the best way from the peak to every place; what lies higher above it is another hill.
+// The lowest score on the best path from the peak to each lag; a lag that scores well above it is on another hill.
 function passes(scores, rows, cols, peak, wrapped) {
   const reached = new Float64Array(scores.length).fill(-Infinity);
   reached[peak] = scores[peak];

@@ -1,4 +1,4 @@
-"""All methods on one pair of recordings, and how long one of them takes in run after run."""
+"""All methods compared on one pair of recordings, and the run times of one method."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ from stereolag.ui.states import show_refused
 T = TypeVar("T")
 
 LONGEST_S = 60.0
-"""A method that is expected to take longer is left out of the table."""
+"""Methods expected to take longer are left out of the table."""
 
 RUNS = (10, 200, 50)
-"""The fewest, the most, and how many at first."""
+"""Minimum, maximum and default number of runs."""
 
 
 @dataclass(frozen=True, eq=False)
 class MethodLags:
-    """What each method gave; those left out are missing."""
+    """The result of each method; methods left out are missing."""
 
     lags: dict[SignalMethod, SignalLag]
 
 
 @dataclass(frozen=True, eq=False)
 class RunTimes:
-    """Seconds that each run took, (runs,) float64."""
+    """Time of each run, seconds, (runs,) float64."""
 
     seconds: npt.NDArray[np.float64]
 
 
 def compare_methods(pair: RecordingPair, search: LagSearch) -> None:
-    """Offer to run every method on the recordings, and one of them many times."""
+    """Offer to run every method on the recordings, and the selected one many times."""
     with st.expander("All four methods, and run times"):
         left, right = st.columns(2, gap="large")
         with left:
@@ -85,7 +85,7 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
 
 
 def _table(found: MethodLags, estimates: dict[SignalMethod, Estimate]) -> dict[str, list[str]]:
-    """Return the columns of the table, as they are shown."""
+    """Return the columns of the table, formatted for display."""
     rows = []
     for method, estimate in estimates.items():
         result = found.lags.get(method)

@@ -1,4 +1,4 @@
-"""Why correlation finds a lag: things to move, and one sentence for each."""
+"""Why correlation finds a lag: interactive panels, and a short summary."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ IN_A_SENTENCE = """
 - **Why the peak stands where it does.** There, every sample meets itself and the products add up, while anywhere
   else ups meet downs and cancel.
 - **Why a tone has many peaks.** It meets itself again after every period, so all those lags fit equally well.
-- **Why noise has none.** Two unrelated recordings agree in sign half of the time at every lag: the sum stays within
-  the grey ribbon, and its highest point is chance.
+- **Why noise has none.** Two unrelated recordings agree in sign half the time at every lag: the sum stays within
+  the grey band, and its highest point is chance.
 """
 
 
 def see_why(pair: RecordingPair, result: SignalLag | None, search: LagSearch | None) -> None:
-    """Show what can be slid, dragged and disturbed by hand, all in the browser.
+    """Show the panels in which recordings are slid, disturbed and turned by hand, all in the browser.
 
     Parameters
     ----------
     pair
         The recordings on the page.
     result, search
-        Of these; None where there is none yet.
+        Their result and its settings; None before the first measurement.
     """
     prose.header("See why", anchor="see-why")
     slide, disturb, arrows, metres = st.tabs(

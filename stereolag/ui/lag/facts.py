@@ -1,4 +1,4 @@
-"""What is known about a visitor's own recordings, and how large their files may be, in words."""
+"""Sentences on a visitor's own recordings, and on the size limits of their files."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from stereolag.searches import LagSearch
 
 
 def own_facts(recordings: Sequence[Recording], channels: Sequence[int], counts: Sequence[int]) -> str:
-    """Return a line for each of two recordings, as Markdown.
+    """Return one line of facts for each recording, as Markdown.
 
     Parameters
     ----------
     recordings
-        Of one channel each, at one rate where their files state any.
+        One channel each, at a common rate if their files state any.
     channels, counts
-        Which channel of its file each is, from 1, and of how many.
+        Number of each channel in its file, from 1, and how many channels the file has.
     """
     stated = next((one.sampling_rate for one in recordings if one.sampling_rate), None)
     lines = [

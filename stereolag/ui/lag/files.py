@@ -1,4 +1,4 @@
-"""Take it away: a lag as files, and both recordings heard together before and after it is undone."""
+"""Take it away: a lag as files, and both recordings played together before and after alignment."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ KEY = "lag.take"
 NAMES = ("recording_1.npy", "recording_2.npy")
 
 CURVE_LAGS = 1_000_000
-"""In the file of a curve, at the most: a spreadsheet holds 1,048,576 lines."""
+"""Most lags in a curve file: a spreadsheet has at most 1,048,576 rows."""
 
 ECHO_S = 0.03
-"""Sounds less than that apart are heard as one (Haas, 1951)."""
+"""Seconds; sounds closer together are heard as one (Haas, 1951)."""
 
 BYTES_OF_A_SAMPLE, BYTES_OF_A_LAG = 32, 256
-"""While the ZIP is made: the recordings, both aligned, and the curve as numbers and text."""
+"""Memory while the ZIP is made: the recordings, both aligned, and the curve as numbers and text."""
 
 BYTES_OF_ALIGNED = 10
-"""Of one sample of both while the WAV grows."""
+"""Memory per stereo sample while the WAV is written."""
 
 
 def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
-    """Let both recordings be heard together, and offer the files of a lag."""
+    """Play both recordings together, and offer the files of a lag."""
     both = st.expander("Hear both together", icon=":material/hearing:", key="lag.both", on_change="rerun")
     if both.open:
         with both:
@@ -59,7 +59,7 @@ def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) ->
 
 
 def lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> list[File]:
-    """Return the files of a lag, in the order in which they are offered."""
+    """Return the files of a lag, in the order they are offered."""
     rate, first, second = search.sampling_rate, pair.signal_1, pair.signal_2
     votes = result.lags is None
     many = result.lags is not None and len(result.lags) > CURVE_LAGS
@@ -103,13 +103,13 @@ def _wav_refusal(pair: RecordingPair, result: SignalLag, sampling_rate: float) -
 
 
 def heard_in_words(result: SignalLag) -> str:
-    """Return what is to be heard of both recordings together, before and after the lag is undone."""
+    """Return how both recordings sound together, before and after the lag is undone."""
     if result.verdict != "sure":
-        return f"No lag is sure here. Undone is the one that fits best, {result.lag:,} samples."
+        return f"No lag is sure here. The best-fitting lag, {result.lag:,} samples, is undone."
     if result.lag == 0:
         return "The lag is 0: there is nothing to undo."
     if abs(result.time_s) < ECHO_S:
-        return f"Only a lag above some {ECHO_S:g} s is heard as an echo. A shorter one changes the colour of the sound."
+        return f"Only a lag above about {ECHO_S:g} s is heard as an echo. A shorter one colours the sound."
     return "As recorded, each sound comes twice, like an echo. With the lag undone it comes once."
 
 
@@ -128,5 +128,5 @@ def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float) -> 
             player(sound, sampling_rate, f"both, {name}")
     said = heard_in_words(result)
     if aligned_length(pair.signal_1.size, pair.signal_2.size, result.lag) > most:
-        said += f" Of the recordings, {LONGEST_S} s are played, from where both have begun."
+        said += f" Only {LONGEST_S} s are played, from where both recordings have begun."
     prose.caption(said)

@@ -1,4 +1,4 @@
-"""The lag that was found: whether it can be relied on, its numbers, and its curve."""
+"""Report on a lag: its verdict, its numbers and its curve."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FAIR, PLAIN = "Fair to short overlaps", "Plain Pearson"
 
 
 def show_verdict(result: SignalLag, search: LagSearch) -> None:
-    """Say whether there is a lag, and which; in numbers too, metres only where it is sure."""
+    """Show the verdict and the lag in words and numbers; metres only if the lag is sure."""
     prose.header(verdict_in_words(result), anchor=False)
     announce(verdict_in_words(result))
     for sentence in verdict_explained(result, search.sampling_rate, search.speed):
@@ -35,7 +35,7 @@ def _sure(result: SignalLag) -> tuple[Number, ...]:
         Number(
             "Path difference",
             f"{result.distance_m:,.2f} m",
-            "Time × speed of the wave. The sensors stand so far apart if the source lies in line with them, otherwise "
+            "Time × speed of the wave. The sensors are this far apart if the source is in line with them, otherwise "
             "farther.",
         ),
     )
@@ -54,15 +54,15 @@ def _always(result: SignalLag) -> tuple[Number, ...]:
             Number(
                 "Above chance",
                 f"{result.judgement.evidence:.1f} σ",
-                "Agreement of the whitened recordings, in standard deviations of chance. With so many lags tried, "
-                f"{result.judgement.needed:.1f} σ convince.",
+                "Agreement of the whitened recordings, in standard deviations of chance. For this many lags, "
+                f"{result.judgement.needed:.1f} σ are needed.",
             )
         )
-    return (*numbers, Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."))
+    return (*numbers, Number("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."))
 
 
 def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
-    """Show where the recordings agree, with what chance gives, and how the lag changes over time."""
+    """Show the correlation curve with the range expected by chance."""
     prose.markdown("### Where the recordings agree")
     sizes, title = None, CURVES[search.method]
     if search.method in ("fft", "direct"):
@@ -78,7 +78,7 @@ def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> Non
 
 
 def show_drift(result: SignalLag, search: LagSearch) -> None:
-    """Show the lag of block after block, where it can be told."""
+    """Show the lag of each block over time, if it could be measured."""
     drift = result.judgement.drift if result.judgement else None
     if drift is None:
         return
@@ -87,5 +87,5 @@ def show_drift(result: SignalLag, search: LagSearch) -> None:
         st.plotly_chart(over_time, key="lag_over_time", alt=drift_in_words(drift))
         prose.caption(
             f"Each dot is one block of the recordings. The line rises by {drift.ppm:+.1f} ± {drift.error_ppm:.1g} ppm: "
-            + ("the clocks of the recorders differ." if drift.shows else "the clocks agree within what can be told.")
+            + ("the clocks of the recorders differ." if drift.shows else "the clocks agree within the error.")
         )

@@ -1,4 +1,4 @@
-"""Lags in words: metres only where a lag is sure, otherwise why none can be named."""
+"""Lags in words: metres only if a lag is sure, otherwise why none can be given."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from stereolag.signals import SignalLag
 from stereolag.ui.sentences import length
 
 LEAST_SPREAD = 0.01
-"""Samples: nobody needs to know how much less a lag varies."""
+"""Samples; a smaller spread is reported as less than this."""
 
 
 def lag_in_words(result: SignalLag) -> str:
-    """Return who hears it when, and by how much the sound's paths to the sensors differ."""
+    """Return which sensor hears the sound later, by how much, and the path difference."""
     if result.lag == 0:
         return "Both sensors hear it **at the same time**: neither is nearer to it."
     later, earlier = (2, 1) if result.lag > 0 else (1, 2)
@@ -19,7 +19,7 @@ def lag_in_words(result: SignalLag) -> str:
 
 
 def verdict_in_words(result: SignalLag) -> str:
-    """Return the lag where it is sure, otherwise why none can be named."""
+    """Return the lag if it is sure, otherwise why none can be given."""
     judgement = result.judgement
     if judgement is None or judgement.verdict == "sure":
         return lag_in_words(result)
@@ -32,7 +32,7 @@ def verdict_in_words(result: SignalLag) -> str:
 
 
 _NOTHING_WORDS = {
-    "chance": "Nothing in common found: the highest point is what chance gives.",
+    "chance": "Nothing in common found: the highest point is at chance level.",
     "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
     "few_votes": "Nothing in common found: hardly two samples vote for the same lag.",
     "opposite_sign": "Nothing in common found, but **the opposite sign fits**: one microphone is reversed.",
@@ -40,7 +40,7 @@ _NOTHING_WORDS = {
 
 
 def verdict_explained(result: SignalLag, sampling_rate: float, speed: float) -> list[str]:
-    """Return what else is to be said of the verdict: rivals, drift, uncertainty, a reversed microphone, advice."""
+    """Return the details of a verdict: rivals, drift, uncertainty, a reversed microphone, advice."""
     judgement = result.judgement
     if judgement is None:
         return []
@@ -59,7 +59,7 @@ def verdict_explained(result: SignalLag, sampling_rate: float, speed: float) -> 
         )
     if judgement.opposite_lag is not None:
         said.append(
-            f"With its sign turned, recording 2 fits at {judgement.opposite_lag:,} samples: swap the wires of one "
+            f"With its sign reversed, recording 2 fits at {judgement.opposite_lag:,} samples: swap the wires of one "
             "microphone, or negate one file."
         )
     elif judgement.verdict == "ambiguous":
@@ -89,11 +89,11 @@ def _samples(spacing: float) -> str:
 
 
 RIBBON_EXPLAINED = {
-    "fair": "Grey: the heights that chance gives. The curve is Pearson’s correlation times √(overlap ÷ longest "
-    "overlap): 0.5 of many samples counts more than 0.9 of ten. The score above is the plain one at the peak.",
-    "plain": "Grey: the heights that chance gives, wider toward the ends, where few samples overlap. The curve is "
-    "plain Pearson there, too: it swings to ±1 between two or three samples, which says nothing.",
-    "phat": "Grey: the heights that chance gives. Every frequency counts the same, whatever its loudness: the peak is "
+    "fair": "Grey: chance level. The curve is Pearson’s correlation times √(overlap ÷ longest "
+    "overlap): 0.5 over many samples counts more than 0.9 over ten. The score above is the plain one at the peak.",
+    "plain": "Grey: chance level, wider toward the ends, where few samples overlap. The curve is "
+    "plain Pearson even there: over two or three samples it swings to ±1, which means nothing.",
+    "phat": "Grey: chance level. Every frequency counts the same, whatever its loudness: the peak is "
     "the share of them that agrees on the lag, so it is lower than the score.",
 }
-"""What the curve shows, for each way to draw it."""
+"""Caption of the curve for each way to draw it."""

@@ -1,6 +1,6 @@
-"""Pictures of one scene with one crosshair across all: zoomed together, read under the cursor, clicked on.
+"""Pictures of one scene with a common crosshair: zoomed together, read under the pointer, clickable.
 
-All that follows the pointer happens in the browser (the scripts beside this file); only a click comes back.
+Everything that follows the pointer happens in the browser (the scripts beside this file); only a click comes back.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ HERE = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Mark:
-    """Something drawn over the pictures, px of the picture: a point, a frame, or a line to another point.
+    """A mark drawn over the pictures, px of the picture: a point, a frame, or a line to another point.
 
     Attributes
     ----------
     row, col
         The pixel of a point or of the start of a line, or the top-left pixel of a frame.
     colour
-        As CSS writes it.
+        CSS colour.
     label
-        Written beside it.
+        Text beside it.
     height, width
         The size of a frame.
     to
         (row, col) of the pixel where a line ends.
     dashed, filled
-        Whether its line is dashed, and a frame tinted inside.
+        Whether its line is dashed, and whether a frame is tinted inside.
     pictures
-        The numbers of the pictures it is drawn on; none means all.
+        Indices of the pictures it is drawn on; empty means all.
     """
 
     row: int
@@ -53,7 +53,7 @@ class Mark:
 
 
 def source(*names: str, folder: Path = HERE) -> str:
-    """Return the texts of files of a component, one behind the other."""
+    """Return the concatenated texts of the files of a component."""
     return "\n".join((folder / name).read_text(encoding="utf-8") for name in names)
 
 
@@ -73,7 +73,7 @@ _viewer = st.components.v2.component(
         "gestures.js",
     ),
 )
-# Each picture travels alone, and so do the marks: Streamlit finds those that did not change, and does not send them.
+# Each picture is a separate component, and so are the marks: Streamlit sends only those that changed.
 _picture = st.components.v2.component("stereolag.picture", js=source("picture.js"))
 _marks = st.components.v2.component("stereolag.marks", js=source("marks.js"))
 _outlines = st.components.v2.component("stereolag.outlines", js=source("outlines.js"))
@@ -83,9 +83,9 @@ NOTHING_SENT: Mapping[str, PackedPicture] = MappingProxyType({})
 
 
 def send_picture(pack: PackedPicture, title: str, *, key: str) -> None:
-    """Send the pixels and readings of one of the pictures of :func:`linked_pictures`, ahead of all that is said of it.
+    """Send the pixels and readings of one picture of :func:`linked_pictures`, ahead of everything else about it.
 
-    In the browser it takes the place of the picture of this title that is shown.
+    In the browser it replaces the picture shown with this title.
     """
     _picture(key=f"{key}.picture.{title}", data=pack.data)
 
@@ -108,24 +108,23 @@ def linked_pictures(
     Parameters
     ----------
     pictures, legends
-        What is shown, and what its colours mean.
+        The pictures, and the legends of their colours.
     key
-        Of the component.
+        Key of the component.
     colours
-        Of the pictures that have no pixels of their own, and the outlines over these.
+        Colours of the pictures that have no pixels of their own, and the outlines over these.
     columns
-        How many stand side by side where there is room.
+        Number of pictures side by side, if there is room.
     hint
-        A sentence below them, before the one that says how to move about.
+        Sentence below the pictures, before the one on zooming and moving.
     marks
-        What is drawn over the pictures; the readings stand at the last point while no pointer is over them.
+        Marks drawn over the pictures; while no pointer is over them, the readings are those of the last point.
     on_pick
-        Called with the row and column of the pixel that was clicked, before the fragment runs again; without it a
-        click does nothing.
+        Called with the row and column of the clicked pixel, before the fragment reruns; without it clicks do nothing.
     pack
-        Packs a picture, for whoever remembers those that were packed before.
+        Packs a picture; callers may pass a function that remembers the pictures it packed.
     sent
-        Pictures that :func:`send_picture` sent already in this run, by their titles.
+        Pictures that :func:`send_picture` already sent in this run, by title.
     """
 
     def picked() -> None:

@@ -1,4 +1,4 @@
-// Pictures, marks, and numbers as they are read.
+// Pictures, marks, and the text of readings.
 
 const SVG = "http://www.w3.org/2000/svg";
 const LOADING_MS = 10_000;
@@ -22,7 +22,7 @@ function numbers(value, { label, unit, digits, depth }) {
   return texts;
 }
 
-// As many decimals as the error leaves sure, and one more.
+// As many decimals as the error leaves certain, and one more.
 function metric(metres, error, unit) {
   return shortened(metres, clamp(1 - Math.floor(Math.log10(error)), 0, 4), unit);
 }
@@ -33,7 +33,7 @@ function picture(described, { image, readings }, colours) {
   return { ...described, image, readings: read, colours, seen };
 }
 
-// What is seen of a picture: one of its own for every place it is shown at.
+// The element that shows a picture; each place it is shown at needs its own.
 function surface(one) {
   const made = element(one.image ? "img" : "canvas");
   if (one.image) made.draggable = false;
@@ -42,7 +42,7 @@ function surface(one) {
   return made;
 }
 
-// Shows on a surface what is seen of a picture now, unless it shows that already.
+// Draws a picture on a surface, unless the surface already shows it in the same colours.
 function fill(made, { title, alternative, image, readings, colours, seen }) {
   made.setAttribute(image ? "alt" : "aria-label", alternative ? `${title}: ${alternative}` : title);
   if (made.seen === seen) return;
@@ -51,7 +51,7 @@ function fill(made, { title, alternative, image, readings, colours, seen }) {
   else paint(made, readings[0], colours);
 }
 
-// An element that was given the picture a moment ago may still be loading it.
+// An element that has just been given the picture may still be loading it.
 function forget({ image }) {
   if (image) setTimeout(() => URL.revokeObjectURL(image.src), LOADING_MS);
 }

@@ -1,4 +1,4 @@
-// What a visitor does with the pictures: pointer, wheel, keys and buttons.
+// A visitor's input to the pictures: pointer, wheel, keys and buttons.
 
 const DRAG_PX = 4;
 const DOUBLE_CLICK_MS = 300;
@@ -52,7 +52,7 @@ class HandledPictures extends LinkedPictures {
     });
   }
 
-  // By place: while the pointer is captured the target of every event is the stage.
+  // By position: while the pointer is captured, the target of every event is the stage.
   cellOf({ clientX, clientY }) {
     return this.cells?.find((cell) => {
       const box = cell.viewport.getBoundingClientRect();
@@ -60,7 +60,7 @@ class HandledPictures extends LinkedPictures {
     });
   }
 
-  // The pixel under the pointer, and where in the view it lies, 0..1.
+  // The pixel under the pointer, and the pointer's position in the view, 0..1.
   place(event, cell) {
     const box = cell.viewport.getBoundingClientRect();
     const { rows, cols } = this.header;
@@ -110,7 +110,7 @@ class HandledPictures extends LinkedPictures {
   release(event) {
     const held = this.held;
     this.forget(event);
-    // The second click of a double click, which resets the zoom, picks nothing more.
+    // The second click of a double click resets the zoom and must not pick again.
     const again = event.timeStamp - (this.lastPick ?? -1e9) < DOUBLE_CLICK_MS;
     if (!held || held.moved || !this.pictures[held.cell.indices[0]].pickable || again) return;
     this.lastPick = event.timeStamp;
@@ -126,7 +126,7 @@ class HandledPictures extends LinkedPictures {
 
   roll(event) {
     const cell = this.cellOf(event);
-    // A page is scrolled past pictures that nobody has clicked on, and past whole ones when rolling on outwards.
+    // The wheel is left to the page unless the pictures have been clicked on, and when zooming out from whole pictures.
     const meant = event.ctrlKey || event.metaKey || this.stage.getRootNode().activeElement === this.stage;
     if (!cell || !meant || (event.deltaY > 0 && this.zoom === 1 && !event.ctrlKey)) return;
     event.preventDefault();
@@ -152,7 +152,7 @@ class HandledPictures extends LinkedPictures {
     event.preventDefault();
   }
 
-  // Moves what is zoomed along with a pixel that would leave the view.
+  // Moves the zoomed view so that a pixel stays inside it.
   keepInView({ row, col }) {
     const { rows, cols } = this.header;
     this.x = clamp(this.x, col + 1 - cols / this.zoom, col);

@@ -1,4 +1,4 @@
-// Elements, and what the colours of a picture mean.
+// Elements, and the legend of a picture's colours.
 
 function element(tag, className, ...children) {
   const made = document.createElement(tag);

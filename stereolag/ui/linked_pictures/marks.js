@@ -1,4 +1,4 @@
-// Hands marks to the pictures they belong to, whichever of the two is on the page first.
+// Passes marks to the pictures they belong to, whichever of the two is on the page first.
 export default function ({ data }) {
   const waiting = (window.stereolagMarks ??= new Map());
   waiting.set(data.name, data.marks);

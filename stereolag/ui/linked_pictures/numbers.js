@@ -1,6 +1,6 @@
-// Numbers as they are read, as stereolag/typography.py sets them.
+// Number formatting, as in stereolag/typography.py.
 
-// Thousands apart, a true minus sign but none before zero, "–" for none, and a unit that no line break parts from it.
+// Thousands separators, a true minus sign but none before zero, "–" for NaN, and a no-break space before the unit.
 function shortened(number, digits = 0, unit = "") {
   if (Number.isNaN(number)) return "–";
   const text = number.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits });

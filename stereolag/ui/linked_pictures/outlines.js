@@ -1,4 +1,4 @@
-// Hands outlines to the maps they lie over, whichever of the two is on the page first; they go when this goes.
+// Passes outlines to the maps below them, whichever of the two is on the page first; removed with this component.
 export default function ({ data }) {
   const outlines = (window.stereolagOutlines ??= new Map());
   const hand = (path) => {

@@ -1,7 +1,7 @@
-// Outlines over maps: thin lines at every zoom, a light one on a dark one, so that they are seen on every colour.
-// They are a layer of their own: a crosshair that moves over them does not draw them anew.
+// Outlines over maps: lines that are thin at every zoom, light on dark, so that they are visible on every colour.
+// They are a separate layer, so that a moving crosshair does not redraw them.
 
-// Lays a path, px of the picture, over what a layer shows, or takes it away; `view` is the viewBox of the zoom.
+// Draws a path, px of the picture, over a layer, or removes it if empty; `view` is the viewBox of the zoom.
 function outline(layer, path, view) {
   let svg = layer.querySelector(".outlines");
   if (!path) return svg?.remove();

@@ -1,5 +1,5 @@
-// Keeps the bytes of a picture for the viewer that shows it, whichever of the two is on the page first: by digest,
-// which stands before them.
+// Stores the bytes of a picture for its viewer, whichever of the two is on the page first. The key is the digest that
+// precedes them.
 const DIGEST = 64;
 const held = new WeakMap();
 

@@ -1,4 +1,4 @@
-// Pictures of one scene: one crosshair across all, zoomed and moved together, read under the cursor, clicked on.
+// Pictures of one scene with a common crosshair: zoomed and moved together, read under the cursor, clickable.
 // Rows and columns are those of the whole picture, whatever share of its pixels was sent.
 
 const CLOSEST_PX = 12;
@@ -40,7 +40,7 @@ class LinkedPictures {
     this.contents.forEach(forget);
   }
 
-  // Shows what `data` describes as soon as all of its pictures are there.
+  // Shows the pictures that `data` describes as soon as all have arrived.
   async load(data) {
     this.data = data;
     if (!data || data === this.header) return;
@@ -69,7 +69,7 @@ class LinkedPictures {
     return this.contents.get(digest);
   }
 
-  // Shows a map that took the place of another at once; what is said of it follows with the next `load`.
+  // Shows a map that replaces another at once; its description follows with the next `load`.
   renew({ digest, before }) {
     const index = this.pictures?.findIndex((one) => one.digest === before && !one.image) ?? -1;
     if (index < 0 || this.content(digest).image) return;
@@ -82,7 +82,7 @@ class LinkedPictures {
     this.draw();
   }
 
-  // Lays the pictures out, unless they stand as they should.
+  // Lays the pictures out, unless the layout is unchanged.
   build() {
     if (this.layout() !== this.laidOut) this.layOut();
     this.laidOut = this.layout();
@@ -92,7 +92,7 @@ class LinkedPictures {
     this.refresh();
   }
 
-  // All that decides which places there are.
+  // Everything that determines the layout, as text.
   layout() {
     const { rows, cols, columns } = this.header;
     const places = this.pictures.map((one) => [one.title, one.thumbnail, this.isLarge(one), !one.image, one.figures.length]);
@@ -122,7 +122,7 @@ class LinkedPictures {
     this.find(".thumbnails").replaceChildren(...this.thumbnails.map((index) => this.thumbnail(this.pictures[index])));
   }
 
-  // Shows the pictures and their figures of now in the places where they stand.
+  // Updates the pictures and their figures in the present layout.
   refresh() {
     this.pictures.forEach((_, index) => this.show(index));
     for (const { indices, figures: below } of this.cells) {
@@ -131,7 +131,7 @@ class LinkedPictures {
     this.draw();
   }
 
-  // Shows one picture wherever it stands.
+  // Updates one picture wherever it is shown.
   show(index) {
     for (const { indices, layers } of this.cells) {
       layers.forEach((layer, side) => indices[side] === index && fill(layer.firstChild, this.pictures[index]));
@@ -158,10 +158,10 @@ class LinkedPictures {
     return !one.thumbnail || this.enlarged.has(one.title);
   }
 
-  // A small picture that joins the large ones when it is clicked, and leaves them again.
+  // A small picture; a click adds it to the large ones or removes it from them.
   thumbnail(one) {
     const title = element("span", "", one.title);
-    title.setAttribute("aria-hidden", true); // the picture says it too
+    title.setAttribute("aria-hidden", true); // the picture has the same label
     const button = element("button", "", surface(one), title);
     const large = this.isLarge(one);
     Object.assign(button, { type: "button", title: large ? "Make it small again" : "Enlarge" });
@@ -170,7 +170,7 @@ class LinkedPictures {
       if (!this.enlarged.delete(one.title)) this.enlarged.add(one.title);
       const place = [...button.parentElement.children].indexOf(button);
       this.build();
-      this.find(".thumbnails").children[place]?.focus({ preventScroll: true }); // this one is drawn anew
+      this.find(".thumbnails").children[place]?.focus({ preventScroll: true }); // the button was replaced
     });
     return button;
   }
@@ -227,7 +227,7 @@ class LinkedPictures {
     }
   }
 
-  // For whoever follows the crosshair: {row, col}, or null where there is none.
+  // Announces the position of the crosshair: {row, col}, or null without one.
   tell(at) {
     window.dispatchEvent(new CustomEvent("stereolag-crosshair", { detail: { name: this.header.name, at } }));
   }
@@ -252,7 +252,7 @@ class LinkedPictures {
     });
   }
 
-  // Zoom so that the pixel at the share (u, v) of the view stays where it is; a factor of 0 shows the whole picture.
+  // Zooms about the point (u, v) of the view, each 0..1, which stays fixed; a factor of 0 shows the whole picture.
   zoomBy(factor, u = 0.5, v = 0.5) {
     const { rows, cols } = this.header;
     const zoom = clamp(this.zoom * factor, 1, Math.max(1, cols / CLOSEST_PX));

@@ -1,8 +1,8 @@
-// What a component does with the panel of its element: makes it once, hands it the data of each run, closes it in the end.
+// The life of the panel of a component's element: created once, given the data of each run, closed at the end.
 
 const panels = new WeakMap();
 
-// `wire` tells a panel whom to answer, before it is given its data.
+// `wire` sets the callbacks of a panel before it is given its data.
 function shown(Panel, { data, parentElement }, wire) {
   let panel = panels.get(parentElement);
   if (!panel) panels.set(parentElement, (panel = new Panel(parentElement)));

@@ -1,10 +1,10 @@
-// From the bytes of a picture to its pixels and what can be read of them.
+// Unpacks the bytes of a picture into its pixels and readings.
 
 const NOTHING = -32768;
 const LONG = 128;
 
-// The reverse of stereolag.figures.linked_pictures.packed. All but photographs is there at once: whatever had to be
-// waited for would come after all else that the page has to do after a change.
+// The reverse of stereolag.figures.linked_pictures.packed. Everything but photographs is unpacked synchronously: an
+// awaited result would come only after all other work that a change causes on the page.
 function unpacked(data) {
   const length = new DataView(data.buffer, data.byteOffset).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(data.subarray(4, 4 + length)));
@@ -20,13 +20,13 @@ function pictured(bytes, type) {
   return image;
 }
 
-// A reading whose values are unpacked when they are first asked for: many are only under a pointer.
+// A reading whose values are unpacked on first use: many are needed only under the pointer.
 function readable(described, part) {
   let values;
   return { ...described, values: () => (values ??= inflated(described, part)) };
 }
 
-// Values from their steps along each row; an Int16Array wraps around as they did.
+// Values from their steps along each row; the Int16Array wraps around as the steps did.
 function inflated({ rows, cols, steps, long_steps }, part) {
   const short = fflate.unzlibSync(part(steps), { out: new Uint8Array(rows * cols) });
   const long = new Int16Array(fflate.unzlibSync(part(long_steps)).slice().buffer);
@@ -41,7 +41,7 @@ function inflated({ rows, cols, steps, long_steps }, part) {
   return values;
 }
 
-// Draws a map on a canvas in the colours that all maps share.
+// Draws a map on a canvas in the colours shared by all maps.
 function paint(canvas, reading, colours) {
   const [values, table] = [reading.values(), colourTable(colours, reading.quantum)];
   [canvas.width, canvas.height] = [reading.cols, reading.rows];
@@ -54,7 +54,7 @@ function paint(canvas, reading, colours) {
 
 let lastTable = {};
 
-// The pixel of every int16, kept while the colours stay.
+// The pixel of every int16, kept as long as the colours do not change.
 function colourTable({ low, high, palette, none }, quantum) {
   const key = [low, high, quantum, none, palette].join();
   if (lastTable.key === key) return lastTable.table;
@@ -68,7 +68,7 @@ function colourTable({ low, high, palette, none }, quantum) {
   return table;
 }
 
-// rrggbb as the four bytes of an opaque pixel, the first of them lowest.
+// rrggbb as the four bytes of an opaque pixel, red in the lowest.
 function pixelOf(colour) {
   const rgb = parseInt(colour, 16);
   return ((0xff << 24) | ((rgb & 0xff) << 16) | (rgb & 0xff00) | (rgb >> 16)) >>> 0;

@@ -1,4 +1,4 @@
-"""The answer of a template search on its page: the headline, why not where it is not found, and the places framed."""
+"""Result of a template search: the headline, the reason if nothing is found, and the places framed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from stereolag.ui.results import remembered
 from stereolag.ui.sentences import duration
 
 EQUAL = 0.005
-"""Scores that differ by less are told as equal."""
+"""Scores that differ by less are reported as equal."""
 
 CLOSE_UPS = 3
 SCORES_TOLD = 5
@@ -27,7 +27,7 @@ COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight",
 
 
 def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: TemplateQuery) -> None:
-    """Say what was found, in words and in numbers, and show the places in the picture and enlarged beside it."""
+    """Show the result in words and numbers, with the places framed in the picture and enlarged beside it."""
     prose.header(headline(result), anchor=False)
     announce(f"{headline(result)}. Score {_score(result.best)}.")
     if not result.found:
@@ -38,10 +38,10 @@ def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
             Number(
                 "Score", _score(best), "Of the best place: 1 for an exact copy, whatever its brightness and contrast."
             ),
-            Number("Best rival", _score(rival), "The best place elsewhere. Found is what has a clear lead over it."),
+            Number("Best rival", _score(rival), "The best place elsewhere. Found means a clear lead over it."),
             Number("Places found", f"{result.clear}", "Places that fit clearly better than all others."),
             Number("Candidates scored", f"{result.candidates:,}", "Places at which the correlation was computed."),
-            Number("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
+            Number("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."),
         )
     )
     whole, beside = st.columns([3, 1], gap="medium")
@@ -72,26 +72,26 @@ def show_answer(result: TemplateSearch, inputs: PictureAndTemplate, query: Templ
 
 
 def drawn_once(what: str, draw: Callable[[], bytes], inputs: PictureAndTemplate, query: TemplateQuery) -> bytes:
-    """Return what is drawn of a search, from memory where it was drawn before: other controls move on the page too."""
+    """Return a drawing of a search, cached: the page reruns for other controls too."""
     return remembered(what, draw, inputs=inputs.digest, settings=query.model_dump_json(), shared=inputs.shared)
 
 
 def framed_in_words(result: TemplateSearch) -> str:
-    """Return what is framed in the image, for whoever cannot see it."""
+    """Return a text alternative for the framed image."""
     framed = [place(match) for match in (result.matches if result.found else doubtful(result))[:SCORES_TOLD]]
     said = f"The image: {headline(result)}."
     return f"{said} Framed{'' if result.found else ', dashed'}: {'; '.join(framed)}." if framed else said
 
 
 def doubtful(result: TemplateSearch) -> list[TemplateMatch]:
-    """Return the places to frame where nothing is found: the look-alikes, or the best one."""
+    """Return the places to frame if nothing is found: the look-alikes, or the best one."""
     if result.found or result.best is None:
         return []
     return result.look_alikes or [result.best]
 
 
 def headline(result: TemplateSearch) -> str:
-    """Return in one line what was found."""
+    """Return the result in one line."""
     if result.reason == "low_score" or result.best is None:
         return "Not found"
     if result.reason == "look_alikes":
@@ -112,7 +112,7 @@ def headline(result: TemplateSearch) -> str:
 
 
 def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
-    """Return why the best place is not enough, and what to try."""
+    """Return why the best place is not good enough, and advice on settings to try."""
     sampled = query.method == "sampled"
     if result.best is None and not sampled:
         return "No place has anything to correlate."
@@ -141,14 +141,14 @@ def _absent(query: TemplateQuery) -> str:
 
 
 def why_no_score_map(query: TemplateQuery) -> str:
-    """Return why a search has no map of scores."""
+    """Return why a search has no score map."""
     if query.resized:
         return "With other sizes and angles a place has many scores: there is no score map to show."
     return "“Sampled” scores a few places only: there is no score map to show."
 
 
 def place(match: TemplateMatch) -> str:
-    """Return where a match is, its score, and where they are not the template's own its size and angle."""
+    """Return the position and score of a match, and its size and angle if they differ from the template's."""
     posed = "" if _is_upright(match) else f", {_pose(match)}"
     return f"row {match.row}, column {match.col}, score {match.score:.3f}{posed}"
 

@@ -1,4 +1,4 @@
-"""The controls of a template search that ask for other sizes and angles."""
+"""Controls of a template search for other sizes and angles."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ AT_FIRST = {name: TemplateQuery.model_fields[name].default for name in POSES}
 
 
 def ask_poses(method: TemplateMethod) -> dict[str, float]:
-    """Return which sizes and angles to search: those of the template alone where the method knows no others."""
+    """Return the sizes and angles to search; empty if the method handles only the template's own."""
     possible = method == "fft"
     values: dict[str, float] = {}
     if any(st.session_state.get(f"template.{name}", at_first) != at_first for name, at_first in AT_FIRST.items()):
-        st.session_state.setdefault(OPENED, True)  # as where the address names them
+        st.session_state.setdefault(OPENED, True)  # shown open when the address sets any of them
     with st.expander("Other sizes and angles", icon=":material/rotate_right:", key=OPENED, on_change="rerun"):
         for name, column in zip(POSES, st.columns(len(POSES), gap="medium"), strict=True):
             with column:

@@ -41,7 +41,7 @@ OUTCOME_MARKS: Final = {
 
 @dataclass(frozen=True, eq=False)
 class Survival:
-    """What became of each method, and a JPEG for each."""
+    """The outcome of each method, and a JPEG for each."""
 
     trials: tuple[Trial, ...]
     fft: bytes
@@ -51,16 +51,16 @@ class Survival:
 
 @fragment
 def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, min_score: float) -> None:
-    """Offer sliders that damage the image around the template, and show what each method then finds.
+    """Offer sliders that damage the image around the template, and show the result of each method.
 
     Parameters
     ----------
     inputs
-        The image, the template, and its place where that is known.
+        The image, the template, and its place if known.
     result
-        Says where the template lies in an image whose truth nobody knows.
+        Gives the place of the template if the true place is unknown.
     min_score
-        Below it a method has not found it.
+        Minimum score for a method to count as having found the template.
     """
     place = _place(inputs, result)
     if place is None:
@@ -71,7 +71,7 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, min_score: flo
     prose.caption(
         f"The sliders change the {cols} × {rows} pixels around the template; only these are searched again, so there "
         "are fewer look-alikes than in a larger image. Thin white: where it is. Bold: where a method found it, with "
-        "the minimum score or more."
+        "at least the minimum score."
     )
     degradation = _asked()
     survival = computed_in_turn(
@@ -100,7 +100,7 @@ def _place(inputs: PictureAndTemplate, result: TemplateSearch) -> tuple[int, int
     if inputs.place is not None or not result.found:
         return inputs.place
     best, (height, width) = result.matches[0], inputs.template.shape[:2]
-    # Where it was found in another size, its centre stays.
+    # If it was found at another size, keep its centre.
     row, col = best.row + (best.height - height) // 2, best.col + (best.width - width) // 2
     rows, cols = inputs.picture.shape[:2]
     return min(max(row, 0), rows - height), min(max(col, 0), cols - width)
@@ -141,7 +141,7 @@ def _estimate(inputs: PictureAndTemplate) -> Estimate:
 
 
 def numbers_of(trial: Trial) -> str:
-    """Return the score and the time of a method, and which score a place that is no match has."""
+    """Return the score and the time of a method; for a miss, its best score."""
     if trial.refusal:
         return trial.refusal
     if trial.row is None:
@@ -151,7 +151,7 @@ def numbers_of(trial: Trial) -> str:
 
 
 def lesson(trials: tuple[Trial, ...], degradation: Degradation, min_score: float) -> str:
-    """Return in a sentence or two why the methods did as they did."""
+    """Return a sentence or two on why the methods succeeded or failed."""
     of = {trial.method: trial for trial in trials}
     fft, sampled = of["fft"], of["sampled"]
     warped = degradation.turn != 0 or degradation.resize != 1
@@ -162,20 +162,20 @@ def lesson(trials: tuple[Trial, ...], degradation: Degradation, min_score: float
             return "Nothing is damaged yet. Move a slider until a method loses it."
         return "Enough pixels are exactly as they were: even Sampled finds it."
     if fft.outcome == "right" and sampled.outcome == "refused":
-        return "What is left of it is enough for a comparison of whole patterns."
+        return "Enough of it is left to compare whole patterns."
     if fft.outcome == "right":
         return (
             "Sampled looks for exact pixel values, and no rare one is left. FFT and OpenCV compare whole patterns: a "
-            "uniform change of contrast or brightness costs them nothing while no value is clipped; the rest lowers "
-            "the score."
+            "uniform change of contrast or brightness costs them nothing while no value is clipped; other damage "
+            "lowers the score."
         )
     said = (
-        "Another place fits better than what is left of it."
+        "Another place fits better than the damaged one."
         if fft.outcome == "elsewhere"
         else f"The best score, {fft.score:.3f}, is below the minimum score of {min_score:.2f}."
         if fft.row is not None
         else "Nothing is left to correlate."
     )
     if warped:
-        said += " Here the template is compared as it is: turned or resized, its pixels no longer lie on each other."
+        said += " The template is compared as it is: a turned or resized copy no longer lines up with it."
     return said

@@ -1,4 +1,4 @@
-"""Take it away: the places that a template search found, as files."""
+"""Take it away: the matches of a template search as files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from stereolag.ui.search.answer import doubtful
 KEY = "template.take"
 
 BYTES_OF_A_PIXEL = 24
-"""While the ZIP is made: the image in colour, framed, and both as files."""
+"""Memory while the ZIP is made: the image in colour, framed, and both as files."""
 
 
 def show_match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> None:
@@ -35,7 +35,7 @@ def show_match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: 
 
 
 def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: TemplateQuery) -> list[File]:
-    """Return the files of a template search, in the order in which they are offered."""
+    """Return the files of a template search, in the order they are offered."""
     names = _names(inputs)
     rows, cols = inputs.picture.shape[:2]
     files = [
@@ -64,7 +64,7 @@ def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
             ),
             f"The image in its own size, {cols} × {rows} pixels, with a frame around every match, dashed where it is "
             "doubtful.",
-            "" if result.best else "Nothing was found to be framed.",
+            "" if result.best else "Nothing was found to frame.",
         ),
         File("Python script", "reproduce.py", partial(find_script, query, *names), "Searches again."),
         _image_file(names[0], inputs.picture, "The image."),
@@ -76,13 +76,13 @@ def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
 
 
 def _names(inputs: PictureAndTemplate) -> tuple[str, str, str | None]:
-    """Return the names of the files that hold the image, the template and, where there is one, its mask."""
+    """Return the file names of the image, the template and its mask, if any."""
     mask = None if inputs.mask is None else _name("mask", inputs.mask)
     return _name("image", inputs.picture), _name("template", inputs.template), mask
 
 
 def _name(stem: str, image: Image) -> str:
-    """Return the name of a file that keeps every value of an image."""
+    """Return a file name whose format stores the image without loss."""
     return f"{stem}.tif" if image.dtype.kind == "f" else f"{stem}.png"
 
 

@@ -1,4 +1,4 @@
-"""OpenCV's answer to the same template search, beside ours."""
+"""OpenCV's result for the same template search, beside ours."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from stereolag.ui.states import show_refused
 TASK: Final = "template search by OpenCV"
 
 SAME_SCORE: Final = 1e-4
-"""Scores of two implementations that differ less are equal but for rounding."""
+"""Scores of the two implementations that differ by less are equal up to rounding."""
 
 
 @fragment
@@ -30,9 +30,9 @@ def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, metho
     Parameters
     ----------
     inputs
-        What is searched for what.
+        The image and the template.
     result, method
-        Our answer, and how it was found.
+        Our result and its method.
     """
     known = computed_before(TASK, inputs=inputs.digest, settings="", shared=inputs.shared)
     asked = st.session_state.get("template.opencv.asked") == inputs.digest
@@ -73,7 +73,7 @@ def _ask(digest: str) -> None:
 
 
 def table(ours: TemplateSearch, theirs: OpenCVSearch, method: str, masked: bool) -> str:
-    """Return both answers as a Markdown table."""
+    """Return both results as a Markdown table."""
     if ours.found:
         best = ours.matches[0]
         answer = f"row {best.row}, column {best.col} | {best.score:.4f}"
@@ -92,12 +92,12 @@ def table(ours: TemplateSearch, theirs: OpenCVSearch, method: str, masked: bool)
 
 
 def differences(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> list[str]:
-    """Return where the answers differ and why, one sentence each; that they agree, where they do."""
+    """Return one sentence for each difference and its cause, or that the results agree."""
     said = []
     if theirs.undefined:
         said.append(
             f"In {theirs.undefined:,} places nothing varies under the template: 0/0. OpenCV’s score there is NaN or "
-            "infinite, and `cv2.minMaxLoc` then names no place at all; they are passed over here."
+            "infinite, and `cv2.minMaxLoc` then names no place at all; they are skipped here."
         )
     if theirs.row >= 0:
         said.append(_about_places(ours, theirs, method))
@@ -107,7 +107,7 @@ def differences(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> list
 def _about_places(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> str:
     if not ours.found:
         also = " Sampled looks for exact pixels; OpenCV compares patterns, as FFT does." if method == "sampled" else ""
-        return f"OpenCV always names a place; whether the template is there, it leaves to you.{also}"
+        return f"OpenCV always names a place; it does not say whether the template is there.{also}"
     best = ours.matches[0]
     apart = abs(best.score - theirs.score)
     if (best.row, best.col) == (theirs.row, theirs.col):

@@ -1,4 +1,4 @@
-"""The term of the census: which neighbours are darker, as the bits of one word (Zabih & Woodfill 1994)."""
+"""Census term: words with one bit per neighbour, set if it is darker (Zabih & Woodfill 1994)."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Words = npt.NDArray[np.uint32]
 
 
 def census(image: npt.NDArray[Any]) -> Words:
-    """Return (H, W) words of 24 bits: for the 5 × 5 neighbours in reading order, whether each is darker.
+    """Return (H, W) words of 24 bits, one per 5 × 5 neighbour in reading order, set if it is darker.
 
-    The image is mirrored at its borders. Any increasing change of brightness leaves the words as they are.
+    The image is mirrored at its borders. Any increasing change of brightness leaves the words unchanged.
     """
     padded = cv2.copyMakeBorder(image, RADIUS, RADIUS, RADIUS, RADIUS, cv2.BORDER_REFLECT_101)
     words = np.empty(image.shape, np.uint32)
@@ -46,7 +46,7 @@ def _census_rows(padded: npt.NDArray[Any], first: int, end: int, words: Words) -
 
 
 def census_reference(image: npt.NDArray[Any]) -> Words:
-    """Return what :func:`census` must equal, by plain NumPy."""
+    """Return the expected result of :func:`census`, computed with plain NumPy."""
     padded = np.pad(image, RADIUS, mode="reflect")
     rows, cols = image.shape
     words = np.zeros(image.shape, np.int64)
@@ -58,11 +58,11 @@ def census_reference(image: npt.NDArray[Any]) -> Words:
 
 
 class CensusFeatures(NamedTuple):
-    """What the census compares."""
+    """Features that the census term compares."""
 
     words: npt.NDArray[np.uint32]
     bit: np.float32
-    """Cost of one bit that differs."""
+    """Cost of one differing bit."""
 
 
 def census_features(image: EightBit, radius: int, settings: MatchingCost) -> CensusFeatures:
@@ -72,7 +72,7 @@ def census_features(image: EightBit, radius: int, settings: MatchingCost) -> Cen
 
 @compiled
 def add_census(left: CensusFeatures, right: CensusFeatures, run: Run, carried: Array, costs: Array) -> None:
-    """Add the cost of each bit that differs."""
+    """Add the cost of each differing bit."""
     words, lags = right.words.reshape(-1), np.uint64(run.lags)
     start = np.uint64(run.y) * np.uint64(right.words.shape[1]) + np.uint64(run.origin)
     for x in range(run.first, run.end):
@@ -87,7 +87,7 @@ def _add_bits(word: Any, words: Array, source: Any, bit: Any, lags: Any, costs: 
 
 
 def census_cost_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
-    """Return the cost of the census by its formula."""
+    """Return the cost of the census term from its formula."""
     words, others = census_reference(left), census_reference(right)
     return np.asarray(settings.census / BITS * np.bitwise_count(words[:, :, None] ^ others[:, None, :]))
 

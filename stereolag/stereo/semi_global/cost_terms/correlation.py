@@ -1,4 +1,4 @@
-"""The term of the windows' correlation: it carries flat and noisy regions."""
+"""Correlation term: it handles flat and noisy regions."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from stereolag.stereo.semi_global.cost_terms.term import CostTerm, EightBit, Run
 from stereolag.stereo.semi_global.costs import MatchingCost
 
 NOISE = 2.0
-"""Standard deviation of the grey levels, of 255, taken for noise: a window that varies less correlates with nothing."""
+"""Standard deviation taken for noise, grey levels of 255: a window that varies less correlates with nothing."""
 
 
 class CorrelationFeatures(NamedTuple):
-    """What the correlation compares."""
+    """Features that the correlation term compares."""
 
     padded: npt.NDArray[np.int16]
-    """Grey levels less 128, within a border of the window's radius."""
+    """Grey levels minus 128, with a border of the window's radius."""
     total: npt.NDArray[np.float32]
-    """Sum of the window around every pixel, of those levels."""
+    """Sum of these levels over the window around every pixel."""
     mean: npt.NDArray[np.float32]
     inverse: npt.NDArray[np.float32]
-    """One over the root of the window's energy about its mean."""
+    """Inverse square root of the window's energy about its mean."""
     half: np.float32
     """Cost of a correlation of 0."""
 
 
 def correlation_features(image: EightBit, radius: int, settings: MatchingCost) -> CorrelationFeatures:
-    """Return the windows of an image, with their sums and norms."""
+    """Return the padded image with the sums and norms of its windows."""
     side = 2 * radius + 1
     padded = cv2.copyMakeBorder(image, radius, radius, radius, radius, cv2.BORDER_REFLECT_101).astype(np.int16)
     padded -= 128
@@ -53,16 +53,16 @@ def correlation_features(image: EightBit, radius: int, settings: MatchingCost) -
 def add_correlation(
     left: CorrelationFeatures, right: CorrelationFeatures, run: Run, carried: Array, costs: Array
 ) -> None:
-    """Add half the weight times one less the correlation of the windows.
+    """Add half the weight times one minus the correlation of the windows.
 
     Products are summed down each column of the window once and then along the row, so that the time does not depend on
-    the window; both sums are carried from run to run. Arrays are flattened once a run: a view made for every
+    the window size; both sums are carried from run to run. Arrays are flattened once per run: a view made for every
     pixel takes three times as long as the arithmetic.
     """
     width, stride = np.uint64(left.total.shape[1]), np.uint64(left.padded.shape[1])
     lags, side = np.uint64(run.lags), stride - width + np.uint64(1)
     zero, one = np.uint64(0), np.uint64(1)
-    # Column 0 stays zero: it is what leaves the window before that is full.
+    # Column 0 stays zero: it is the column that leaves the window until the window is full.
     columns, window = carried[lags:], carried[:lags]
     left_pixels, right_pixels = left.padded.reshape(-1), right.padded.reshape(-1)
     totals, inverses = right.total.reshape(-1), right.inverse.reshape(-1)
@@ -103,10 +103,10 @@ def _slide(
     gained: Any,
     lost: Any,
 ) -> None:
-    """Move a column of products down by one row, and take it into the window in place of the one that leaves.
+    """Move a column of products down one row, and add it to the window in place of the leaving column.
 
-    `gained` and `lost` are the left image's pixels of the row that the column gains and of the one it loses; `newest`
-    and `oldest` say where the right image's pixels of those rows begin.
+    `gained` and `lost` are the left image's pixels in the rows that the column gains and loses; `newest` and `oldest`
+    are where the right image's pixels of those rows begin.
     """
     more, less = np.int32(gained), np.int32(lost)
     for lag in range(lags):
@@ -135,7 +135,7 @@ def _add_scores(
 
 
 def correlation_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
-    """Return the cost of the correlation by its formula."""
+    """Return the cost of the correlation term from its formula."""
     side = 2 * radius + 1
     free, norm = [], []
     for image in (left, right):

@@ -1,4 +1,4 @@
-"""The term of the horizontal gradient: it draws vertical edges."""
+"""Horizontal gradient term: it sharpens vertical edges."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ SOBEL_UNIT = 4
 
 
 class GradientFeatures(NamedTuple):
-    """What the gradient compares."""
+    """Features that the gradient term compares."""
 
     gradient: npt.NDArray[np.float32]
     """Horizontal gradient, in units of cost."""
     cap: np.float32
-    """The most that a difference costs."""
+    """Highest cost of a difference."""
 
 
 def gradient_features(image: EightBit, radius: int, settings: MatchingCost) -> GradientFeatures:
@@ -50,7 +50,7 @@ def _add_apart(gradient: Any, gradients: Array, source: Any, cap: Any, lags: Any
 
 
 def gradient_reference(left: EightBit, right: EightBit, radius: int, settings: MatchingCost) -> Volume:
-    """Return the cost of the gradient by its formula."""
+    """Return the cost of the gradient term from its formula."""
     slopes = []
     for image in (left, right):
         padded = np.pad(image.astype(np.int64), 1, mode="reflect")

@@ -1,4 +1,4 @@
-"""What one term of the matching cost is, and the run of pixels that its loop adds to."""
+"""Interface of a term of the matching cost, and the run of pixels that its loop works on."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Volume = npt.NDArray[np.float64]
 
 
 class Run(NamedTuple):
-    """The pixels of one row that are worked on together: their costs stay in the processor's cache."""
+    """Pixels of one row that are processed together, so that their costs stay in the processor's cache."""
 
     y: int
     first: int
@@ -25,7 +25,7 @@ class Run(NamedTuple):
     """Whether this is the first row of its band."""
     lags: int
     origin: int
-    """Where column 0 of the right image meets the first lag, in features without a border."""
+    """Column of the right features, without a border, that column 0 of the left image meets at the first lag."""
 
 
 class CostTerm(NamedTuple):
@@ -34,18 +34,18 @@ class CostTerm(NamedTuple):
     Attributes
     ----------
     weight
-        The field of :class:`stereolag.stereo.semi_global.costs.MatchingCost` that holds the most it costs.
+        The field of :class:`stereolag.stereo.semi_global.costs.MatchingCost` with its highest cost.
     kind
-        The type of its features, which tells compiled code which term they belong to.
+        The type of its features, by which compiled code identifies the term.
     features
-        Makes what is compared, of one image: a named tuple of arrays (H, W), or (H, W) within a border of the window's
-        radius, and numbers; called with the image, the radius and the settings.
+        Computes the features of one image: a named tuple of numbers and arrays, (H, W) or (H, W) with a border of the
+        window's radius; called with the image, the radius and the settings.
     add
-        Compiled; called with the features of both images, a run, room for what is kept from one row of a band to the
-        next, int32, and the costs of the run, float32, (pixels × lags), to which it adds its own.
+        Compiled; called with the features of both images, a run, an int32 buffer kept from one row of a band to the
+        next, and the float32 costs of the run, (pixels × lags), to which it adds its own.
     reference
-        The plain formula: (H, W, W), the cost of each pixel of the left image with each of the same row of the right
-        one; called with both images, the radius and the settings.
+        The plain formula: (H, W, W) cost of each pixel of the left image with each pixel in the same row of the right
+        image; called with both images, the radius and the settings.
     """
 
     weight: str

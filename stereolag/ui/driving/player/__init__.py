@@ -1,4 +1,4 @@
-"""A player for a sequence and its maps, which works in the browser while they are still being computed."""
+"""A browser player for a sequence and its maps, which works while they are still being computed."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _player = st.components.v2.component(
     css=source("legends.css") + source("player.css", folder=HERE),
     js=source("shown.js", "legends.js", "numbers.js") + source("player.js", folder=HERE),
 )
-# Each piece travels alone: Streamlit finds those that are there already, and does not send them again.
+# Each piece is a separate component, so that Streamlit does not resend those already in the browser.
 _piece = st.components.v2.component("stereolag.video_piece", js=source("piece.js", folder=HERE))
 
 
 class Chart(NamedTuple):
-    """One line of the timeline: what is drawn over the frames."""
+    """One chart of the timeline: a figure plotted over the frames."""
 
     name: str
     field: str
@@ -50,7 +50,7 @@ CHARTS = (
 
 
 class Line(NamedTuple):
-    """How the figures of one method are drawn: colour-blind eyes have the dashes (px, of an SVG) as well."""
+    """The line style of one method; the dashes (px, of an SVG) are for colour-blind viewers."""
 
     colour: str
     dash: str
@@ -60,22 +60,22 @@ LINES = (Line("#785bd5", ""), Line("#d87607", "8 4"), Line("#0ca674", "2 3"), Li
 
 
 class Played(NamedTuple):
-    """What is played.
+    """The video to play.
 
     Attributes
     ----------
     name
-        Tells this video from all others, 32 characters.
+        Identifies the video, 32 characters.
     titles
-        Of the pictures that lie side by side in it.
+        Titles of its pictures, which are side by side.
     methods
         {name in the records: title}, in order.
     size
         Rows and columns of one picture.
     frame_rate
-        Hz.
+        Frame rate, Hz.
     names
-        Of all frames.
+        Names of all frames.
     """
 
     name: str
@@ -102,19 +102,19 @@ def show_player(
     Parameters
     ----------
     played
-        What is played.
+        The video to play.
     pieces
-        Of the video, as far as they are there.
+        Pieces of the video so far.
     records
-        Figures of frames, as far as they are there.
+        Figures of the frames so far.
     computed
-        How many frames the pieces hold.
+        Number of frames in the pieces.
     done
-        Whether no more of them will come.
+        Whether no more pieces will come.
     legends
-        What the colours of the maps mean.
+        Legends of the map colours.
     key
-        Of the component.
+        Key of the component.
     on_open
         Called with the number of the frame that the visitor wants to see on the depth page.
     """
@@ -134,7 +134,7 @@ def show_player(
 
 
 def described(played: Played, records: Sequence[FrameRecord]) -> dict[str, Any]:
-    """Return what the browser needs besides the video: the figures of every frame, None where they are not known."""
+    """Return the data the browser needs besides the video: the figures of every frame, None if unknown."""
     count = len(played.names)
     problems: list[str] = [""] * count
     for record in records:
@@ -147,7 +147,7 @@ def described(played: Played, records: Sequence[FrameRecord]) -> dict[str, Any]:
             if math.isfinite(value):
                 values[record.method][record.number] = round(value, 3)
         if any(one is not None for column in values.values() for one in column):
-            # Each keeps its place, and so its colour, also where others have nothing to tell.
+            # Each method keeps its place, and so its colour, even if others have no values.
             series = [
                 {"title": title, "values": values[method], **LINES[place % len(LINES)]._asdict()}
                 for place, (method, title) in enumerate(played.methods.items())
@@ -163,7 +163,7 @@ def described(played: Played, records: Sequence[FrameRecord]) -> dict[str, Any]:
                 }
             )
     named = [chart["name"] for chart in charts]
-    # In metres or, where they are not known, in pixels.
+    # In metres if known, otherwise in pixels.
     if named.count("Nearest obstacle") > 1:
         charts = [chart for chart in charts if (chart["name"], chart["unit"]) != ("Nearest obstacle", "px")]
     return {

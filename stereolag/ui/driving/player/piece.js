@@ -1,5 +1,5 @@
-// Keeps the pieces of a video for the player that shows it, whichever of the two is on the page first. The name of the
-// video and the number of the piece stand before its bytes.
+// Stores the pieces of a video for its player, whichever of the two is on the page first. The bytes of a piece follow
+// the name of its video and its number.
 const NAME = 32;
 
 export default function ({ data }) {

@@ -1,5 +1,5 @@
-// One video that holds the left picture and the maps side by side, shown in a place for each; what is not computed yet is
-// appended as it comes. Below it the figures of every frame, with the frame that is seen marked.
+// One video contains the left picture and the maps side by side; each is shown on its own canvas, and pieces are
+// appended as they are computed. Charts below show the figures of every frame and mark the current one.
 
 const SVG = "http://www.w3.org/2000/svg";
 const WIDTH = 1000;
@@ -19,7 +19,7 @@ class Player {
     this.root = this.find(".player");
     this.video = this.find("video");
     this.frame = 0;
-    this.awaited = null; // the frame gone to that is not seen yet
+    this.awaited = null; // the frame sought but not shown yet
     this.onPieces = ({ detail }) => detail === this.data?.name && this.append();
     window.addEventListener("stereolag-video", this.onPieces);
     const click = (selector, act) => this.find(selector).addEventListener("click", act);
@@ -63,14 +63,14 @@ class Player {
     this.showFrame();
   }
 
-  // A new video: another sequence, or other settings.
+  // Starts a new video: another sequence, or other settings.
   begin() {
     this.forget();
     window.stereolagVideos?.forEach((_, name) => name !== this.data.name && window.stereolagVideos.delete(name));
     this.appended = 0;
     this.frame = 0;
     this.awaited = null;
-    if (!window.MediaSource) return; // then it is shown once it is complete
+    if (!window.MediaSource) return; // the video is then shown once complete
     this.source = new MediaSource();
     this.address = URL.createObjectURL(this.source);
     this.video.src = this.address;
@@ -116,7 +116,7 @@ class Player {
     );
   }
 
-  // Shows the picture that the video shows now, each part in its place.
+  // Draws the current picture of the video, each part on its own canvas.
   show(time) {
     const width = this.video.videoWidth / this.screens.length;
     this.screens.forEach((canvas, index) => {
@@ -125,7 +125,7 @@ class Player {
       context.drawImage(this.video, index * width, 0, width, canvas.height, 0, 0, width, canvas.height);
     });
     const frame = clamp(Math.floor(time * this.data.rate + 0.5), 0, this.data.frames - 1);
-    if (this.awaited !== null && frame !== this.awaited) return; // of a step before the last: the next goes on from the last
+    if (this.awaited !== null && frame !== this.awaited) return; // an earlier step: the next starts from the latest
     this.awaited = null;
     this.frame = frame;
     this.showFrame();
@@ -134,7 +134,7 @@ class Player {
   toggle() {
     if (!this.video.paused) return this.video.pause();
     if (this.video.ended || this.frame >= this.data.computed - 1) this.go(0);
-    this.video.play().catch(() => {}); // called off by a pause
+    this.video.play().catch(() => {}); // interrupted by a pause
   }
 
   step(by) {
@@ -189,7 +189,7 @@ class Player {
     }
   }
 
-  // What a screen shows, for whoever cannot see it: the figures of its method at this frame.
+  // The accessible label of a screen: the figures of its method at this frame.
   told(title) {
     const figures = this.data.charts.flatMap(({ name, unit, digits, series }) => {
       const value = series.find((one) => one.title === title)?.values[this.frame];
@@ -247,12 +247,12 @@ function made(tag, attributes, ...children) {
   return one;
 }
 
-// A piece of a line of the timeline, beside the number it is at.
+// A sample of a line of the timeline, shown beside its current value and its title.
 function sample(stroke, dash) {
   return made("svg", { class: "sample", "aria-hidden": true }, made("path", { d: "M1 6H27", stroke, "stroke-dasharray": dash }));
 }
 
-// The codec as RFC 6381 writes it, from the box that configures the decoder.
+// The codec string of RFC 6381, from the decoder configuration box.
 function codec(piece) {
   const text = new TextDecoder("latin1").decode(piece.subarray(0, 4096));
   const at = text.indexOf("avcC") + 5;

@@ -1,7 +1,7 @@
-"""Disturb two recordings by noise, repetition, an echo and drift, and watch the verdict on their lag turn.
+"""Disturb two recordings by noise, repetition, an echo and drift, and watch the verdict on their lag change.
 
-They are mixed, correlated and judged in the browser (the scripts beside this file), by the rule of
-:mod:`stereolag.signals.verdict`; nothing comes back.
+Mixing, correlation and verdict all run in the browser (the scripts beside this file), by the rule of
+:mod:`stereolag.signals.verdict`; nothing is sent back.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from stereolag.ui.linked_pictures import source
 HERE = Path(__file__).parent
 
 ARITHMETIC = ("fourier.js", "curve.js", "whitening.js", "rivals.js", "drift.js", "verdict.js", "mixing.js")
-"""What needs no page."""
+"""Scripts that need no page, so that tests can run them on their own."""
 
 _panel = st.components.v2.component(
     "stereolag.disturbances",
@@ -37,12 +37,12 @@ _panel = st.components.v2.component(
 
 
 def fool_it(*, key: str) -> None:
-    """Show the sliders and what becomes of the peak.
+    """Show the disturbance sliders and their effect on the peak.
 
     Parameters
     ----------
     key
-        Of the component.
+        Key of the component.
     """
     _panel(
         key=key,
@@ -60,7 +60,7 @@ def fool_it(*, key: str) -> None:
 
 @cache
 def described_parts() -> dict[str, Any]:
-    """Return what the browser mixes, and by which numbers; the samples as Base64 of signed bytes."""
+    """Return the signals and constants for mixing in the browser; samples are Base64 of signed bytes."""
     parts = disturbances.ingredients()
     return {
         "fresh": _text(parts.fresh),

@@ -1,4 +1,4 @@
-// The curve of two recordings and its peak, as `signals/curves.py` and `signals/peaks.py` make them by the FFT.
+// The curve of two recordings and its peak, as computed with the FFT by `signals/curves.py` and `signals/peaks.py`.
 
 const EQUAL = 1e-9;
 const FLAT = 1e-10;
@@ -23,7 +23,7 @@ function median(values) {
   return sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
 }
 
-// The spread by the median of the absolute deviations, as a standard deviation.
+// The standard deviation estimated from the median absolute deviation.
 function robustDeviation(values, middle = median(values)) {
   return 1.4826 * median(values.map((value) => Math.abs(value - middle)));
 }
@@ -68,7 +68,7 @@ function runningSums(signal) {
   return { sums, squares };
 }
 
-// Pearson's correlation times sqrt(overlap / longest overlap), for lags of -reach to reach.
+// Pearson's correlation times sqrt(overlap / longest overlap), for lags from -reach to reach.
 function correlationCurve(first, second, reach) {
   const products = correlated(first, second, reach);
   const [of1, of2] = [runningSums(first), runningSums(second)];
@@ -88,7 +88,7 @@ function correlationCurve(first, second, reach) {
   });
 }
 
-// The index of the best lag: of those that fit equally well the smallest, of two opposite ones the positive.
+// The index of the best lag: of several that fit equally well the smallest, and of two opposites the positive one.
 function peakOf(curve, first, second, reach) {
   const best = highestOf(curve);
   const overlap = (index) => {
@@ -110,7 +110,7 @@ function peakOf(curve, first, second, reach) {
   return tops.sort((a, b) => Math.abs(a - reach) - Math.abs(b - reach) || b - a)[0];
 }
 
-// The first index of the main lobe around a peak and the one behind its last: down to half, on to the next minimum.
+// The first index of the main lobe around a peak and the one after its last: down to half, then to the next minimum.
 function mainLobe(curve, peak) {
   let [first, last] = [peak, peak];
   const half = curve[peak] / 2;
@@ -119,7 +119,7 @@ function mainLobe(curve, peak) {
   return [first, last + 1];
 }
 
-// Where the curve has a maximum of `least` or more, outside the main lobe of `peak`.
+// The indices of the curve's maxima of `least` or more, outside the main lobe of `peak`.
 function topsOf(curve, peak, least) {
   const [begin, end] = mainLobe(curve, peak);
   const tops = [];
@@ -153,7 +153,7 @@ function interpolationOf(reach) {
   return interpolations.get(reach);
 }
 
-// Where between two samples the curve peaks about `top`: by a sinc under a Kaiser window, then a parabola.
+// The position of the peak near `top` between samples: interpolation by a Kaiser-windowed sinc, then a parabola.
 function refinedPeak(curve, top) {
   const reach = Math.min(FINE.reach, top, curve.length - 1 - top);
   if (!reach) return top;

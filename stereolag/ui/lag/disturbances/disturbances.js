@@ -1,6 +1,6 @@
-// Sliders that disturb two recordings, and what is judged of them: mixed, correlated and judged here, nothing asked.
+// Sliders that disturb two recordings, and the verdict on their lag: all computed here, without server requests.
 
-const WIDE = 0.3; // more than any noise makes of a band
+const WIDE = 0.3; // noise alone never makes the chance band this high
 
 export default function (component) {
   return shown(Panel, component);
@@ -78,7 +78,7 @@ class Panel {
     this.schedule();
   }
 
-  // Once a frame at most, however fast a slider moves.
+  // At most once per frame, however fast a slider moves.
   schedule() {
     this.waiting ??= requestAnimationFrame(() => {
       this.waiting = undefined;
@@ -126,12 +126,12 @@ class Panel {
   }
 }
 
-// The reason, or "wrong" where the verdict is sure of a lag that is not the true one.
+// The reason of the verdict, or "wrong" if it is sure of a lag that is not the true one.
 function saidOf({ verdict, reason, lag }, { drift }, trueLag) {
   return verdict === "sure" && Math.abs(lag - trueLag) > drift / 2 + 2 ? "wrong" : reason;
 }
 
-// What else is to be seen: a band that teeth have widened, and what stands out of the chance about a peak that is sure.
+// The notes to show: a band widened by teeth, or an echo or teeth that rise above chance around a sure peak.
 function notesOf({ verdict, curve, ribbon, lag }, { echo, repetition, period }, { lag: trueLag, echo_delay: delay }) {
   const reach = (curve.length - 1) / 2;
   const wide = ribbon[1] > Math.max(WIDE, curve[lag + reach] / 2);

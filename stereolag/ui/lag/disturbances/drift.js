@@ -1,4 +1,4 @@
-// How the lag changes over the recordings, as `signals/drift.py` measures it: in blocks, by a straight line.
+// The drift of the lag, as measured by `signals/drift.py`: a straight line through the lags of blocks.
 
 const DRIFT = { blocks: 16, shortest: 1024, longest: 2 ** 14, farthest: 300e-6, clear: 5.5, stray: 2, most: 0.6, fewest: 5 };
 

@@ -1,8 +1,8 @@
-// Fourier transforms and what is made of them: correlations that do not wrap around.
+// Fourier transforms, and correlations computed with them that do not wrap around.
 
 const factors = new Map();
 
-// The cosines and sines of a length that is a power of two, and the order in which it is read.
+// The cosines and sines for a length that is a power of two, and the bit-reversed order of its samples.
 function factorsOf(size) {
   let kept = factors.get(size);
   if (kept) return kept;
@@ -17,7 +17,7 @@ function factorsOf(size) {
   return kept;
 }
 
-// In place, forward; the length is a power of two. With `re` and `im` exchanged it goes back, times the length.
+// Forward and in place; the length is a power of two. With `re` and `im` exchanged, the inverse times the length.
 function transform(re, im) {
   const size = re.length;
   const { cos, sin, order } = factorsOf(size);
@@ -51,7 +51,7 @@ function transform(re, im) {
 
 const powerOfTwo = (least) => 2 ** Math.ceil(Math.log2(Math.max(least, 2)));
 
-// sum(first[i] * second[i + lag]) at index `lag`, negative lags counted from the end; `reach` is the longest asked for.
+// sum(first[i] * second[i + lag]) at index `lag`, negative lags counted from the end; `reach` is the longest needed.
 function correlated(first, second, reach) {
   const size = powerOfTwo(Math.max(first.length, second.length) + reach + 1);
   const [re, im] = [new Float64Array(size), new Float64Array(size)];
@@ -72,13 +72,13 @@ function correlated(first, second, reach) {
   return real;
 }
 
-// The transform of any length, by Bluestein: as a correlation with a chirp.
+// The transform of any length by Bluestein's algorithm, as a correlation with a chirp.
 function spectrumOf(re, im) {
   const length = re.length;
   const size = powerOfTwo(2 * length);
   const [cos, sin] = [new Float64Array(length), new Float64Array(length)];
   for (let k = 0; k < length; k++) {
-    const angle = (Math.PI * ((k * k) % (2 * length))) / length; // of the remainder: large angles are not exact
+    const angle = (Math.PI * ((k * k) % (2 * length))) / length; // remainder first: large angles lose precision
     cos[k] = Math.cos(angle);
     sin[k] = Math.sin(angle);
   }

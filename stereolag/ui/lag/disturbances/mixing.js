@@ -1,10 +1,10 @@
-// Two recordings of one sound, and what disturbs them: noise, repetition, an echo, clocks that run apart.
+// Two recordings of one sound and their disturbances: noise, repetition, an echo, drifting clocks.
 
 const TAPS = 16;
 
 const bytes = (text) => Int8Array.from(atob(text), (character) => character.charCodeAt(0));
 
-// The sound: white, part of it the same again every `period` samples, then softened by what came before; of variance 1.
+// The sound: white noise, partly repeated every `period` samples, then smoothed recursively; of variance 1.
 function soundOf({ fresh, pattern, softness, settling }, { repetition, period }) {
   const [once, again] = [Math.sqrt(1 - repetition), Math.sqrt(repetition)];
   let before = 0;
@@ -15,7 +15,7 @@ function soundOf({ fresh, pattern, softness, settling }, { repetition, period })
   return sound.map((value) => (value - mean) / deviation);
 }
 
-// The sound between two samples, by a sinc under a raised cosine.
+// The sound between two samples, interpolated by a sinc under a raised cosine.
 function between(sound, place) {
   const whole = Math.floor(place);
   const part = place - whole;
@@ -30,8 +30,8 @@ function between(sound, place) {
   return sum;
 }
 
-// `noise` dB over the sound, `repetition` 0..1, `period` samples, `echo` 0.. of the direct sound, `drift` samples from
-// the first to the last, `draw` which noise.
+// `noise` in dB relative to the sound, `repetition` 0..1, `period` in samples, `echo` relative to the direct sound,
+// `drift` in samples from the first to the last, `draw` the number of the noise.
 function mixed(parts, settings) {
   const { samples, lag, echo_delay: delay, before, noises } = parts;
   const sound = soundOf(parts, settings);
@@ -39,7 +39,7 @@ function mixed(parts, settings) {
     between(sound, before + i - delay - lag - settings.drift * ((i - delay) / samples - 0.5)),
   );
   const loudness = 10 ** (settings.noise / 20);
-  // Other noise: the same further on, by steps that differ, so that both never meet again as they did.
+  // Another draw shifts each noise by a different step, so that the two never combine as before.
   const noise = (number, i) => (loudness * noises[number][(i + settings.draw * [1237, 2741][number]) % samples]) / parts.unit;
   return [
     Float64Array.from({ length: samples }, (_, i) => sound[before + i] + noise(0, i)),

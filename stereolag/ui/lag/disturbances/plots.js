@@ -1,8 +1,8 @@
-// Four strips: both recordings lined up, the curve with its chance, its peak up close, and the agreement it is judged by.
+// Four strips: both recordings lined up, the curve with its chance band, its peak up close, and the agreement.
 
 const LEFT = 6;
 const RIGHT = 40;
-const NAME = 20; // px that the name of a strip takes above it
+const NAME = 20; // px for the name above each strip
 const HEIGHTS = { recordings: 56, curve: 150, close: 100, agreement: 14 };
 const BELOW = { recordings: 10, curve: 40, close: 26, agreement: 22 };
 const SHOWN = { first: 3000, samples: 240, about: 60 };
@@ -78,7 +78,7 @@ function drawCurve(add, at, { curve, ribbon, lag, rivals, verdict }, words) {
   if (Math.abs(y - (low + high) / 2) > 12) add("text", { x: at.right + 4, y: y + 4, class: "small" }, shortened(top, 2));
 }
 
-// Standard deviations on a logarithmic scale, and the two that count: what chance gives, and what convinces.
+// Standard deviations on a logarithmic scale, with marks for the level of chance and the convincing level.
 function drawAgreement(add, width, { top, height, bottom }, { evidence, chance, needed }, words) {
   const right = width - RIGHT;
   const x = (deviations) => LEFT + (Math.log(clamp(deviations, 1, MOST_AGREEMENT)) / Math.log(MOST_AGREEMENT)) * (right - LEFT);

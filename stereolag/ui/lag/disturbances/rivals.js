@@ -1,4 +1,4 @@
-// Other lags that fit as well, as `signals/rivals.py` finds them: in whatever repeats.
+// Other lags that fit as well because the recordings repeat, as found by `signals/rivals.py`.
 
 const RIVALS = { share: 0.85, reach: 2 ** 14, most: 16, lines: 8, lineShare: 0.7, fewestPeriods: 8, faint: 0.05 };
 const REGULAR = 0.75;
@@ -19,7 +19,7 @@ function rivalsOf(first, second, pair, agreement, reach, needed, curve) {
   return nearestFirst(nearby, agreement.lag).filter((other) => pearsonAt(first, second, other) >= least);
 }
 
-// The lags about `lag` at which what both have in common fits as well as where it fits best.
+// The lags around `lag` at which the common part of both fits as well as at its best lag.
 function repetitions(pair, lag, longest, needed) {
   const [one, other] = partsAt(pair.first, pair.second, lag);
   const reach = Math.min(RIVALS.reach, one.length >> 1);
@@ -46,7 +46,7 @@ function highPoints({ first, second }, lag, curve, reach) {
     .map((top) => top - reach);
 }
 
-// The teeth of a tone: a few lines of the curve's spectrum hold most of it, and make it again without the noise.
+// The teeth of a tone: a few lines of the curve's spectrum contain most of its power, and rebuild it without the noise.
 function toneRivals(first, second, lag, longest) {
   const [one, other] = partsAt(first, second, lag);
   const reach = Math.min(RIVALS.reach, one.length >> 1);
@@ -89,7 +89,7 @@ function linesOf(power, count) {
   return holding < RIVALS.lineShare * sumOf(power) ? undefined : held;
 }
 
-// The distance from one rival to the next where all are alike, within a sample or 2 %; otherwise null.
+// The distance between neighbouring rivals if it is regular, within a sample or 2 %; otherwise null.
 function regularSpacing(rivals, lag) {
   if (rivals.length < 2) return null;
   const places = [...new Set([...rivals, lag])].sort((a, b) => a - b);
@@ -111,7 +111,7 @@ function roundedToEven(value) {
   return Math.abs(value % 1) === 0.5 && rounded % 2 ? rounded - 1 : rounded;
 }
 
-// The median of the slopes between all pairs of points (Theil and Sen).
+// The median of the slopes between all pairs of points (Theil-Sen).
 function medianSlope(x, y) {
   const slopes = x.flatMap((one, i) => x.slice(i + 1).flatMap((other, j) => (other === one ? [] : [(y[i + 1 + j] - y[i]) / (other - one)])));
   return median(slopes);

@@ -1,4 +1,4 @@
-// Whether a lag can be relied on: the rule of `signals/verdict.py`, for the method "fft".
+// The verdict on a lag: the rule of `signals/verdict.py` for the method "fft".
 
 const MARGIN = 1.8;
 
@@ -38,7 +38,7 @@ function decided(agreement, rivals, needed, drift, opposite) {
   return ["nothing", agreement.reachable < needed ? "too_little" : "chance"];
 }
 
-// The lag at which the opposite of recording 2 agrees better; null if there is none.
+// The lag at which recording 2 with its sign reversed agrees better; null if there is none.
 function oppositeOf(pair, agreement, curve, reach, needed) {
   const lowest = highestOf(curve.map((value) => -value));
   if (-curve[lowest] <= 1.1 * curve[highestOf(curve)]) return null;

@@ -1,16 +1,16 @@
-// What two recordings have in common at a lag beyond chance, as `signals/whitening.py` counts it. Recordings of up to
-// 65,536 samples: of longer ones the library takes the loudest stretch.
+// The agreement of two recordings at a lag in excess of chance, as measured by `signals/whitening.py`. For recordings
+// of up to 65,536 samples: of longer ones the library takes the loudest stretch.
 
 const WHITENING = { order: 16, floor: 1e-4, memory: 256, runs: 64, longestRun: 1024 };
 
-// Pearson's autocorrelation for lags of 0 to `reach`.
+// Pearson's autocorrelation for lags from 0 to `reach`.
 function autocorrelation(given, reach) {
   const energy = dot(given, given);
   const products = (lag) => dot(given.subarray(0, given.length - lag), given.subarray(lag));
   return Float64Array.from({ length: reach + 1 }, (_, lag) => (energy > 0 ? products(lag) / energy : 0));
 }
 
-// The filter that leaves of each sample what those before it do not predict (Levinson and Durbin).
+// The filter that leaves the part of each sample not predicted by those before it (Levinson-Durbin recursion).
 function predictionError(correlation, order) {
   let taps = [1];
   let error = correlation[0];
@@ -45,7 +45,7 @@ function whitePair(signal1, signal2) {
   return { first, second, colour: Math.sqrt(Math.max(1, 1 + 2 * (dot(left1, left2) - left1[0] * left2[0]))) };
 }
 
-// The score, the standard deviations of chance in which both agree, and how many they could reach.
+// The score, the agreement in standard deviations of chance, and the agreement that could be reached.
 function agreementAt({ first, second, colour }, lag) {
   const [one, other] = partsAt(first, second, lag);
   const energy = Math.sqrt(dot(one, one) * dot(other, other));
@@ -74,7 +74,7 @@ function bestAgreement(pair, lag) {
   return near.map((each) => agreementAt(pair, each)).reduce((best, one) => (one.height > best.height ? one : best));
 }
 
-// The mean product of two equally long parts for lags of -reach to reach, over that at perfect agreement.
+// The mean product of two equally long parts for lags from -reach to reach, relative to perfect agreement.
 function localCurve(one, other, reach) {
   const products = correlated(one, other, reach);
   const energy = Math.sqrt(dot(one, one) * dot(other, other)) || 1;

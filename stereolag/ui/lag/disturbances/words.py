@@ -1,4 +1,4 @@
-"""What the disturbances are called, and what is said of the verdict on them."""
+"""Texts of the disturbance panel: sliders, examples and verdicts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EXAMPLES: Final[tuple[dict[str, Any], ...]] = (
         "name": "clean",
         "title": "Clean",
         "try": "Sensor 2 hears the sound 640 samples after sensor 1. Move a slider and watch the peak, the grey band "
-        "(what chance gives) and the verdict.",
+        "(chance level) and the verdict.",
         "settings": {},
     },
     {
@@ -34,7 +34,7 @@ EXAMPLES: Final[tuple[dict[str, Any], ...]] = (
     {
         "name": "repetition",
         "title": "Repetition",
-        "try": "Turn Repetition down, then up: teeth rise beside the peak until one cannot tell them apart.",
+        "try": "Turn Repetition down, then up: teeth rise beside the peak until they cannot be told apart.",
         "settings": {"repetition": 90},
     },
     {
@@ -66,16 +66,16 @@ WORDS: Final[dict[str, Any]] = {
     "agreement": "Agreement of the whitened recordings, standard deviations",
     "axis": "lag, samples (▲ the true one)",
     "chance": "chance",
-    "convinces": "convinces",
-    "numbers": "Highest at {lag}, true lag {true} · agreement {evidence} ({needed} convinces)",
+    "convinces": "needed",
+    "numbers": "Highest at {lag}, true lag {true} · agreement {evidence} ({needed} needed)",
     "another": "{lag} samples fits",
     "others": "{count} other lags fit",
     "sliders": {
-        "noise": "Of each sensor, against the sound: 0 dB is as loud as the sound",
+        "noise": "At each sensor: 0 dB is as loud as the sound",
         "repetition": "The share of the sound’s energy that repeats",
-        "period": "After how many samples it repeats",
-        "echo": "How loud the late copy is that sensor 2 hears, against the direct sound",
-        "drift": "By how much the lag grows from the first sample to the last",
+        "period": "Samples until it repeats",
+        "echo": "Loudness of the late copy at sensor 2, relative to the direct sound",
+        "drift": "Growth of the lag from the first sample to the last",
     },
     "verdicts": {
         "clear": "Sure: recording 2 lags by {lag} samples.",
@@ -83,29 +83,29 @@ WORDS: Final[dict[str, Any]] = {
         "wrong": "Fooled: sure of {lag} samples, but the true lag is {true}.",
         "repeats": "Cannot tell: it repeats every {spacing} samples.",
         "rivals": "Cannot tell: {rivals} as well.",
-        "chance": "Nothing in common found: the highest point is what chance gives.",
+        "chance": "Nothing in common found: the highest point is at chance level.",
         "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
         "opposite_sign": "Nothing in common found, but the opposite sign fits.",
     },
     "lessons": {
-        "clear": "The peak stands at {lag} because there the sound lies on itself and the products add up. At any "
-        "other lag positive and negative products cancel.",
-        "drift": "Each part of the recording fits at a lag of its own, so one tall peak becomes a low, broad one. "
-        "Measured block by block, the lag lies on a straight line, and that convinces.",
-        "wrong": "Another copy of the sound made the higher peak, an echo or a repetition. A correlation finds the "
-        "copy that fits best; it cannot know which one came straight.",
-        "repeats": "Shifted by one period the sound lies on itself again, so every tooth fits as well as the next. A "
-        "tone has nothing but periods, so it has many peaks.",
-        "rivals": "The sound is there more than once, as an echo or a repetition, and each copy makes a peak as good "
-        "as the other.",
-        "chance": "Noise never lies on itself: at every lag its products cancel, but for chance. One of {searched} "
-        "lags must be the highest; it means nothing, and with other noise it is elsewhere.",
+        "clear": "The peak is at {lag} because there the sound lines up with itself and the products add up. At "
+        "any other lag positive and negative products cancel.",
+        "drift": "Each part of the recording has its own lag, so one tall peak becomes a low, broad one. "
+        "Measured block by block, the lags form a straight line, which is convincing.",
+        "wrong": "Another copy of the sound, an echo or a repetition, made the higher peak. A correlation finds the "
+        "copy that fits best; it cannot know which one came directly.",
+        "repeats": "Shifted by one period, the sound matches itself again, so every tooth fits as well as the next. A "
+        "tone is nothing but repetition, so it has many peaks.",
+        "rivals": "The sound is there more than once, as an echo or a repetition, and each copy makes an equally "
+        "good peak.",
+        "chance": "Noise never lines up: at every lag its products cancel, but for chance. One of {searched} lags "
+        "must be the highest; it means nothing, and with other noise it is elsewhere.",
         "too_little": "Products cancel at every lag but for chance; one of {searched} lags must be the highest.",
         "opposite_sign": "Where every product is negative, one microphone is reversed.",
     },
     "notes": {
         "wide": "The grey band follows the curve’s own spread, which such dense teeth widen.",
         "echo": "The smaller peak {delay} samples later is the echo.",
-        "teeth": "The teeth every {period} samples are what repeats; what does not repeat settles the lag.",
+        "teeth": "The repeating part makes the teeth every {period} samples; the rest settles the lag.",
     },
 }

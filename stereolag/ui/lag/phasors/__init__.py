@@ -1,7 +1,7 @@
 """Turn the arrows of a cross-spectrum back by hand until they line up, and watch how far their chain reaches.
 
-The living counterpart of Figs. C.1 to C.3 of the report. It all happens in
-the browser (the scripts beside this file); nothing comes back.
+The interactive counterpart of Figs. C.1 to C.3 of the report. Everything runs
+in the browser (the scripts beside this file); nothing is sent back.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ _panel = st.components.v2.component(
 
 
 def show_phasors(pair: RecordingPair, result: SignalLag | None, *, key: str) -> None:
-    """Show the arrows of the examples, and of the visitor's own recordings where their lag was found.
+    """Show the arrows of the examples, and of the visitor's own recordings if a lag was found.
 
     Parameters
     ----------
     pair
-        The recordings that were measured.
+        The recordings measured.
     result
-        What was found; None where there is nothing yet.
+        Their lag; None before the first measurement.
     key
-        Of the component.
+        Key of the component.
     """
     prose.markdown(INTRODUCTION)
     _panel(
@@ -76,7 +76,7 @@ def _described_examples() -> list[dict[str, Any]]:
 
 
 def described(phasors: Phasors, **said: Any) -> dict[str, Any]:
-    """Return what the browser needs to know of an example, and what is `said` of it."""
+    """Return an example as data for the browser, together with its texts, `said`."""
     told = {
         "name": phasors.name,
         "magnitude_1": _significant(phasors.magnitude_1),
@@ -93,5 +93,5 @@ def described(phasors: Phasors, **said: Any) -> dict[str, Any]:
 
 
 def _significant(values: Vector) -> list[float]:
-    """Return six digits of each value; what is not 0 stays so."""
+    """Return each value to six significant digits, so that no nonzero value becomes 0."""
     return [float(f"{value:.6g}") for value in values]

@@ -1,4 +1,4 @@
-// The cross-spectrum as arrows, one complex number for each frequency, and the chain that they make head to tail.
+// The cross-spectrum as arrows, one complex number per frequency, and the chain they form head to tail.
 
 const PLACES_A_SAMPLE = 4;
 
@@ -6,8 +6,8 @@ const lagAt = (place, example) => place / PLACES_A_SAMPLE - example.longest;
 const placeOf = (lag, example) => Math.round((lag + example.longest) * PLACES_A_SAMPLE);
 const placesOf = (example) => 2 * example.longest * PLACES_A_SAMPLE + 1;
 
-// How long the arrows are: the product of both magnitudes. Whitened (PHAT), all are equal and 1 together; frequencies
-// with nothing in them stay out.
+// The lengths of the arrows: the product of both magnitudes. Whitened (PHAT), they are equal and add up to 1; empty
+// frequencies are left out.
 function arrowLengths({ magnitude_1, magnitude_2 }, whiten) {
   const products = magnitude_1.map((magnitude, index) => magnitude * magnitude_2[index]);
   if (!whiten) return products;
@@ -15,8 +15,8 @@ function arrowLengths({ magnitude_1, magnitude_2 }, whiten) {
   return products.map((product) => (product > 0 ? 1 / heard : 0));
 }
 
-// Where the chain begins and where each of its arrows ends, as [x, y], y upwards: arrow k is turned back by
-// k * lag / size, the share of a turn that frequency k makes in that time.
+// The start of the chain and the tip of each arrow, as [x, y], y upwards: arrow k is turned back by k * lag / size,
+// the share of a turn that frequency k makes in that time.
 function chainAt({ turns, size }, lengths, lag) {
   let [x, y] = [0, 0];
   const points = [[x, y]];
@@ -29,7 +29,7 @@ function chainAt({ turns, size }, lengths, lag) {
   return points;
 }
 
-// Everything that is drawn of one example: the chain at each place, how far to the right it ends (the correlation),
+// Everything drawn for one example: the chain at each place, how far to the right it ends (the correlation),
 // and how far it would reach with all arrows in line.
 function measuredChains(example, whiten) {
   const lengths = arrowLengths(example, whiten);
@@ -41,7 +41,7 @@ function measuredChains(example, whiten) {
   return { lengths, chains, reaches, total, bounds };
 }
 
-// The places of the highest correlation, several where it repeats, the smallest lag first.
+// The places of the highest correlation, several if it repeats, the smallest lag first.
 function highestReaches({ reaches }, example) {
   const top = Math.max(...reaches);
   const [before, after] = [-1, 1].map((step) => (place) => reaches[place + step] ?? -Infinity);

@@ -1,7 +1,7 @@
 // The four drawings: magnitudes and phase differences over frequency, the chain of arrows, and the curve over lags.
 
-const SIDE = 34; // px left of what has a scale
-const EDGE = 12; // px beside what has none: half the thumb of the lag slider more than it needs
+const SIDE = 34; // px to the left of a drawing with a scale
+const EDGE = 12; // px beside a drawing without one, including half the thumb of the lag slider
 const TURNS = 3;
 const MAGNITUDES_HEIGHT = 100;
 const NAMES_HEIGHT = 18;
@@ -13,7 +13,7 @@ const CURVE_AXIS = 20;
 
 const hueOf = (index, count) => `hsl(${Math.round(262 - (130 * index) / count)} 48% 58%)`;
 
-// Px of a frequency, in turns a sample: from 0 to half a turn.
+// Maps a frequency, 0 to 0.5 turns per sample, to px.
 const ofFrequency = (width) => (frequency) => SIDE + frequency * 2 * (width - SIDE - EDGE);
 
 function drawMagnitudes(svg, example, { whiten, words }) {
@@ -33,7 +33,7 @@ function drawMagnitudes(svg, example, { whiten, words }) {
   );
 }
 
-// A dot for each frequency, again a whole turn up and down, and the ruler whose slope is the lag.
+// A dot for each frequency, repeated every whole turn up and down, and the ruler whose slope is the lag.
 function drawPhases(svg, example, all, { lag, words }) {
   const height = PHASES_HEIGHT + PHASES_AXIS;
   const add = emptied(svg, svg.clientWidth, height);
@@ -53,7 +53,7 @@ function drawPhases(svg, example, all, { lag, words }) {
   example.turns.forEach((turns, index) => {
     if (!(all.lengths[index] > 0)) return;
     const frequency = (index + 1) / example.size;
-    const nearest = turns + Math.round(frequency * lag - turns); // the copy that the arrow is measured with
+    const nearest = turns + Math.round(frequency * lag - turns); // the copy from which the arrow is measured
     const r = 1.3 + 2.7 * Math.sqrt(all.lengths[index] / longest);
     for (let copy = turns - TURNS; copy <= TURNS; copy++) {
       if (copy < -TURNS) continue;

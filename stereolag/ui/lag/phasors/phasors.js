@@ -1,4 +1,4 @@
-// The arrows of a cross-spectrum, turned back by a lag, with nothing asked of the server.
+// The arrows of a cross-spectrum, turned back by a lag, without server requests.
 
 export default function (component) {
   return shown(PhasorPanel, component);
@@ -49,7 +49,7 @@ class PhasorPanel extends VisitingPanel {
     this.move(placeOf(lag, this.example), how);
   }
 
-  // Home and End leave out what lies between, as a click elsewhere does; the other keys are the slider's own.
+  // Home and End skip the lags between, as a click elsewhere does; the slider itself handles the other keys.
   type(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const ends = { Home: -this.example.longest, End: this.example.longest };
@@ -61,7 +61,7 @@ class PhasorPanel extends VisitingPanel {
 
   grab(event, name) {
     if (event.button || !this.lagOf) return;
-    event.preventDefault(); // no text is selected
+    event.preventDefault(); // do not select text
     this.slider.focus({ preventScroll: true });
     this.held = name;
     event.currentTarget.setPointerCapture(event.pointerId);

@@ -1,4 +1,4 @@
-"""What is written on the drawings and said of each example."""
+"""Texts of the phasor panel and its examples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ INTRODUCTION: Final = (
 
 WORDS: Final[dict[str, Any]] = {
     "captions": {
-        "magnitudes": ["Magnitudes", "how much of each frequency the recordings hold"],
+        "magnitudes": ["Magnitudes", "how much of each frequency the recordings contain"],
         "phases": [
             "Phase difference",
             "by how many turns recording 2 is behind; its slope is the lag. Whole turns look alike, so each dot is "
@@ -23,10 +23,10 @@ WORDS: Final[dict[str, Any]] = {
         ],
         "chain": [
             "Arrows, head to tail",
-            "each as long as its two magnitudes multiplied, and turned as far as its dot lies from the ruler. How far "
+            "as long as the product of its two magnitudes, and turned as far as its dot is from the ruler. How far "
             "right the chain ends is the correlation.",
         ],
-        "lags": ["Correlation over lag, in samples", "wherever you have been"],
+        "lags": ["Correlation over lag, in samples", "at the lags tried"],
     },
     "recordings": ["recording 1", "recording 2"],
     "frequency": "frequency, turns a sample",
@@ -40,8 +40,7 @@ WORDS: Final[dict[str, Any]] = {
 EXAMPLES: Final[dict[str, dict[str, Any]]] = {
     "knock": {
         "title": "Knock",
-        "try": "One short sound, heard 4 samples later by recording 2. Move the lag until the ruler runs through the "
-        "dots.",
+        "try": "One short sound, 4 samples later in recording 2. Move the lag until the ruler runs through the dots.",
         "said": {
             "plain": "At lag 4 the ruler runs through the dots, every arrow points right, and the chain is straight. "
             "That is the peak.",
@@ -64,7 +63,7 @@ EXAMPLES: Final[dict[str, dict[str, Any]]] = {
         "said": {
             "plain": "Wind scatters the arrows, so the chain never gets quite straight. It still reaches furthest at "
             "lag 4: −31,234 samples in the recordings.",
-            "whitened": "Still lag 4, but a shorter reach: frequencies that hold only wind count as much as the horns.",
+            "whitened": "Still lag 4, but a shorter reach: frequencies with only wind count as much as the horns.",
         },
     },
     "tone": {
@@ -80,7 +79,7 @@ EXAMPLES: Final[dict[str, dict[str, Any]]] = {
         "title": "Two noises",
         "try": "Two noises that share nothing. Does any lag line the arrows up?",
         "said": {
-            "plain": "No lag lines the arrows up: the dots lie on no line, so the arrows cancel wherever you are. The "
+            "plain": "No lag lines the arrows up: the dots are not on a line, so the arrows always cancel. The "
             "highest point, 0.18, is chance.",
             "whitened": "Equal arrows do not line up either: 0.17 at most.",
         },
@@ -95,7 +94,7 @@ _MISSED = "In this short stretch the chain reaches furthest at lag {}, not at 4 
 
 
 def excerpt_in_words(found: Phasors) -> str:
-    """Return where a stretch of two recordings was taken, and what lag is left in it."""
+    """Return where the stretches were cut from the two recordings, and the lag left between them."""
     means = "" if found.step == 1 else f", each the mean of {found.step} samples of the recording"
     later = "later" if found.offset >= 0 else "earlier"
     return (
@@ -105,7 +104,7 @@ def excerpt_in_words(found: Phasors) -> str:
 
 
 def own_in_words(found: Phasors) -> dict[str, Any]:
-    """Return what is said of the visitor's own recordings."""
+    """Return the texts for the visitor's own recordings."""
     return {
         "title": OWN_TITLE,
         "try": "The loudest stretch of your recordings, up close.",

@@ -1,6 +1,6 @@
-"""A plan of two sensors and a source that can be dragged: a lag is a difference of paths, not a distance.
+"""A plan of two sensors and a source to drag: a lag is a path difference, not a distance.
 
-All happens in the browser (the scripts beside this file); nothing comes back.
+Everything runs in the browser (the scripts beside this file); nothing is sent back.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from stereolag.ui.linked_pictures import source
 HERE = Path(__file__).parent
 
 EXAMPLE_M = 100.0
-"""How far apart the sensors stand at first where no path difference was measured."""
+"""Initial distance between the sensors if no path difference was measured, m."""
 
 _panel = st.components.v2.component(
     "stereolag.plan",
@@ -31,21 +31,21 @@ _panel = st.components.v2.component(
 
 
 def show_plan(result: SignalLag | None, speed: float, *, key: str) -> None:
-    """Show from which places a source is heard with the lag that was measured, if it is sure.
+    """Show the source positions that give the measured lag, if it is sure.
 
     Parameters
     ----------
     result
-        Of the recordings, None where there is none.
+        Lag of the recordings; None if not measured.
     speed
-        Of the wave, m/s.
+        Speed of the wave, m/s.
     key
-        Of the component.
+        Key of the component.
     """
     prose.markdown(
-        "A lag tells how much longer one path is than the other. Every source on one **hyperbola** has the same path "
-        "difference, so the sensors stand that far apart only if the source lies in line with them; anywhere else they "
-        "are farther apart. Dashed: every place from which your recordings’ lag can come."
+        "A lag measures how much longer one path is than the other. Every source on one **hyperbola** has the same "
+        "path difference, so the sensors are that far apart only if the source is in line with them; otherwise they "
+        "are farther apart. Dashed: every place where the source of your recordings can be."
     )
     measured = result.time_s * speed if result and result.verdict == "sure" and result.lag else None
     _panel(

@@ -1,6 +1,6 @@
-// A plan of both sensors and a source that can be dragged: which places give the same lag.
+// A plan of both sensors and a draggable source, which shows the places that give the same lag.
 
-const WIDE = 4; // the plan is so many times as wide as the sensors are apart
+const WIDE = 4; // width of the plan, as a multiple of the distance between the sensors
 const HIGH = 300;
 const STEP = 0.01;
 
@@ -52,7 +52,7 @@ class Plan {
     this.move(places["Beside"]());
   }
 
-  // Sets the sensors further apart or closer; the source keeps its place on the plan.
+  // Moves the sensors further apart or closer together; the source keeps its place on the plan.
   spread(times) {
     const before = this.apart;
     this.apart = this.smallest * times;
@@ -138,7 +138,7 @@ class Plan {
       : `The path to sensor ${later} is ${metres(size)}\u00a0m longer: it hears the source ${seconds}\u00a0s after sensor ${earlier}. `
         + (size > 0.995 * this.apart
           ? "In line with the sensors, the path difference is their distance."
-          : `The sensors are ${metres(this.apart)}\u00a0m apart: farther than the lag tells.`);
+          : `The sensors are ${metres(this.apart)}\u00a0m apart, more than the path difference.`);
     const text = words + (same ? " This is your lag." : "");
     if (text !== this.find(".said").textContent) this.find(".said").textContent = text;
   }

@@ -1,7 +1,7 @@
 """Slide a cut of one recording over the other by hand, and watch the products add up.
 
-The living counterpart of Figs. 1.1, 1.3b and A.2 of the report. It all
-happens in the browser (the scripts beside this file); nothing comes back.
+The interactive counterpart of Figs. 1.1, 1.3b and A.2 of the report. Everything
+runs in the browser (the scripts beside this file); nothing is sent back.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from stereolag.ui.recordings import example_recordings
 HERE = Path(__file__).parent
 
 COAST_START, COAST_STEP = 5191, 6
-"""A place with one clear peak; six samples become one, so that waves and not slopes are seen."""
+"""A place with one clear peak; six samples are averaged into one to show waves rather than slopes."""
 
 _panel = st.components.v2.component(
     "stereolag.sliding",
@@ -39,7 +39,7 @@ def slide_it_yourself(*, key: str) -> None:
     Parameters
     ----------
     key
-        Of the component.
+        Key of the component.
     """
     _panel(
         key=key,
@@ -66,7 +66,7 @@ def _described_examples() -> list[dict[str, Any]]:
 
 
 def described(slide: Slide) -> dict[str, Any]:
-    """Return what the browser needs to know of an example."""
+    """Return an example as data for the browser."""
     return {
         "name": slide.name,
         "cut": slide.cut.round(4).tolist(),

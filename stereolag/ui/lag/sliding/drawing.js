@@ -1,10 +1,10 @@
-// What the drawings of recordings and their curves share: nodes, an axis of lags.
+// Common to the drawings of recordings and their curves: SVG nodes, and an axis of lags.
 
 const SVG = "http://www.w3.org/2000/svg";
 
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
-// Empties a drawing, gives it its size in px, and returns what adds a node to it.
+// Empties a drawing, sets its size in px, and returns a function that adds a node to it.
 function emptied(svg, width, height) {
   svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
   svg.style.height = `${height}px`;
@@ -18,7 +18,7 @@ function emptied(svg, width, height) {
   };
 }
 
-// A line from `left` to `right` at `y` with round lags below it; `x` says where a lag stands.
+// A line from `left` to `right` at `y` with round lags below it; `x` maps a lag to its position.
 function drawAxis(add, { first, last, left, right, y, x }, label) {
   const sparse = (65 * (last - first)) / (x(last) - x(first));
   const power = 10 ** Math.floor(Math.log10(sparse));

@@ -1,10 +1,10 @@
-// What the panels of this page have in common: examples to choose from, places to visit one after the other, and Play,
-// which visits them all. A panel extends `VisitingPanel` and says what it measures and draws.
+// The common part of the panels of this page: examples to choose from, places to visit one after the other, and Play,
+// which visits them all. A panel extends `VisitingPanel` and adds its measurement and drawing.
 
 const PLACES_A_SECOND = 50;
 
 class VisitingPanel {
-  start = 0; // the place of a fresh example
+  start = 0; // the place at which an example starts
 
   constructor(parent) {
     this.find = (selector) => parent.querySelector(selector);
@@ -22,7 +22,7 @@ class VisitingPanel {
 
   load(data) {
     const text = JSON.stringify(data);
-    if (text === this.loaded) return; // the page ran again: what has been painted stays
+    if (text === this.loaded) return; // the page ran again: the visited places stay
     this.loaded = text;
     this.data = data;
     for (const [name, colour] of Object.entries(data.colours)) this.root.style.setProperty(`--${name}`, colour);
@@ -55,7 +55,7 @@ class VisitingPanel {
     this.measure();
   }
 
-  // Goes to a place, and visits every place on its way; `jump` leaves those out that it did not pass.
+  // Moves to a place and visits every place on the way; `jump` skips the places between.
   move(place, { jump = false } = {}) {
     const to = clamp(Math.round(place), 0, this.visited.length - 1);
     const [first, last] = jump ? [to, to] : [Math.min(this.place, to), Math.max(this.place, to)];
@@ -69,7 +69,7 @@ class VisitingPanel {
     else this.play();
   }
 
-  // Visits every place from the first on, and comes to rest at the highest.
+  // Visits every place from the first to the last, then returns to the highest.
   play() {
     const last = this.visited.length - 1;
     this.place = 0;
@@ -101,7 +101,7 @@ class VisitingPanel {
     this.find(".play").textContent = this.playing ? "❚❚ Pause" : "▶ Play";
   }
 
-  // Once a frame at most, however many times the pointer moves.
+  // At most once per frame, however often the pointer moves.
   schedule() {
     this.waiting ??= requestAnimationFrame(() => {
       this.waiting = undefined;
@@ -109,7 +109,7 @@ class VisitingPanel {
     });
   }
 
-  // Says where one is, and what an example teaches once every place was visited; it is read aloud once.
+  // Shows the current place and, once every place has been visited, the example's lesson, which is read aloud once.
   tell(where, lesson) {
     this.find(".where").textContent = where;
     const said = this.visited.every(Boolean) && !this.playing ? lesson : "";

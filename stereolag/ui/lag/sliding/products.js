@@ -1,7 +1,7 @@
-// What is multiplied at one place, and what it adds up to.
+// The products at one place, and their sum.
 
-// The products of the cut with the samples under it. Normalised, means are taken away and both are divided by their
-// length as vectors, so that the sum is Pearson's correlation; what does not move at all gives zeros.
+// The products of the cut with the samples under it. Normalised, both are centred and divided by their length as
+// vectors, so that the sum is Pearson's correlation; constant values give zeros.
 function productsAt(recording, cut, place, normalise) {
   const under = recording.slice(place, place + cut.length);
   const [first, second] = normalise ? [standardised(cut), standardised(under)] : [cut, under];
@@ -19,7 +19,7 @@ function total(values) {
   return values.reduce((sum, value) => sum + value, 0);
 }
 
-// Everything that is drawn of one example: products and sum at each place, and what a perfect match would reach.
+// Everything drawn for one example: products and sum at each place, and the sum of a perfect match.
 function measured({ recording, cut }, normalise) {
   const places = recording.length - cut.length + 1;
   const products = Array.from({ length: places }, (_, place) => productsAt(recording, cut, place, normalise));
@@ -30,7 +30,7 @@ function measured({ recording, cut }, normalise) {
   return { products, sums, perfect, low, high: Math.max(perfect, ...sums), largest };
 }
 
-// The places whose sum is the highest, several where it repeats.
+// The places with the highest sum, several if it repeats.
 function highest({ sums, low, high }) {
   const top = Math.max(...sums);
   return sums.flatMap((sum, place) => (top - sum < 1e-3 * (high - low) ? [place] : []));

@@ -1,4 +1,4 @@
-// A cut of recording 1 that is dragged over recording 2, with nothing asked of the server.
+// A cut of recording 1, dragged over recording 2 without server requests.
 
 const PAGE = 10;
 

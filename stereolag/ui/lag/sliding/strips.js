@@ -2,12 +2,12 @@
 
 const LEFT = 6;
 const RIGHT = 58;
-const NAME = 20; // px that the name of a strip takes above it
+const NAME = 20; // px for the name above each strip
 const STRIPS = { recording: 92, cut: 64, products: 84, curve: 130 };
 const GAP = 8;
 const AXIS = 36;
 
-// The strips of one width: where they lie, and how samples and values become px.
+// The layout of the strips for one width: their boxes, and the functions that map samples and values to px.
 function laidOut(width, example, all) {
   const { recording, cut } = example;
   const pitch = (width - LEFT - RIGHT) / recording.length;
@@ -18,7 +18,7 @@ function laidOut(width, example, all) {
     y += NAME + height + GAP;
   }
   const x = (sample) => LEFT + (sample + 0.5) * pitch;
-  const written = example.whole && pitch >= 14; // each number below its stem
+  const written = example.whole && pitch >= 14; // each number is written below its stem
   const around = ({ top, height }, reach) => {
     const half = (written ? height - 15 : height) / 2;
     return (value) => top + half - (value / (reach || 1)) * (half - 4);
@@ -110,7 +110,7 @@ function drawCurve(add, at, all, place, visited, words) {
   add("circle", { class: "now", cx: px, cy: py, r: 5 });
 }
 
-// As tall as the curve, so that what it holds stands as high as the point of the curve.
+// As tall as the curve, so that its level is at the height of the current point of the curve.
 function drawThermometer(add, at, all, sum) {
   const { top, bottom } = at.boxes.curve;
   const x = at.width - RIGHT + 20;

@@ -1,4 +1,4 @@
-"""What is written on the strips and said of each example."""
+"""Texts of the sliding panel and its examples."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ WORDS: Final[dict[str, Any]] = {
     "lag": "Lag",
     "plain": {
         "products": "Products: up where the signs agree",
-        "curve": "Sum of the products, wherever you have been",
+        "curve": "Sum of the products, at the places tried",
         "sum": "sum",
     },
     "normalised": {
         "products": "Products, normalised: up where the signs agree",
-        "curve": "Correlation, wherever you have been",
+        "curve": "Correlation, at the places tried",
         "sum": "correlation",
     },
 }
@@ -25,31 +25,29 @@ WORDS: Final[dict[str, Any]] = {
 EXAMPLES: Final[dict[str, dict[str, Any]]] = {
     "seven": {
         "title": "Seven numbers",
-        "try": "These seven numbers are hidden in recording 2. Drag them until they lie on themselves, and watch the "
-        "products.",
+        "try": "These seven numbers are hidden in recording 2. Drag them until they line up, and watch the products.",
         "said": {
-            "plain": "The peak stands at lag 8: there every number meets itself, every product is a square, and "
+            "plain": "The peak is at lag 8: there every number meets itself, every product is a square, and "
             "nothing cancels.",
             "normalised": "Same peak, at lag 8. Only a perfect match reaches 1.",
         },
     },
     "coast": {
         "title": "Coast",
-        "try": "Forty points of sensor 1, each the mean of six samples, and what sensor 2 heard about a second later. "
+        "try": "Forty points of sensor 1, each the mean of six samples, and sensor 2’s recording about a second later. "
         "Where does the cut belong?",
         "said": {
-            "plain": "The peak stands at 50,082 samples: there the waves line up and every product points up. "
+            "plain": "The peak is at 50,082 samples: there the waves line up and every product points up. "
             "Elsewhere ups and downs cancel.",
-            "normalised": "The peak at 50,082 samples reaches 1: it is the same sound. Away from it "
-            "nothing passes 0.3.",
+            "normalised": "The peak at 50,082 samples reaches 1: it is the same sound. Elsewhere nothing exceeds 0.3.",
         },
     },
     "tone": {
         "title": "Pure tone",
         "try": "A tone that repeats every 20 samples. Drag the cut along and count the places where it fits.",
         "said": {
-            "plain": "Many equal peaks, 20 samples apart: a tone fits again after every period, so it cannot tell the "
-            "lag.",
+            "plain": "Many equal peaks, 20 samples apart: a tone fits again after every period, so the lag stays "
+            "ambiguous.",
             "normalised": "Still many peaks, all at 1: no method can tell one period from the next.",
         },
     },

@@ -1,7 +1,7 @@
-"""Drag the template over the picture by hand, and watch template and window multiply.
+"""Drag the template over the picture by hand, and watch the products of template and window.
 
-The living counterpart of Figs. 1.6 and 1.9 of the report. It all happens in
-the browser (the scripts beside this file); nothing comes back.
+The interactive counterpart of Figs. 1.6 and 1.9 of the report. Everything runs
+in the browser (the scripts beside this file); nothing is sent back.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from stereolag.ui.search.by_hand.words import words_of
 HERE = Path(__file__).parent
 
 NAME = "template"
-"""What the browser calls the search: a place clicked on elsewhere is sent to it."""
+"""Name of the search in the browser: a place clicked elsewhere is sent to it."""
 
 _panel = st.components.v2.component(
     "stereolag.template_by_hand",
@@ -33,14 +33,14 @@ _panel = st.components.v2.component(
 
 
 def search_by_hand(inputs: PictureAndTemplate, matches: Sequence[TemplateMatch]) -> None:
-    """Show the picture, reduced for the browser, with the template to be dragged over it.
+    """Show the picture, reduced for the browser, with the template to drag over it.
 
     Parameters
     ----------
     inputs
         The picture and the template.
     matches
-        What was found, best first: the best one falls on a pixel of the reduced picture.
+        The matches, best first; the reduction is aligned so that the best one falls on a pixel.
     """
     near = (matches[0].row, matches[0].col) if matches else None
 

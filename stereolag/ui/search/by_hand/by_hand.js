@@ -1,7 +1,7 @@
-// A template that is dragged over a picture, with nothing asked of the server.
+// A template dragged over a picture, without server requests.
 
 const STEP_FAR = 10;
-const SPOT = 3; // places to every side of a visited one that are painted with it
+const SPOT = 3; // places on every side of a visited one that are painted with it
 const SVG = "http://www.w3.org/2000/svg";
 
 export default function (component) {
@@ -38,7 +38,7 @@ class Panel {
   async load(data) {
     const turn = (this.turn = {});
     const search = await searched(data);
-    if (turn !== this.turn || search.digest === this.search?.digest) return; // the page ran again: what was painted stays
+    if (turn !== this.turn || search.digest === this.search?.digest) return; // the page ran again: the painting stays
     this.search = search;
     const { words, picture, template, map } = search;
     this.root.style.setProperty("--frame", words.frame);
@@ -67,7 +67,7 @@ class Panel {
     this.schedule();
   }
 
-  // Moves the template, and paints every place on its way; `jump` leaves those out that it did not slide over.
+  // Moves the template and paints every place on the way; `jump` skips the places between.
   move(row, col, { jump = false } = {}) {
     const { rows, cols } = this.search.map;
     const to = { row: clamp(Math.round(row), 0, rows - 1), col: clamp(Math.round(col), 0, cols - 1) };
@@ -103,7 +103,7 @@ class Panel {
 
   grab(event) {
     if (event.button || !this.search) return;
-    const touched = event.pointerType === "touch"; // beside the template a finger scrolls the page, or taps
+    const touched = event.pointerType === "touch"; // outside the template a finger scrolls the page or taps
     if (touched && !this.held.contains(event.target)) return;
     if (!touched) this.jump(event);
     const { row, col } = this.pixelAt(event);
@@ -112,7 +112,7 @@ class Panel {
     this.held.classList.add("dragging");
   }
 
-  // Brings the template under the pointer, unless it is there.
+  // Brings the template under the pointer, unless it is already there.
   jump(event) {
     if (this.held.contains(event.target) || !this.search) return;
     const { row, col } = this.pixelAt(event);
@@ -144,7 +144,7 @@ class Panel {
     this.move((event.clientY - box.top) * scale - 0.5, (event.clientX - box.left) * scale - 0.5, { jump: true });
   }
 
-  // A place of the whole image, px.
+  // Compares at a place of the whole image, px.
   compare({ row, col }) {
     const { factor, row: top, col: left } = this.search;
     this.move((row - top) / factor, (col - left) / factor, { jump: true });
@@ -161,7 +161,7 @@ class Panel {
     event.preventDefault();
   }
 
-  // Once a frame at most, however many times the pointer moves.
+  // At most once per frame, however often the pointer moves.
   schedule() {
     this.waiting ??= requestAnimationFrame(() => {
       this.waiting = undefined;
@@ -232,7 +232,7 @@ class Panel {
   }
 }
 
-// What stereolag.figures.template_by_hand.packed_search holds.
+// Unpacks the data of stereolag.figures.template_by_hand.packed_search.
 async function searched(data) {
   const { header, pictures } = await unpacked(data);
   const [picture, template, opaque, codes] = pictures;

@@ -1,4 +1,4 @@
-// What is seen: enlarged pieces, the products of their pixels, the score map, and the relief around a peak.
+// The drawings: enlarged pieces, the products of their pixels, the score map, and the relief around a peak.
 
 const WARM = [224, 104, 56];
 const COOL = [58, 130, 190];
@@ -14,7 +14,7 @@ function cutOut(picture, { rows, cols }, row, col) {
   return data;
 }
 
-// The more a pixel agrees the warmer, the more it disagrees the cooler; what does not count stays clear.
+// Warm where a pixel agrees, cool where it disagrees, stronger with the product; pixels that do not count stay clear.
 function inProductColours({ rows, cols, places }, products) {
   const data = new Uint8ClampedArray(4 * rows * cols);
   places.forEach((at, index) => {
@@ -24,13 +24,13 @@ function inProductColours({ rows, cols, places }, products) {
   return data;
 }
 
-// Colour of a score: the darkest at 0 and below, the brightest at 1; none where there is no score.
+// The colour of a score: the darkest at 0 and below, the brightest at 1, grey where there is no score.
 function colourOf(score, palette) {
   if (Number.isNaN(score)) return [140, 140, 140];
   return palette[Math.round(Math.min(1, Math.max(0, score)) * (palette.length - 1))];
 }
 
-// The scores around a place seen from the front and above, far rows first; equal heights are equal scores everywhere.
+// The scores around a place, seen from the front and above, far rows first; equal heights always mean equal scores.
 function drawRelief(canvas, map, place, reach, palette) {
   const ratio = window.devicePixelRatio || 1;
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];

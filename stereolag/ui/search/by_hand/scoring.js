@@ -1,15 +1,15 @@
-// What is multiplied at one place of the template, and what it adds up to: Pearson's correlation over all channels.
+// The products at one place of the template, and their mean: Pearson's correlation over all channels.
 
 const CHANNELS = 3;
 
-// The template's deviations from the mean of each channel, of the pixels that count; `data` are RGBA bytes.
+// The template's deviations from the mean of each channel, over the pixels that count; `data` are RGBA bytes.
 function prepared({ data, rows, cols }, counts) {
   const places = [...counts.keys()].filter((at) => counts[at]);
   const deviations = centred(places.map((at) => 4 * at), data);
   return { rows, cols, places, deviations, norm: Math.sqrt(deviations.reduce((sum, value) => sum + value * value, 0)) };
 }
 
-// RGB of some pixels, free of the mean of each channel. Relative to the first of them a flat window is 0 exactly.
+// RGB of some pixels minus the mean of each channel. Values relative to the first pixel make a flat window exactly 0.
 function centred(starts, data) {
   const values = new Float64Array(CHANNELS * starts.length);
   for (let channel = 0; channel < CHANNELS; channel++) {
@@ -22,8 +22,8 @@ function centred(starts, data) {
   return values;
 }
 
-// The score with the template's top-left pixel at (row, col), NaN on a flat window, and what each pixel that counts
-// adds to it: their mean is the score.
+// The score with the template's top-left pixel at (row, col), NaN on a flat window, and the products of the
+// pixels that count: their mean is the score.
 function compared(picture, template, row, col) {
   const { places, deviations, norm, cols } = template;
   const starts = places.map((at) => 4 * ((row + Math.floor(at / cols)) * picture.cols + col + (at % cols)));

@@ -1,6 +1,6 @@
 // The reverse of stereolag.figures.packing.packed_pictures.
 
-// The header, and of each picture its RGBA bytes, untouched by any colour management.
+// The header and the RGBA bytes of each picture, without colour management.
 async function unpacked(data) {
   const length = new DataView(data.buffer, data.byteOffset).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(data.subarray(4, 4 + length)));
@@ -18,7 +18,7 @@ async function pixels(bytes) {
   return { rows, cols, data: context.getImageData(0, 0, cols, rows).data };
 }
 
-// Scores from the colours that they travelled as, NaN where there is none.
+// Scores decoded from the colours they were sent as, NaN where there is no score.
 function scoresOf({ rows, cols, data }, steps) {
   const scores = Float32Array.from({ length: rows * cols }, (_, at) => {
     const code = 256 * data[4 * at] + data[4 * at + 1];
@@ -30,7 +30,7 @@ function scoresOf({ rows, cols, data }, steps) {
 const filled = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
-// RGBA bytes on a canvas of their size.
+// Draws RGBA bytes on a canvas of their size.
 function put(canvas, data, rows, cols) {
   if (canvas.width !== cols || canvas.height !== rows) [canvas.width, canvas.height] = [cols, rows];
   canvas.getContext("2d").putImageData(new ImageData(data, cols, rows), 0, 0);

@@ -1,4 +1,4 @@
-"""What is written around a template that is slid by hand."""
+"""Texts of the panel for searching by hand."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from stereolag.figures.template_by_hand import ReducedSearch
 
 
 def words_of(search: ReducedSearch) -> dict[str, Any]:
-    """Return all that the panel writes; `texts` by the selector of its element."""
+    """Return all texts and colours of the panel; `texts` maps CSS selectors to their text."""
     return {
         "frame": f"rgb{FRAME}",
         "palette": VIRIDIS[::3].tolist(),
@@ -21,11 +21,11 @@ def words_of(search: ReducedSearch) -> dict[str, Any]:
             ".window figcaption": "Window",
             ".products figcaption": "Products",
             ".sum .label": "Score",
-            ".map .empty": "The score map fills where you have been.",
+            ".map .empty": "The score map fills in as you drag.",
             ".reveal": "Reveal",
             ".clear": "Clear",
-            ".hint": "Drag, use the arrow keys (with Shift by ten), or click on the score map. Each colour channel "
-            f"loses its mean before it is multiplied; transparent pixels do not count. {scale_of(search)}",
+            ".hint": "Drag, use the arrow keys (with Shift by ten), or click on the score map. The mean of each colour "
+            f"channel is subtracted before multiplying; transparent pixels do not count. {scale_of(search)}",
         },
         "where": "Row {row}, column {col}: {score}",
         "peak": "The peak is at row {row}, column {col}: {score}.",

@@ -1,4 +1,4 @@
-"""A box dragged over an image in the browser: with a mouse, a finger, the keyboard, or as numbers."""
+"""A box drawn on an image in the browser: with a mouse, a finger, the keyboard, or as numbers."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from stereolag.ui.states import show_refused
 HERE = Path(__file__).parent
 
 SENT_WIDTH: Final = 1200
-"""Px; a wider image is sent smaller, and its box still counts its own pixels."""
+"""Px; wider images are sent smaller, but the box stays in pixels of the full image."""
 
-# The picture travels alone: with a new box no picture is sent.
+# A component of its own, so that moving the box does not send the picture again.
 _picture = st.components.v2.component("stereolag.hand_picture", js=source("picture.js", folder=HERE))
 _box = st.components.v2.component(
     "stereolag.box",
@@ -31,24 +31,24 @@ _box = st.components.v2.component(
 
 
 def send_drawn_on(name: str, data: bytes, *, key: str) -> None:
-    """Send the PNG or JPEG that the component which was told this name is drawn on."""
+    """Send a PNG or JPEG as the background of the component given the same name."""
     head = name.encode()
     _picture(key=key, data=len(head).to_bytes(2, "little") + head + data)
 
 
 def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
-    """Show an image with a box to drag, and return where it lies.
+    """Show an image with a box to drag, and return the box.
 
     Parameters
     ----------
     image
-        What the box is dragged over.
+        The image under the box.
     digest
-        Of the image; another one begins with a box in the middle.
+        Digest of the image; a different image starts with a box in the middle.
     shared
         Whether every visitor may see the image.
     key
-        Of the component.
+        Key of the component.
     """
     before, kept = st.session_state.get(f"{key}.box", ("", None))
     box: Box = kept if before == digest else box_in_the_middle(image.shape)
@@ -82,7 +82,7 @@ def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
 
 
 def box_in_the_middle(shape: tuple[int, ...]) -> Box:
-    """Return a box in the middle of an image, an eighth as wide and a sixth as high, at least what is allowed."""
+    """Return a box in the middle of an image, an eighth as wide and a sixth as high, or the minimum size if larger."""
     rows, cols = shape[:2]
     height, width = max(min(LEAST_SIDE, rows), rows // 6), max(min(LEAST_SIDE, cols), cols // 8)
     return Box((rows - height) // 2, (cols - width) // 2, height, width)

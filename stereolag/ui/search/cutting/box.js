@@ -1,8 +1,8 @@
-// A box over a picture. It is sent when it is let go, or when the keys have rested for a moment.
+// A box over a picture. It is sent on release, or once no key has been pressed for a moment.
 
 const REST_MS = 400;
 const FAR = 10;
-const HIGHEST = 0.7; // of the window
+const HIGHEST = 0.7; // of the window's height
 
 export default function (component) {
   return shown(BoxPanel, component, (panel) => {
@@ -37,14 +37,14 @@ class BoxPanel {
     this.data = data;
     this.picture.await(data.name);
     const told = JSON.stringify([data.name, data.box]);
-    if (told === this.told) return; // the page ran again: what is being dragged stays
+    if (told === this.told) return; // the page ran again: a box being dragged stays
     this.told = told;
     this.box = { ...data.box };
     this.sent = JSON.stringify(this.box);
     this.draw();
   }
 
-  // Moved or resized as asked, as far as the picture and the least side allow.
+  // Moves or resizes the box, as far as the picture and the least side allow.
   fit({ row, col, height, width }) {
     const { rows, cols, least } = this.data;
     this.box.height = clamp(Math.round(height), Math.min(least, rows), rows);
@@ -54,7 +54,7 @@ class BoxPanel {
     this.draw();
   }
 
-  // Between two points, (row, col) each, whose first stays where it is.
+  // Spans the box between two points, (row, col) each; the first stays fixed.
   span([row, col], [toRow, toCol]) {
     const { rows, cols, least } = this.data;
     const side = (from, to, end) => {
@@ -86,7 +86,7 @@ class BoxPanel {
       const anchor = corner
         ? [corner[0] === "n" ? row + height : row, corner[1] === "w" ? col + width : col]
         : [y, x];
-      // A corner is rarely grasped at its very point.
+      // The pointer rarely grabs a corner at its exact point.
       const [slipY, slipX] = corner ? [y - (2 * row + height - anchor[0]), x - (2 * col + width - anchor[1])] : [0, 0];
       this.held = ([toY, toX]) => this.span(anchor, [toY - slipY, toX - slipX]);
     }

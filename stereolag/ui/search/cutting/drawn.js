@@ -1,8 +1,8 @@
-// What is drawn on a picture that was sent apart.
+// Common to the components that draw on a picture that was sent separately.
 
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
-// Shows a picture in an <img> as soon as it is there.
+// Shows a picture in an <img> as soon as it has arrived.
 class SentPicture {
   constructor(image) {
     this.image = image;

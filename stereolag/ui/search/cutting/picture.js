@@ -1,4 +1,4 @@
-// Keeps the bytes of a picture that something is drawn on, by its name, whichever of the two is on the page first.
+// Stores the bytes of a picture under its name for the component that draws on it, whichever is on the page first.
 export default function ({ data }) {
   const length = data[0] + 256 * data[1];
   const name = new TextDecoder().decode(data.subarray(2, 2 + length));

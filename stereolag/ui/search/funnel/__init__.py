@@ -1,7 +1,7 @@
-"""How the "sampled" search comes from millions of pixels to a few places that are scored, one step at a time.
+"""How the "sampled" search narrows millions of pixels down to a few scored places, step by step.
 
-The living counterpart of Appendix B of the report, Figs. B.2 to B.4. It all
-happens in the browser (the script beside this file); nothing comes back.
+The interactive counterpart of Appendix B of the report, Figs. B.2 to B.4. Everything
+runs in the browser (the script beside this file); nothing is sent back.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from stereolag.ui.search.funnel.words import WORDS
 HERE = Path(__file__).parent
 
 WIDTH = 900
-"""Of the picture behind the dots, px."""
+"""Width of the picture behind the dots, px."""
 
 _panel = st.components.v2.component(
     "stereolag.funnel",
@@ -36,7 +36,7 @@ _panel = st.components.v2.component(
 
 
 def show_funnel(inputs: PictureAndTemplate) -> None:
-    """Show which pixels of the image are left at each step of the "sampled" search, for any anchor."""
+    """Show the image pixels that remain after each step of the "sampled" search, for any anchor."""
     prose.markdown("### From every pixel to a few")
     try:
         shown = computed(
@@ -54,7 +54,7 @@ def show_funnel(inputs: PictureAndTemplate) -> None:
 
 
 def _shown(inputs: PictureAndTemplate) -> bytes:
-    """Return what the browser needs to know, as JSON."""
+    """Return the data for the browser, as JSON."""
     told = {
         "picture": _address(jpeg(fitted(inputs.picture, WIDTH)), "image/jpeg"),
         "template": _address(what_counts(inputs.template, inputs.mask), "image/png"),

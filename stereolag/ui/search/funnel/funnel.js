@@ -1,4 +1,4 @@
-// The steps of the "sampled" search, for whichever pixel of the template is picked; nothing is asked of the server.
+// The steps of the "sampled" search for any picked pixel of the template, without server requests.
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -20,7 +20,7 @@ class Panel {
 
   load(data) {
     const text = JSON.stringify(data);
-    if (text === this.loaded) return; // the page ran again: what was picked stays
+    if (text === this.loaded) return; // the page ran again: the picked pixel stays
     this.loaded = text;
     this.data = data;
     const { words } = data;
@@ -33,7 +33,7 @@ class Panel {
     this.find(".template svg").setAttribute("viewBox", `0 0 ${data.width} ${data.height}`);
     this.find(".steps").setAttribute("aria-label", words.steps_label);
     this.bars.setAttribute("aria-label", words.colours);
-    this.first = data.anchors[0]; // the one that the search takes
+    this.first = data.anchors[0]; // the one used by the search
     this.sorted = [...data.anchors].sort((one, other) => one.counts[1] - other.counts[1]);
     this.find(".hint").textContent = this.first ? words.hint : words.nothing;
     this.find(".desk").hidden = this.find(".colours").hidden = !this.first;
@@ -69,7 +69,7 @@ class Panel {
     this.pick(this.sorted[clamp(Math.floor(share * this.sorted.length), 0, this.sorted.length - 1)]);
   }
 
-  // The nearest pixel that can be picked.
+  // Picks the nearest of the pixels that can be picked.
   pickPixel(event) {
     const box = this.find(".template").getBoundingClientRect();
     const scale = this.data.width / box.width;

@@ -1,4 +1,4 @@
-"""What is written around the steps of the "sampled" search."""
+"""Texts for the steps of the "sampled" search."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ WORDS: Final[dict[str, Any]] = {
         "Every place within one pixel of these is scored.",
     ],
     "best": " Best: row {row}, column {col}, score {score}.",
-    "none": " None is left: no place holds exactly these colours.",
-    "many": " So many that only a count is shown: a rarer colour leaves fewer.",
+    "none": " None is left: no place has exactly these colours.",
+    "many": " Too many: only their count is shown; a rarer colour leaves fewer.",
     "some": " {shown} of them are drawn.",
     "picture": "The image with the pixels that are left at this step.",
     "colours": "Pixel of the template, the rarest colour first. Arrow keys pick another.",
     "colour": "Row {row}, column {col} of the template: {count} pixels of its colour",
-    "hint": "Click on a bar or on the template to pick another pixel; arrow keys do it too.",
+    "hint": "Click on a bar or on the template to pick another pixel; arrow keys work too.",
     "nothing": "Every colour of this template is too common in the image.",
 }

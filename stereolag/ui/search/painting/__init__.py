@@ -1,4 +1,4 @@
-"""A mask painted over a template in the browser: with a mouse, a finger, or the keyboard."""
+"""A mask painted on a template in the browser: with a mouse, a finger, or the keyboard."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from stereolag.ui.states import show_refused
 HERE = Path(__file__).parent
 
 LARGEST_PIXELS: Final = 1_000_000
-"""Pixels of a template up to which it is painted on; a larger one takes a mask from a file."""
+"""Largest template that can be painted on; a larger one needs a mask from a file."""
 
 _brush = st.components.v2.component(
     "stereolag.brush",
@@ -43,31 +43,31 @@ class PaintedMask(NamedTuple):
 
 
 def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) -> PaintedMask | None:
-    """Offer to paint over a template, and return the mask that was painted; None while its own is used.
+    """Offer to paint a mask on a template, and return it; None while the template's own is used.
 
     Parameters
     ----------
     template
-        What is painted on.
+        The template to paint on.
     mask
-        Its own mask, None where its alpha says what counts.
+        Its own mask; None to use its alpha channel.
     digest
-        Of both; what was painted on another template is forgotten.
+        Digest of both; a mask painted on another template is discarded.
     key
-        Of the component.
+        Key of the component.
     """
     shape = template.shape[0], template.shape[1]
     before, kept = st.session_state.get(f"{key}.mask", ("", None))
     painted: PaintedMask | None = kept if before == digest else None
     with st.expander("Paint a mask"):
         if shape[0] * shape[1] > LARGEST_PIXELS:
-            prose.caption("This template is too large to paint on. Among your own files you can add a mask.")
+            prose.caption("This template is too large to paint on. You can add a mask among your own files.")
             return painted
         if refusal := st.session_state.pop(f"{key}.refusal", None):
             show_refused(refusal)
         try:
             own = opaque_pixels(template, mask)
-        except ValueError:  # the search says what is wrong with it
+        except ValueError:  # the search reports the error
             return painted
         _draw(template, own, own if painted is None else painted.pixels, digest, key)
     return painted
@@ -89,7 +89,7 @@ def _draw(template: Image, own: Image, used: Image, digest: str, key: str) -> No
             painted = PaintedMask(pixels, hashlib.sha256(pixels.tobytes()).hexdigest())
             st.session_state[f"{key}.mask"] = digest, painted
 
-    prose.caption("Paint over what shall not count: a background, a shadow, whatever changes from place to place.")
+    prose.caption("Paint over parts that should not count: background, shadow, anything that varies between places.")
     with st.container(gap=None):
         send_drawn_on(f"{digest} template", png(as_rgb(template)), key=f"{key}.picture")
         _brush(

@@ -1,4 +1,4 @@
-// A brush over the template. Nothing is sent before "Use this mask" is pressed.
+// A brush over the template. Nothing is sent until "Use this mask" is pressed.
 
 const WIDEST = 420;
 const FAR = 10;
@@ -45,7 +45,7 @@ class BrushPanel {
     const told = JSON.stringify([data.name, data.own, data.used]);
     this.data = data;
     this.picture.await(data.name);
-    if (told === this.told) return; // the page ran again: what is being painted stays
+    if (told === this.told) return; // the page ran again: unsent paint stays
     this.told = told;
     const { rows, cols } = data;
     Object.assign(this.canvas, { width: cols, height: rows });
@@ -66,7 +66,7 @@ class BrushPanel {
     this.count();
   }
 
-  // A brush has soft edges; a pixel is painted over where most of it is.
+  // The brush has soft edges; a pixel counts as painted over if most of it is.
   painted() {
     const { rows, cols } = this.data;
     const { data } = this.context.getImageData(0, 0, cols, rows);
@@ -96,7 +96,7 @@ class BrushPanel {
     if (!this.data) return;
     const { rows, cols } = this.data;
     const room = Math.min(this.find(".painting").clientWidth, WIDEST);
-    if (!room) return; // folded away
+    if (!room) return; // collapsed
     this.scale = Math.min(room / cols, WIDEST / rows);
     Object.assign(this.stage.style, { width: `${cols * this.scale}px`, height: `${rows * this.scale}px` });
     this.find("output").textContent = `${this.size.value} px`;
@@ -129,7 +129,7 @@ class BrushPanel {
     this.count();
   }
 
-  // From a place to where the brush is now. A line of no length has no caps, by the standard: a dot is a disc.
+  // Paints from a place to the brush. By the standard, a line of zero length has no caps, so a dot is drawn as a disc.
   stroke([row, col]) {
     const { context } = this;
     const [toRow, toCol] = this.at;

@@ -1,8 +1,8 @@
-// A mask as text: a bit for every pixel, row by row, 1 where the template counts; base64.
+// A mask as text: one bit per pixel, row by row, 1 where the template counts; base64.
 
 const CHUNK = 0x8000;
 
-// Of `length` values, above 0 where painted over.
+// Packs `length` values, above 0 where painted over.
 function packed(painted, length) {
   const bytes = new Uint8Array(Math.ceil(length / 8));
   for (let at = 0; at < length; at++) if (!painted[at]) bytes[at >> 3] |= 0x80 >> (at & 7);
@@ -11,7 +11,7 @@ function packed(painted, length) {
   return btoa(text);
 }
 
-// 1 where painted over.
+// Unpacks a mask to values that are 1 where painted over.
 function unpacked(text, length) {
   const bytes = atob(text);
   return Uint8Array.from({ length }, (_, at) => ((bytes.charCodeAt(at >> 3) >> (7 - (at & 7))) & 1 ? 0 : 1));

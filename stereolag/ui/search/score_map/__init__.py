@@ -1,4 +1,4 @@
-"""The score map, read under the pointer; a click compares the place in the search by hand."""
+"""The score map, with scores read under the pointer; a click shows the place in the search by hand."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WORDS = {
     "hint": "Hover to read a score; click to compare that place below.",
     "reading": "Row {row}, column {col}: score {score}",
     "flat": "Row {row}, column {col}: flat, no score",
-    "stage": "Score map. Arrow keys read it, with Shift ten pixels on; Enter compares that place.",
+    "stage": "Score map. Arrow keys move the cursor, with Shift by ten; Enter compares that place.",
 }
 
 _panel = st.components.v2.component(
@@ -32,10 +32,10 @@ _panel = st.components.v2.component(
 
 
 def packed(score_map: ScoreMap, matches: Sequence[TemplateMatch]) -> bytes:
-    """Return the score of every place, NaN where there is none, for :func:`show_score_map`; matches are ringed."""
+    """Pack the score of every place, NaN if undefined, for :func:`show_score_map`; matches are ringed."""
     return packed_score_map(score_map_png(score_map, matches), score_map, name=NAME, words=WORDS)
 
 
 def show_score_map(data: bytes) -> None:
-    """Show the score of every place, as :func:`packed` gives it."""
+    """Show the score map packed by :func:`packed`."""
     _panel(key="template.score_map", data=data)

@@ -1,4 +1,4 @@
-// The score of every place: read under the pointer, and compared on a click by the search by hand.
+// The score of every place, read under the pointer; a click compares it in the search by hand.
 
 const STEP_FAR = 10;
 
@@ -34,7 +34,7 @@ class Panel {
     this.read(this.chosen);
   }
 
-  // A pointer that rests sends moves too, when something below it changes: they must not undo what a key did.
+  // A resting pointer also sends moves when something below it changes; they must not undo a key press.
   hover(event) {
     const at = `${event.screenX} ${event.screenY}`;
     if (at !== this.rested) this.read(this.blockAt(event));
@@ -50,7 +50,7 @@ class Panel {
     return { row: clamp(row, 0, rows - 1), col: clamp(col, 0, cols - 1) };
   }
 
-  // Writes what stands at a block of places; `null` writes how that is done.
+  // Writes the score at a block of places; `null` writes the hint.
   read(block) {
     if (!this.map) return;
     this.block = block;
