@@ -11,7 +11,7 @@ Range = tuple[float, float]
 
 SCALE_STEP = 1.1
 ROTATION_STEP = 10.0
-"""Steps of the coarse grid, a ratio and degrees: half a step moves the rim of the reduced template by about 2 px."""
+"""Steps of the coarse grid, a ratio and degrees: half a step moves the rim of the reduced template by up to 2 px."""
 
 COARSE_SIDE = 20
 """Side of the smallest template in the reduced image, the root of its area, px."""
