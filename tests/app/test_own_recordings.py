@@ -62,7 +62,7 @@ def test_the_channel_and_the_limits_are_named(with_recordings: Callable[..., App
     app = with_recordings(("both.wav", uploads.wav(both)))
     assert "channel 1 of 2." in said(app)
     assert "channel 2 of 2." in said(app)
-    assert typeset("A file may have 64 MB and 30 million samples in all channels: 11 minutes of one") in said(app)
+    assert typeset("At most 64 MB and 30 million samples per file, over all channels: 11 minutes of one") in said(app)
 
 
 def test_the_rate_of_the_other_file_is_assumed() -> None:

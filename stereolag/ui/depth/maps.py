@@ -179,7 +179,7 @@ def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
     """Return the numbers of a map."""
     result = view.results[name]
     figures: tuple[Figure, ...] = (
-        Figure("Took", duration(result.elapsed_s), "The computation alone, when it was first done."),
+        Figure("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."),
         Figure("Coverage", percent(result.coverage), "Share of the pixels that have a disparity."),
     )
     if result.settings != matcher_as_set(type(result.settings), view.pair):

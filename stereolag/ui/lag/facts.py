@@ -52,6 +52,6 @@ def upload_limits() -> str:
     """Return how large a file may be."""
     samples, rate = limits().max_samples, LagSearch().sampling_rate
     return (
-        f"A file may have {st.get_option('server.maxUploadSize')} MB and {samples / 1e6:,.0f} million samples in all "
-        f"channels: {samples / rate / 60:,.0f} minutes of one channel at {rate:,.10g} Hz."
+        f"At most {st.get_option('server.maxUploadSize')} MB and {samples / 1e6:,.0f} million samples per file, over "
+        f"all channels: {samples / rate / 60:,.0f} minutes of one channel at {rate:,.10g} Hz."
     )

@@ -62,7 +62,7 @@ def match_files(inputs: PictureAndTemplate, result: TemplateSearch, query: Templ
                 template=inputs.template.shape,
                 width=cols,
             ),
-            f"The image in its own size, {cols} × {rows} pixels, with a frame around every match, dashed where it is "
+            f"The image at full size, {cols} × {rows} pixels, with a frame around every match, dashed where it is "
             "doubtful.",
             "" if result.best else "Nothing was found to frame.",
         ),
