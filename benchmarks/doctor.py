@@ -11,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.pairs import DATA, true_pairs
-from stereolag.doctor import Diagnosis, FindingCode, diagnose
-from stereolag.doctor.correspondences import find_correspondences
-from stereolag.doctor.features import Correspondences
-from stereolag.doctor.rows import straightened
-from stereolag.inputs import as_grey
-from stereolag.reading import read_disparity, read_image
+from stereolag.assess.doctor import Diagnosis, FindingCode, diagnose
+from stereolag.assess.doctor.correspondences import find_correspondences
+from stereolag.assess.doctor.features import Correspondences
+from stereolag.assess.doctor.rows import straightened
+from stereolag.core.inputs import as_grey
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 
 Array = npt.NDArray[Any]

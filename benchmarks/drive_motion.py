@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from stereolag import optical_flow, preset, read_calibration, read_image
 from stereolag.geometry.rigid_motion import rigid_motion
+from stereolag.io.disparities import read_stored_disparity
 from stereolag.motion.moving import KMH
 from stereolag.motion.scene_flow import scene_flow
-from stereolag.reading.disparities import read_stored_disparity
 from stereolag.samples import DriveExample
 
 EVERY = 8

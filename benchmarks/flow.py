@@ -16,7 +16,7 @@ from benchmarks.drive_motion import drive_lines
 from benchmarks.pairs import DATA, true_pairs
 from benchmarks.timing import interleaved
 from stereolag import optical_flow, read_disparity, read_image
-from stereolag.inputs import as_grey
+from stereolag.core.inputs import as_grey
 from stereolag.samples import DriveExample, drives, stereo_pairs
 
 Picture: TypeAlias = npt.NDArray[np.uint8]

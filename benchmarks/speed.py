@@ -22,8 +22,8 @@ from stereolag import (
     read_image,
     signal_lag,
 )
-from stereolag.inputs import as_grey
-from stereolag.reading import read_signal
+from stereolag.core.inputs import as_grey
+from stereolag.io.recordings import read_signal
 from stereolag.samples import mazes, recordings, stereo_pairs
 from stereolag.stereo.matcher import StereoMatcher
 

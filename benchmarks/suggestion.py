@@ -8,11 +8,12 @@ from dataclasses import asdict, dataclass
 
 from benchmarks.pairs import true_pairs
 from stereolag import StereoBM, StereoSGBM, preset, samples, suggest
-from stereolag.reading import read_disparity, read_image
+from stereolag.assess.tuning.candidates import candidates
+from stereolag.assess.tuning.objective import TuningPair
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.tuning.candidates import candidates
-from stereolag.tuning.objective import TuningPair
 
 BUDGET_S = 10.0
 BLIND, SEEING = "blind", "with truth"

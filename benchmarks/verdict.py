@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy import fft, signal
 
 from stereolag import SignalLag, signal_lag
-from stereolag.searches import SignalMethod
+from stereolag.core.searches import SignalMethod
 
 Vector: TypeAlias = npt.NDArray[np.float64]
 Pair: TypeAlias = tuple[Vector, Vector]

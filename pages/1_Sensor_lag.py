@@ -2,8 +2,8 @@
 
 import streamlit as st
 
+from stereolag.core.searches import LagSearch
 from stereolag.figures import recordings as figures
-from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid

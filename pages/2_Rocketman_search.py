@@ -2,8 +2,8 @@
 
 import streamlit as st
 
+from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
-from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateSearch, estimate_search, match_template
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid

@@ -1,14 +1,20 @@
 """The public names and their modules: the only list of them, for ``__init__.py`` and for type checkers."""
 
-from .doctor import Diagnosis, diagnose
-from .export import write_disparity, write_matcher
+from .assess.doctor import Diagnosis, diagnose
+from .assess.tuning.search import Suggestion
+from .assess.tuning.suggestion import suggest
 from .geometry.calibrating import calibrate
 from .geometry.calibration import Calibration
 from .geometry.rectification import Rectified, rectify
+from .io.calibrations import read_calibration
+from .io.disparities import read_disparity
+from .io.images import read_image
+from .io.matchers import read_matcher
+from .io.recordings import read_signal
+from .io.writing import write_disparity, write_matcher
 from .motion.matcher import optical_flow
 from .motion.result import FlowMap
 from .motion.scene_flow import SceneFlow, scene_flow
-from .reading import read_calibration, read_disparity, read_image, read_matcher, read_signal
 from .signals import SignalLag, signal_lag
 from .stereo.evaluation import Evaluation, evaluate
 from .stereo.matcher import DisparityMap
@@ -19,8 +25,6 @@ from .stereo.semi_global.matcher import SemiGlobalMatcher
 from .stereo.windows.matcher import CorrelationMatcher
 from .stereo.windows.search import SearchArea
 from .templates import TemplateMatch, TemplateSearch, match_template
-from .tuning.search import Suggestion
-from .tuning.suggestion import suggest
 
 __version__: str
 

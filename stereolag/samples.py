@@ -1,6 +1,6 @@
 """The bundled examples: the paths of their files, and their ground truth.
 
-Nothing is decoded here: `stereolag.reading` reads the paths. The examples were made by the scripts in ``tools/``, so
+Nothing is decoded here: `stereolag.io` reads the paths. The examples were made by the scripts in ``tools/``, so
 the ground truth is exact. Every function returns its examples by name, always in the same order.
 """
 

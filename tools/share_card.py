@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import stereolag as sl
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
 from stereolag.figures.colour_ranges import disparity_range
 from stereolag.figures.pictures import CORRELATION, PEAK, as_rgb, coloured
 from stereolag.samples import recordings, stereo_pairs

@@ -6,9 +6,9 @@ import inspect
 from collections.abc import Iterator
 from typing import Any
 
-from stereolag.settings.fields import base_type, choices, nested
-from stereolag.settings.model import Settings
-from stereolag.settings.refusals import allowed_values
+from stereolag.core.settings.fields import base_type, choices, nested
+from stereolag.core.settings.model import Settings
+from stereolag.core.settings.refusals import allowed_values
 
 BEFORE_NUMPYDOC = 400
 """Priority of the hook: numpydoc lays out the section that is added here."""

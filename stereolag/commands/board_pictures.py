@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from stereolag.geometry.board_views import MOST_PAIRS
-from stereolag.reading.archives import is_archive, read_archive
-from stereolag.reading.pairing import PICTURE_ENDINGS, PairFiles, matched_pairs, natural_order
-from stereolag.reading.picture_pairs import PicturesOfFiles
-from stereolag.reading.sources import read_bytes
+from stereolag.io.archives import is_archive, read_archive
+from stereolag.io.pairing import PICTURE_ENDINGS, PairFiles, matched_pairs, natural_order
+from stereolag.io.picture_pairs import PicturesOfFiles
+from stereolag.io.sources import read_bytes
 
 WHAT = "picture"
 

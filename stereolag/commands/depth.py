@@ -12,7 +12,7 @@ from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.matchers import add_choice, chosen_matcher, elsewhere, over_known_range, shortcuts_of
 from stereolag.commands.pair_flags import add_pair
 from stereolag.commands.parsing import DONE, CommandParser, add_output, tell
-from stereolag.settings import FitsImage, marker
+from stereolag.core.settings import FitsImage, marker
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def _figures(pair: DepthPair, result: DisparityMap) -> dict[str, Any]:
         "elapsed_s": result.elapsed_s,
     }
     if pair.truth is not None:
-        from stereolag.export import figures_of
+        from stereolag.io.tables import figures_of
 
         judged = figures_of(sl.evaluate(result.disparity, pair.truth))
         figures |= {name: judged[name] for name in FIGURES}

@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stereolag.commands.depth_pair import DepthPair
-from stereolag.export import calibration_json, image_png, image_tiff, kitti_png, npy, pfm, settings_json, write_file
+from stereolag.core.inputs import Image
 from stereolag.figures.colour_ranges import searched_range
 from stereolag.figures.map_files import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
-from stereolag.inputs import Image
+from stereolag.io.calibration_writing import calibration_json
+from stereolag.io.maps import image_png, image_tiff, kitti_png, npy, pfm
+from stereolag.io.settings import settings_json
+from stereolag.io.writing import write_file
 from stereolag.stereo.matcher import DisparityMap
 
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass, replace
 
-from stereolag.arrays import FloatMap
+from stereolag.assess.doctor.truth_scale import likely_divisor
 from stereolag.commands.fitting import fitted
 from stereolag.commands.parsing import read
-from stereolag.doctor.truth_scale import likely_divisor
+from stereolag.core.arrays import FloatMap
+from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scaling import as_deep, cropped_alike
-from stereolag.inputs import Image, as_stereo_pair
-from stereolag.reading import read_calibration, read_image
-from stereolag.reading.disparities import read_stored_disparity
+from stereolag.io.calibrations import read_calibration
+from stereolag.io.disparities import read_stored_disparity
+from stereolag.io.images import read_image
 
 
 @dataclass(frozen=True, eq=False)

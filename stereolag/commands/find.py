@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import stereolag as sl
 from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.parsing import DONE, NOT_FOUND, CommandParser, add_output, read, tell
-from stereolag.searches import TemplateQuery
+from stereolag.core.searches import TemplateQuery
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -26,7 +26,7 @@ def run(arguments: Sequence[str]) -> int:
     flags = SettingsFlags(parser, TemplateQuery())
     options, query = flags.parsed(arguments)
 
-    from stereolag.export import search_figures
+    from stereolag.io.matches import search_figures
 
     mask = None if options.mask is None else read(sl.read_image, options.mask)
     if mask is not None and mask.ndim == 3:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from stereolag.assess.doctor.row_evidence import row_evidence
 from stereolag.commands.pair_flags import AUTO, YES
-from stereolag.doctor.row_evidence import row_evidence
+from stereolag.core.inputs import Image
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import Rectified, rectify
 from stereolag.geometry.scaling import calibration_for
-from stereolag.inputs import Image
 
 
 class Fitted(NamedTuple):

@@ -1,7 +1,7 @@
 """Settings as flags: each field of a settings class is a flag, and the flags given change the settings.
 
 pydantic-settings makes the flags; their values go into a document that the settings themselves validate, so that a
-flag is refused with the same :class:`~stereolag.settings.SettingsError` as a control or a file.
+flag is refused with the same :class:`~stereolag.core.settings.SettingsError` as a control or a file.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from pydantic.fields import FieldInfo
 from pydantic_settings import CliSettingsSource
 
 from stereolag.commands.parsing import CommandParser
-from stereolag.settings import Settings, SettingsError
-from stereolag.settings.fields import base_type, choices, nested
-from stereolag.settings.refusals import Problem, allowed_values, unknown_setting
+from stereolag.core.settings import Settings, SettingsError
+from stereolag.core.settings.fields import base_type, choices, nested
+from stereolag.core.settings.refusals import Problem, allowed_values, unknown_setting
 
 S = TypeVar("S", bound=Settings)
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import stereolag as sl
 from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.parsing import DONE, CommandParser, add_output, read, tell
-from stereolag.searches import LagSearch
+from stereolag.core.searches import LagSearch
 
 if TYPE_CHECKING:
-    from stereolag.reading import Recording
+    from stereolag.io.recordings import Recording
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -30,9 +30,9 @@ def run(arguments: Sequence[str]) -> int:
     flags = SettingsFlags(parser, LagSearch())
     options, settings = flags.parsed(arguments)
 
-    from stereolag.export import lag_figures
-    from stereolag.inputs import checked_signal
-    from stereolag.reading.recordings import at_one_rate
+    from stereolag.core.inputs import checked_signal
+    from stereolag.io.lags import lag_figures
+    from stereolag.io.recordings import at_one_rate
 
     first = read(sl.read_signal, options.first)
     second = first if options.second is None else read(sl.read_signal, options.second)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from stereolag.export.writing import DISPARITY_FORMATS
+from stereolag.io.writing import DISPARITY_FORMATS
 
 AUTO, YES, NO = "auto", "yes", "no"
 """Values of ``--rectify``: whether the images are to be rectified."""

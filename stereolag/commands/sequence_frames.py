@@ -8,7 +8,7 @@ from typing import NamedTuple
 from stereolag.commands.fitting import fitted
 from stereolag.commands.parsing import read
 from stereolag.geometry.calibration import Calibration
-from stereolag.reading import read_calibration
+from stereolag.io.calibrations import read_calibration
 from stereolag.sequences import RectifiedSequence, StereoSequence, open_sequence
 
 

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import plotly.graph_objects as go
 
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
+from stereolag.core.inputs import Image
 from stereolag.figures.pictures import FRAME, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, fitted
 from stereolag.geometry.boards import Board, Corners
-from stereolag.inputs import Image
 
 SHOWN_WIDTH = 720
 """Width of a picture with its corners, px."""

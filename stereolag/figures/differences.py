@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
+from stereolag.core.inputs import Image
+from stereolag.core.typography import typeset
 from stereolag.figures.disparity import legend
 from stereolag.figures.pictures import CORRELATION, NO_ANSWER, PEAK, SENSOR_1, SENSOR_2, as_rgb, coloured, png, thinned
-from stereolag.inputs import Image
 from stereolag.stereo.evaluation import CoverageCurve
-from stereolag.typography import typeset
 
 MOST_SHOWN_PX = 4.0
 """Larger errors share the last colour."""

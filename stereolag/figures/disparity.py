@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
+from stereolag.core.inputs import Image
 from stereolag.figures.pictures import (
     VIRIDIS,
     as_rgb,
@@ -18,7 +19,6 @@ from stereolag.figures.pictures import (
     palette,
     png,
 )
-from stereolag.inputs import Image
 
 FAR_TO_NEAR = VIRIDIS
 """Near is bright."""

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Mask
+from stereolag.core.arrays import Mask
+from stereolag.core.inputs import Image
 from stereolag.figures.pictures import as_rgb
-from stereolag.inputs import Image
 
 LOOKED_AT = 800
 """Px; wider photographs are reduced to this width first: finer edges would be too dense to read as lines."""

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from PIL import Image as PillowImage
 from PIL import ImageDraw, ImageFont
 
-from stereolag.arrays import FloatMap, Rgb
+from stereolag.core.arrays import FloatMap, Rgb
+from stereolag.core.inputs import Image
 from stereolag.figures.pictures import as_rgb
-from stereolag.inputs import Image
 
 Rgba: TypeAlias = npt.NDArray[np.uint8]
 """(H, W, 4) uint8."""

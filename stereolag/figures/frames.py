@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import cv2
 
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
 from stereolag.figures.pictures import FRAME
 from stereolag.templates import TemplateMatch
 

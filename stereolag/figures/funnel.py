@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stereolag.core.inputs import Image, as_image
 from stereolag.figures.pictures import as_rgb
-from stereolag.inputs import Image, as_image
 from stereolag.templates.correlation import scores_at
 from stereolag.templates.exact_pixels import AnchorStages, Indices, anchor_stages, rare_pixels
 from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import FloatMap
-from stereolag.inputs import Image, as_eight_bit, as_grey
+from stereolag.core.arrays import FloatMap
+from stereolag.core.inputs import Image, as_eight_bit, as_grey
 
 TRUTH_SCALE = 64
 """Steps of the ground truth per px."""

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
+from stereolag.core.typography import typeset
 from stereolag.figures.flow import colour_wheel
 from stereolag.figures.pictures import NO_ANSWER, rgba_png
 from stereolag.geometry.calibration import Calibration
-from stereolag.typography import typeset
 
 WHEEL_PX = 144
 """Diameter of the wheel, shown at half that size."""

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
+from stereolag.core.typography import typeset
 from stereolag.figures.legends import Legend, hexadecimal
 from stereolag.figures.pictures import NO_ANSWER, jpeg, png
-from stereolag.typography import typeset
 
 WIDEST = 1600
 """Px; of wider pictures only every second, third … pixel is sent: no screen shows more side by side."""

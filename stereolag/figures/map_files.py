@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from stereolag.arrays import FloatMap, Rgb
-from stereolag.export import image_png, ply
+from stereolag.core.arrays import FloatMap, Rgb
+from stereolag.core.inputs import Image
 from stereolag.figures.pictures import VIRIDIS, as_rgb, coloured
 from stereolag.figures.printed_legend import with_legend
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.clouds import clean_point_cloud
-from stereolag.inputs import Image
+from stereolag.io.maps import image_png, ply
 
 LEGEND = "disparity, px: from far to near"
 MOST_POINTS = 2_000_000

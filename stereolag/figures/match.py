@@ -10,11 +10,11 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereolag.explaining.match import Box, MatchExplanation
+from stereolag.assess.explaining.match import Box, MatchExplanation
+from stereolag.core.inputs import Image, as_grey
+from stereolag.core.typography import typeset
 from stereolag.figures.legends import hexadecimal
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, fitted, png
-from stereolag.inputs import Image, as_grey
-from stereolag.typography import typeset
 
 WINDOW_COLOUR = PEAK
 SEARCH_COLOUR = SENSOR_1

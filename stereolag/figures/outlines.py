@@ -11,9 +11,9 @@ import numpy.typing as npt
 from PIL import Image as PillowImage
 from PIL import ImageDraw, ImageFont
 
-from stereolag.arrays import Mask, Rgb
+from stereolag.core.arrays import Mask, Rgb
+from stereolag.core.inputs import Image
 from stereolag.figures.pictures import FRAME, as_rgb
-from stereolag.inputs import Image
 
 TEXT_SHARE = 1 / 34
 """Text height as a share of the picture width: a page shows it at half its size."""

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.explaining.match import Box
+from stereolag.assess.explaining.match import Box
+from stereolag.core.inputs import Image
 from stereolag.figures.match import MARGIN, WINDOW_COLOUR, patch_png
-from stereolag.inputs import Image
 
 Starts = npt.NDArray[np.int64]
 

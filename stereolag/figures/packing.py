@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
 
 SCORE_STEPS = 30_000
 """Steps of a score from 0 to 1; code 0 means no score."""

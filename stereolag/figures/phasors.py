@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
 from stereolag.signals.overlaps import overlap_slices
 from stereolag.signals.whitening import loudest_stretch
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Rgb
-from stereolag.inputs import Image
+from stereolag.core.arrays import Rgb
+from stereolag.core.inputs import Image
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 

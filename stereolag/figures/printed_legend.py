@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image as PillowImage
 from PIL import ImageDraw, ImageFont
 
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
 from stereolag.figures.legends import round_values
 from stereolag.figures.pictures import NO_ANSWER
 

@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import plotly.graph_objects as go
 
-from stereolag.arrays import ReasonMap, Rgb
+from stereolag.core.arrays import ReasonMap, Rgb
+from stereolag.core.inputs import Image
+from stereolag.core.typography import typeset
 from stereolag.figures.legends import hexadecimal
 from stereolag.figures.pictures import as_rgb
-from stereolag.inputs import Image
 from stereolag.stereo.reasons import Reason
-from stereolag.typography import typeset
 
 REASON_COLOURS: dict[Reason, tuple[int, int, int]] = {
     Reason.FILLED: (210, 172, 237),

@@ -10,12 +10,12 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 from tsdownsample import MinMaxLTTBDownsampler
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
+from stereolag.core.typography import typeset
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
 from stereolag.signals.drift import Drift
 from stereolag.signals.overlaps import overlap_length
-from stereolag.typography import typeset
 
 POINTS = 2_000
 """Most points drawn per line, however long: about two for every pixel of its width."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
 
 CUT_SAMPLES = 40
 SAMPLES = 240

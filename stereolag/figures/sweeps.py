@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.arrays import Mask
+from stereolag.assess.tuning.objective import Criterion
+from stereolag.assess.tuning.sweep import Sweep
+from stereolag.core.arrays import Mask
+from stereolag.core.typography import typeset
 from stereolag.figures.linked_pictures import Colours
 from stereolag.figures.pictures import PEAK, VIRIDIS, coloured
-from stereolag.tuning.objective import Criterion
-from stereolag.tuning.sweep import Sweep
-from stereolag.typography import typeset
 
 THUMBNAIL_WIDTH = 180
 GAP = 3

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Mask, Rgb
+from stereolag.core.arrays import Mask, Rgb
+from stereolag.core.inputs import Image, as_image
 from stereolag.figures.packing import packed_pictures, scores_as_colours
 from stereolag.figures.pictures import as_rgb
-from stereolag.inputs import Image, as_image
 from stereolag.templates import match_template
 from stereolag.templates.patterns import alike, opaque_pixels
 

@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
+from stereolag.core.inputs import Image
 from stereolag.figures.block_scores import best_of_blocks, block_side
 from stereolag.figures.disparity import legend
 from stereolag.figures.frames import draw_frame
 from stereolag.figures.pictures import FRAME, SHOWN_WIDTH, VIRIDIS, as_rgb, coloured, fitted, png
-from stereolag.inputs import Image
 from stereolag.templates import TemplateMatch
 from stereolag.templates.patterns import opaque_pixels
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
+from stereolag.core.inputs import Image
 from stereolag.figures.pictures import FRAME, as_rgb, jpeg
-from stereolag.inputs import Image
 from stereolag.templates.trials import Trial
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)

@@ -10,11 +10,11 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.inputs import as_eight_bit, as_grey, as_image
+from stereolag.core.progress import Progress, silent
 from stereolag.geometry.boards import Board, Corners, Grey8
 from stereolag.geometry.charuco import find_charuco, guess_charuco
 from stereolag.geometry.chessboards import find_chessboard, guess_chessboard
-from stereolag.inputs import as_eight_bit, as_grey, as_image
-from stereolag.progress import Progress, silent
 
 Pairs: TypeAlias = Sequence[tuple[npt.ArrayLike, npt.ArrayLike]]
 """Left and right pictures; each is requested when needed, and not kept."""

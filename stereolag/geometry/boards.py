@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import DoubleMap, Rgb
+from stereolag.core.arrays import DoubleMap, Rgb
 
 Grey8 = npt.NDArray[np.uint8]
 """(rows, cols) uint8."""

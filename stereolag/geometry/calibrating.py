@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import DoubleMap
+from stereolag.core.arrays import DoubleMap
+from stereolag.core.progress import Progress
 from stereolag.geometry.board_views import BoardViews, Pairs, find_boards
 from stereolag.geometry.boards import Board, Corners
 from stereolag.geometry.calibration import Calibration
@@ -18,7 +19,6 @@ from stereolag.geometry.lenses import Sight, calibrated_lens, suitable_lens
 from stereolag.geometry.rectification import rectified_calibration
 from stereolag.geometry.relative_poses import SeenPair
 from stereolag.geometry.rig import check_positive
-from stereolag.progress import Progress
 
 FEWEST_IN_COMMON = 6
 """Fewest corners of a ChArUco board that both pictures of a pair must show."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.inputs import Image, as_image
 from stereolag.geometry.rig import (
     BASELINE_M,
     FOCAL_PX,
@@ -18,7 +19,6 @@ from stereolag.geometry.rig import (
     scaled_centre,
     scaled_size,
 )
-from stereolag.inputs import Image, as_image
 
 Float32Array = npt.NDArray[np.float32]
 

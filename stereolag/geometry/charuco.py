@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import DoubleMap
+from stereolag.core.arrays import DoubleMap
 from stereolag.geometry.boards import MOST_CORNERS, Board, Corners, Grey8, Markers, charuco_board, first_markers
 from stereolag.geometry.chessboards import reduced, refined_in_windows
 

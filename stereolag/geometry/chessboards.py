@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import DoubleMap
+from stereolag.core.arrays import DoubleMap
 from stereolag.geometry.boards import Board, Corners, Grey8
 
 LARGEST_SIDE = 1200

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import DoubleMap
+from stereolag.core.arrays import DoubleMap
 from stereolag.geometry.boards import MARGIN_SQUARES, Board, Grey8, board_picture
 from stereolag.geometry.rig import StereoRig
 

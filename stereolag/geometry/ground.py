@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stereolag.arrays import FloatMap
+from stereolag.core.arrays import FloatMap
 
 _COLUMNS = 8
 """One in this many columns is enough to find the ground."""

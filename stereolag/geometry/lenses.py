@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereolag.arrays import DoubleMap, Vector
+from stereolag.core.arrays import DoubleMap, Vector
 from stereolag.geometry.boards import Corners
 from stereolag.geometry.relative_poses import Camera
 

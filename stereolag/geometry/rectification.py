@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.inputs import Image, as_image
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rig import Rectification, StereoRig
-from stereolag.inputs import Image, as_image
 
 MAX_ASPECT_ERROR_PX = 1.0
 """Largest difference in height from the calibrated images resized to the same width."""

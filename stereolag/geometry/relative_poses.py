@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy  # scipy.optimize is loaded only on first use: the quick judgement of a pair does not need it
 
-from stereolag.arrays import DoubleMap, Vector
+from stereolag.core.arrays import DoubleMap, Vector
 
 COARSE_SHARE = 0.02
 """Largest distance of another pair's corners from where one pair's pose puts them, as a share of the picture's width.

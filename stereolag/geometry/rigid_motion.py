@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import FloatMap
+from stereolag.core.arrays import FloatMap
 from stereolag.geometry.calibration import Calibration
 
 

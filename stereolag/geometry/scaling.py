@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import FloatMap
+from stereolag.core.arrays import FloatMap
+from stereolag.core.inputs import DEPTHS, Image
 from stereolag.geometry.calibration import Calibration
-from stereolag.inputs import DEPTHS, Image
 
 
 def scaled_image(image: Image, factor: float) -> Image:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from stereolag.arrays import Array, FloatMap
-from stereolag.inputs import Image
+from stereolag.core.arrays import Array, FloatMap
+from stereolag.core.inputs import Image
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.motion.pyramid import Flow, fetched, leaves_frame

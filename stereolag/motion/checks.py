@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from stereolag.arrays import Array, FloatMap
+from stereolag.core.arrays import Array, FloatMap
+from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.motion.pyramid import Flow, places
-from stereolag.settings import Settings
 
 FAR_OFF = 1e4
 """Return error assigned where no way back exists, px."""

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stereolag.arrays import FloatMap
+from stereolag.core.arrays import FloatMap
+from stereolag.core.progress import Progress
 from stereolag.motion.candidates import Candidates, best_of_neighbours, match_level
 from stereolag.motion.checks import return_error
 from stereolag.motion.pyramid import Flow, Frame, doubled
 from stereolag.motion.refinement import VariationalRefinement, refined
 from stereolag.motion.smoothing import edge_aware_mean
-from stereolag.progress import Progress
 from stereolag.stereo.finishing.filters import MedianFilter
 from stereolag.stereo.finishing.weighted_median import weighted_median
 

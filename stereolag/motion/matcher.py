@@ -9,17 +9,17 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator
 
-from stereolag.arrays import FloatMap, Mask, ReasonMap
-from stereolag.estimates import OVERHEAD, Estimate, check_memory
-from stereolag.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, of_ordinary_size
+from stereolag.core.arrays import FloatMap, Mask, ReasonMap
+from stereolag.core.estimates import OVERHEAD, Estimate, check_memory
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, of_ordinary_size
+from stereolag.core.progress import Progress, silent
+from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
 from stereolag.motion.candidates import NO_SCORE
 from stereolag.motion.checks import ForwardBackwardCheck, MedianTest, median_residual
 from stereolag.motion.descent import Descent, View
 from stereolag.motion.pyramid import Flow, Frame, count_levels, leaves_frame, pyramid
 from stereolag.motion.refinement import VariationalRefinement
 from stereolag.motion.result import FlowMap
-from stereolag.progress import Progress, silent
-from stereolag.settings import FitsImage, OfThePair, Pixels, Settings, Usual
 from stereolag.stereo.finishing.checks import TextureTest, least_texture
 from stereolag.stereo.finishing.filters import MedianFilter
 from stereolag.stereo.reasons import Reason

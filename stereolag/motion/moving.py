@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from stereolag.arrays import DoubleMap, FloatMap, Mask
-from stereolag.inputs import Image, as_grey, grey_level
+from stereolag.core.arrays import DoubleMap, FloatMap, Mask
+from stereolag.core.inputs import Image, as_grey, grey_level
+from stereolag.core.settings import Settings
 from stereolag.motion.pyramid import Flow, fetched, places
-from stereolag.settings import Settings
 
 Box: TypeAlias = tuple[slice, slice]
 """Rows and columns."""

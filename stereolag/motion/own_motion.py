@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import DoubleMap, FloatMap, Mask
+from stereolag.core.arrays import DoubleMap, FloatMap, Mask
+from stereolag.core.inputs import Image, as_grey
 from stereolag.geometry.calibration import Calibration
-from stereolag.inputs import Image, as_grey
 
 MOST_POINTS = 4000
 """Most points used, taken evenly over the image; more do not improve the motion."""

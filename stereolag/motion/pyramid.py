@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import FloatMap
-from stereolag.inputs import Image
+from stereolag.core.arrays import FloatMap
+from stereolag.core.inputs import Image
 
 Guide: TypeAlias = npt.NDArray[np.uint8]
 """(H, W) uint8."""

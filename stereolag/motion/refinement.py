@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from stereolag.core.settings import Settings
 from stereolag.motion.pyramid import Flow
-from stereolag.settings import Settings
 
 
 class VariationalRefinement(Settings):

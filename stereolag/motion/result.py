@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stereolag.arrays import FloatMap, Mask, ReasonMap
+from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.stereo.reasons import Reason
 
 if TYPE_CHECKING:
-    from stereolag.settings import Settings
+    from stereolag.core.settings import Settings
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import DoubleMap, FloatMap, Mask
+from stereolag.core.arrays import DoubleMap, FloatMap, Mask
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level
 from stereolag.geometry.calibration import Calibration
-from stereolag.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level
 from stereolag.motion.moving import KMH, MovingRegion, MovingTest, better_explained, connected, moves_as_one, region_of
 from stereolag.motion.own_motion import (
     LEAST_DISPARITY,

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import FloatMap, Mask
+from stereolag.core.arrays import FloatMap, Mask
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.ground import ground_of
 from stereolag.motion.moving import Box, RigidShift, Vector, correlation, flat_variance

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.inputs import Image, as_eight_bit, as_grey, as_image
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image
 
 STILL_LEVELS = 3.0
 """Mean change of a neighbourhood up to which it counts as still, grey levels of 255: about camera noise."""

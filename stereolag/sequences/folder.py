@@ -10,9 +10,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from stereolag.export.settings import settings_document
-from stereolag.export.writing import DISPARITY_FORMATS, write_file
 from stereolag.geometry.calibration import Calibration
+from stereolag.io.settings import settings_document
+from stereolag.io.writing import DISPARITY_FORMATS, write_file
 from stereolag.sequences.matching import PNG, MatchedFrame
 from stereolag.sequences.records import MOTION, FrameRecord, header, lines, read_records
 from stereolag.sequences.sources import StereoSequence

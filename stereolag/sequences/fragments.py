@@ -8,7 +8,7 @@ from typing import Any
 
 import av
 
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
 from stereolag.sequences.video import VideoWriter, index_first
 
 

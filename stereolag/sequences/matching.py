@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stereolag.arrays import FloatMap
-from stereolag.export.maps import KITTI_SCALE
-from stereolag.export.writing import DISPARITY_FORMATS
+from stereolag.core.arrays import FloatMap
+from stereolag.core.inputs import Image, as_grey
+from stereolag.core.progress import Progress
 from stereolag.geometry.calibration import Calibration
-from stereolag.inputs import Image, as_grey
-from stereolag.progress import Progress
-from stereolag.reading.disparities import read_stored_disparity
-from stereolag.reading.sources import Source
+from stereolag.io.disparities import read_stored_disparity
+from stereolag.io.maps import KITTI_SCALE
+from stereolag.io.sources import Source
+from stereolag.io.writing import DISPARITY_FORMATS
 from stereolag.sequences.records import FrameFigures, figures_of
 from stereolag.sequences.sources import FrameReader, Truth
 from stereolag.sequences.steadying import Motion, Steadiness, motion_since, steadied

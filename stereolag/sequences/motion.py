@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereolag.arrays import FloatMap, Rgb
+from stereolag.core.arrays import FloatMap, Rgb
+from stereolag.core.inputs import Image
+from stereolag.core.progress import Progress
 from stereolag.figures.flow import flow_colours, largest_motion, with_arrows
 from stereolag.figures.outlines import outline_of, with_outlines
 from stereolag.figures.pictures import NO_ANSWER, as_rgb
 from stereolag.geometry.calibration import Calibration
-from stereolag.inputs import Image
 from stereolag.motion.matcher import optical_flow
 from stereolag.motion.scene_flow import SceneFlow, scene_flow
-from stereolag.progress import Progress
 from stereolag.sequences.records import MOTION, FrameRecord
 from stereolag.sequences.settings import SequenceMotion
 from stereolag.sequences.sources import StereoFrame, StereoSequence

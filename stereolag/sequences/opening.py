@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path, PurePosixPath
 
-from stereolag.limits import limits
-from stereolag.reading.archives import is_archive, read_archive
-from stereolag.reading.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
-from stereolag.reading.sources import Source, quoted
-from stereolag.reading.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, VideoFile
+from stereolag.core.limits import limits
+from stereolag.io.archives import is_archive, read_archive
+from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
+from stereolag.io.sources import Source, quoted
+from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, VideoFile
 from stereolag.samples import DriveExample
 from stereolag.sequences.sources import (
     MAX_ARCHIVED,

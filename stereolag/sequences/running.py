@@ -13,9 +13,9 @@ from typing import BinaryIO
 
 import numpy as np
 
+from stereolag.core.inputs import Image
 from stereolag.figures.pictures import as_rgb
 from stereolag.geometry.calibration import Calibration
-from stereolag.inputs import Image
 from stereolag.sequences.flicker import flicker, same_picture_size, still_pixels
 from stereolag.sequences.folder import SequenceFolder
 from stereolag.sequences.matching import PNG, FrameTask, MatchedFrame, finished_frame

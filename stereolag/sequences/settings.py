@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from stereolag.core.settings import Settings
 from stereolag.sequences.steadying import Steadiness
-from stereolag.settings import Settings
 
 
 class SequenceMotion(Settings):

@@ -12,13 +12,13 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.inputs import Image
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectify
-from stereolag.inputs import Image
-from stereolag.reading.archives import Archive, read_archive
-from stereolag.reading.disparities import read_disparity
-from stereolag.reading.images import read_image
-from stereolag.reading.videos import VideoFile
+from stereolag.io.archives import Archive, read_archive
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
+from stereolag.io.videos import VideoFile
 
 USUAL_RATE = 10.0
 """Default frame rate of pictures, which do not record one, Hz."""

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from stereolag.arrays import FloatMap, Mask
-from stereolag.inputs import Image, as_eight_bit, as_grey
+from stereolag.core.arrays import FloatMap, Mask
+from stereolag.core.inputs import Image, as_eight_bit, as_grey
+from stereolag.core.settings import Settings
 from stereolag.sequences.flicker import same_picture_size, still_pixels
-from stereolag.settings import Settings
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.reasons import Reason
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Protocol
 
-from stereolag.reading.sources import Source
+from stereolag.io.sources import Source
 from stereolag.sequences.matching import MatchedFrame
 from stereolag.sequences.records import MOTION, FrameRecord
 

@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 from av.video.reformatter import ColorRange, Colorspace
 
-from stereolag.arrays import FloatMap, Rgb
+from stereolag.core.arrays import FloatMap, Rgb
+from stereolag.core.inputs import Image
 from stereolag.figures.pictures import NO_ANSWER, VIRIDIS, as_rgb, colour_numbers, colour_table
-from stereolag.inputs import Image
 
 CODEC: Final = "libx264"
 MOST_WIDTH = 3840

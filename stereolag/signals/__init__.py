@@ -1,6 +1,6 @@
 """The lag between two recordings: by FFT correlation, by phase, by votes of samples, or lag by lag."""
 
-from stereolag.searches import SignalMethod
+from stereolag.core.searches import SignalMethod
 from stereolag.signals.estimates import estimate_lag
 from stereolag.signals.lag import SignalLag, signal_lag
 

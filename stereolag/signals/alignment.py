@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
 
 
 def aligned(

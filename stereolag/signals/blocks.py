@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from stereolag.arrays import DoubleMap, Vector
+from stereolag.core.arrays import DoubleMap, Vector
+from stereolag.core.progress import Progress, silent
 from stereolag.loops.compilation import compiled
-from stereolag.progress import Progress, silent
 from stereolag.signals.overlaps import FLAT, cross_spectrum, overlap_slices
 
 SHORTEST_BLOCK = 2**16

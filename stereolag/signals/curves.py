@@ -10,8 +10,8 @@ from functools import lru_cache
 import numpy as np
 from scipy import fft
 
-from stereolag.arrays import Vector
-from stereolag.progress import Progress
+from stereolag.core.arrays import Vector
+from stereolag.core.progress import Progress
 from stereolag.signals.overlaps import (
     Spectrum,
     cross_spectrum,

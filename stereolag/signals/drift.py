@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
 from stereolag.signals.median_lines import median_line
 from stereolag.signals.overlaps import overlap_slices
 from stereolag.signals.peaks import REACH, refine_peak

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Literal, TypeAlias
 
-from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting, rounded_down
-from stereolag.searches import SignalMethod
+from stereolag.core.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting, rounded_down
+from stereolag.core.searches import SignalMethod
 from stereolag.signals.blocks import SHORTEST_BLOCK, block_length, suits_blocks
 from stereolag.signals.curves import transform_length
 from stereolag.signals.long_search import AROUND, BANDS_AT_ONCE, cell_size

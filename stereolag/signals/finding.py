@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Vector
-from stereolag.progress import Progress, silent
-from stereolag.searches import SignalMethod
+from stereolag.core.arrays import Vector
+from stereolag.core.progress import Progress, silent
+from stereolag.core.searches import SignalMethod
 from stereolag.signals.blocks import CentredRecording, block_curve
 from stereolag.signals.curves import direct_curve, fft_curve, phat_curve
 from stereolag.signals.overlaps import overlap_length

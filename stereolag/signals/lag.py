@@ -12,10 +12,10 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.estimates import check_memory
-from stereolag.inputs import checked_signal
-from stereolag.progress import Progress, Pulse, silent
-from stereolag.searches import SignalMethod
+from stereolag.core.estimates import check_memory
+from stereolag.core.inputs import checked_signal
+from stereolag.core.progress import Progress, Pulse, silent
+from stereolag.core.searches import SignalMethod
 from stereolag.signals.blocks import CentredRecording
 from stereolag.signals.estimates import estimate_lag, fitting_recordings, way_of
 from stereolag.signals.finding import normalised, search_blocks, search_votes, search_whole

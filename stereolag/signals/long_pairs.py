@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
 from stereolag.loops.compilation import compiled
 from stereolag.signals.blocks import CentredRecording, block_pearson
 from stereolag.signals.overlaps import overlap_slices

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
 from stereolag.loops.compilation import compiled
 
 Spectrum = npt.NDArray[np.complex128]

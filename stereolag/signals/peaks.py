@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
 from stereolag.loops.compilation import compiled
 
 Lags = npt.NDArray[np.int64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import fft
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
 from stereolag.signals.median_lines import median_line
 from stereolag.signals.overlaps import overlap_length
 from stereolag.signals.peaks import Lags, main_lobe

@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
+from stereolag.core.progress import Progress
 from stereolag.loops.compilation import compiled
-from stereolag.progress import Progress
 from stereolag.signals.overlaps import FLAT, running_sums
 
 SLICE_LENGTH = 100

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
 from stereolag.signals.drift import Drift, measure_drift
 from stereolag.signals.peaks import Lags
 from stereolag.signals.rivals import regular_spacing, rivals_of, tone_rivals

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft, linalg
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
 from stereolag.signals.overlaps import overlap_pearson, overlap_slices
 
 _ORDER = 16

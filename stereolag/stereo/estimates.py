@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.estimates import Estimate, largest_fitting
+from stereolag.core.estimates import Estimate, largest_fitting
 
 Shape = tuple[int, ...]
 

@@ -14,11 +14,11 @@ import numpy.typing as npt
 from annotated_types import MultipleOf
 from pydantic import Field
 
-from stereolag.arrays import FloatMap, Mask, ReasonMap
-from stereolag.estimates import OVERHEAD, Estimate, check_memory
-from stereolag.inputs import Image, as_stereo_pair
-from stereolag.progress import Progress, silent
-from stereolag.settings import OfThePair, Pixels, Settings, Usual, changed, marker
+from stereolag.core.arrays import FloatMap, Mask, ReasonMap
+from stereolag.core.estimates import OVERHEAD, Estimate, check_memory
+from stereolag.core.inputs import Image, as_stereo_pair
+from stereolag.core.progress import Progress, silent
+from stereolag.core.settings import OfThePair, Pixels, Settings, Usual, changed, marker
 from stereolag.stereo.estimates import ANSWER, PIXEL_SECONDS, fitting_pair
 from stereolag.stereo.reasons import Reason
 

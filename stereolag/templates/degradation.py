@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from stereolag.inputs import Image, grey_level
-from stereolag.settings import Settings
+from stereolag.core.inputs import Image, grey_level
+from stereolag.core.settings import Settings
 
 LEAST_ROWS, LEAST_COLS = 480, 640
 """The part is at least this large, px, and at least twice as large as the template, unless the image is smaller."""

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting
-from stereolag.searches import TemplateMethod
+from stereolag.core.estimates import OVERHEAD, Estimate, kept_blocks, largest_fitting
+from stereolag.core.searches import TemplateMethod
 from stereolag.templates.pose_ranges import PoseRange, Range, checked_poses
 from stereolag.templates.score_maps import tiling
 

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.estimates import Estimate, check_memory
-from stereolag.inputs import Image
-from stereolag.progress import Progress
+from stereolag.core.estimates import Estimate, check_memory
+from stereolag.core.inputs import Image
+from stereolag.core.progress import Progress
 from stereolag.templates.correlation import scores_at
 from stereolag.templates.patterns import Pattern
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.estimates import OVERHEAD, Estimate, check_memory
-from stereolag.inputs import Image, as_image
+from stereolag.core.estimates import OVERHEAD, Estimate, check_memory
+from stereolag.core.inputs import Image, as_image
 from stereolag.templates.patterns import alike, opaque_pixels, pattern_of
 
 FLOAT = 4

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Mask
-from stereolag.inputs import Image, as_grey
+from stereolag.core.arrays import Mask
+from stereolag.core.inputs import Image, as_grey
 
 
 @dataclass(frozen=True)

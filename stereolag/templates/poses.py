@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from stereolag.inputs import Image, as_grey
-from stereolag.progress import Progress, silent
+from stereolag.core.inputs import Image, as_grey
+from stereolag.core.progress import Progress, silent
 from stereolag.templates.correlation import scores_at
 from stereolag.templates.judging import Places
 from stereolag.templates.patterns import Pattern

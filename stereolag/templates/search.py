@@ -10,10 +10,10 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.estimates import check_memory
-from stereolag.inputs import Image, as_image, as_images
-from stereolag.progress import Progress, silent
-from stereolag.searches import TemplateMethod
+from stereolag.core.estimates import check_memory
+from stereolag.core.inputs import Image, as_image, as_images
+from stereolag.core.progress import Progress, silent
+from stereolag.core.searches import TemplateMethod
 from stereolag.templates.estimates import estimate_search, fitting_image, has_alpha
 from stereolag.templates.exact_pixels import ExactPlacements, exact_positions
 from stereolag.templates.judging import Places, judged

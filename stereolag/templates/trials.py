@@ -9,7 +9,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from stereolag.inputs import Image
+from stereolag.core.inputs import Image
 from stereolag.templates.opencv import opencv_search
 from stereolag.templates.search import match_template
 

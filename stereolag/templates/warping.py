@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.inputs import Image, as_grey
+from stereolag.core.inputs import Image, as_grey
 from stereolag.templates.patterns import Pattern, pattern_of
 
 MOSTLY_OPAQUE = 0.75

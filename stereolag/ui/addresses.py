@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeVar
 
-from stereolag.reading.sources import harmless, quoted
-from stereolag.settings import Settings, SettingsError
+from stereolag.core.settings import Settings, SettingsError
+from stereolag.io.sources import harmless, quoted
 
 SettingsT = TypeVar("SettingsT", bound=Settings)
 
@@ -60,7 +60,7 @@ def recalled_settings(
     prefix
         Prefix of the parameter names in the address, used in the sentences about them.
     check
-        Raises :class:`~stereolag.settings.SettingsError` for settings that are valid but not allowed here.
+        Raises :class:`~stereolag.core.settings.SettingsError` for settings that are valid but not allowed here.
     """
     wanted = dict(parameters)
     ignored: list[str] = []

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereolag.typography import typeset
+from stereolag.core.typography import typeset
 
 KEY = "announced"
 

@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 import streamlit as st
 from pydantic.fields import FieldInfo
 
-from stereolag.settings import Settings
-from stereolag.settings.fields import Bounds, Number, choices
-from stereolag.typography import typeset
+from stereolag.core.settings import Settings
+from stereolag.core.settings.fields import Bounds, Number, choices
+from stereolag.core.typography import typeset
 from stereolag.ui.keys import exact_key
 from stereolag.ui.persistence import drawn_anew, persistent
 from stereolag.ui.states import show_refused

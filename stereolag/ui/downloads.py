@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.estimates import spoken
-from stereolag.export import bundle
-from stereolag.limits import limits
+from stereolag.core.estimates import spoken
+from stereolag.core.limits import limits
+from stereolag.io.archive_writing import bundle
 from stereolag.ui import prose
 from stereolag.ui.jobs import HEAVY_MEMORY, Turn, limiter
 from stereolag.ui.private_files import download_button

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.progress import Progress
-from stereolag.typography import NO_BREAK, typeset
+from stereolag.core.progress import Progress
+from stereolag.core.typography import NO_BREAK, typeset
 
 PERCENT, PIXELS, SECONDS = (
     f"{number}{NO_BREAK}{unit}" for number, unit in (("%.1f", "%%"), ("%.2f", "px"), ("%.3f", "s"))

@@ -9,8 +9,8 @@ from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
-from stereolag.estimates import Estimate
-from stereolag.limits import limits
+from stereolag.core.estimates import Estimate
+from stereolag.core.limits import limits
 from stereolag.loops.bands import available_cores
 
 T = TypeVar("T")

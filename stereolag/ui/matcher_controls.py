@@ -11,8 +11,8 @@ from typing import Any, TypeVar, cast
 import streamlit as st
 from streamlit.elements.lib.mutable_expander_container import ExpanderContainer
 
-from stereolag.settings import FitsImage, OfThePair, Settings, SettingsError, Usual, marker
-from stereolag.settings.fields import Number, choices, nested
+from stereolag.core.settings import FitsImage, OfThePair, Settings, SettingsError, Usual, marker
+from stereolag.core.settings.fields import Number, choices, nested
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.controls import adopt_value, control, last_valid

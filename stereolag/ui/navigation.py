@@ -14,7 +14,7 @@ from typing import ParamSpec, TypeVar
 import streamlit as st
 from starlette.formparsers import MultiPartParser
 
-from stereolag.limits import set_defaults
+from stereolag.core.limits import set_defaults
 from stereolag.ui import prose
 from stereolag.ui.persistence import run_of_page, run_of_part
 from stereolag.ui.states import show_failed, show_out_of_memory

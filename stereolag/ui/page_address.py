@@ -9,8 +9,8 @@ from typing import Generic, NamedTuple, TypeVar
 import streamlit as st
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 
-from stereolag.reading.sources import quoted
-from stereolag.settings import Settings
+from stereolag.core.settings import Settings
+from stereolag.io.sources import quoted
 from stereolag.ui import prose
 from stereolag.ui.addresses import parameters_of, recalled_settings
 from stereolag.ui.choices import OWN
@@ -129,7 +129,7 @@ class SettingsAddress(Generic[InputsT, SettingsT]):
     key
         Returns the key of the control of a setting, given its name and the inputs.
     check
-        Raises :class:`~stereolag.settings.SettingsError` for values that the inputs do not allow.
+        Raises :class:`~stereolag.core.settings.SettingsError` for values that the inputs do not allow.
     """
 
     written: str

@@ -8,10 +8,12 @@ from typing import Any, Self
 import streamlit as st
 
 from stereolag import samples
-from stereolag.arrays import FloatMap, Mask
+from stereolag.core.arrays import FloatMap, Mask
+from stereolag.core.inputs import Image
 from stereolag.geometry.calibration import Calibration
-from stereolag.inputs import Image
-from stereolag.reading import read_calibration, read_disparity, read_image
+from stereolag.io.calibrations import read_calibration
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 
 SIZES = {"Automatic": None, "Full": 1, "1/2": 2, "1/4": 4}
 """The sizes at which a pair can be matched, each with the divisor of its sides; None = chosen to suit the pair."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import streamlit as st
 
 from stereolag import samples
-from stereolag.inputs import Image, as_image
-from stereolag.reading import read_image
+from stereolag.core.inputs import Image, as_image
+from stereolag.io.images import read_image
 from stereolag.ui.choices import OWN, choose, image_limits, own_or_example, show_limits
 from stereolag.ui.persistence import persistent
 from stereolag.ui.search.cutting import box_in

@@ -1,4 +1,4 @@
-"""Streamlit's text elements, with numbers typeset by :func:`stereolag.typography.typeset`.
+"""Streamlit's text elements, with numbers typeset by :func:`stereolag.core.typography.typeset`.
 
 Pages call ``prose.caption`` instead of ``st.caption``.
 """
@@ -11,7 +11,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 import streamlit as st
 
-from stereolag.typography import typeset
+from stereolag.core.typography import typeset
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -9,10 +9,9 @@ import numpy.typing as npt
 import streamlit as st
 
 from stereolag import samples
-from stereolag.arrays import Vector
-from stereolag.inputs import as_signal
-from stereolag.reading import Recording, read_signal
-from stereolag.reading.recordings import at_one_rate
+from stereolag.core.arrays import Vector
+from stereolag.core.inputs import as_signal
+from stereolag.io.recordings import Recording, at_one_rate, read_signal
 from stereolag.ui import prose
 from stereolag.ui.choices import choose, own_or_example, show_limits
 from stereolag.ui.lag.facts import own_facts, upload_limits

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from stereolag import samples
-from stereolag.searches import LagSearch, TemplateQuery
-from stereolag.settings import SettingsError
-from stereolag.settings.fields import Bounds
-from stereolag.settings.refusals import Problem
+from stereolag.core.searches import LagSearch, TemplateQuery
+from stereolag.core.settings import SettingsError
+from stereolag.core.settings.fields import Bounds
+from stereolag.core.settings.refusals import Problem
 from stereolag.ui import pictures, recordings
 from stereolag.ui.page_address import Choice, SettingsAddress, example_choice
 from stereolag.ui.pictures import PictureAndTemplate

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from stereolag.doctor.row_evidence import RowEvidence
+from stereolag.assess.doctor.row_evidence import RowEvidence
+from stereolag.core.typography import typeset
 from stereolag.stereo.reasons import Reason
-from stereolag.typography import typeset
 
 
 def duration(seconds: float) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import streamlit as st
 
-from stereolag.typography import typeset
+from stereolag.core.typography import typeset
 from stereolag.ui import prose
 from stereolag.ui.jobs import Job, waiting_in_words
 

@@ -12,7 +12,7 @@ from typing import Generic, TypeVar
 import streamlit as st
 from streamlit.runtime.uploaded_file_manager import UploadedFile
 
-from stereolag.reading.sources import quoted
+from stereolag.io.sources import quoted
 from stereolag.ui import prose
 from stereolag.ui.states import show_refused
 

@@ -23,7 +23,7 @@ from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 
 from stereolag import samples
 from stereolag.figures.pictures import as_rgb, png
-from stereolag.reading import read_image
+from stereolag.io.images import read_image
 from stereolag.ui import uploads
 from stereolag.ui.calibrate import examples, result
 from stereolag.ui.depth import maps

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereolag.explaining.match import explain_match
+from stereolag.assess.explaining.match import explain_match
+from stereolag.core.typography import typeset
 from stereolag.signals import signal_lag
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.typography import typeset
 from stereolag.ui.depth import alternatives as depth
 from stereolag.ui.lag import alternatives as lag
 from tests.app import uploads

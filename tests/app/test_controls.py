@@ -5,8 +5,8 @@ from typing import Any, get_args
 import pytest
 from pydantic import Field
 
-from stereolag.searches import LagSearch, TemplateQuery
-from stereolag.settings import Bounds, Settings, SettingsError
+from stereolag.core.searches import LagSearch, TemplateQuery
+from stereolag.core.settings import Bounds, Settings, SettingsError
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.search import CentredSearch, RectifiedSearch

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.reading import read_image
+from stereolag.core.typography import typeset
+from stereolag.io.images import read_image
 from stereolag.samples import mazes
 from stereolag.stereo.methods import METHODS
-from stereolag.typography import typeset
 from stereolag.ui import controls as controls_module
 from tests.app import keys, uploads
 from tests.app.conftest import figures

@@ -4,7 +4,7 @@ from typing import Any
 
 from streamlit.testing.v1 import AppTest
 
-from stereolag.typography import typeset
+from stereolag.core.typography import typeset
 from tests.app.conftest import viewers
 
 

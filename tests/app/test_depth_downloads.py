@@ -13,10 +13,10 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag import CorrelationMatcher, SearchArea, StereoBM, read_disparity, read_image, read_matcher
-from stereolag.estimates import Estimate
-from stereolag.export import settings_json
-from stereolag.export.maps import VERTEX
+from stereolag.core.estimates import Estimate
 from stereolag.geometry.calibration import Calibration
+from stereolag.io.maps import VERTEX
+from stereolag.io.settings import settings_json
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.exports import EXPORTS, archive, files
 from stereolag.ui.depth.inputs import at_size

@@ -11,7 +11,7 @@ import straight_and_raw
 from PIL import Image
 from streamlit.testing.v1 import AppTest
 
-from stereolag.typography import typeset
+from stereolag.core.typography import typeset
 from stereolag.ui.pairs import StereoPair
 from tests.app import keys, uploads
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.typography import typeset
+from stereolag.core.typography import typeset
 from stereolag.ui.depth.rectifying import RECTIFIED, alpha_key, choice_key
 from stereolag.ui.keys import PAIR, SIZE
 from tests.app.test_depth_restoring import given, packed, pair_of
@@ -73,7 +73,7 @@ def remedied() -> None:
 
     import streamlit as st
 
-    from stereolag.estimates import Estimate
+    from stereolag.core.estimates import Estimate
     from stereolag.ui.depth.pair_jobs import begin_job, job_on
     from stereolag.ui.pairs import Change
     from tests.app.depth_view import small_view

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.typography import typeset
+from stereolag.core.typography import typeset
 from tests.app.conftest import viewers
 from tests.app.depth_view import small_view
 

@@ -13,7 +13,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
-from stereolag.export import image_png, pfm, settings_json
+from stereolag.io.maps import image_png, pfm
+from stereolag.io.settings import settings_json
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.all_pairs import table_of
 from stereolag.ui.depth.pair_sets import Preparation

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.assess.tuning.objective import measured_reference
+from stereolag.core.typography import typeset
 from stereolag.figures.differences import ERROR_COLOURS, NO_TRUTH, error_png
 from stereolag.figures.pictures import NO_ANSWER
-from stereolag.reading import read_image
+from stereolag.io.images import read_image
 from stereolag.stereo.evaluation import evaluate
-from stereolag.tuning.objective import measured_reference
-from stereolag.typography import typeset
 from tests.app.depth_view import small_view
 
 

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.estimates import Estimate
-from stereolag.reading import read_matcher
+from stereolag.assess.tuning.objective import Criterion, Unjudged
+from stereolag.assess.tuning.search import Outcome, Suggestion, Trial
+from stereolag.core.estimates import Estimate
+from stereolag.core.typography import typeset
+from stereolag.io.matchers import read_matcher
 from stereolag.stereo.finishing.filters import MedianFilter
 from stereolag.stereo.opencv import StereoBM
-from stereolag.tuning.objective import Criterion, Unjudged
-from stereolag.tuning.search import Outcome, Suggestion, Trial
-from stereolag.typography import typeset
 from stereolag.ui.depth.judging import search_so_far, suggestion_in_words, value_in_words
 from stereolag.ui.depth.pair_jobs import PairJob
 from stereolag.ui.jobs import Job

@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.assess.tuning.objective import TuningPair
+from stereolag.assess.tuning.parameters import parameters
+from stereolag.assess.tuning.sweep import sweep
+from stereolag.core.settings import changed
 from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps
-from stereolag.reading import read_matcher
-from stereolag.settings import changed
+from stereolag.io.matchers import read_matcher
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM
@@ -20,9 +23,6 @@ from stereolag.stereo.semi_global.costs import MatchingCost
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.tuning.objective import TuningPair
-from stereolag.tuning.parameters import parameters
-from stereolag.tuning.sweep import sweep
 from stereolag.ui.depth.address import ADOPTED
 from stereolag.ui.depth.sweeping import Axis, settings_of_cell
 from tests.app.depth_view import small_view

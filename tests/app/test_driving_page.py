@@ -13,7 +13,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.pictures import coloured
-from stereolag.reading import read_disparity, read_image
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.ui.driving import frames
 from stereolag.ui.driving.frames import EXAMPLE

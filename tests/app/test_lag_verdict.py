@@ -13,9 +13,9 @@ import soundfile
 from streamlit.testing.v1 import AppTest
 
 from benchmarks.verdict import coloured, drifting, tones, unrelated
+from stereolag.core.typography import typeset
 from stereolag.figures.recordings import correlation_curve, lag_over_time
 from stereolag.signals import signal_lag
-from stereolag.typography import typeset
 
 OpenPage = Callable[..., AppTest]
 Sound = npt.NDArray[np.float64]

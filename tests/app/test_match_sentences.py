@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from pairs import shifted_pair
 
-from stereolag.explaining.example_pixels import ExampleKind
-from stereolag.explaining.match import MatchExplanation, MatchKind, explain_match
+from stereolag.assess.explaining.example_pixels import ExampleKind
+from stereolag.assess.explaining.match import MatchExplanation, MatchKind, explain_match
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea

@@ -15,11 +15,12 @@ from streamlit.testing.v1 import AppTest
 from benchmarks import accuracy
 from benchmarks.pairs import TruePair
 from stereolag.commands import main
-from stereolag.export import script, settings_json
-from stereolag.inputs import Image, as_grey
-from stereolag.progress import Progress
-from stereolag.reading import read_matcher
-from stereolag.settings import Applies, FitsImage, OfThePair, Pixels
+from stereolag.core.inputs import Image, as_grey
+from stereolag.core.progress import Progress
+from stereolag.core.settings import Applies, FitsImage, OfThePair, Pixels
+from stereolag.io.matchers import read_matcher
+from stereolag.io.programs import script
+from stereolag.io.settings import settings_json
 from stereolag.stereo.matcher import PixelMatches, StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.reasons import Reason

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.typography import UNITS
+from stereolag.core.typography import UNITS
 from tests.app import keys
 from tests.app.conftest import viewers
 

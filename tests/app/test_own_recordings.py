@@ -9,8 +9,8 @@ import pytest
 from scipy import signal
 from streamlit.testing.v1 import AppTest
 
-from stereolag.reading import Recording
-from stereolag.typography import typeset
+from stereolag.core.typography import typeset
+from stereolag.io.recordings import Recording
 from stereolag.ui.lag.facts import own_facts
 from tests.app import uploads
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.typography import typeset
+from stereolag.core.typography import typeset
 from stereolag.ui.navigation import PAGES
 from tests.app import keys
 from tests.app.conftest import PROJECT, figures, viewers

@@ -12,7 +12,7 @@ def page_with_parts() -> None:
     import streamlit as st
     from pydantic import Field
 
-    from stereolag.settings import Settings
+    from stereolag.core.settings import Settings
     from stereolag.ui.controls import control
     from stereolag.ui.navigation import fragment
     from stereolag.ui.persistence import persistent, run_of_page

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stereolag.estimates import Estimate
+from stereolag.core.estimates import Estimate
+from stereolag.core.typography import typeset
 from stereolag.signals import SignalLag
-from stereolag.typography import typeset
 from stereolag.ui.lag.sentences import lag_in_words
 from stereolag.ui.results import RecentResults, SharedRoom, computed, computed_at_once
 from stereolag.ui.sentences import duration

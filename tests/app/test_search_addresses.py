@@ -6,9 +6,9 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag import samples
-from stereolag.searches import LagSearch, TemplateQuery
-from stereolag.settings import Settings
-from stereolag.typography import typeset
+from stereolag.core.searches import LagSearch, TemplateQuery
+from stereolag.core.settings import Settings
+from stereolag.core.typography import typeset
 from stereolag.ui.addresses import parameters_of, recalled_settings
 from stereolag.ui.search_addresses import LAG_ADDRESS, TEMPLATE_ADDRESS
 from tests.app.conftest import PROJECT

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from stereolag.doctor import Finding, FindingCode, Remedy
-from stereolag.doctor.findings import (
+from stereolag.assess.doctor import Finding, FindingCode, Remedy
+from stereolag.assess.doctor.findings import (
     judge_bent_rows,
     judge_exposure,
     judge_identical,
@@ -17,7 +17,7 @@ from stereolag.doctor.findings import (
     judge_sides,
     judge_texture,
 )
-from stereolag.doctor.row_evidence import RowEvidence
+from stereolag.assess.doctor.row_evidence import RowEvidence
 from stereolag.stereo.reasons import Reason
 from stereolag.ui.depth.findings import REMEDIES_DONE, finding_in_words, problems_in_words, remedy_in_words
 from stereolag.ui.sentences import (

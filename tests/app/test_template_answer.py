@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag.core.searches import TemplateQuery
 from stereolag.figures.templates import framed
-from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
 from stereolag.templates.verdict import Reason
 from stereolag.ui.search.answer import doubtful, headline, why_no_score_map, why_not_found

@@ -12,8 +12,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag import samples
-from stereolag.inputs import Image
-from stereolag.reading import read_image
+from stereolag.core.inputs import Image
+from stereolag.io.images import read_image
 from stereolag.templates import TemplateSearch, match_template
 from stereolag.templates.degradation import Degradation
 from stereolag.templates.opencv import OpenCVSearch, opencv_search

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.limits import limits
-from stereolag.typography import typeset
+from stereolag.core.limits import limits
+from stereolag.core.typography import typeset
 from tests.app import keys, uploads
 from tests.app.conftest import figures, viewers
 

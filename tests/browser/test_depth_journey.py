@@ -15,7 +15,9 @@ from playwright.sync_api import expect
 from ply_reader import read_ply
 
 from stereolag.geometry.distances import SeenPoint, distance_between
-from stereolag.reading import read_calibration, read_disparity, read_image
+from stereolag.io.calibrations import read_calibration
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM

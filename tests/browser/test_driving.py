@@ -12,7 +12,7 @@ import cv2
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from stereolag.reading import read_image
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from tests.app.test_driving_page import drive
 from tests.browser.visits import OpenPage, expect_visible, screenshot, settled

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from stereolag.explaining.match import explain_match
-from stereolag.inputs import as_grey
+from stereolag.assess.explaining.match import explain_match
+from stereolag.core.inputs import as_grey
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.match import show_inspection

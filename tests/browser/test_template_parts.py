@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from stereolag.reading.hand_marks import Box, packed_mask, read_packed_mask
+from stereolag.io.hand_marks import Box, packed_mask, read_packed_mask
 from stereolag.ui.pictures import example_pictures
 from stereolag.ui.search.cutting import box_in
 from stereolag.ui.search.painting import HERE, PaintedMask, painted_mask

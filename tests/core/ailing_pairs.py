@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stereolag.doctor import FindingCode, Remedy
+from stereolag.assess.doctor import FindingCode, Remedy
 
 
 def turned(image: np.ndarray, degrees: float, scale: float = 1.0) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereolag.doctor import Diagnosis, diagnose
+from stereolag.assess.doctor import Diagnosis, diagnose
 
 _MADE: dict[tuple[object, ...], Diagnosis] = {}
 

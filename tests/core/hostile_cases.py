@@ -6,7 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from stereolag.reading import read_calibration, read_disparity, read_image, read_matcher, read_signal
+from stereolag.io.calibrations import read_calibration
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
+from stereolag.io.matchers import read_matcher
+from stereolag.io.recordings import read_signal
 
 READ = "read"
 """The answer for a file that must be read; any other answer is a pattern that the refusal must match."""

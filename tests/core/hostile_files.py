@@ -16,7 +16,7 @@ from picture_bytes import RNG_SEED, animated_png, bmp, by_opencv, by_pillow, jpe
 from PIL import Image
 from recording_bytes import saved, sound
 
-from stereolag.export import settings_json
+from stereolag.io.settings import settings_json
 from stereolag.stereo.methods import METHODS
 
 

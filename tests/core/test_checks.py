@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pairs import shifted_pair
 
-from stereolag.inputs import flat_energy, local_deviation
+from stereolag.core.inputs import flat_energy, local_deviation
 from stereolag.stereo.finishing.checks import (
     TextureTest,
     ambiguous,

@@ -14,9 +14,11 @@ from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
 import stereolag as sl
 from stereolag import samples
-from stereolag.export import figures_of, image_png, kitti_png, npy, pfm, settings_json
 from stereolag.figures.map_files import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
+from stereolag.io.maps import image_png, kitti_png, npy, pfm
+from stereolag.io.settings import settings_json
+from stereolag.io.tables import figures_of
 
 SHIFT = 7
 MAP_FILES = ["disparity.npy", "disparity.pfm", "disparity_coloured.png", "disparity_kitti.png", "settings.json"]

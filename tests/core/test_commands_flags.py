@@ -13,10 +13,10 @@ from commanded import ran
 
 from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.parsing import CommandParser
-from stereolag.export import write_matcher
-from stereolag.searches import LagSearch, TemplateQuery
-from stereolag.settings import Bounds, Settings, SettingsError, changed, setting
-from stereolag.settings.fields import base_type, choices, nested
+from stereolag.core.searches import LagSearch, TemplateQuery
+from stereolag.core.settings import Bounds, Settings, SettingsError, changed, setting
+from stereolag.core.settings.fields import base_type, choices, nested
+from stereolag.io.writing import write_matcher
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
 from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher

@@ -20,9 +20,9 @@ from small_drives import archive, write_folders
 from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
 import stereolag as sl
-from stereolag.export.calibrations import calibration_json
-from stereolag.export.maps import image_png
-from stereolag.settings import changed
+from stereolag.core.settings import changed
+from stereolag.io.calibration_writing import calibration_json
+from stereolag.io.maps import image_png
 from stereolag.stereo.matcher import StereoMatcher
 
 PROJECT = Path(__file__).resolve().parents[2]

@@ -10,8 +10,9 @@ import pytest
 from pairs import shifted_pair, texture
 from pydantic import ValidationError
 
-from stereolag.reading import read_disparity, read_image
-from stereolag.settings import Applies, Settings, SettingsError, marker
+from stereolag.core.settings import Applies, Settings, SettingsError, marker
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.finishing.checks import LeftRightCheck
 from stereolag.stereo.finishing.filters import MedianFilter

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import Field
 
-from stereolag.inputs import as_eight_bit
-from stereolag.settings import Bounds, SettingsError
+from stereolag.core.inputs import as_eight_bit
+from stereolag.core.settings import Bounds, SettingsError
 from stereolag.stereo.semi_global import cost_volume
 from stereolag.stereo.semi_global.cost_terms import TERMS
 from stereolag.stereo.semi_global.cost_terms.census import census, census_reference

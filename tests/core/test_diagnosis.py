@@ -10,10 +10,11 @@ import pytest
 from ailing_pairs import ILLS, REMEDIES, turned
 from diagnosed import diagnosed
 
-from stereolag.doctor import Diagnosis, FindingCode, Remedy, apply_remedy, judge_range
-from stereolag.doctor.correspondences import find_correspondences
-from stereolag.doctor.remedies import exposed_alike, levelled
-from stereolag.reading import read_disparity, read_image
+from stereolag.assess.doctor import Diagnosis, FindingCode, Remedy, apply_remedy, judge_range
+from stereolag.assess.doctor.correspondences import find_correspondences
+from stereolag.assess.doctor.remedies import exposed_alike, levelled
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 
 Pair = tuple[np.ndarray, np.ndarray]

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import stereolag as sl
-from stereolag.doctor.findings import FindingCode
+from stereolag.assess.doctor.findings import FindingCode
 from stereolag.geometry.boards import Board
 from stereolag.geometry.drawn_boards import drawn_pairs
 from stereolag.geometry.rig import StereoRig

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pairs import shifted_pair, texture
 from skimage import data
 
-from stereolag.inputs import Image
+from stereolag.core.inputs import Image
 from stereolag.stereo.windows.engines import Engine, cheaper_engine, find_matches
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.matches import Score, WindowMatches, WindowQuery

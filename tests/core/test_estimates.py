@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from benchmarks.memory import CLEAR_REFS
-from stereolag.doctor.diagnosis import diagnose
-from stereolag.estimates import Estimate, check_memory, largest_fitting, rounded_down
-from stereolag.limits import limits
+from stereolag.assess.doctor.diagnosis import diagnose
+from stereolag.core.estimates import Estimate, check_memory, largest_fitting, rounded_down
+from stereolag.core.limits import limits
 from stereolag.signals import estimate_lag, signal_lag
 from stereolag.signals.estimates import fitting_recordings, product_count
 from stereolag.stereo.matcher import StereoMatcher

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from stereolag.assess.tuning.candidates import candidates
+from stereolag.assess.tuning.objective import TuningPair, estimate_reference
+from stereolag.assess.tuning.suggestion import estimate_suggestion
+from stereolag.assess.tuning.sweep import estimate_sweep
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.tuning.candidates import candidates
-from stereolag.tuning.objective import TuningPair, estimate_reference
-from stereolag.tuning.suggestion import estimate_suggestion
-from stereolag.tuning.sweep import estimate_sweep
 
 
 def test_a_sweep_is_its_largest_cell_and_all_maps() -> None:

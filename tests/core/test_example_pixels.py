@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from pairs import texture
 
-from stereolag.explaining.example_pixels import ExampleKind, example_pixel
-from stereolag.explaining.match import MatchKind, explain_match
-from stereolag.reading import read_disparity, read_image
+from stereolag.assess.explaining.example_pixels import ExampleKind, example_pixel
+from stereolag.assess.explaining.match import MatchKind, explain_match
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea

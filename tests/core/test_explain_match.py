@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from pairs import shifted_pair, texture
 
-from stereolag.explaining.match import Box, MatchExplanation, MatchKind, explain_match, with_rows_around
-from stereolag.reading import read_disparity, read_image
+from stereolag.assess.explaining.match import Box, MatchExplanation, MatchKind, explain_match, with_rows_around
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea

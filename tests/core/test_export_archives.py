@@ -14,7 +14,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from stereolag import Evaluation, StereoBM, evaluate, read_disparity
-from stereolag.export import bundle, file_name, image_png, kitti_png, metrics_csv, pfm
+from stereolag.io.archive_writing import bundle, file_name
+from stereolag.io.maps import image_png, kitti_png, pfm
+from stereolag.io.tables import metrics_csv
 
 names = st.dictionaries(st.text(max_size=300), st.binary(max_size=50), min_size=1, max_size=4)
 

@@ -8,7 +8,7 @@ import pytest
 from pairs import shifted_pair
 
 import stereolag as sl
-from stereolag.export import confidence, confidence_png, measured_mask_png
+from stereolag.io.confidence import confidence, confidence_png, measured_mask_png
 from stereolag.stereo.matcher import StereoMatcher
 
 MATCHERS: list[StereoMatcher] = [

@@ -18,9 +18,10 @@ from pairs import shifted_pair
 from pydantic import Field
 
 import stereolag as sl
-from stereolag.export import bundle, image_png, script
-from stereolag.export.programs import constructor, imports
-from stereolag.settings import Settings
+from stereolag.core.settings import Settings
+from stereolag.io.archive_writing import bundle
+from stereolag.io.maps import image_png
+from stereolag.io.programs import constructor, imports, script
 from tests.programs import run_program, run_program_alone
 
 RECTIFIED = sl.CorrelationMatcher(window_size=11, overlap=0.8, search=sl.SearchArea.rectified(24), score="zncc")

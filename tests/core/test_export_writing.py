@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from stereolag.export import write_disparity, write_matcher
-from stereolag.export.writing import DISPARITY_FORMATS
-from stereolag.reading import read_disparity, read_matcher
+from stereolag.io.disparities import read_disparity
+from stereolag.io.matchers import read_matcher
+from stereolag.io.writing import DISPARITY_FORMATS, write_disparity, write_matcher
 from stereolag.stereo.methods import METHODS
 
 QUANTUM = 1 / 256

@@ -13,6 +13,7 @@ from openpiv import pyprocess
 from pairs import shifted_pair, texture
 
 from stereolag import Reason, optical_flow
+from stereolag.core.settings import SettingsError
 from stereolag.motion.candidates import (
     Candidates,
     best_of_neighbours,
@@ -22,7 +23,6 @@ from stereolag.motion.candidates import (
 from stereolag.motion.checks import median_residual, median_residual_reference, return_error
 from stereolag.motion.matcher import FlowMatcher
 from stereolag.motion.smoothing import edge_aware_mean, edge_aware_mean_reference
-from stereolag.settings import SettingsError
 
 DTYPES = [np.uint8, np.uint16, np.float32, np.float64]
 

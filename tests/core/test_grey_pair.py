@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
+from stereolag.core.inputs import as_grey
 from stereolag.figures.grey_pair import TRUTH_SCALE, TRUTH_ZERO, packed_grey_pair
-from stereolag.inputs import as_grey
 
 Unpacked = tuple[dict[str, Any], dict[str, np.ndarray]]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereolag.inputs import as_grey, as_image, as_signal, as_stereo_pair
+from stereolag.core.inputs import as_grey, as_image, as_signal, as_stereo_pair
 
 
 @pytest.mark.parametrize(

@@ -9,15 +9,8 @@ import pytest
 from pairs import shifted_pair
 from scenes import steps_pair
 
-from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.methods import preset
-from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.reasons import Reason
-from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.search import SearchArea
-from stereolag.tuning.judgement import Gain, Judgement
-from stereolag.tuning.objective import (
+from stereolag.assess.tuning.judgement import Gain, Judgement
+from stereolag.assess.tuning.objective import (
     SEAM_ROWS,
     STRIP_ROWS,
     Criterion,
@@ -28,6 +21,13 @@ from stereolag.tuning.objective import (
     measured_reference,
     widest_range,
 )
+from stereolag.stereo.evaluation import evaluate
+from stereolag.stereo.methods import preset
+from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.reasons import Reason
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
 
 
 def random_maps(shape: tuple[int, int], seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

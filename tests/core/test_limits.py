@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from stereolag import limits as module
-from stereolag.limits import limits, machine_memory, set_defaults
+from stereolag.core import limits as module
+from stereolag.core.limits import limits, machine_memory, set_defaults
 
 
 @pytest.fixture(autouse=True)

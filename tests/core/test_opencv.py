@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pairs import shifted_pair
 
-from stereolag.settings import SettingsError
+from stereolag.core.settings import SettingsError
 from stereolag.stereo.opencv import StereoBM, StereoSGBM, matchers
 from stereolag.stereo.reasons import Reason
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.explaining.match import Box
-from stereolag.explaining.one_window import window_start
+from stereolag.assess.explaining.match import Box
+from stereolag.assess.explaining.one_window import window_start
 from stereolag.figures.overlap import CLOSEST, WindowGrid, overlap_figure, window_grid
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.reading.pairing import PairFiles, matched_pairs
+from stereolag.io.pairing import PairFiles, matched_pairs
 
 FOLDS: dict[str, tuple[list[str], list[tuple[str | None, ...]]]] = {
     "left and right": (["left.png", "right.png"], [("left.png", "right.png", None, None)]),

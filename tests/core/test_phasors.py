@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from stereolag import samples
 from stereolag.figures import phasors
 from stereolag.figures.phasors import LAG, LENGTH, LONGEST_LAG, SIZE
-from stereolag.reading import read_signal
+from stereolag.io.recordings import read_signal
 from stereolag.signals import signal_lag
 
 WHOLE = np.arange(-LONGEST_LAG, LONGEST_LAG + 1)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from pairs import shifted_pair, texture
 
-from stereolag.reading import read_disparity, read_image
+from stereolag.core.settings import SettingsError
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
-from stereolag.settings import SettingsError
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
 from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter

@@ -10,12 +10,13 @@ import pytest
 from diagnosed import diagnosed
 from raw_views import barrel, through_barrel, truth_points, turned_camera, turning
 
-from stereolag.doctor import Diagnosis, Finding, FindingCode, Remedy, apply_remedy
-from stereolag.doctor.correspondences import find_correspondences
-from stereolag.doctor.features import Correspondences
-from stereolag.doctor.rows import robust_fit, straightened
-from stereolag.doctor.uncalibrated import fit_rectification
-from stereolag.reading import read_disparity, read_image
+from stereolag.assess.doctor import Diagnosis, Finding, FindingCode, Remedy, apply_remedy
+from stereolag.assess.doctor.correspondences import find_correspondences
+from stereolag.assess.doctor.features import Correspondences
+from stereolag.assess.doctor.rows import robust_fit, straightened
+from stereolag.assess.doctor.uncalibrated import fit_rectification
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 
 Views = tuple[np.ndarray, np.ndarray]

@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.export import bundle
-from stereolag.reading.archives import MAX_DIRECTORY_BYTES, is_archive, read_archive
-from stereolag.reading.sources import MAX_BYTES
+from stereolag.io.archive_writing import bundle
+from stereolag.io.archives import MAX_DIRECTORY_BYTES, is_archive, read_archive
+from stereolag.io.sources import MAX_BYTES
 
 MB = 2**20
 

@@ -11,7 +11,7 @@ import pytest
 from camera_files import D1, D2, M1, M2, P1, SIZE, Q, R, T, opencv, ros
 
 from stereolag.geometry.rectification import rectified_calibration
-from stereolag.reading import read_calibration
+from stereolag.io.calibrations import read_calibration
 
 MIDDLEBURY = b"""cam0=[3979.911 0 1244.772; 0 3979.911 1019.507; 0 0 1]
 cam1=[3979.911 0 1369.115; 0 3979.911 1019.507; 0 0 1]

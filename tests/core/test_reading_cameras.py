@@ -9,7 +9,7 @@ import yaml
 from camera_files import BOTH_CAMERAS, D1, D2, M1, M2, P1, P2, R1, R2, RAW, RECTIFIED, RECTIFYING, SIZE, R, T
 
 from stereolag.geometry.calibration import Calibration
-from stereolag.reading import read_calibration
+from stereolag.io.calibrations import read_calibration
 
 BASELINE = float(np.linalg.norm(T))
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from stereolag.reading import read_disparity
+from stereolag.io.disparities import read_disparity
 
 shapes = st.tuples(st.integers(1, 12), st.integers(1, 12))
 

@@ -9,7 +9,11 @@ from hostile_files import valid_files
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stereolag.reading import read_calibration, read_disparity, read_image, read_matcher, read_signal
+from stereolag.io.calibrations import read_calibration
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
+from stereolag.io.matchers import read_matcher
+from stereolag.io.recordings import read_signal
 
 VALID = valid_files()
 

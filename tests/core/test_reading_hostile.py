@@ -18,8 +18,10 @@ from hostile_files import hostile_files
 from measured_reading import Reading, answer_of
 from picture_bytes import by_pillow, noise, png
 
-from stereolag.limits import limits
-from stereolag.reading import images, read_image, read_signal
+from stereolag.core.limits import limits
+from stereolag.io import images
+from stereolag.io.images import read_image
+from stereolag.io.recordings import read_signal
 
 MOST_SECONDS = 5
 MOST_MB = 500

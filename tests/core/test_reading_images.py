@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from stereolag.reading import read_image
+from stereolag.io.images import read_image
 
 RNG = np.random.default_rng(5)
 GREY = RNG.integers(0, 256, (13, 17), dtype=np.uint8)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereolag.reading import read_signal
+from stereolag.io.recordings import read_signal
 
 VALUES = np.random.default_rng(0).normal(size=(600, 2)).round(6)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereolag.limits import Limits
-from stereolag.reading import Recording
+from stereolag.core.limits import Limits
+from stereolag.io.recordings import Recording
 from stereolag.signals import signal_lag
 
 
@@ -79,6 +79,6 @@ def test_what_cannot_be_resampled_is_refused(monkeypatch: pytest.MonkeyPatch) ->
         recording.resampled(0.0)
     with pytest.raises(ValueError, match="their ratio is 44101 : 8000, and numbers up to 10,000 are allowed"):
         recording.resampled(44_101.0)
-    monkeypatch.setattr("stereolag.reading.recordings.limits", lambda: Limits(max_megasamples=1))
+    monkeypatch.setattr("stereolag.io.recordings.limits", lambda: Limits(max_megasamples=1))
     with pytest.raises(ValueError, match="holds 1 × 1200000 samples; at most 1,000,000"):
         recording.resampled(16_000.0)

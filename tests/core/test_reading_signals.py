@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from stereolag.limits import limits
-from stereolag.reading import read_signal
-from stereolag.reading.recordings import Recording
+from stereolag.core.limits import limits
+from stereolag.io.recordings import Recording, read_signal
 from stereolag.signals import signal_lag
 
 STEREO = np.random.default_rng(3).uniform(-0.5, 0.5, (4000, 2))

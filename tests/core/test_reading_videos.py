@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from small_drives import number_in, numbered, video
 
-from stereolag import limits as limits_module
-from stereolag.limits import limits
-from stereolag.reading.videos import VideoFile
+from stereolag.core import limits as limits_module
+from stereolag.core.limits import limits
+from stereolag.io.videos import VideoFile
 
 COUNT = 60
 

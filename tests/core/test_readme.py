@@ -10,7 +10,7 @@ from commanded import ran
 from PIL import Image
 
 import stereolag as sl
-from stereolag.settings import changed
+from stereolag.core.settings import changed
 
 PROJECT = Path(__file__).resolve().parents[2]
 README = (PROJECT / "README.md").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ import pytest
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectified_calibration, rectify
 from stereolag.geometry.rig import Rectification, StereoRig
-from stereolag.reading import read_calibration
+from stereolag.io.calibrations import read_calibration
 
 WIDTH, HEIGHT = 480, 360
 MARKS = np.stack(np.meshgrid(np.linspace(-0.55, 0.65, 7), np.linspace(-0.4, 0.4, 5)), axis=-1).reshape(-1, 2)

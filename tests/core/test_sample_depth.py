@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereolag.reading import read_disparity, read_image
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.windows.matcher import CorrelationMatcher

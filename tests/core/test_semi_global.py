@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereolag.progress import silent
-from stereolag.settings import SettingsError
+from stereolag.core.progress import silent
+from stereolag.core.settings import SettingsError
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global import matching as semi_global

@@ -16,8 +16,8 @@ import pytest
 from small_drives import pair, write_folders
 
 from stereolag import preset
-from stereolag.export.maps import image_png
-from stereolag.reading.sources import Source
+from stereolag.io.maps import image_png
+from stereolag.io.sources import Source
 from stereolag.sequences import SequenceState, Steadiness, open_sequence, run_sequence, runners
 
 distributed = pytest.importorskip("distributed")

@@ -19,8 +19,8 @@ import pytest
 from small_drives import COLS, DISPARITIES, ROWS, archive, numbered, video, write_folders
 
 from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
-from stereolag.inputs import Image
-from stereolag.progress import Progress
+from stereolag.core.inputs import Image
+from stereolag.core.progress import Progress
 from stereolag.sequences import SequenceMemory, SequenceState, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.matching import FrameTask, MatchedFrame
 from stereolag.sequences.runners import in_order

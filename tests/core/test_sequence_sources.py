@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from small_drives import COLS, DISPARITIES, ROWS, archive, number_in, numbered, pairs_of, video, write_folders
 
-from stereolag import limits as limits_module
-from stereolag.export.maps import image_png, kitti_png
-from stereolag.limits import limits
-from stereolag.reading.archives import Archive
-from stereolag.reading.pairing import matched_pairs
+from stereolag.core import limits as limits_module
+from stereolag.core.limits import limits
+from stereolag.io.archives import Archive
+from stereolag.io.maps import image_png, kitti_png
+from stereolag.io.pairing import matched_pairs
 from stereolag.sequences import StereoSequence, open_sequence
 
 EXTRAS = (("disparity", "png"), ("calib", "txt"))

@@ -14,15 +14,15 @@ import pytest
 from pairs import texture
 
 from stereolag import StereoBM, StereoSGBM, evaluate, preset
-from stereolag.arrays import FloatMap
-from stereolag.export.maps import image_png, kitti_png
-from stereolag.inputs import Image
-from stereolag.progress import Progress
+from stereolag.core.arrays import FloatMap
+from stereolag.core.inputs import Image
+from stereolag.core.progress import Progress
+from stereolag.core.settings import SettingsError
+from stereolag.io.maps import image_png, kitti_png
 from stereolag.sequences import SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.flicker import flicker, still_pixels
 from stereolag.sequences.matching import FrameTask, encoded_frame, own_frame
 from stereolag.sequences.steadying import motion_since, steadied
-from stereolag.settings import SettingsError
 from stereolag.stereo.matcher import DisparityMap, PixelMatches
 from stereolag.stereo.reasons import Reason
 

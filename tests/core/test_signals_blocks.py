@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal as scipy_signal
 
-from stereolag.inputs import as_signal
+from stereolag.core.inputs import as_signal
 from stereolag.signals import blocks, estimate_lag, signal_lag
 from stereolag.signals.blocks import CentredRecording, block_curve, block_pearson, block_products
 from stereolag.signals.estimates import way_of

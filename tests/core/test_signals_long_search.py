@@ -11,7 +11,7 @@ import pytest
 from scipy import signal as scipy_signal
 
 from benchmarks.verdict import coloured, common, drifting, noise, tones, unrelated
-from stereolag.reading import read_signal
+from stereolag.io.recordings import read_signal
 from stereolag.signals import SignalLag, estimates, long_search, signal_lag
 from stereolag.signals.blocks import CentredRecording
 from stereolag.signals.long_search import cell_size
@@ -145,7 +145,7 @@ def test_no_correlation_is_above_its_bound(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_whoever_hears_the_progress_can_end_it_anywhere(both_ways: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stereolag.progress.time.monotonic", iter(range(10**6)).__next__)
+    monkeypatch.setattr("stereolag.core.progress.time.monotonic", iter(range(10**6)).__next__)
     told: list[float] = []
     whole, bands = both_ways(*common(60_000, 700, 0), progress=told.append)
     check(whole, bands)

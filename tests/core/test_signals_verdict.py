@@ -11,7 +11,7 @@ import soundfile
 
 from benchmarks.verdict import UNRELATED, coloured, common, drifting, tones, unrelated
 from stereolag import samples
-from stereolag.reading import read_signal
+from stereolag.io.recordings import read_signal
 from stereolag.signals import SignalLag, SignalMethod, signal_lag
 from stereolag.signals.overlaps import overlap_length
 from stereolag.signals.peaks import find_peak

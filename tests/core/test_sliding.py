@@ -6,7 +6,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from stereolag import samples
 from stereolag.figures import sliding
-from stereolag.reading import read_signal
+from stereolag.io.recordings import read_signal
 
 
 def sums(slide: sliding.Slide) -> np.ndarray:

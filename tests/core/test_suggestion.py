@@ -10,16 +10,16 @@ import pytest
 from scenes import steps_pair
 
 import stereolag as sl
-from stereolag.settings import setting, title_of
+from stereolag.assess.tuning.candidates import candidates, differences, side_of
+from stereolag.assess.tuning.objective import Criterion, TuningPair, Unjudged
+from stereolag.assess.tuning.search import LIKELIEST, Outcome, Suggestion
+from stereolag.assess.tuning.suggestion import suggest_for_all
+from stereolag.core.settings import setting, title_of
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
 from stereolag.stereo.finishing.filters import SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.tuning.candidates import candidates, differences, side_of
-from stereolag.tuning.objective import Criterion, TuningPair, Unjudged
-from stereolag.tuning.search import LIKELIEST, Outcome, Suggestion
-from stereolag.tuning.suggestion import suggest_for_all
 
 LEFT, RIGHT, TRUTH = steps_pair()
 WINDOWS = CorrelationMatcher(window_size=25, search=sl.SearchArea.rectified(32))

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from pairs import shifted_pair
 
-from stereolag.settings import changed
+from stereolag.assess.tuning.objective import Criterion, TuningPair
+from stereolag.assess.tuning.sweep import range_of_sweep, sweep
+from stereolag.core.settings import changed
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.tuning.objective import Criterion, TuningPair
-from stereolag.tuning.sweep import range_of_sweep, sweep
 
 PAIR = shifted_pair(80, 140, 0, -9)
 BENCH = [TuningPair.of(*PAIR, search_range=(0, 16))]

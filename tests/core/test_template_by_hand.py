@@ -12,7 +12,7 @@ from stereolag import samples
 from stereolag.figures.block_scores import best_of_blocks, packed_score_map
 from stereolag.figures.packing import SCORE_STEPS
 from stereolag.figures.template_by_hand import PIXELS, ReducedSearch, packed_search, reduced_search
-from stereolag.reading import read_image
+from stereolag.io.images import read_image
 
 PLACE = (97, 290)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stereolag import samples
-from stereolag.inputs import Image
-from stereolag.reading import read_image
+from stereolag.core.inputs import Image
+from stereolag.io.images import read_image
 from stereolag.templates import match_template
 from stereolag.templates.degradation import Degradation, degraded_part
 from stereolag.templates.opencv import is_masked, opencv_search

@@ -16,8 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.rocketman import absent_scenes, drawn, posed_scenes
-from stereolag.searches import TemplateQuery
-from stereolag.settings import Bounds
+from stereolag.core.searches import TemplateQuery
+from stereolag.core.settings import Bounds
 from stereolag.templates import estimate_search, match_template
 from stereolag.templates.patterns import pattern_of
 from stereolag.templates.pose_ranges import PoseRange

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stereolag import read_disparity, read_image, samples
-from stereolag.doctor.truth_scale import DIVISORS, likely_divisor
+from stereolag.assess.doctor.truth_scale import DIVISORS, likely_divisor
 from stereolag.geometry.scaling import scaled_disparity, scaled_image
 
 

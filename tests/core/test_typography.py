@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stereolag.typography import MINUS, NO_BREAK, typeset
+from stereolag.core.typography import MINUS, NO_BREAK, typeset
 
 SET = {
     "lag -31,234 samples": f"lag {MINUS}31,234 samples",

@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from stereolag.arrays import FloatMap, Mask, ReasonMap
-from stereolag.inputs import FLAT_TEXTURE, Image, grey_level
+from stereolag.core.arrays import FloatMap, Mask, ReasonMap
+from stereolag.core.inputs import FLAT_TEXTURE, Image, grey_level
+from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
-from stereolag.settings import Settings
 from stereolag.stereo.reasons import Reason
 
 MEASURED = np.uint8(Reason.MEASURED)

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from stereolag.arrays import FloatMap, ReasonMap
-from stereolag.settings import Settings
+from stereolag.core.arrays import FloatMap, ReasonMap
+from stereolag.core.settings import Settings
 from stereolag.stereo.finishing.checks import rejected
 from stereolag.stereo.finishing.gap_ends import filled_from_ends
 from stereolag.stereo.finishing.speckles import speckles

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from stereolag.arrays import Array, FloatMap
+from stereolag.core.arrays import Array, FloatMap
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Array, FloatMap
+from stereolag.core.arrays import Array, FloatMap
 from stereolag.loops.compilation import compiled
 from stereolag.stereo.finishing.superpixels import Superpixels, borders, neighbours
 

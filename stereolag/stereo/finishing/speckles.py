@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Array, FloatMap, Mask
+from stereolag.core.arrays import Array, FloatMap, Mask
 from stereolag.loops.bands import over_bands, row_bands
 from stereolag.loops.compilation import compiled
 

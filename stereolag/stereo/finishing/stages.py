@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from stereolag.inputs import Image, as_eight_bit
-from stereolag.settings import Applies
+from stereolag.core.inputs import Image, as_eight_bit
+from stereolag.core.settings import Applies
 from stereolag.stereo.finishing.filters import (
     MedianFilter,
     SpeckleFilter,

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from stereolag.arrays import Array, FloatMap
+from stereolag.core.arrays import Array, FloatMap
+from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
-from stereolag.settings import Settings
 from stereolag.stereo.finishing.planes import GUESSED_SAMPLES, MEASURED_SAMPLES, Samples, fitted, sampled
 from stereolag.stereo.finishing.superpixels import superpixels
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Array, FloatMap
+from stereolag.core.arrays import Array, FloatMap
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import LANES, are_equal, cast, halved, larger, load, splat, store, where_at_most

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from stereolag.settings import Applies, FitsImage, Pixels
+from stereolag.core.settings import Applies, FitsImage, Pixels
 
 BlockSize = Annotated[
     int,

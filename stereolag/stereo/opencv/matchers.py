@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator, model_validator
 
-from stereolag.estimates import OVERHEAD, Estimate, kept_blocks
-from stereolag.inputs import Image, as_eight_bit, as_grey
-from stereolag.progress import Progress
-from stereolag.settings import FitsImage, OfThePair, Pixels, Usual
+from stereolag.core.estimates import OVERHEAD, Estimate, kept_blocks
+from stereolag.core.inputs import Image, as_eight_bit, as_grey
+from stereolag.core.progress import Progress
+from stereolag.core.settings import FitsImage, OfThePair, Pixels, Usual
 from stereolag.stereo.estimates import ANSWER, PIXEL_SECONDS, grey_bytes
 from stereolag.stereo.matcher import MinDisparity, PixelMatches, StereoMatcher
 from stereolag.stereo.opencv.fields import (

@@ -9,8 +9,8 @@ import numpy.typing as npt
 from numba import literal_unroll
 from numba.extending import overload
 
-from stereolag.arrays import Array
-from stereolag.inputs import Image
+from stereolag.core.arrays import Array
+from stereolag.core.inputs import Image
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.stereo.semi_global.cost_terms import TERMS
@@ -47,7 +47,7 @@ def matching_cost(
     Parameters
     ----------
     left, right
-        (H, W) uint8, see :func:`stereolag.inputs.as_eight_bit`.
+        (H, W) uint8, see :func:`stereolag.core.inputs.as_eight_bit`.
     window_size
         Side of the correlation window, px; odd.
     min_disparity, num_disparities

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from stereolag.settings import Applies, Settings, marker
+from stereolag.core.settings import Applies, Settings, marker
 
 MOST = 250
 """Largest sum of the weights: a volume stores costs in 8 bits."""

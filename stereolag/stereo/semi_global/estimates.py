@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy.typing as npt
 
-from stereolag.estimates import OVERHEAD, Estimate, kept_blocks
+from stereolag.core.estimates import OVERHEAD, Estimate, kept_blocks
 from stereolag.stereo.estimates import FINISHING, PIXEL_SECONDS, Shape, grey_bytes
 from stereolag.stereo.semi_global.matching import BYTES_OF_A_CELL, MOST_BYTES, OVERLAP
 

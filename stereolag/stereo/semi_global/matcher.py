@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator
 
-from stereolag.arrays import ReasonMap
-from stereolag.estimates import Estimate
-from stereolag.inputs import Image, as_eight_bit, as_grey, local_deviation, of_ordinary_size
-from stereolag.progress import Progress
-from stereolag.settings import FitsImage, Pixels
+from stereolag.core.arrays import ReasonMap
+from stereolag.core.estimates import Estimate
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation, of_ordinary_size
+from stereolag.core.progress import Progress
+from stereolag.core.settings import FitsImage, Pixels
 from stereolag.stereo.finishing.checks import (
     AmbiguityTest,
     LeftRightCheck,

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import FloatMap
-from stereolag.progress import Progress
+from stereolag.core.arrays import FloatMap
+from stereolag.core.progress import Progress
 from stereolag.stereo.semi_global.cost_volume import matching_cost
 from stereolag.stereo.semi_global.costs import MatchingCost
 from stereolag.stereo.semi_global.paths import SemiGlobal, optimise

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stereolag.arrays import Array
+from stereolag.core.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import LANES, cast, load, smaller, smallest, splat, store
 

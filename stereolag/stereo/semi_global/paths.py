@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from stereolag.arrays import Array
+from stereolag.core.arrays import Array
+from stereolag.core.progress import Progress, silent
+from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
-from stereolag.progress import Progress, silent
-from stereolag.settings import Settings
 from stereolag.stereo.semi_global.path_steps import PathStep, advance
 
 Costs = npt.NDArray[np.uint8]

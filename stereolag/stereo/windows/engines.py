@@ -8,8 +8,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.estimates import OVERHEAD, Estimate, kept_blocks
-from stereolag.progress import Progress, silent
+from stereolag.core.estimates import OVERHEAD, Estimate, kept_blocks
+from stereolag.core.progress import Progress, silent
 from stereolag.stereo.estimates import ANSWER, FINISHING, PIXEL_SECONDS, Shape, grey_bytes
 from stereolag.stereo.windows.matches import Score, WindowMatches, WindowQuery
 from stereolag.stereo.windows.search import MOST_LAGS, LagRange

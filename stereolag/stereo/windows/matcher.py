@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from stereolag.arrays import ReasonMap
-from stereolag.estimates import Estimate
-from stereolag.inputs import Image, as_grey, of_ordinary_size
-from stereolag.progress import Progress
-from stereolag.settings import Applies, FitsImage, Pixels, changed
+from stereolag.core.arrays import ReasonMap
+from stereolag.core.estimates import Estimate
+from stereolag.core.inputs import Image, as_grey, of_ordinary_size
+from stereolag.core.progress import Progress
+from stereolag.core.settings import Applies, FitsImage, Pixels, changed
 from stereolag.stereo.finishing.checks import (
     AmbiguityTest,
     LeftRightCheck,

@@ -8,8 +8,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import FloatMap
-from stereolag.inputs import Image
+from stereolag.core.arrays import FloatMap
+from stereolag.core.inputs import Image
 from stereolag.stereo.windows.search import LagRange
 
 Score: TypeAlias = Literal["zncc", "ncc", "cross", "phase"]

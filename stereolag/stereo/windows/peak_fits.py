@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stereolag.arrays import DoubleMap, FloatMap
+from stereolag.core.arrays import DoubleMap, FloatMap
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 

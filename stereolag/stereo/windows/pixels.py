@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stereolag.arrays import FloatMap, ReasonMap
+from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.stereo.matcher import PixelMatches

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Array
-from stereolag.inputs import Image, flat_energy
+from stereolag.core.arrays import Array
+from stereolag.core.inputs import Image, flat_energy
 from stereolag.loops.vector_lanes import LANES
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
 from stereolag.stereo.windows.running_sums import describe_windows

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Array
+from stereolag.core.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import LANES, item, larger, largest, load, put, splat
 from stereolag.stereo.windows.prepared_pair import PreparedPair, Windows

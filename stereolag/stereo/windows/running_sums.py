@@ -20,7 +20,7 @@ from numba import types
 from numba.extending import overload
 from numpy.lib.stride_tricks import sliding_window_view
 
-from stereolag.arrays import Array
+from stereolag.core.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import LANES, item, load, paired_products, splat, store
 

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from stereolag.core.settings import OfThePair, Pixels, Settings, Usual
 from stereolag.loops.vector_lanes import LANES
-from stereolag.settings import OfThePair, Pixels, Settings, Usual
 from stereolag.stereo.matcher import MinDisparity, NumDisparities
 
 ROOM_FOR_WINDOW = 32

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Array
+from stereolag.core.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.stereo.windows.prepared_pair import Found, Windows
 from stereolag.stereo.windows.recording import record_group, record_runners_up

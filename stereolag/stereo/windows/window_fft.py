@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
-from stereolag.arrays import Array
+from stereolag.core.arrays import Array
+from stereolag.core.progress import Progress, silent
 from stereolag.loops.bands import over_bands
 from stereolag.loops.vector_lanes import LANES
-from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
 from stereolag.stereo.windows.prepared_pair import PreparedPair, Windows, framed
 from stereolag.stereo.windows.recording import record_windows

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Array
+from stereolag.core.arrays import Array
+from stereolag.core.progress import Progress, silent
 from stereolag.loops.bands import over_bands
 from stereolag.loops.vector_lanes import LANES
-from stereolag.progress import Progress, silent
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
 from stereolag.stereo.windows.prepared_pair import NO_RIGHT_MATCH, PreparedPair
 from stereolag.stereo.windows.running_sums import changing_rows

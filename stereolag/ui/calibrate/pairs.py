@@ -6,13 +6,13 @@ import math
 
 import streamlit as st
 
+from stereolag.core.inputs import as_image
+from stereolag.core.typography import typesets
 from stereolag.figures.boards import error_bars, with_corners, with_row_lines
 from stereolag.figures.pictures import jpeg
 from stereolag.geometry.board_views import BoardViews
 from stereolag.geometry.calibration_report import LeftOut, PairReport, StereoCalibration
 from stereolag.geometry.rectification import rectify
-from stereolag.inputs import as_image
-from stereolag.typography import typesets
 from stereolag.ui import prose
 from stereolag.ui.calibrate.pictures import KEY, BoardPictures
 from stereolag.ui.elements import show_jpeg

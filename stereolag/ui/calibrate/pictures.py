@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from stereolag.estimates import Estimate
+from stereolag.core.estimates import Estimate
+from stereolag.core.limits import limits
 from stereolag.geometry.board_views import MOST_PAIRS, Pairs
-from stereolag.limits import limits
-from stereolag.reading.archives import is_archive, read_archive
-from stereolag.reading.pairing import matched_pairs
-from stereolag.reading.picture_pairs import PicturesOfFiles
-from stereolag.reading.sources import MAX_BYTES, harmless
+from stereolag.io.archives import is_archive, read_archive
+from stereolag.io.pairing import matched_pairs
+from stereolag.io.picture_pairs import PicturesOfFiles
+from stereolag.io.sources import MAX_BYTES, harmless
 from stereolag.ui.calibrate.examples import EXAMPLES, WRONG_PAIR, example_pairs
 from stereolag.ui.choices import choose, own_or_example, show_limits
 from stereolag.ui.uploads import PICTURE_TYPES, upload_named

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stereolag.estimates import Estimate
+from stereolag.core.estimates import Estimate
 from stereolag.geometry.board_views import BoardViews, find_boards
 from stereolag.geometry.boards import Board
 from stereolag.geometry.calibrating import calibrate_boards

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import streamlit as st
 
 from stereolag import samples
-from stereolag.export import settings_json
-from stereolag.reading import read_matcher
+from stereolag.io.matchers import read_matcher
+from stereolag.io.settings import settings_json
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import keys, prose
@@ -36,7 +36,7 @@ MAPS = "maps"
 """The parameter that names the maps shown."""
 
 ADOPTED = "depth.adopt"
-"""Session-state key of the settings to adopt, as read by :func:`stereolag.reading.matchers.read_matcher`."""
+"""Session-state key of the settings to adopt, as read by :func:`stereolag.io.matchers.read_matcher`."""
 
 
 def recall_choices() -> None:

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 import pandas as pd
 import streamlit as st
 
-from stereolag.estimates import Estimate
-from stereolag.progress import Progress
-from stereolag.reading.sources import harmless
+from stereolag.assess.tuning.judgement import Judgement
+from stereolag.assess.tuning.objective import Criterion, TuningPair, estimate_reference, widest_range
+from stereolag.core.estimates import Estimate
+from stereolag.core.progress import Progress
+from stereolag.io.sources import harmless
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.tuning.judgement import Judgement
-from stereolag.tuning.objective import Criterion, TuningPair, estimate_reference, widest_range
 from stereolag.ui import prose
 from stereolag.ui.depth.judging import known_truth
 from stereolag.ui.depth.pair_sets import Preparation, set_of

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stereolag.arrays import FloatMap, ReasonMap
-from stereolag.explaining.match import MatchExplanation
+from stereolag.assess.explaining.match import MatchExplanation
+from stereolag.core.arrays import FloatMap, ReasonMap
+from stereolag.core.inputs import Image
+from stereolag.core.typography import typeset, typesets
 from stereolag.figures.sweeps import ContactSheet
-from stereolag.inputs import Image
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.reasons import Reason
-from stereolag.typography import typeset, typesets
 from stereolag.ui.sentences import REASON_WORDS, percent
 
 EVERY = 4

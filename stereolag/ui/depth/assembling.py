@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from stereolag.arrays import FloatMap
-from stereolag.doctor.truth_scale import likely_divisor
+from stereolag.assess.doctor.truth_scale import likely_divisor
+from stereolag.core.arrays import FloatMap
+from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scaling import as_deep, calibration_for, cropped_alike, halves
-from stereolag.inputs import Image, as_stereo_pair
-from stereolag.reading import read_calibration, read_image
-from stereolag.reading.disparities import read_stored_disparity
-from stereolag.reading.pairing import PairFiles
-from stereolag.reading.sessions import Session
-from stereolag.reading.sources import harmless
+from stereolag.io.calibrations import read_calibration
+from stereolag.io.disparities import read_stored_disparity
+from stereolag.io.images import read_image
+from stereolag.io.pairing import PairFiles
+from stereolag.io.sessions import Session
+from stereolag.io.sources import harmless
 from stereolag.ui.depth.calibrating import Calibrated
 from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.uploads import Upload

@@ -6,8 +6,8 @@ from functools import partial
 
 import streamlit as st
 
-from stereolag.arrays import ReasonMap
-from stereolag.explaining.blank_reasons import blank_reasons
+from stereolag.assess.explaining.blank_reasons import blank_reasons
+from stereolag.core.arrays import ReasonMap
 from stereolag.figures.legends import hexadecimal, word_legend
 from stereolag.figures.linked_pictures import Picture, Reading
 from stereolag.figures.reasons import REASON_COLOURS, reasons_picture, share_of_reasons

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 import streamlit as st
 
-from stereolag.arrays import FloatMap
+from stereolag.core.arrays import FloatMap
 from stereolag.figures.colour_ranges import disparity_range, searched_range
 from stereolag.figures.disparity import PALETTES
 from stereolag.figures.edges import edge_path

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import streamlit as st
 
-from stereolag.arrays import FloatMap
+from stereolag.core.arrays import FloatMap
 from stereolag.figures.differences import (
     ALL_AGREE,
     ALL_DIFFER,

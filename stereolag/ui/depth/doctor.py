@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.doctor import (
+from stereolag.assess.doctor import (
     Diagnosis,
     Finding,
     FindingCode,
@@ -18,7 +18,7 @@ from stereolag.doctor import (
     estimate_diagnosis,
     judge_range,
 )
-from stereolag.estimates import Estimate
+from stereolag.core.estimates import Estimate
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.findings import (

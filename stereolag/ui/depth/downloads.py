@@ -6,10 +6,10 @@ from functools import partial
 
 import streamlit as st
 
-from stereolag.estimates import spoken
-from stereolag.limits import limits
-from stereolag.reading import read_matcher
-from stereolag.settings import scaled_settings
+from stereolag.core.estimates import spoken
+from stereolag.core.limits import limits
+from stereolag.core.settings import scaled_settings
+from stereolag.io.matchers import read_matcher
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt

@@ -8,11 +8,8 @@ import numpy as np
 import pandas as pd
 import streamlit as st
 
-from stereolag.arrays import FloatMap
-from stereolag.figures.differences import error_legend, error_png
-from stereolag.stereo.matcher import DisparityMap
-from stereolag.tuning.judgement import Judgement
-from stereolag.tuning.objective import (
+from stereolag.assess.tuning.judgement import Judgement
+from stereolag.assess.tuning.objective import (
     LEAST_MEASURED,
     Unjudged,
     estimate_reference,
@@ -20,6 +17,9 @@ from stereolag.tuning.objective import (
     measured_reference,
     widest_range,
 )
+from stereolag.core.arrays import FloatMap
+from stereolag.figures.differences import error_legend, error_png
+from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui import prose
 from stereolag.ui.depth.alternatives import ERROR_COLOURS_IN_WORDS, errors_in_words
 from stereolag.ui.depth.judging import JUDGE_LEFT_OUT, UNJUDGED, estimates_in_words

@@ -5,24 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from stereolag.arrays import FloatMap
-from stereolag.export import (
-    check_kitti,
-    confidence,
-    confidence_png,
-    has_scores,
-    kitti_png,
-    measured_mask_png,
-    metrics_csv,
-    npy,
-    opencv_script,
-    opencv_yaml,
-    pfm,
-    script,
-    settings_json,
-    valid_mask_png,
-)
+from stereolag.core.arrays import FloatMap
 from stereolag.figures.map_files import cloud_ply, coloured_png
+from stereolag.io.confidence import confidence, confidence_png, has_scores, measured_mask_png
+from stereolag.io.maps import check_kitti, kitti_png, npy, pfm, valid_mask_png
+from stereolag.io.opencv_programs import opencv_script
+from stereolag.io.programs import script
+from stereolag.io.settings import opencv_yaml, settings_json
+from stereolag.io.tables import metrics_csv
 from stereolag.stereo.evaluation import Evaluation
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stereolag.doctor import Finding, FindingCode, Remedy
+from stereolag.assess.doctor import Finding, FindingCode, Remedy
 
 DOCTOR_HEALTHY = "**Input doctor:** no problems found."
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import streamlit as st
 
+from stereolag.core.inputs import as_stereo_pair
 from stereolag.geometry.calibration import Calibration
-from stereolag.inputs import as_stereo_pair
 from stereolag.sequences import StereoFrame
 from stereolag.ui import prose
 from stereolag.ui.choices import OWN

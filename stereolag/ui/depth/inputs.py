@@ -9,9 +9,9 @@ import numpy as np
 import streamlit as st
 
 from stereolag import samples
-from stereolag.doctor import Remedy
+from stereolag.assess.doctor import Remedy
+from stereolag.core.settings import scaled_settings
 from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
-from stereolag.settings import scaled_settings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.choices import OWN, choose, own_or_example

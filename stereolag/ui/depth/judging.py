@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from stereolag.arrays import FloatMap
-from stereolag.settings import Settings
-from stereolag.tuning.objective import Criterion, TuningPair, Unjudged
-from stereolag.tuning.search import Outcome, Suggestion
+from stereolag.assess.tuning.objective import Criterion, TuningPair, Unjudged
+from stereolag.assess.tuning.search import Outcome, Suggestion
+from stereolag.core.arrays import FloatMap
+from stereolag.core.settings import Settings
 from stereolag.ui.jobs import Job
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.sentences import percent

@@ -11,7 +11,7 @@ from typing import Any
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from stereolag.arrays import FloatMap, ReasonMap
+from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.figures.legends import Legend, disparity_legends
 from stereolag.figures.linked_pictures import DepthScale, Figure, PackedPicture, Picture, Reading, no_depth, packed
 from stereolag.figures.pictures import as_rgb

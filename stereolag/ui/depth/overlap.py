@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import streamlit as st
 
-from stereolag.explaining.match import MatchExplanation
+from stereolag.assess.explaining.match import MatchExplanation
+from stereolag.core.typography import typeset
 from stereolag.figures.overlap import WindowGrid, overlap_figure, window_grid
 from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.typography import typeset
 from stereolag.ui import prose
 from stereolag.ui.depth.view import DepthView
 from stereolag.ui.sentences import percent

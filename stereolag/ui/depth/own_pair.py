@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import streamlit as st
 
-from stereolag.doctor.truth_scale import DIVISORS, likely_divisor
-from stereolag.inputs import Image
-from stereolag.reading import read_image
-from stereolag.reading.archives import is_archive
-from stereolag.reading.disparities import StoredDisparity, read_stored_disparity
+from stereolag.assess.doctor.truth_scale import DIVISORS, likely_divisor
+from stereolag.core.inputs import Image
+from stereolag.io.archives import is_archive
+from stereolag.io.disparities import StoredDisparity, read_stored_disparity
+from stereolag.io.images import read_image
 from stereolag.ui.choices import image_limits, show_limits
 from stereolag.ui.depth.assembling import SAME_PICTURE, Pictures, Truth, split_picture, together
 from stereolag.ui.depth.calibrating import ask_calibration

@@ -6,9 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from stereolag.export import calibration_json, image_png, image_tiff, pfm, session_json
-from stereolag.inputs import Image
-from stereolag.reading.sessions import SESSION
+from stereolag.core.inputs import Image
+from stereolag.io.calibration_writing import calibration_json
+from stereolag.io.maps import image_png, image_tiff, pfm
+from stereolag.io.session_writing import session_json
+from stereolag.io.sessions import SESSION
 from stereolag.ui.depth.subjects import Subject
 
 T = TypeVar("T")

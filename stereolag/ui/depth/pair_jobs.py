@@ -8,7 +8,7 @@ from typing import Any
 
 import streamlit as st
 
-from stereolag.estimates import Estimate
+from stereolag.core.estimates import Estimate
 from stereolag.ui.depth.pair_sets import Preparation, place_in_set
 from stereolag.ui.jobs import Job
 from stereolag.ui.pairs import StereoPair

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import streamlit as st
 
-from stereolag.doctor.row_evidence import row_evidence
+from stereolag.assess.doctor.row_evidence import row_evidence
 from stereolag.geometry.rectification import rectify
 from stereolag.geometry.scaling import preview_divisor
 from stereolag.ui.depth.inputs import at_size

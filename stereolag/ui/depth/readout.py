@@ -6,7 +6,7 @@ import math
 
 import streamlit as st
 
-from stereolag.arrays import FloatMap
+from stereolag.core.arrays import FloatMap
 from stereolag.figures.pictures import PEAK
 from stereolag.geometry.distances import FIELD_OF_VIEW, SeenPoint, calibrated_by, distance_between
 from stereolag.stereo.reasons import Reason

@@ -7,9 +7,9 @@ from typing import Any
 
 import streamlit as st
 
+from stereolag.core.settings import scaled_settings
 from stereolag.figures.disparity import PALETTES
-from stereolag.reading.sessions import Colours, Session
-from stereolag.settings import scaled_settings
+from stereolag.io.sessions import Colours, Session
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import keys
 from stereolag.ui.depth.colouring import FIRST_PALETTE, INVERTED, OUTLINED, PALETTE, range_key

@@ -11,9 +11,9 @@ import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
 
-from stereolag.arrays import FloatMap
-from stereolag.export import metrics_csv
+from stereolag.core.arrays import FloatMap
 from stereolag.figures.differences import error_legend, error_over_coverage, error_png
+from stereolag.io.tables import metrics_csv
 from stereolag.stereo.evaluation import CoverageCurve, Evaluation, error_against_coverage, evaluate
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui import prose

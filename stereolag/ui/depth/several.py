@@ -9,10 +9,10 @@ from typing import TypeAlias
 
 import streamlit as st
 
-from stereolag.reading.archives import is_archive, read_archive
-from stereolag.reading.pairing import PairFiles, matched_pairs
-from stereolag.reading.sessions import Session, holds_session, read_session
-from stereolag.reading.sources import MAX_BYTES, harmless
+from stereolag.io.archives import is_archive, read_archive
+from stereolag.io.pairing import PairFiles, matched_pairs
+from stereolag.io.sessions import Session, holds_session, read_session
+from stereolag.io.sources import MAX_BYTES, harmless
 from stereolag.ui import prose
 from stereolag.ui.depth.assembling import named_pair, session_pair
 from stereolag.ui.depth.restoring import restore

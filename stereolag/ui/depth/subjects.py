@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from stereolag.estimates import Estimate
-from stereolag.export import enlarged
+from stereolag.core.estimates import Estimate
+from stereolag.core.limits import limits
+from stereolag.core.settings import scaled_settings
 from stereolag.geometry.calibration import Calibration
-from stereolag.limits import limits
-from stereolag.settings import scaled_settings
+from stereolag.io.enlargement import enlarged
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.ui.depth.calibrating import known_distance
 from stereolag.ui.depth.estimates import estimates_so_far
@@ -44,7 +44,7 @@ class Subject:
     computed
         The map computed at that size; None if not computed yet.
     session
-        State of the page, as arguments of :func:`stereolag.export.session_json`.
+        State of the page, as arguments of :func:`stereolag.io.session_json`.
     estimated_bad
         Estimated bad-2 of the maps shown, %, by method name; empty unless it was estimated.
     """

@@ -7,11 +7,11 @@ from concurrent.futures import CancelledError
 import pandas as pd
 import streamlit as st
 
-from stereolag.settings import title_of
+from stereolag.assess.tuning.objective import Criterion, Unjudged, judges_itself
+from stereolag.assess.tuning.search import Outcome, Suggestion
+from stereolag.assess.tuning.suggestion import estimate_suggestion, suggest_for_all
+from stereolag.core.settings import title_of
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.tuning.objective import Criterion, Unjudged, judges_itself
-from stereolag.tuning.search import Outcome, Suggestion
-from stereolag.tuning.suggestion import estimate_suggestion, suggest_for_all
 from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.judging import (

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 import streamlit as st
 
-from stereolag.estimates import Estimate
+from stereolag.assess.tuning.objective import Criterion, TuningPair, Unjudged, estimate_reference, judges_itself
+from stereolag.assess.tuning.parameters import Parameter, parameters
+from stereolag.assess.tuning.sweep import estimate_sweep, range_of_sweep, sweep
+from stereolag.core.estimates import Estimate
+from stereolag.core.settings import Number, changed
 from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps
-from stereolag.settings import Number, changed
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.tuning.objective import Criterion, TuningPair, Unjudged, estimate_reference, judges_itself
-from stereolag.tuning.parameters import Parameter, parameters
-from stereolag.tuning.sweep import estimate_sweep, range_of_sweep, sweep
 from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.alternatives import sheet_in_words

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from stereolag.arrays import Rgb
+from stereolag.core.arrays import Rgb
 from stereolag.figures.disparity import FAR_TO_NEAR
 from stereolag.figures.linked_pictures import Colours
 from stereolag.stereo.matcher import DisparityMap

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import streamlit as st
 
-from stereolag.doctor import diagnose
+from stereolag.assess.doctor import diagnose
+from stereolag.core.inputs import as_stereo_pair
+from stereolag.core.limits import limits
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scaling import calibration_for
-from stereolag.inputs import as_stereo_pair
-from stereolag.limits import limits
-from stereolag.reading import read_calibration
-from stereolag.reading.videos import VIDEO_ENDINGS
+from stereolag.io.calibrations import read_calibration
+from stereolag.io.videos import VIDEO_ENDINGS
 from stereolag.samples import drives
 from stereolag.sequences import RectifiedSequence, StereoFrame, StereoSequence, example_sequence, open_sequence
 from stereolag.ui import prose

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import streamlit as st
 
+from stereolag.core.settings import SettingsError
 from stereolag.sequences import SequenceMotion, SequenceSettings, Steadiness
-from stereolag.settings import SettingsError
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM

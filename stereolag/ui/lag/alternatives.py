@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
+from stereolag.core.typography import typesets
 from stereolag.signals import SignalLag
 from stereolag.signals.drift import Drift
-from stereolag.typography import typesets
 from stereolag.ui.sentences import duration
 
 

@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 import streamlit as st
 
-from stereolag.estimates import Estimate
+from stereolag.core.estimates import Estimate
+from stereolag.core.limits import limits
+from stereolag.core.progress import Progress, part
+from stereolag.core.searches import LagSearch, SignalMethod
+from stereolag.core.typography import typeset
 from stereolag.figures import recordings as figures
-from stereolag.limits import limits
-from stereolag.progress import Progress, part
-from stereolag.searches import LagSearch, SignalMethod
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
-from stereolag.typography import typeset
 from stereolag.ui import prose
 from stereolag.ui.lag.alternatives import run_times_in_words
 from stereolag.ui.recordings import RecordingPair

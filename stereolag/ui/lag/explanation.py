@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import streamlit as st
 
-from stereolag.searches import LagSearch
+from stereolag.core.searches import LagSearch
 from stereolag.signals import SignalLag
 from stereolag.ui import prose
 from stereolag.ui.lag.disturbances import fool_it

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import streamlit as st
 
-from stereolag.limits import limits
-from stereolag.reading import Recording
-from stereolag.searches import LagSearch
+from stereolag.core.limits import limits
+from stereolag.core.searches import LagSearch
+from stereolag.io.recordings import Recording
 
 
 def own_facts(recordings: Sequence[Recording], channels: Sequence[int], counts: Sequence[int]) -> str:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import streamlit as st
 
+from stereolag.core.searches import LagSearch
 from stereolag.figures import recordings as figures
-from stereolag.searches import LagSearch
 from stereolag.signals import SignalLag
 from stereolag.ui import prose
 from stereolag.ui.announcements import announce

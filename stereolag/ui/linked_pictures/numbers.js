@@ -1,4 +1,4 @@
-// Number formatting, as in stereolag/typography.py.
+// Number formatting, as in stereolag/core/typography.py.
 
 // Thousands separators, a true minus sign but none before zero, "–" for NaN, and a no-break space before the unit.
 function shortened(number, digits = 0, unit = "") {

@@ -7,8 +7,8 @@ from functools import partial
 
 import streamlit as st
 
+from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
-from stereolag.searches import TemplateQuery
 from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.ui import prose
 from stereolag.ui.announcements import announce

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import streamlit as st
 
-from stereolag.searches import TemplateMethod, TemplateQuery
+from stereolag.core.searches import TemplateMethod, TemplateQuery
 from stereolag.ui.controls import control
 
 POSES = ("min_scale", "max_scale", "max_rotation")

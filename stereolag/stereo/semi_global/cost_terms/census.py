@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Array
+from stereolag.core.arrays import Array
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
 from stereolag.loops.vector_lanes import popcount

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.arrays import Array
+from stereolag.core.arrays import Array
 from stereolag.loops.compilation import compiled
 from stereolag.stereo.semi_global.cost_terms.term import CostTerm, EightBit, Run, Volume
 from stereolag.stereo.semi_global.costs import MatchingCost

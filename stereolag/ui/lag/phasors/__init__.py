@@ -13,7 +13,7 @@ from typing import Any
 import streamlit as st
 
 from stereolag import samples
-from stereolag.arrays import Vector
+from stereolag.core.arrays import Vector
 from stereolag.figures.phasors import LONGEST_LAG, SIZE, Phasors, common_stretch, knock, noise, tone
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag

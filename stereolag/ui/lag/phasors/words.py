@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from stereolag.core.typography import typeset
 from stereolag.figures.phasors import LAG, LENGTH, Phasors, correlation
-from stereolag.typography import typeset
 
 INTRODUCTION: Final = (
     "Two recordings have one arrow for each frequency: their cross-spectrum. A shift in time turns each arrow in "

@@ -8,9 +8,9 @@ from typing import Final
 
 import streamlit as st
 
+from stereolag.core.inputs import Image
 from stereolag.figures.pictures import fitted, jpeg
-from stereolag.inputs import Image
-from stereolag.reading.hand_marks import LEAST_SIDE, Box, read_box
+from stereolag.io.hand_marks import LEAST_SIDE, Box, read_box
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.results import remembered
 from stereolag.ui.states import show_refused

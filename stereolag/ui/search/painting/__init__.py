@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 import streamlit as st
 
+from stereolag.core.inputs import Image
 from stereolag.figures.pictures import as_rgb, png
-from stereolag.inputs import Image
-from stereolag.reading.hand_marks import packed_mask, read_packed_mask
+from stereolag.io.hand_marks import packed_mask, read_packed_mask
 from stereolag.templates.patterns import opaque_pixels
 from stereolag.ui import prose
 from stereolag.ui.linked_pictures import source

@@ -1,0 +1,1 @@
+"""Judgements on a pair and its maps: problems and remedies, reasons for a match, better settings."""

@@ -1,0 +1,241 @@
+"""The error of settings on a pair as a single figure, with or without ground truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.assess.tuning.judgement import Judgement
+from stereolag.core.arrays import FloatMap
+from stereolag.core.estimates import Estimate
+from stereolag.core.inputs import Image, as_stereo_pair
+from stereolag.core.progress import Progress
+from stereolag.stereo.estimates import ANSWER
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import preset
+from stereolag.stereo.reasons import Reason
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
+
+LEAST_MEASURED = 0.25
+"""Smallest share of measured pixels for which a reference represents the pair: two unrelated images, or left and right
+exchanged, leave 2 to 12 %, rows 10 px off leave 22 %, sound pairs more than half."""
+
+JUDGEMENT_BYTES = 80
+"""Bytes per pixel while a map is compared with its reference, in float64."""
+
+JUDGEMENT_SECONDS = 5e-8
+"""Seconds per pixel."""
+
+STRIP_ROWS, SEAM_ROWS = 64, 12
+"""Rows in a strip of the images, and rows at either end of it that are matched but not judged."""
+
+WHOLE_FROM = 0.75
+"""Strips that cover this share of the images or more take as long as the whole images."""
+
+
+class Unjudged(StrEnum):
+    """Why settings cannot be judged without ground truth."""
+
+    JUDGES_ITSELF = "judges itself"
+    """The reference would come from the same or a closely related method, so a figure from it means nothing."""
+    TOO_LITTLE_MEASURED = "too little measured"
+    """The accurate preset measured too little of the pair to represent it."""
+
+
+class Criterion(StrEnum):
+    """The figure that settings are judged by: the percentage of pixels off by more than 2 px or missing."""
+
+    TRUE_BAD_2 = "true bad-2"
+    """Over the pixels with ground truth."""
+    ESTIMATED_BAD_2 = "estimated bad-2"
+    """Over the pixels that the accurate preset measured, relative to its disparities."""
+
+
+@dataclass(frozen=True, eq=False)
+class TuningPair:
+    """A pair on which settings are tried.
+
+    Attributes
+    ----------
+    left, right
+        The images.
+    reference
+        (H, W) disparities with which maps are compared, px; NaN where they are not judged.
+    criterion
+        Whether bad-2 relative to the reference is true or estimated.
+    """
+
+    left: Image
+    right: Image
+    reference: FloatMap
+    criterion: Criterion
+
+    @classmethod
+    def of(
+        cls,
+        left: npt.ArrayLike,
+        right: npt.ArrayLike,
+        truth: npt.ArrayLike | None = None,
+        *,
+        search_range: tuple[int, int] | None = None,
+        progress: Progress | None = None,
+    ) -> TuningPair:
+        """Return a pair judged against its ground truth or, without one, against :func:`measured_reference`.
+
+        Parameters
+        ----------
+        left, right
+            (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
+        truth
+            (H, W) disparity, px; NaN or infinite = unknown.
+        search_range
+            First disparity and number, px, over which the reference is measured; by default the preset's own.
+        progress
+            Called with the fraction of the reference computed.
+
+        Raises
+        ------
+        ValueError
+            If the images or the truth do not fit together, the truth has no disparity, or the reference needs more
+            memory than one job may take.
+        """
+        images = as_stereo_pair(left, right)
+        if truth is None:
+            reference = measured_reference(*images, search_range=search_range, progress=progress)
+            return cls(*images, reference, Criterion.ESTIMATED_BAD_2)
+        known = np.asarray(truth, dtype=np.float32)
+        if known.shape != images[0].shape[:2]:
+            raise ValueError(
+                f"truth has shape {known.shape} and the images {images[0].shape[:2]}; both must be the same."
+            )
+        if not np.isfinite(known).any():
+            raise ValueError("truth contains no finite disparity to compare with.")
+        return cls(*images, known, Criterion.TRUE_BAD_2)
+
+    @classmethod
+    def unjudgeable(cls, left: npt.ArrayLike, right: npt.ArrayLike) -> TuningPair:
+        """Return a pair without a reference, for when only the maps are wanted: every bad-2 is NaN."""
+        images = as_stereo_pair(left, right)
+        return cls(*images, np.full(images[0].shape[:2], np.nan, dtype=np.float32), Criterion.ESTIMATED_BAD_2)
+
+    def unjudged(self, matcher: StereoMatcher) -> Unjudged | None:
+        """Return why this pair cannot judge the settings of a matcher; None if it can."""
+        if self.criterion is Criterion.TRUE_BAD_2:
+            return None
+        if judges_itself(matcher):
+            return Unjudged.JUDGES_ITSELF
+        return Unjudged.TOO_LITTLE_MEASURED if np.isfinite(self.reference).mean() < LEAST_MEASURED else None
+
+    def strips(self, share: float, lowest: int = 0) -> TuningPair:
+        """Return roughly the given share of the rows, as stacked full-width strips spread evenly over the images.
+
+        Strips are matched pixel for pixel like the whole images, except for the rows beside their seams, which are not
+        judged; a pair scaled down would need other windows and penalties and make other errors. The whole pair is
+        returned if strips would not save much, have nothing to judge, or be lower than `lowest`, px.
+        """
+        height = len(self.reference)
+        count = max(1, round(share * height / STRIP_ROWS))
+        if count * STRIP_ROWS >= WHOLE_FROM * height or count * STRIP_ROWS < lowest:
+            return self
+        room = height / count
+        tops = [round(room * number + (room - STRIP_ROWS) / 2) for number in range(count)]
+        rows = np.concatenate([np.arange(top, top + STRIP_ROWS) for top in tops])
+        reference = self.reference[rows].reshape(count, STRIP_ROWS, -1)
+        reference[:, :SEAM_ROWS] = reference[:, -SEAM_ROWS:] = np.nan
+        if not np.isfinite(reference).any():
+            return self
+        stacked = reference.reshape(len(rows), -1)
+        return replace(self, left=self.left[rows], right=self.right[rows], reference=stacked)
+
+    def estimate(self, matcher: StereoMatcher) -> Estimate:
+        """Return the memory and time of :meth:`judge`."""
+        once = matcher.estimate(self.left.shape, self.left.dtype)
+        pixels = self.reference.size
+        return Estimate(
+            max(once.memory, (ANSWER + JUDGEMENT_BYTES) * pixels), once.seconds + JUDGEMENT_SECONDS * pixels
+        )
+
+    def map_of(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> FloatMap:
+        """Return the disparity map of a matcher, (H, W) px; NaN = none.
+
+        Raises
+        ------
+        ValueError
+            If the settings do not fit the images, or need more memory than one job may take.
+        """
+        return matcher.compute(self.left, self.right, progress=progress).disparity
+
+    def judge(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> Judgement:
+        """Judge the map of a matcher; raises as :meth:`map_of` does."""
+        return Judgement.of(self.map_of(matcher, progress=progress), self.reference)
+
+
+def criterion_of(pairs: Sequence[TuningPair]) -> Criterion:
+    """Return the criterion of a mean over pairs: estimated if any pair's is."""
+    estimated = any(pair.criterion is Criterion.ESTIMATED_BAD_2 for pair in pairs)
+    return Criterion.ESTIMATED_BAD_2 if estimated else Criterion.TRUE_BAD_2
+
+
+def measured_reference(
+    left: npt.ArrayLike,
+    right: npt.ArrayLike,
+    *,
+    search_range: tuple[int, int] | None = None,
+    progress: Progress | None = None,
+) -> FloatMap:
+    """Return the disparities measured by the accurate preset, the reference for maps without ground truth.
+
+    Pixels that it filled in or left blank are not judged. Its own errors are few and affect all compared settings
+    alike, so the ranking is nearly the ranking by ground truth.
+
+    Parameters
+    ----------
+    left, right
+        Images of one size and type.
+    search_range
+        First disparity and number, px; by default the preset's own.
+    progress
+        Called with the fraction done.
+
+    Returns
+    -------
+    ndarray
+        (H, W) float32 px; NaN where nothing was measured.
+
+    Raises
+    ------
+    ValueError
+        If the images do not fit together, or the range needs more memory than one job may take.
+    """
+    found = _judge(search_range).compute(left, right, progress=progress)
+    return np.where(found.reason == Reason.MEASURED, found.disparity, np.float32(np.nan))
+
+
+def estimate_reference(
+    search_range: tuple[int, int] | None, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8
+) -> Estimate:
+    """Return the memory and time of :func:`measured_reference` for two images of a shape and dtype."""
+    return _judge(search_range).estimate(shape, dtype)
+
+
+def _judge(search_range: tuple[int, int] | None) -> StereoMatcher:
+    judge = preset("accurate")
+    return judge if search_range is None else judge.with_search_range(*search_range)
+
+
+def widest_range(matchers: Iterable[StereoMatcher]) -> tuple[int, int] | None:
+    """Return the range that covers those of all matchers, (first disparity, number), px; None if none has a range."""
+    ranges = [found for found in (matcher.search_range() for matcher in matchers) if found is not None]
+    if not ranges:
+        return None
+    first = min(low for low, _ in ranges)
+    return first, max(low + count for low, count in ranges) - first
+
+
+def judges_itself(matcher: StereoMatcher) -> bool:
+    """Return whether a matcher is the one behind :func:`measured_reference`, or closely related to it."""
+    return isinstance(matcher, SemiGlobalMatcher)

@@ -1,0 +1,272 @@
+"""Checks on arrays, made once, when they enter the library."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.core.arrays import DoubleMap
+
+Image: TypeAlias = npt.NDArray[Any]
+"""(rows, cols) grey or (rows, cols, 3 | 4) RGB(A); uint8, uint16 or float."""
+
+LARGEST_ORDINARY = 1e9
+"""Floats up to this, and down to its inverse, can be squared and summed over a window in either float type."""
+
+DEPTHS = (8, 10, 12, 14, 16)
+"""Bits used by cameras whose images are stored in 16."""
+
+OUTLIERS = 0.001
+"""Share of the brightest and of the darkest pixels that are ignored for the range of an image."""
+
+SAMPLED_PIXELS = 2**16
+"""Number of pixels sampled to find the range of an image."""
+
+
+def as_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
+    """Return `value` as a float64 vector of at least two finite samples that are not all equal.
+
+    Raises
+    ------
+    ValueError
+        Not one-dimensional, fewer than two samples, NaN or infinite samples, or a constant signal.
+    """
+    return checked_signal(value, name).astype(np.float64, copy=False)
+
+
+def checked_signal(value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
+    """Return `value` as :func:`as_signal` does, but keep the type of integers and floats, without a copy.
+
+    Raises
+    ------
+    ValueError
+        As for :func:`as_signal`.
+    """
+    try:
+        given = np.asarray(value)
+        if np.iscomplexobj(given):
+            raise ValueError("a recording is real, and these are complex")
+        signal = given if given.dtype.kind in "iuf" else given.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} must hold numbers only: {error}") from error
+    if signal.ndim != 1:
+        raise ValueError(f"{name} has shape {signal.shape}; a recording is one-dimensional, one channel at a time.")
+    if signal.size < 2:
+        raise ValueError(f"{name} holds {signal.size} samples; at least 2 are needed.")
+    bad = signal.size - int(np.isfinite(signal).sum())
+    if bad:
+        raise ValueError(f"{name} holds {bad} NaN or infinite samples; every sample must be a finite number.")
+    if signal.min() == signal.max():
+        raise ValueError(f"{name} is constant ({signal[0]:g} throughout); a correlation needs something that varies.")
+    return signal
+
+
+def as_image(value: npt.ArrayLike, name: str) -> Image:
+    """Return `value` as a (rows, cols) or (rows, cols, 3 | 4) array of uint8, uint16 or float, all finite.
+
+    Booleans become uint8 0/255; other integers that fit become uint8 or uint16; float16 becomes float32, and longer
+    floats become float64. A single trailing channel axis and the alpha of a grey image are dropped.
+
+    Raises
+    ------
+    ValueError
+        Another shape, no pixels, a type not used for images, or NaN or infinite pixels.
+    """
+    image = np.asarray(value)
+    if image.ndim == 3 and image.shape[2] in (1, 2):
+        image = image[:, :, 0]
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (3, 4)):
+        raise ValueError(
+            f"{name} has shape {image.shape}; allowed are (rows, cols), (rows, cols, 3) and (rows, cols, 4)."
+        )
+    if image.size == 0:
+        raise ValueError(f"{name} has shape {image.shape}: it holds no pixels.")
+    return _as_pixel_type(image, name)
+
+
+def _as_pixel_type(image: Image, name: str) -> Image:
+    if image.dtype in (np.uint8, np.uint16):
+        return image
+    if image.dtype == np.bool_:
+        return image.astype(np.uint8) * 255
+    if np.issubdtype(image.dtype, np.integer):
+        low, high = int(image.min()), int(image.max())
+        if low < 0 or high > 65535:
+            raise ValueError(f"{name} holds integers from {low} to {high}; allowed are 0 to 65535, or floats.")
+        return image.astype(np.uint8 if high < 256 else np.uint16)
+    if np.issubdtype(image.dtype, np.floating):
+        if image.dtype not in (np.float32, np.float64):
+            with np.errstate(over="ignore"):  # values too large for float64 are counted below
+                image = image.astype(np.float32 if image.dtype == np.float16 else np.float64)
+        bad = image.size - int(np.isfinite(image).sum())
+        if bad:
+            raise ValueError(f"{name} holds {bad} NaN or infinite pixels; every pixel must be a finite number.")
+        return image
+    raise ValueError(f"{name} has type {image.dtype}; allowed are uint8, uint16 and float.")
+
+
+def as_grey(image: Image) -> Image:
+    """Return the luminance (rows, cols) of a checked image, in the image's own dtype (Rec. 601 weights, as OpenCV)."""
+    if image.ndim == 2:
+        return image
+    colour = np.ascontiguousarray(image[:, :, :3])
+    if colour.dtype == np.float64:
+        return np.asarray(colour @ np.array([0.299, 0.587, 0.114]))
+    return np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY))
+
+
+def as_stereo_pair(left: npt.ArrayLike, right: npt.ArrayLike) -> tuple[Image, Image]:
+    """Return both images of a stereo pair, checked, with one dtype and one size.
+
+    Raises
+    ------
+    ValueError
+        An image that :func:`as_image` refuses, images of different sizes, or an integer and a float image.
+    """
+    return as_image_pair(left, right, ("left", "right"))
+
+
+def as_image_pair(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) -> tuple[Image, Image]:
+    """Return two images, checked, with one dtype and one size; `names` are their names in errors.
+
+    Raises
+    ------
+    ValueError
+        An image that :func:`as_image` refuses, images of different sizes, or an integer and a float image.
+    """
+    a, b = names
+    images = as_images(one, other, names)
+    (rows, cols), (other_rows, other_cols) = (image.shape[:2] for image in images)
+    if (rows, cols) != (other_rows, other_cols):
+        raise ValueError(
+            f"{a} is {cols} × {rows} and {b} is {other_cols} × {other_rows} pixels; "
+            "both images must have the same size."
+        )
+    if images[0].dtype != images[1].dtype:
+        raise ValueError(
+            f"{a} holds {images[0].dtype} and {b} {images[1].dtype} pixels; both images must have the same type."
+        )
+    return images
+
+
+def as_images(one: npt.ArrayLike, other: npt.ArrayLike, names: tuple[str, str]) -> tuple[Image, Image]:
+    """Return two images, checked; with one type if they are given in one, regardless of their brightness.
+
+    Raises
+    ------
+    ValueError
+        An image that :func:`as_image` refuses.
+    """
+    given = np.asarray(one), np.asarray(other)
+    first, second = as_image(given[0], names[0]), as_image(given[1], names[1])
+    if given[0].dtype == given[1].dtype and first.dtype != second.dtype:
+        # `as_image` converts other integer types to uint8 if no value is above 255, else to uint16.
+        return first.astype(np.uint16), second.astype(np.uint16)
+    return first, second
+
+
+def grey_level(left: Image, right: Image) -> float:
+    """Return one grey level of 255 in the units of two checked images of one type.
+
+    1 for uint8. For uint16, a 255th of the largest value of 8, 10, 12, 14 or 16 bits, the fewest that hold the images,
+    since cameras leave the upper bits empty. For floats, whose type implies no range, a 255th of the range in use. The
+    0.1 % brightest and, for floats, darkest pixels are ignored, so that a hot pixel has no influence.
+    """
+    if left.dtype == np.uint8:
+        return 1.0
+    images = left, right
+    if left.dtype == np.uint16:
+        most, bits = OUTLIERS * (left.size + right.size), DEPTHS[-1]
+        # Most images use all 16 bits, so counting down usually ends after one pass over the pixels.
+        for fewer in reversed(DEPTHS[:-1]):
+            if sum(np.count_nonzero(one >= 2**fewer) for one in images) > most:
+                break
+            bits = fewer
+        return float(2**bits - 1) / 255
+    stride = max(1, math.isqrt(left.size // SAMPLED_PIXELS))
+    sample = np.sort(np.concatenate([one[::stride, ::stride].ravel() for one in images]))
+    beyond = int(OUTLIERS * sample.size)
+    span = float(sample[-1 - beyond]) - float(sample[beyond])
+    if span == 0:
+        span = max(float(one.max()) for one in images) - min(float(one.min()) for one in images)
+    return span / 255 or 1.0
+
+
+def of_ordinary_size(left: Image, right: Image) -> tuple[Image, Image]:
+    """Return float images, scaled by a power of two if the squares of their pixels would overflow or vanish.
+
+    Only the unit changes; other images are returned unchanged.
+    """
+    if left.dtype.kind != "f":
+        return left, right
+    largest = max(float(np.abs(left).max()), float(np.abs(right).max()))
+    if largest == 0 or LARGEST_ORDINARY**-1 <= largest <= LARGEST_ORDINARY:
+        return left, right
+    exponent = -round(float(np.log2(largest)))
+    scaled = [np.ldexp(image.astype(np.float64), exponent) for image in (left, right)]
+    return scaled[0], scaled[1]
+
+
+def as_eight_bit(left: Image, right: Image) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+    """Return both images as uint8: unchanged, or their common range, less 0.1 % at each end, stretched to 0..255."""
+    if left.dtype == np.uint8:
+        return left, right
+    low, high = np.percentile(np.stack([left, right]), (100 * OUTLIERS, 100 - 100 * OUTLIERS))
+    scale = 255 / max(float(high) - float(low), 1e-30)
+    spread = [
+        np.clip(np.rint((image.astype(np.float64) - low) * scale), 0, 255).astype(np.uint8) for image in (left, right)
+    ]
+    return spread[0], spread[1]
+
+
+def local_deviation(image: Image, size: int) -> DoubleMap:
+    """Return the standard deviation of the `size` × `size` window around every pixel, in the image's own units.
+
+    Computed from float64 sums about the mean of the whole image; a window of equal pixels has exactly 0, despite
+    rounding in its sums. The image is mirrored at its borders.
+
+    Parameters
+    ----------
+    image
+        (H, W) uint8, uint16 or float.
+    size
+        Side of the window, px; if it is even, the larger half is above and to the left of the pixel.
+    """
+    centred: DoubleMap = image.astype(np.float64)
+    centred = centred - np.rint(centred.mean())
+    window = (size, size)
+    mean, square = cv2.blur(centred, window), cv2.sqrBoxFilter(centred, cv2.CV_64F, window)
+    variance: DoubleMap = np.subtract(square, mean * mean)
+    element, border = np.ones(window, np.uint8), cv2.BORDER_REFLECT_101
+    lowest = cv2.erode(image, element, borderType=border)
+    variance[lowest == cv2.dilate(image, element, borderType=border)] = 0
+    return np.asarray(np.sqrt(np.maximum(variance, 0)))
+
+
+FLAT_TEXTURE = 1e-6
+"""Standard deviation, grey levels of 255, up to which a window has nothing to correlate, tested or not."""
+
+FLAT_WHOLE = 0.25
+"""Energy about the mean up to which a window of whole numbers is flat: the smallest non-zero energy is a half."""
+
+FLAT_SHARE = 1e-11
+"""Energy per pixel, as a share of the largest pixel squared, that float64 sums cannot distinguish from 0."""
+
+
+def flat_energy(count: int, brightest: float, *, exact: bool) -> float:
+    """Return the energy, the sum of squared deviations, up to which a window of `count` pixels is flat.
+
+    Parameters
+    ----------
+    count
+        Number of pixels.
+    brightest
+        Largest absolute value of the images.
+    exact
+        Whether the sums are of whole numbers, without rounding.
+    """
+    return FLAT_WHOLE if exact else FLAT_SHARE * count * brightest**2

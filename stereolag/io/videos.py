@@ -1,0 +1,233 @@
+"""Frames of videos from untrusted bytes, each accessible exactly by its number."""
+
+from __future__ import annotations
+
+import io
+import threading
+from bisect import bisect_right
+from collections.abc import Iterator
+from functools import cached_property, lru_cache
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import av
+import numpy as np
+from av.container import InputContainer
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+
+from stereolag.core.inputs import Image
+from stereolag.core.limits import limits
+from stereolag.io.sources import Source, check_pixels, quoted, read_bytes
+
+ACCEPTED = "MP4, MOV, MKV, WebM and AVI"
+WHAT = "video"
+VIDEO_ENDINGS = frozenset(["mp4", "m4v", "mov", "mkv", "webm", "avi"])
+
+CODECS = frozenset(["h264", "hevc", "av1", "libdav1d", "vp8", "vp9", "mpeg4", "mjpeg", "ffv1", "png", "rawvideo"])
+"""The codecs that cameras and editors write; FFmpeg has hundreds more, few of them ever tested on hostile bytes."""
+
+USUAL_RATE = 10.0
+"""Frame rate of a video that states no plausible one, Hz."""
+
+LEAST_RATE, MOST_RATE = 0.01, 1000
+"""Range of plausible frame rates, Hz."""
+
+_HEADER_BYTES = 12
+_CONTAINERS = {b"\x1aE\xdf\xa3": "matroska", b"RIFF": "avi"}
+_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
+_PATIENCE_PACKETS = 64
+"""Number of later frames decoded before a missing frame counts as damaged."""
+
+
+class _Index(NamedTuple):
+    """Sorted times of all frames, and of those at which decoding can begin, in units of the stream."""
+
+    shown: tuple[int, ...]
+    keys: tuple[int, ...]
+
+
+class VideoFile:
+    """The frames of a video by their numbers; a path is opened again after unpickling.
+
+    Threads that ask at the same time take turns.
+
+    Parameters
+    ----------
+    source
+        A path, the bytes of the file, or a binary file object.
+
+    Raises
+    ------
+    ValueError
+        A file of another kind, without pictures, with an unsupported codec, damaged, or beyond the limits in force
+        (megapixels, frames, seconds). All are checked before a frame is decoded.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self._source: Path | bytes = (
+            Path(source).resolve() if isinstance(source, str | PathLike) else read_bytes(source, WHAT)
+        )
+        self._turn = threading.Lock()
+        self._next = -1
+        self._frames: Iterator[VideoFrame] | None = None
+        stream = self._stream
+        self.width, self.height = stream.codec_context.width, stream.codec_context.height
+        """px."""
+        rate = stream.average_rate or stream.guessed_rate
+        self.frame_rate = float(rate) if rate and LEAST_RATE <= rate <= MOST_RATE else USUAL_RATE
+        """Hz."""
+        self._index = self._indexed()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (_opened_once, (self._source,)) if isinstance(self._source, Path) else (VideoFile, (self._source,))
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self._index.shown)
+
+    def frame(self, number: int) -> Image:
+        """Return a frame.
+
+        Parameters
+        ----------
+        number
+            From 0. Successive frames are decoded in sequence; for any other, decoding starts at the last keyframe
+            before it.
+
+        Returns
+        -------
+        image
+            (rows, cols) grey or (rows, cols, 3) RGB, uint8.
+
+        Raises
+        ------
+        IndexError
+            No such number.
+        ValueError
+            A damaged frame; others are not affected.
+        """
+        if not 0 <= number < len(self):
+            raise IndexError(f"frame {number} of a {WHAT} of {len(self)}; allowed are 0 to {len(self) - 1}.")
+        with self._turn:
+            try:
+                frame = self._decoded(number)
+                grey = frame.format.name.startswith("gray")
+                return np.ascontiguousarray(frame.to_ndarray(format="gray" if grey else "rgb24"))
+            except (av.FFmpegError, ValueError, EOFError) as error:
+                self._frames = None
+                raise ValueError(f"Frame {number} of the {WHAT} is damaged and cannot be decoded.") from error
+
+    @cached_property
+    def _container(self) -> InputContainer:
+        return _opened(self._source)
+
+    @cached_property
+    def _stream(self) -> VideoStream:
+        if not self._container.streams.video:
+            raise ValueError(f"The {WHAT} holds no pictures.")
+        stream = self._container.streams.video[0]
+        context = stream.codec_context
+        if context is None or context.name not in CODECS:
+            name = quoted(context.name if context else "unknown")
+            raise ValueError(f"The {WHAT} is coded as {name}; H.264, H.265, AV1, VP9 and Motion JPEG are decoded.")
+        check_pixels(context.width, context.height, WHAT)
+        # Frames may grow within a stream: FFmpeg refuses one beyond this before it allocates memory for it.
+        context.options = {"max_pixels": str(limits().max_pixels), "err_detect": "explode"}
+        context.thread_count = 1  # leaves the cores to the matching
+        return stream
+
+    def _indexed(self) -> _Index:
+        most, most_s = limits().max_frames, limits().max_video_s
+        shown, keys = [], []
+        unit = float(self._stream.time_base or 0)
+        try:
+            for packet in self._container.demux(self._stream):
+                if packet.size == 0 or packet.is_discard:
+                    continue
+                time = packet.pts if packet.pts is not None else packet.dts
+                if time is None:
+                    raise ValueError(f"The {WHAT} does not say when its frames are shown; save it as MP4.")
+                shown.append(time)
+                if packet.is_keyframe:
+                    keys.append(time)
+                if len(shown) > most:
+                    raise ValueError(f"The {WHAT} holds more than {most:,} frames, the most that is accepted.")
+        except av.FFmpegError as error:
+            if not shown:
+                raise _damaged() from error
+        if not shown or not keys:
+            raise _damaged()
+        index = _Index(tuple(sorted(set(shown))), tuple(sorted(keys)))
+        seconds = (index.shown[-1] - index.shown[0]) * unit
+        if seconds > most_s:
+            raise ValueError(f"The {WHAT} is {seconds:,.0f} s long; at most {most_s:,} s are accepted.")
+        return index
+
+    def _decoded(self, number: int) -> VideoFrame:
+        wanted = self._index.shown[number]
+        if self._frames is None or number != self._next:
+            place = bisect_right(self._index.keys, wanted) - 1
+            start = self._index.keys[max(place, 0)]
+            self._container.seek(start, stream=self._stream, backward=True)
+            self._frames = self._walk()
+        past = 0
+        for frame in self._frames:
+            time = frame.pts if frame.pts is not None else frame.dts
+            if time == wanted:
+                self._next = number + 1
+                if frame.is_corrupt:
+                    raise ValueError("decoded from damaged packets")
+                return frame
+            past += time is not None and time > wanted
+            if past > _PATIENCE_PACKETS:
+                break
+        raise ValueError("it never came")
+
+    def _walk(self) -> Iterator[VideoFrame]:
+        """Yield decoded frames from the container's current position, in the order in which they are shown."""
+        context = self._stream.codec_context
+        context.flush_buffers()
+        for packet in self._container.demux(self._stream):
+            try:
+                yield from packet.decode()
+            except av.FFmpegError:
+                continue  # the frame of this packet is lost; later ones may be intact
+
+
+@lru_cache(maxsize=8)
+def _opened_once(path: Path) -> VideoFile:
+    """Return the video at a path, opened only once by a worker process that reads frame after frame."""
+    return VideoFile(path)
+
+
+def _opened(source: Path | bytes) -> InputContainer:
+    if isinstance(source, Path):
+        with source.open("rb") as stream:
+            beginning = stream.read(_HEADER_BYTES)
+    else:
+        beginning = source[:_HEADER_BYTES]
+    # Never let FFmpeg guess: some formats it knows are lists of addresses that it would fetch.
+    kind = _container_format(beginning)
+    if kind is None:
+        raise ValueError(
+            f"This is not a {WHAT} that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
+        )
+    file = str(source) if isinstance(source, Path) else io.BytesIO(source)
+    try:
+        return av.open(file, "r", format=kind, options={"protocol_whitelist": "file"}, metadata_errors="replace")
+    except av.FFmpegError as error:
+        raise _damaged() from error
+
+
+def _container_format(beginning: bytes) -> str | None:
+    if beginning[4:8] in _BOXES:
+        return "mov"
+    if beginning.startswith(b"RIFF") and beginning[8:12] != b"AVI ":
+        return None
+    return next((name for magic, name in _CONTAINERS.items() if beginning.startswith(magic)), None)
+
+
+def _damaged() -> ValueError:
+    return ValueError(f"The {WHAT} is damaged or cut short; accepted are whole files of {ACCEPTED}.")
