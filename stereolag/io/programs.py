@@ -30,7 +30,7 @@ FOLDER = Path(__file__).resolve().parent
 result = matcher.compute(left, right)
 
 np.save(FOLDER / "disparity.npy", result.disparity)
-(FOLDER / "disparity.pfm").write_bytes(pfm(result.disparity))
+sl.write_disparity(FOLDER / "disparity.pfm", result.disparity)
 print(f"{{result.coverage:.1%}} of the pixels have a disparity; it took {{result.elapsed_s:.2f}} s")
 '''
 
@@ -81,7 +81,6 @@ def _imports(matcher: StereoMatcher, *, resized: bool) -> list[str]:
         "import numpy as np",
         "",
         "import stereolag as sl",
-        "from stereolag.io import pfm",
         *imports(matcher),
     ]
 
