@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from tests.snapshots import Snapshot, Texts, compare, place_of
 
 PROJECT = Path(__file__).resolve().parents[1]
 
@@ -39,3 +42,17 @@ def data_dir() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the real data are not at {folder} (set STEREOLAG_DATA)")
     return folder
+
+
+@pytest.fixture
+def snapshot(request: pytest.FixtureRequest) -> Iterator[Snapshot]:
+    """Return a function that compares the texts of a test with its snapshot, to be called once (tests/snapshots.py)."""
+    assert request.node.name == request.node.originalname, "a test with parameters has no single snapshot: use a loop"
+    calls = []
+
+    def compared(texts: Texts) -> None:
+        calls.append(texts)
+        compare(place_of(request.path, request.node.name), texts)
+
+    yield compared
+    assert len(calls) == 1

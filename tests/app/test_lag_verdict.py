@@ -12,7 +12,7 @@ import pytest
 import soundfile
 from streamlit.testing.v1 import AppTest
 
-from benchmarks.verdict import coloured, drifting, tones, unrelated
+from benchmarks.verdict import drifting, tones, unrelated
 from stereolag.core.typography import typeset
 from stereolag.figures.recordings import correlation_curve, lag_over_time
 from stereolag.signals import signal_lag
@@ -89,12 +89,6 @@ def test_rivals_are_marked_where_they_are() -> None:
     result = signal_lag(*tones(6_000, 0.01, 0.0, 0))
     marked = [trace for trace in correlation_curve(result, "").data if trace.name == "fits as well"]
     assert tuple(marked[0].x) == result.rivals
-
-
-def test_a_reversed_microphone_is_told(open_page: OpenPage) -> None:
-    whole = coloured(6000, 0.8, np.random.default_rng(4))
-    app = measured(open_page, whole[1000:5000], -whole[:4000])
-    assert "the opposite sign fits" in app.header[0].value
 
 
 def test_the_lag_of_blocks_is_drawn_over_time() -> None:

@@ -1,4 +1,4 @@
-"""The format of every number on a page: a true minus sign, and a no-break space before its unit."""
+"""All texts of a page: true minus signs, no-break spaces before units, and an alternative for every drawing."""
 
 from __future__ import annotations
 
@@ -27,19 +27,32 @@ GLUED = re.compile(rf"\d(?:\*\*)? ?(?:{UNITS})(?!\w)")
 CODE = re.compile(r"`[^`]*`")
 
 ELEMENTS = {"markdown", "caption", "header", "info", "success", "warning", "error"}
+DRAWINGS = {"plotly_chart", "image", "dataframe", "audio"}
+
+
+def calls() -> Iterator[tuple[str, ast.Call, ast.Attribute]]:
+    """Yield the calls of methods and functions of modules in the code of the pages, with their places."""
+    files = [PROJECT / "app.py", *(PROJECT / "pages").glob("*.py"), *(PROJECT / "stereolag/ui").rglob("*.py")]
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                yield f"{path.name}:{node.lineno}", node, node.func
 
 
 def test_text_goes_through_prose() -> None:
-    files = [PROJECT / "app.py", *(PROJECT / "pages").glob("*.py"), *(PROJECT / "stereolag/ui").rglob("*.py")]
     straight = [
-        f"{path.relative_to(PROJECT)}:{node.lineno}"
-        for path in files
-        if path.name != "prose.py"
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Attribute) and node.attr in ELEMENTS
-        if isinstance(node.value, ast.Name) and node.value.id == "st"
+        place
+        for place, _, called in calls()
+        if called.attr in ELEMENTS and isinstance(called.value, ast.Name) and called.value.id == "st"
+        if not place.startswith("prose.py")
     ]
     assert not straight, "write prose.caption and so on, which set the numbers"
+
+
+def test_every_picture_chart_and_table_has_an_alternative() -> None:
+    drawings = [(place, call) for place, call, called in calls() if called.attr in DRAWINGS]
+    assert len(drawings) > 20
+    assert [place for place, call in drawings if "alt" not in {one.arg for one in call.keywords}] == []
 
 
 def texts(app: AppTest) -> Iterator[str]:

@@ -10,8 +10,6 @@ from scipy import signal
 from streamlit.testing.v1 import AppTest
 
 from stereolag.core.typography import typeset
-from stereolag.io.recordings import Recording
-from stereolag.ui.lag.facts import own_facts
 from tests.app import uploads
 
 SOUND = signal.resample_poly(uploads.noise(2_400), 4, 1)
@@ -63,12 +61,3 @@ def test_the_channel_and_the_limits_are_named(with_recordings: Callable[..., App
     assert "channel 1 of 2." in said(app)
     assert "channel 2 of 2." in said(app)
     assert typeset("At most 64 MB and 30 million samples per file, over all channels: 11 minutes of one") in said(app)
-
-
-def test_the_rate_of_the_other_file_is_assumed() -> None:
-    rows = np.zeros((1, 16))
-    text = own_facts((Recording(rows, None, mended_lines=2), Recording(rows, 8_000.0)), (1, 1), (1, 1))
-    assert text == (
-        "Sensor 1: 16 samples, no rate in the file: 8,000 Hz assumed, as in the other, 2 damaged lines mended.  \n"
-        "Sensor 2: 0.002 s, 16 samples, 8,000 Hz."
-    )

@@ -1,9 +1,17 @@
-"""Every code of the core has a sentence, and the sentences contain its numbers."""
+"""Sentences about results: verdicts, findings, matches and alternative texts, as a reader sees them."""
 
 from __future__ import annotations
 
-import pytest
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from itertools import product
 
+import numpy as np
+from pairs import shifted_pair
+
+from benchmarks.verdict import coloured, common, drifting, tones, unrelated
 from stereolag.assess.doctor import Finding, FindingCode, Remedy
 from stereolag.assess.doctor.findings import (
     judge_bent_rows,
@@ -18,112 +26,319 @@ from stereolag.assess.doctor.findings import (
     judge_texture,
 )
 from stereolag.assess.doctor.row_evidence import RowEvidence
+from stereolag.assess.explaining.example_pixels import ExampleKind
+from stereolag.assess.explaining.match import MatchExplanation, MatchKind, explain_match
+from stereolag.core.searches import TemplateQuery
+from stereolag.io.recordings import Recording
+from stereolag.signals import signal_lag
+from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.reasons import Reason
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+from stereolag.templates import TemplateMatch, TemplateSearch, match_template
+from stereolag.templates.degradation import Degradation
+from stereolag.templates.opencv import OpenCVSearch, opencv_search
+from stereolag.templates.trials import Trial, try_methods
+from stereolag.templates.verdict import Reason as SearchReason
+from stereolag.ui.depth import alternatives
 from stereolag.ui.depth.findings import REMEDIES_DONE, finding_in_words, problems_in_words, remedy_in_words
-from stereolag.ui.sentences import (
-    REASON_WORDS,
-    REASONS_EXPLAINED,
-    rectification_in_words,
+from stereolag.ui.lag.alternatives import curve_in_words, drift_in_words, run_times_in_words, waveforms_in_words
+from stereolag.ui.lag.facts import own_facts
+from stereolag.ui.lag.sentences import verdict_explained, verdict_in_words
+from stereolag.ui.match_sentences import (
+    EXAMPLE_LABELS,
+    HIDDEN_FROM_RIGHT,
+    HOVER_WORDS,
+    NO_EXAMPLE,
+    match_in_words,
+    verdict,
+)
+from stereolag.ui.search.answer import framed_in_words, headline, why_no_score_map, why_not_found
+from stereolag.ui.search.degrading import lesson, numbers_of
+from stereolag.ui.search.opencv_beside import differences, table
+from stereolag.ui.sentences import REASON_WORDS, REASONS_EXPLAINED, rectification_in_words
+from tests.app import uploads
+from tests.snapshots import Snapshot
+
+
+def test_lags(snapshot: Snapshot) -> None:
+    random = np.random.default_rng(5)
+    clip = random.normal(size=3000)
+    whole = coloured(6000, 0.8, np.random.default_rng(4))
+    late = np.concatenate((np.zeros(25), clip))
+    drift = signal_lag(*drifting(150_000, 400, 50.0, 0.0, 1), max_lag=2000)
+    results = {
+        "sure": signal_lag(*common(20_000, 441, 0, colour=0.0)),
+        "at the same time": signal_lag(clip, clip),
+        "tone": signal_lag(*tones(6000, 0.01, 0.0, 0)),
+        "tone of a broken period": signal_lag(*tones(6000, 0.1234, 0.0, 0)),
+        "one rival": signal_lag(clip, np.concatenate((clip, random.normal(size=5000), clip))),
+        "unrelated": signal_lag(*unrelated("noise and noise", 3000, 0)),
+        "unrelated, by votes": signal_lag(*unrelated("noise and noise", 10_000, 0), method="sampled", seed=0),
+        "by votes": signal_lag(clip, late, method="sampled", seed=0),
+        "reversed microphone": signal_lag(whole[1000:5000], -whole[:4000]),
+        "drift": drift,
+    }
+    said = {
+        name: [verdict_in_words(one), *verdict_explained(one, 44_100.0, 333.0), f"curve: {curve_in_words(one)}"]
+        for name, one in results.items()
+    }
+    assert drift.judgement is not None and drift.judgement.drift is not None
+    said["drift"].append(f"over time: {drift_in_words(drift.judgement.drift)}")
+    said["recordings"] = [waveforms_in_words(clip, late, 1000.0), run_times_in_words(np.array([0.1, 0.2, 0.4]))]
+    rows = np.zeros((1, 16))
+    own = (Recording(rows, None, mended_lines=2), Recording(rows, 8_000.0, resampled_from=16_000.0))
+    snapshot(said | {"own recordings": own_facts(own, (1, 2), (1, 2))})
+
+
+def answer(*scores: float, reason: SearchReason, clear: int = 0) -> TemplateSearch:
+    places = [TemplateMatch(0, 50 * index, 10, 10, score) for index, score in enumerate(scores)]
+    best = places[0] if places else None
+    return TemplateSearch(places[: max(clear, 1)], None, 9, 0.1, best, places[max(clear, 1) :], clear, reason)
+
+
+def test_searches(snapshot: Snapshot) -> None:
+    turned = TemplateMatch(3, 4, 12, 12, 0.9, 1.2, -15.04)
+    results = {
+        "one": answer(0.9, 0.3, reason="clear", clear=1),
+        "two": answer(0.9, 0.9, 0.3, reason="clear", clear=2),
+        "turned": TemplateSearch([turned], None, 9, 0.1, turned, [], 1, "clear"),
+        "look-alikes": answer(0.62, 0.6, 0.6, 0.58, 0.1, reason="look_alikes"),
+        "equal": answer(1.0, 1.0, 1.0, 0.5, reason="look_alikes"),
+        "many": answer(*[0.5] * 12, 0.45, reason="look_alikes"),
+        "other colours": answer(0.8, 0.3, reason="other_colours"),
+        "mirrored": answer(0.8, 0.3, reason="mirrored"),
+        "low score": answer(0.3, reason="low_score"),
+        "nothing": answer(reason="low_score"),
+    }
+    queries = {
+        "": TemplateQuery(),
+        " by exact pixels": TemplateQuery(method="sampled"),
+        " turned": TemplateQuery(max_rotation=30),
+    }
+    said = {
+        name: [headline(one), framed_in_words(one), *([] if one.found else [why_not_found(one, queries[""])])]
+        for name, one in results.items()
+    }
+    for name, query in queries.items():
+        said |= {f"{one}{name}": [why_not_found(results[one], query)] for one in ("low score", "nothing") if name}
+        said |= {f"no score map{name}": [why_no_score_map(query)] for _ in name[:1]}
+    snapshot(said)
+
+
+def test_damage(snapshot: Snapshot) -> None:
+    scene = np.random.default_rng(5).integers(0, 256, (90, 120, 3), dtype=np.uint8)
+    found = tuple(replace(one, elapsed_s=0.1) for one in try_methods(scene, scene[30:50, 40:64], (30, 40)))
+    away = try_methods(scene, scene[30:50, 40:64], (0, 0))
+    fft, sampled, opencv = found
+    missed = replace(fft, outcome="missed", score=0.3)
+    lost = replace(sampled, outcome="missed", row=None, col=None, score=float("nan"))
+    nothing = Trial("fft", "missed", None, None, float("nan"), 0.1)
+    refused = replace(lost, outcome="refused", refusal="It cannot.")
+    cases: dict[str, tuple[Sequence[Trial], Degradation]] = {
+        "not damaged": (found, Degradation()),
+        "enough exact pixels": (found, Degradation(cover=0.1)),
+        "another place": (away, Degradation(cover=1)),
+        "no exact pixels": ((fft, lost, opencv), Degradation(noise=5)),
+        "turned": ((missed, lost, opencv), Degradation(turn=20)),
+        "noise": ((missed, lost, opencv), Degradation(noise=90)),
+        "all covered": ((nothing, lost, opencv), Degradation(cover=1)),
+        "refused": ((fft, refused, opencv), Degradation(noise=5)),
+    }
+    said = {name: lesson((trials[0], trials[1], trials[2]), damage, 0.5) for name, (trials, damage) in cases.items()}
+    numbers = {"found": found[0], "missed": missed, "no place": lost, "cannot": refused}
+    snapshot(said | {"numbers": [f"{name}: {numbers_of(trial)}" for name, trial in numbers.items()]})
+
+
+def test_opencv_beside(snapshot: Snapshot) -> None:
+    scene = np.random.default_rng(5).integers(0, 256, (90, 120, 3), dtype=np.uint8)
+    mask = np.zeros((20, 24), dtype=np.uint8)
+    mask[3:17, 5:20] = 1
+    half_flat = scene.copy()
+    half_flat[60:] = 90
+    other = np.random.default_rng(6).integers(0, 256, (20, 20, 3), dtype=np.uint8)
+    said: dict[str, list[str]] = {}
+    for name, image, template, given in (
+        ("same place", scene, scene[30:50, 40:64], mask),
+        ("flat windows", half_flat, half_flat[30:50, 40:64], mask),
+        ("not found", scene, other, None),
+        ("nothing varies", np.full_like(scene, 7), scene[30:50, 40:64], mask),
+    ):
+        ours = replace(match_template(image, template, mask=given), elapsed_s=0.1)
+        theirs = replace(opencv_search(image, template, mask=given), elapsed_s=0.2)
+        said[name] = [
+            *table(ours, theirs, "fft", given is not None).splitlines()[2:],
+            *differences(ours, theirs, "fft"),
+        ]
+        if not ours.found:
+            said[f"{name}, by exact pixels"] = differences(replace(ours, score_map=None), theirs, "sampled")
+    ours = match_template(scene, scene[30:50, 40:64])
+    assert ours.score_map is not None
+    for name, here, score in (("flat there", np.nan, 1.0), ("several copies", 1.0, 1.0), ("imprecise", 0.6, 0.9)):
+        ours.score_map[3, 3] = here
+        theirs = OpenCVSearch(3, 3, score, 0, ours.score_map, 0.1)
+        said[name] = differences(ours, theirs, "fft")
+    for name, method in (("few places", "sampled"), ("other sizes", "fft")):
+        said[name] = differences(replace(ours, score_map=None), theirs, method)
+    snapshot(said)
+
+
+WITHOUT_DISPARITY = (MatchKind.AT_EDGE, MatchKind.NOTHING)
+TRUTHS = {"right": 6.2, "wrong": 15.0, "unknown": math.nan}
+
+
+@cache
+def match_of(kind: MatchKind) -> MatchExplanation:
+    """Return a match of the given kind, with a disparity of about 6 px and searched from 0 to 23 px."""
+    matcher = CorrelationMatcher(window_size=11, search=SearchArea.rectified(24))
+    seen = replace(
+        explain_match(matcher, *shifted_pair(60, 100, 0, -6), 30, 60),
+        offset=(0.0, 0.0),
+        runner_up=(0, -20),
+        peak_score=0.3 if kind in (MatchKind.BARE, MatchKind.UNLIKE) else 0.9,
+        runner_up_score=0.89 if kind is MatchKind.REPEATS else 0.5,
+        valley=0.0,
+        flank_score=0.89 if kind is MatchKind.SMOOTH else 0.6,
+        as_good=0.027,
+        contrast=0.05 if kind is MatchKind.BARE else 0.8,
+        at_edge=kind is MatchKind.AT_EDGE,
+    )
+    seen = replace(seen, peak=None) if kind is MatchKind.NOTHING else seen
+    assert seen.kind is kind
+    return seen
+
+
+def said_of(kind: MatchKind, outcome: str, reason: Reason | None, visible: bool) -> str:
+    seen = match_of(kind)
+    kept = {Reason.MEASURED: seen.disparity, Reason.FILLED: 11.0}.get(reason or Reason.SPECKLE, math.nan)
+    return verdict(seen, TRUTHS[outcome], visible=visible, reason=reason, disparity=kept)
+
+
+def test_matches(snapshot: Snapshot) -> None:
+    said = {kind.value: [said_of(kind, outcome, None, True) for outcome in TRUTHS] for kind in MatchKind}
+    clear, repeats = match_of(MatchKind.CLEAR), match_of(MatchKind.REPEATS)
+    said["hidden"] = [said_of(MatchKind.CLEAR, "wrong", None, False)]
+    said["in the map"] = [
+        *(said_of(MatchKind.CLEAR, "right", reason, True) for reason in Reason),
+        said_of(MatchKind.CLEAR, "wrong", Reason.SPECKLE, True),
+        verdict(clear, 6.0, reason=Reason.MEASURED, disparity=7.5),
+    ]
+    said["without a runner-up"] = [match_in_words(replace(clear, runner_up=None, runner_up_score=math.nan))]
+    said["a deep valley and a shallow one"] = [match_in_words(replace(repeats, valley=one)) for one in (-0.3, 0.8)]
+    said["the truth elsewhere"] = [verdict(repeats, 20.3), verdict(match_of(MatchKind.AT_EDGE), 40.0)]
+    snapshot(said)
+
+
+def test_no_verdict_on_a_match_contradicts_itself() -> None:
+    for kind, outcome, reason, visible in product(MatchKind, TRUTHS, [None, *Reason], [True, False]):
+        said = said_of(kind, outcome, reason, visible)
+        bold = {word for word in ("right", "wrong") if f"**{word}**" in said}
+        assert bold == ({outcome} & {"right", "wrong"} if kind not in WITHOUT_DISPARITY else set())
+        assert not any(word in said for word in ("chance", "luck", "nan", "  ", "decides"))
+        assert ("The scores cannot tell" in said) <= (outcome == "unknown")
+        assert ("as it should be" in said) <= (outcome == "wrong" and kind not in WITHOUT_DISPARITY)
+        assert ("The map keeps it" in said) <= (reason == Reason.MEASURED)
+        assert ("blank" in said) == (reason not in (None, Reason.MEASURED, Reason.FILLED))
+        assert (HIDDEN_FROM_RIGHT in said) != visible
+        assert said.rstrip("*").endswith(".")
+
+
+HEALTHY = (
+    judge_matches(300),
+    judge_sides(3.2, 40.0),
+    judge_raw_sides(3.2, 40.0, 0.9, 0.0),
+    judge_raw_sides(-9.0, 8.0, 0.4, 0.5),
+    judge_identical(0.1, None, 1.0),
+    judge_identical(0.1, 12.3, 1.0),
+    judge_bent_rows(0.4, 0.2, (-0.5, 0.6), 1.0, None),
+    judge_rows(-0.31, 0.2),
+    judge_rotation(0.02, 1.001),
+    judge_exposure(1.0, 2.0, 200.0),
+    judge_texture(0.06),
+    judge_searched((2.0, 50.0), (0, 64), (0, 64)),
+)
+ILL = (
+    judge_matches(12),
+    judge_matches(0),
+    judge_sides(-40.0, -3.0),
+    judge_raw_sides(-90.0, -3.0, 0.0, 0.9),
+    judge_identical(0.0, None, 1.0),
+    judge_identical(0.01, 0.1, 1.0),
+    judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, None),
+    judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, (0.4, -0.2)),
+    judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, (0.4, 0.0)),
+    judge_rows(3.04, 0.2),
+    judge_rows(-3.04, 0.2),
+    judge_rotation(-1.0, 0.98),
+    judge_exposure(0.6, -5.0, 200.0),
+    judge_texture(0.4),
+    judge_searched((2.0, 50.0), (0, 16), (0, 64)),
+    judge_searched((2.0, 2.4), (-3, 256), (-3, 16)),
 )
 
-HEALTHY = [
-    (judge_matches(300), "300 features match between the images."),
-    (judge_sides(3.2, 40.0), "Left is left: disparities run from 3 to 40 px."),
-    (judge_raw_sides(3.2, 40.0, 0.9, 0.0), "Left is left: disparities run from 3 to 40 px."),
-    (judge_raw_sides(-9.0, 8.0, 0.4, 0.5), "It is unclear which image is the left one"),
-    (judge_identical(0.1, None, 1.0), "The images differ."),
-    (judge_identical(0.1, 12.3, 1.0), "The images differ: features move by up to 12 px."),
-    (judge_bent_rows(0.4, 0.2, (-0.5, 0.6), 1.0, None), "Rows do not bend (spread 0.4 px, of which 0.2 px are noise)."),
-    (judge_rows(-0.31, 0.2), "Rows match to 0.3 px (spread 0.2 px)."),
-    (judge_rotation(0.02, 1.001), "The right image is rotated by +0.02° and scaled by +0.1 %: close enough."),
-    (judge_exposure(1.0, 2.0, 200.0), "1.00 times the left one’s contrast, offset by +2 grey levels: close enough."),
-    (judge_texture(0.06), "6 % of the image has hardly any texture."),
-    (
-        judge_searched((2.0, 50.0), (0, 64), (0, 64)),
-        "needs about 2 to 50 px, and 0 to 63 px are searched: a good range.",
-    ),
-]
-ILL = [
-    (judge_matches(12), "Only 12 features match between the images", ""),
-    (judge_matches(0), "No features match between the images", ""),
-    (judge_sides(-40.0, -3.0), "run from -40 to -3 px, and they should be positive", "Swap left and right"),
-    (judge_raw_sides(-90.0, -3.0, 0.0, 0.9), "Left and right look swapped: disparities run from -90", "Swap left and"),
-    (judge_identical(0.0, None, 1.0), "Both images show the same view", ""),
-    (judge_identical(0.01, 0.1, 1.0), "Both images show the same view", ""),
-    (
-        judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, None),
-        "still off by -5.5 to +4.1 px (spread 3.5 px, of which 0.3 px are noise)",
-        "",
-    ),
-    (
-        judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, (0.4, -0.2)),
-        "with one coefficient for the lenses, 0.4 px remain on unused features.",
-        "Rectify both images",
-    ),
-    (
-        judge_bent_rows(3.5, 0.3, (-5.5, 4.1), 1.0, (0.4, 0.0)),
-        "Rectified from the images alone, 0.4 px remain",
-        "Rectify both images",
-    ),
-    (judge_rows(3.04, 0.2), "sits 3.0 px lower than the left (spread 0.2 px)", "Align the rows"),
-    (judge_rows(-3.04, 0.2), "sits 3.0 px higher than the left", "Align the rows"),
-    (judge_rotation(-1.0, 0.98), "rotated by -1.00° and scaled by -2.0 %: the pair is not rectified", "Rectify from"),
-    (
-        judge_exposure(0.6, -5.0, 200.0),
-        "0.60 times the left one’s contrast, offset by -5 grey levels: ZNCC",
-        "Match the",
-    ),
-    (judge_texture(0.4), "40 % of the image has hardly any texture: windows cannot be matched there", ""),
-    (
-        judge_searched((2.0, 50.0), (0, 16), (0, 64)),
-        "0 to 15 px are searched: too small",
-        "Search 64 disparities from 0",
-    ),
-    (
-        judge_searched((2.0, 2.4), (-3, 256), (-3, 16)),
-        "needs about 2 px, and -3 to 252 px are",
-        "Search 16 disparities from -3",
-    ),
-]
 
+def test_findings(snapshot: Snapshot) -> None:
+    def told(findings: Sequence[Finding]) -> list[str]:
+        remedies = [remedy_in_words(one) for one in findings]
+        assert [bool(remedy) for remedy in remedies] == [one.remedy is not None for one in findings]
+        return [
+            f"{one.code}: {finding_in_words(one)}{f' [{remedy}]' if remedy else ''}"
+            for one, remedy in zip(findings, remedies, strict=True)
+        ]
 
-@pytest.mark.parametrize(("finding", "said"), HEALTHY, ids=lambda one: str(getattr(one, "code", "")))
-def test_a_healthy_finding_gives_its_numbers(finding: Finding, said: str) -> None:
-    assert finding.healthy
-    assert said in finding_in_words(finding)
-    assert remedy_in_words(finding) == ""
-
-
-@pytest.mark.parametrize(("finding", "said", "remedy"), ILL, ids=lambda one: str(getattr(one, "code", "")))
-def test_an_unhealthy_finding_gives_its_numbers_and_its_remedy(finding: Finding, said: str, remedy: str) -> None:
-    assert not finding.healthy
-    assert said in finding_in_words(finding)
-    assert remedy_in_words(finding).startswith(remedy)
-    assert bool(remedy) == bool(finding.remedy)
+    assert all(one.healthy for one in HEALTHY) and not any(one.healthy for one in ILL)
+    raw, straight = RowEvidence(11.9, 0.19, 190, 157), RowEvidence(0.19, float("nan"), 157, 3)
+    rectified = [
+        rectification_in_words(raw, True, False, True),
+        rectification_in_words(straight, False, True, False),
+    ]
+    snapshot(
+        {
+            "healthy": told(HEALTHY),
+            "ill": told(ILL),
+            "count": [problems_in_words(1), problems_in_words(3)],
+            "rectified": rectified,
+        }
+    )
 
 
 def test_every_code_has_words() -> None:
-    assert {finding.code for finding, _ in HEALTHY} == {finding.code for finding, *_ in ILL} == {*FindingCode}
-    assert {finding.remedy for finding, *_ in ILL} - {None} == {*Remedy}
+    assert {one.code for one in HEALTHY} == {one.code for one in ILL} == {*FindingCode}
+    assert {one.remedy for one in ILL} - {None} == {*Remedy}
     assert {*REMEDIES_DONE} == {*Remedy} - {Remedy.SET_RANGE}
     assert {*REASON_WORDS} == {*Reason}
     assert {*REASONS_EXPLAINED} == {*Reason} - {Reason.MEASURED}
+    assert {*HOVER_WORDS["kinds"]} == {*MatchKind}
+    assert {*EXAMPLE_LABELS} == {*NO_EXAMPLE} == {*ExampleKind}
 
 
-@pytest.mark.parametrize(
-    ("count", "said"), [(1, "one problem found on this pair"), (3, "3 problems found on this pair")]
-)
-def test_problems_are_counted(count: int, said: str) -> None:
-    assert said in problems_in_words(count)
-
-
-def test_the_rows_before_and_after_rectification_are_said():
-    raw, straight = RowEvidence(11.9, 0.19, 190, 157), RowEvidence(0.19, float("nan"), 157, 3)
-    assert rectification_in_words(raw, True, False, True) == (
-        "The pair was undistorted and rectified with its calibration: rows differ by 0.19 px, before by 12 px (medians "
-        "of 157 and 190 matched features). Its ground truth belongs to the image before that and is left out."
-    )
-    assert rectification_in_words(straight, False, True, False) == (
-        "The pair is rectified already, as you said: rows differ by 0.19 px, and by an unknown amount if rectified "
-        "again (medians of 157 and 3 matched features)."
+def test_alternatives_of_depth_maps(snapshot: Snapshot) -> None:
+    disparity = np.tile(np.linspace(10, 50, 200, dtype=np.float32), (100, 1))
+    disparity[:, :50] = np.nan
+    disparity[0, 199] = 900  # an outlier does not widen the range
+    reason = np.full((10, 10), Reason.MEASURED, np.uint8)
+    reason[0] = Reason.AMBIGUOUS
+    reason[1, :4] = Reason.SPECKLE
+    measured = np.full((2, 2), Reason.MEASURED, np.uint8)
+    truth, map_of_five = np.zeros((1, 5), np.float32), np.array([[0, 1, 3, np.nan, 0]], np.float32)
+    curves = {
+        "One": CoverageCurve(np.array([0.25, 0.5, 1.0]), np.array([1.0, 2.0, 8.0])),
+        "Other": CoverageCurve(np.array([0.8]), np.array([9.0])),
+    }
+    scene = uploads.texture(60, 90)
+    seen = explain_match(CorrelationMatcher(window_size=11), scene[:, :-5], scene[:, 5:], 30, 40)
+    snapshot(
+        {
+            "map": alternatives.map_in_words(disparity),
+            "empty map": alternatives.map_in_words(np.full((8, 8), np.nan, np.float32)),
+            "photograph": alternatives.photograph_in_words(scene),
+            "blanks": alternatives.all_blanks_in_words({"One": reason, "Other": measured}),
+            "errors": alternatives.errors_in_words(map_of_five, truth, "the ground truth"),
+            "differences": [
+                alternatives.difference_in_words(np.array([0.5, 2, -2, np.nan, 0], np.float32)),
+                alternatives.difference_in_words(np.array([np.nan], np.float32)),
+            ],
+            "error over coverage": alternatives.coverage_curves_in_words(curves),
+            "scores": [alternatives.scores_in_words(seen, "Scores"), alternatives.fit_in_words(seen)],
+        }
     )

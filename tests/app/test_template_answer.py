@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.core.searches import TemplateQuery
 from stereolag.figures.templates import framed
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
 from stereolag.templates.verdict import Reason
-from stereolag.ui.search.answer import doubtful, headline, why_no_score_map, why_not_found
+from stereolag.ui.search.answer import doubtful
 
 PAGE = "pages/2_Rocketman_search.py"
 
@@ -22,49 +21,6 @@ def answer(*scores: float, reason: Reason, clear: int = 0) -> TemplateSearch:
     places = [TemplateMatch(0, 50 * index, 10, 10, score) for index, score in enumerate(scores)]
     best = places[0] if places else None
     return TemplateSearch(places[: max(clear, 1)], None, 9, 0.1, best, places[max(clear, 1) :], clear, reason)
-
-
-@pytest.mark.parametrize(
-    ("result", "said"),
-    [
-        (answer(0.9, 0.3, reason="clear", clear=1), "Found at row 0, column 0"),
-        (answer(0.9, 0.9, 0.3, reason="clear", clear=2), "Found at two places"),
-        (answer(0.62, 0.6, 0.6, 0.58, 0.1, reason="look_alikes"), "Four look-alikes: 0.620 0.600 0.600 0.580"),
-        (answer(1.0, 1.0, 1.0, 0.5, reason="look_alikes"), "Three places fit equally well"),
-        (answer(*[0.5] * 12, 0.45, reason="look_alikes"), "13 look-alikes: 0.500 0.500 0.500 0.500 0.500 …"),
-        (answer(0.8, 0.3, reason="other_colours"), "Not found in these colours"),
-        (answer(0.8, 0.3, reason="mirrored"), "Not found, but its mirror image is there"),
-        (answer(0.3, reason="low_score"), "Not found"),
-        (answer(reason="low_score"), "Not found"),
-    ],
-)
-def test_the_headline_follows_the_verdict(result: TemplateSearch, said: str) -> None:
-    assert headline(result) == said
-
-
-def test_a_headline_tells_another_size_and_angle() -> None:
-    match = TemplateMatch(3, 4, 12, 12, 0.9, 1.2, -15.04)
-    result = TemplateSearch([match], None, 9, 0.1, match, [], 1, "clear")
-    assert headline(result) == "Found at row 3, column 4, 1.20 × its size, turned 15.0° clockwise"
-
-
-def test_why_it_is_not_found_tells_what_is_missing_and_what_to_try() -> None:
-    query, sampled = TemplateQuery(), TemplateQuery(method="sampled")
-    low = answer(0.3, reason="low_score")
-    assert why_not_found(low, query).startswith("The best place scores 0.300; the minimum is 0.50.")
-    assert "try other sizes and angles" in why_not_found(low, query)
-    assert "try other" not in why_not_found(low, TemplateQuery(max_rotation=30))
-    assert "“FFT” also finds" in why_not_found(low, sampled)
-    close = answer(0.62, 0.6, reason="look_alikes")
-    assert why_not_found(close, query).startswith("The best place scores 0.620, the next 0.600: no clear lead.")
-    assert "With 3 matches wanted" in why_not_found(answer(1.0, 1.0, 1.0, reason="look_alikes"), query)
-    assert "in other colours" in why_not_found(answer(0.8, 0.3, reason="other_colours"), query)
-    assert "Mirror the template" in why_not_found(answer(0.8, 0.3, reason="mirrored"), query)
-    nothing = answer(reason="low_score")
-    assert why_not_found(nothing, query) == "No place has anything to correlate."
-    assert "exactly these pixels" in why_not_found(nothing, sampled)
-    assert "Sampled" in why_no_score_map(sampled)
-    assert "sizes and angles" in why_no_score_map(TemplateQuery(max_scale=1.2))
 
 
 def test_what_is_doubtful_is_framed_in_dashes() -> None:

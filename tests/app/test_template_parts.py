@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,14 +11,10 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag import samples
-from stereolag.core.inputs import Image
 from stereolag.io.images import read_image
-from stereolag.templates import TemplateSearch, match_template
-from stereolag.templates.degradation import Degradation
-from stereolag.templates.opencv import OpenCVSearch, opencv_search
-from stereolag.templates.trials import Trial, try_methods
-from stereolag.ui.search.degrading import lesson, numbers_of
-from stereolag.ui.search.opencv_beside import differences, table
+from stereolag.templates import match_template
+from stereolag.templates.opencv import opencv_search
+from stereolag.ui.search.opencv_beside import differences
 from stereolag.ui.search.painting import PaintedMask
 from tests.app import uploads
 
@@ -29,8 +24,6 @@ OpenPage = Callable[..., AppTest]
 
 SEARCH = "pages/2_Rocketman_search.py"
 SCENE = np.random.default_rng(5).integers(0, 256, (90, 120, 3), dtype=np.uint8)
-MASK = np.zeros((20, 24), dtype=np.uint8)
-MASK[3:17, 5:20] = 1
 
 
 def told(app: AppTest, component: str) -> dict[str, Any]:
@@ -118,89 +111,13 @@ def cards(app: AppTest) -> list[str]:
     return [one.value for one in app.markdown if one.value.startswith(("**FFT", "**Sampled", "**OpenCV"))]
 
 
-def searched(image: Image, template: Image, mask: Image | None = None) -> tuple[TemplateSearch, OpenCVSearch]:
-    return match_template(image, template, mask=mask), opencv_search(image, template, mask=mask)
-
-
-def test_where_both_agree_that_is_said() -> None:
-    ours, theirs = searched(SCENE, SCENE[30:50, 40:64], MASK)
-    assert differences(ours, theirs, "fft") == ["The same place; the scores differ by less than 0.0001."]
-    rows = table(ours, theirs, "fft", True).splitlines()[2:]
-    assert [row.count("row 30, column 40 | 1.0000") for row in rows] == [1, 1]
-    assert "masked" in rows[1]
-
-
-def test_flat_windows_under_a_mask_are_named() -> None:
-    image = SCENE.copy()
-    image[60:] = 90
-    ours, theirs = searched(image, image[30:50, 40:64], MASK)
-    assert ours.score_map is not None
-    first, second = differences(ours, theirs, "fft")
-    assert first.startswith(f"In {np.isnan(ours.score_map).sum():,} places")
-    assert "minMaxLoc" in first
-    assert second.startswith("The same place")
-
-
-def test_without_our_answer_opencv_names_a_place_all_the_same() -> None:
-    other = np.random.default_rng(6).integers(0, 256, (20, 20, 3), dtype=np.uint8)
-    ours, theirs = searched(SCENE, other)
-    assert "not found" in table(ours, theirs, "fft", False)
-    (sentence,) = differences(ours, theirs, "fft")
-    assert "always names a place" in sentence and "patterns" not in sentence
-    assert "patterns" in differences(replace(ours, score_map=None), theirs, "sampled")[0]
-
-
 def test_large_offsets_lead_opencv_astray() -> None:
     image = (SCENE / np.float32(255)).astype(np.float32) + np.float32(1e4)
-    ours, theirs = searched(image, image[30:50, 40:64])
+    template = image[30:50, 40:64]
+    ours, theirs = match_template(image, template), opencv_search(image, template)
     assert (ours.matches[0].row, ours.matches[0].col) == (30, 40)
     assert (theirs.row, theirs.col) != (30, 40)
     assert "single precision" in differences(ours, theirs, "fft")[-1]
-
-
-@pytest.mark.parametrize(
-    ("here", "score", "fragment"),
-    [(np.nan, 1.0, "flat"), (1.0, 1.0, "several copies"), (0.6, 0.9, "scores 0.600 at")],
-)
-def test_another_place_is_explained(here: float, score: float, fragment: str) -> None:
-    ours = match_template(SCENE, SCENE[30:50, 40:64])
-    assert ours.score_map is not None
-    ours.score_map[3, 3] = here
-    theirs = OpenCVSearch(3, 3, score, 0, ours.score_map, 0.1)
-    (sentence,) = differences(ours, theirs, "fft")
-    assert fragment in sentence
-    without = replace(ours, score_map=None)
-    assert "a few places only" in differences(without, theirs, "sampled")[0]
-    assert "sizes and angles" in differences(without, theirs, "fft")[0]
-
-
-def test_of_nothing_that_varies_there_is_no_answer() -> None:
-    ours, theirs = searched(np.full_like(SCENE, 7), SCENE[30:50, 40:64], MASK)
-    assert "none" in table(ours, theirs, "fft", True)
-    assert len(differences(ours, theirs, "fft")) == 1
-
-
-def test_the_lesson_follows_what_happened() -> None:
-    template = SCENE[30:50, 40:64]
-    found = try_methods(SCENE, template, (30, 40))
-    assert lesson(found, Degradation(), 0.5).startswith("Nothing is damaged yet")
-    assert "exactly as they were" in lesson(found, Degradation(cover=0.1), 0.5)
-    away = try_methods(SCENE, template, (0, 0))
-    assert "Another place" in lesson(away, Degradation(cover=1), 0.5)
-    fft, sampled, opencv = found
-    missed = replace(fft, outcome="missed", score=0.3)
-    lost = replace(sampled, outcome="missed", row=None, col=None, score=float("nan"))
-    assert "exact pixel values" in lesson((fft, lost, opencv), Degradation(noise=5), 0.5)
-    turned = lesson((missed, lost, opencv), Degradation(turn=20), 0.5)
-    assert "0.300, is below the minimum score of 0.50" in turned and "turned or resized" in turned
-    assert "turned" not in lesson((missed, lost, opencv), Degradation(noise=90), 0.5)
-    nothing = Trial("fft", "missed", None, None, float("nan"), 0.1)
-    assert "Nothing is left" in lesson((nothing, lost, opencv), Degradation(cover=1), 0.5)
-    refused = replace(lost, outcome="refused", refusal="It cannot.")
-    assert "whole patterns" in lesson((fft, refused, opencv), Degradation(noise=5), 0.5)
-    assert numbers_of(refused) == "It cannot."
-    assert numbers_of(lost).startswith("no place")
-    assert numbers_of(missed).startswith("best score 0.300")
 
 
 def test_images_of_two_types_are_damaged_too(open_page: OpenPage) -> None:
