@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag import optical_flow, preset, read_calibration, read_image
-from stereolag.geometry.rigid_motion import rigid_motion
+from stereolag.geometry.scene import rigid_motion
 from stereolag.io.disparities import read_stored_disparity
 from stereolag.motion.moving import KMH
 from stereolag.motion.scene_flow import scene_flow

@@ -9,8 +9,8 @@ from .geometry.rectification import Rectified, rectify
 from .io.calibrations import read_calibration
 from .io.disparities import read_disparity
 from .io.images import read_image
-from .io.matchers import read_matcher
 from .io.recordings import read_signal
+from .io.settings import read_matcher
 from .io.writing import write_disparity, write_matcher
 from .motion.matcher import optical_flow
 from .motion.result import FlowMap

@@ -160,7 +160,7 @@ class DriveExample:
         Returns
         -------
         motions
-            ``(bodies, 4, 4)``, for `stereolag.geometry.rigid_motion`, which turns them into exact flow.
+            ``(bodies, 4, 4)``, for `stereolag.geometry.scene`, which turns them into exact flow.
 
         Raises
         ------

@@ -13,10 +13,9 @@ import stereolag as sl
 from stereolag.figures.boards import coverage_picture, with_corners, with_row_lines
 from stereolag.figures.pictures import VIRIDIS, as_rgb, coloured
 from stereolag.figures.printed_legend import with_legend
-from stereolag.geometry.board_views import find_boards
-from stereolag.geometry.boards import Board
+from stereolag.geometry.boards import Board, find_boards
+from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
-from stereolag.geometry.rig import StereoRig
 from stereolag.samples import stereo_pairs
 
 Rgb = npt.NDArray[np.uint8]

@@ -6,10 +6,9 @@ import glob
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from stereolag.geometry.board_views import MOST_PAIRS
+from stereolag.geometry.boards import MOST_PAIRS
 from stereolag.io.archives import is_archive, read_archive
-from stereolag.io.pairing import PICTURE_ENDINGS, PairFiles, matched_pairs, natural_order
-from stereolag.io.picture_pairs import PicturesOfFiles
+from stereolag.io.pairing import PICTURE_ENDINGS, PairFiles, PicturesOfFiles, matched_pairs, natural_order
 from stereolag.io.sources import read_bytes
 
 WHAT = "picture"

@@ -12,7 +12,7 @@ from stereolag.commands.parsing import DONE, CommandParser, add_output, tell
 
 if TYPE_CHECKING:
     from stereolag.geometry.boards import Board
-    from stereolag.geometry.calibration_report import StereoCalibration
+    from stereolag.geometry.calibrating import StereoCalibration
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -50,7 +50,7 @@ def run(arguments: Sequence[str]) -> int:
 
     # Imported only now, so that --help does not wait for them.
     from stereolag.commands.board_pictures import board_pictures
-    from stereolag.geometry.board_views import find_boards
+    from stereolag.geometry.boards import find_boards
     from stereolag.geometry.calibrating import calibrate_boards
 
     if options.out is not None:
@@ -109,7 +109,7 @@ def _figures(result: StereoCalibration, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _written(folder: str, result: StereoCalibration) -> list[str]:
-    from stereolag.io.calibration_writing import calibration_json, opencv_calibration, ros_calibration
+    from stereolag.io.calibrations import calibration_json, opencv_calibration, ros_calibration
     from stereolag.io.writing import write_file
 
     left, right = ros_calibration(result.calibration)

@@ -12,8 +12,8 @@ from stereolag.core.inputs import Image
 from stereolag.figures.colour_ranges import searched_range
 from stereolag.figures.map_files import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
-from stereolag.io.calibration_writing import calibration_json
-from stereolag.io.maps import image_png, image_tiff, kitti_png, npy, pfm
+from stereolag.io.calibrations import calibration_json
+from stereolag.io.disparities import image_png, image_tiff, kitti_png, npy, pfm
 from stereolag.io.settings import settings_json
 from stereolag.io.writing import write_file
 from stereolag.stereo.matcher import DisparityMap

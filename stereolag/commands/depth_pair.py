@@ -11,7 +11,7 @@ from stereolag.commands.parsing import read
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.scaling import as_deep, cropped_alike
+from stereolag.geometry.rectification import as_deep, cropped_alike
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import read_stored_disparity
 from stereolag.io.images import read_image

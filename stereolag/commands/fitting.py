@@ -8,8 +8,7 @@ from stereolag.assess.doctor.row_evidence import row_evidence
 from stereolag.commands.pair_flags import AUTO, YES
 from stereolag.core.inputs import Image
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.rectification import Rectified, rectify
-from stereolag.geometry.scaling import calibration_for
+from stereolag.geometry.rectification import Rectified, calibration_for, rectify
 
 
 class Fitted(NamedTuple):

@@ -31,8 +31,8 @@ def run(arguments: Sequence[str]) -> int:
     options, settings = flags.parsed(arguments)
 
     from stereolag.core.inputs import checked_signal
-    from stereolag.io.lags import lag_figures
     from stereolag.io.recordings import at_one_rate
+    from stereolag.io.tables import lag_figures
 
     first = read(sl.read_signal, options.first)
     second = first if options.second is None else read(sl.read_signal, options.second)

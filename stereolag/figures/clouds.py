@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 from PIL import Image as PillowImage
 
 from stereolag.figures.pictures import PEAK
-from stereolag.geometry.clouds import BirdsEyeView
+from stereolag.geometry.scene import BirdsEyeView
 
 Points = npt.NDArray[np.float32]
 Colours = npt.NDArray[np.uint8]

@@ -7,8 +7,8 @@ from stereolag.core.inputs import Image
 from stereolag.figures.pictures import VIRIDIS, as_rgb, coloured
 from stereolag.figures.printed_legend import with_legend
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.clouds import clean_point_cloud
-from stereolag.io.maps import image_png, ply
+from stereolag.geometry.scene import clean_point_cloud
+from stereolag.io.disparities import image_png, ply
 
 LEGEND = "disparity, px: from far to near"
 MOST_POINTS = 2_000_000

@@ -1,15 +1,19 @@
-"""Calibration boards: a chessboard, or one with markers in its white squares (ChArUco), and their corners."""
+"""Calibration boards, chessboards or ChArUco boards: their corners, found in pictures to hundredths of a pixel."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap, Rgb
+from stereolag.core.inputs import as_eight_bit, as_grey, as_image
+from stereolag.core.progress import Progress, silent
 
 Grey8 = npt.NDArray[np.uint8]
 """(rows, cols) uint8."""
@@ -153,3 +157,488 @@ def board_picture(board: Board, square_px: int) -> Rgb | Grey8:
         drawn = charuco_board(replace(board, markers=whole)).generateImage(size, marginSize=0)
         picture = np.asarray(drawn, dtype=np.uint8)
     return np.pad(picture, margin, constant_values=255)
+
+
+LARGEST_SIDE = 1200
+"""Largest side of the picture first searched for corners, px: larger ones are reduced, then refined at full size."""
+
+WINDOW_SHARE = 0.3
+"""Half the window for refining a corner, as a share of the distance to the next: beyond, others interfere."""
+
+LEAST_WINDOW, LARGEST_WINDOW = 2, 20
+"""Limits of that half, px: within a larger window a distorted lens bends the edges."""
+
+FARTHEST_MOVE = 0.5
+"""Largest move of a corner by refining, as a share of the distance to the next one."""
+
+ENOUGH_VOTES = 5
+"""Number of pictures with the same size of the board that settles it."""
+
+SMALLEST_GUESS = (3, 3)
+
+_QUICK = cv2.CALIB_CB_NORMALIZE_IMAGE
+_THOROUGH = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
+_QUADS = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+
+
+def find_chessboard(grey: Grey8, board: Board) -> Corners | None:
+    """Return all corners of a chessboard in a picture, None if it is not seen as a whole.
+
+    Corners are found by OpenCV's detectors in a picture of moderate size (Duda and Frese, BMVC 2018, and the older one
+    by the squares' outlines), then refined in the full picture by ``cv2.cornerSubPix``, each in a window that fits
+    between its neighbours: on drawn boards that is two to three times as accurate as the detectors.
+
+    Parameters
+    ----------
+    grey
+        (rows, cols) uint8.
+    board
+        The board, for its number of corners.
+    """
+    picture, factor = reduced(grey, LARGEST_SIDE)
+    found = _detected(picture, (board.columns, board.rows))
+    if found is None:
+        return None
+    points = refined(grey, (found + 0.5) / factor - 0.5, board)
+    return None if points is None else Corners(np.arange(board.corners), points)
+
+
+def reduced(grey: Grey8, largest: int) -> tuple[Grey8, float]:
+    """Return a picture of at most `largest` px a side, and its size as a share of the original."""
+    factor = min(1.0, largest / max(grey.shape))
+    if factor == 1:
+        return grey, factor
+    size = round(grey.shape[1] * factor), round(grey.shape[0] * factor)
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8), size[0] / grey.shape[1]
+
+
+def refined(grey: Grey8, points: DoubleMap, board: Board) -> DoubleMap | None:
+    """Return the corners of a whole board refined in a picture; None if they move too far.
+
+    Parameters
+    ----------
+    grey
+        (rows, cols) uint8.
+    points
+        (n, 2) px, row by row of the board.
+    board
+        The board, for its number of corners.
+    """
+    spacing = _spacing(points.reshape(board.rows, board.columns, 2)).ravel()
+    moved = refined_in_windows(grey, points, WINDOW_SHARE * spacing)
+    if (np.linalg.norm(moved - points, axis=1) > FARTHEST_MOVE * spacing).any():
+        return None
+    return moved
+
+
+def refined_in_windows(grey: Grey8, points: DoubleMap, halves: npt.NDArray[np.float64]) -> DoubleMap:
+    """Return (n, 2) corners, each refined in a window of its own with half sides `halves`, px."""
+    windows = np.clip(halves, LEAST_WINDOW, LARGEST_WINDOW).astype(int)
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
+    result = points.astype(np.float64)
+    for half in np.unique(windows):
+        here = windows == half
+        some = np.array(points[here].reshape(-1, 1, 2), dtype=np.float32, order="C")
+        result[here] = cv2.cornerSubPix(grey, some, (int(half), int(half)), (-1, -1), criteria).reshape(-1, 2)
+    return result
+
+
+def guess_chessboard(pictures: Iterable[Grey8]) -> Board | None:
+    """Return the chessboard that most of the pictures show; None if none shows one.
+
+    In each, the largest full grid is detected. A grid with a row too many, formed by something beside the board, or
+    too few, where the board is cut off, occurs by chance, but the right one again and again.
+
+    Parameters
+    ----------
+    pictures
+        (rows, cols) uint8 each; no more are read than needed.
+    """
+    votes: Counter[tuple[int, int]] = Counter()
+    seen: list[Grey8] = []
+    for grey in pictures:
+        picture, _ = reduced(grey, LARGEST_SIDE)
+        seen.append(picture)
+        votes.update(_grid(picture, _QUICK))
+        if votes and max(votes.values()) >= ENOUGH_VOTES:
+            break
+    if not votes:
+        for picture in seen:
+            votes.update(_grid(picture, _THOROUGH))
+    if not votes:
+        return None
+    size = max(votes, key=lambda one: (votes[one], one[0] * one[1]))
+    return Board(*size)
+
+
+def _grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
+    """Return the size of the largest grid in a picture, the longer side first; empty if there is none."""
+    found, _, grid = cv2.findChessboardCornersSBWithMeta(picture, SMALLEST_GUESS, flags | cv2.CALIB_CB_LARGER)
+    if not found or min(grid.shape) < min(SMALLEST_GUESS):
+        return ()
+    return ((max(grid.shape), min(grid.shape)),)
+
+
+def _detected(picture: Grey8, size: tuple[int, int]) -> DoubleMap | None:
+    """Return (n, 2) corners from the first detector that finds them, the quick ones tried first."""
+    found, points = cv2.findChessboardCornersSB(picture, size, flags=_QUICK)
+    if not found:
+        found, points = cv2.findChessboardCorners(picture, size, flags=_QUADS)
+    if not found:
+        found, points = cv2.findChessboardCornersSB(picture, size, flags=_THOROUGH)
+    return np.asarray(points, dtype=np.float64).reshape(-1, 2) if found else None
+
+
+def _spacing(grid: npt.NDArray[np.float64]) -> DoubleMap:
+    """Return the distance of each of (rows, columns, 2) corners to the nearest of its neighbours, px."""
+    nearest = np.full(grid.shape[:2], np.inf)
+    for axis in (0, 1):
+        steps = np.linalg.norm(np.diff(grid, axis=axis), axis=2)
+        before, after = (slice(1, None), slice(None, -1)) if axis == 0 else (np.s_[:, 1:], np.s_[:, :-1])
+        nearest[before] = np.minimum(nearest[before], steps)
+        nearest[after] = np.minimum(nearest[after], steps)
+    return nearest
+
+
+LARGEST_MARKERS_SIDE = 2400
+"""Largest side of the picture searched for markers, px."""
+
+FEWEST_FOUND = 6
+"""Fewest corners for a part of a board to count."""
+
+DICTIONARIES = (
+    "DICT_4X4_1000",
+    "DICT_5X5_1000",
+    "DICT_6X6_1000",
+    "DICT_7X7_1000",
+    "DICT_ARUCO_ORIGINAL",
+    "DICT_APRILTAG_36h11",
+    "DICT_APRILTAG_25h9",
+    "DICT_APRILTAG_16h5",
+)
+"""The largest dictionary of each kind: the smaller ones are its first part."""
+
+FIRST_LOOK = 60
+MOST_MARKERS = 250
+"""Number of a dictionary's markers searched for: to identify the dictionary, and then to locate each marker."""
+
+FIRST_PICTURES = 4
+
+ENOUGH_MARKERS = 8
+"""Average number in each of these pictures at which no other dictionary is tried."""
+
+GUESSED_SIDE = 1200
+"""Largest side of the pictures from which the board is guessed, px."""
+
+MOST_FITTED = 3
+"""Number of pictures, those with the most markers, used to count the squares of the board."""
+
+MOST_DRAWS = 60
+"""Random draws of four markers: on the right board nearly any four will do, and on a wrong one none."""
+
+FEWEST_MARKERS = 4
+"""Fewest markers in one picture for it to show a ChArUco board."""
+
+AGREEMENT = 0.7
+"""Least share of the markers that must be where the board has them."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenMarkers:
+    """The markers of one dictionary in a picture: (n,) numbers and (n, 4, 2) corners, px."""
+
+    numbers: npt.NDArray[np.intp]
+    corners: DoubleMap
+
+    @property
+    def centres(self) -> DoubleMap:
+        """Return (n, 2), px."""
+        return np.asarray(self.corners.mean(axis=1))
+
+
+def find_charuco(grey: Grey8, board: Board) -> Corners | None:
+    """Return the corners of a ChArUco board in a picture, None if it shows fewer than six or a single row.
+
+    Parameters
+    ----------
+    grey
+        (rows, cols) uint8.
+    board
+        The board, with its markers.
+    """
+    assert board.markers is not None
+    picture, factor = reduced(grey, LARGEST_MARKERS_SIDE)
+    points, numbers, _, _ = _detector(board).detectBoard(picture)
+    if numbers is None or len(numbers) < FEWEST_FOUND:
+        return None
+    order = np.argsort(numbers.ravel())
+    found = numbers.ravel()[order].astype(np.intp)
+    rows, cols = np.divmod(found, board.columns)
+    if np.ptp(rows) == 0 or np.ptp(cols) == 0:
+        return None
+    places = (points.reshape(-1, 2)[order].astype(np.float64) + 0.5) / factor - 0.5
+    if factor < 1:
+        # The markers are this far from the corners; a window must not reach them.
+        gap = (1 - board.markers.share) / 2 * _square_px(board, found, places)
+        places = refined_in_windows(grey, places, np.full(len(places), gap))
+    return Corners(found, places)
+
+
+def guess_charuco(pictures: Iterable[Grey8], size: tuple[int, int] | None = None) -> Board | None:
+    """Return the ChArUco board that the pictures show; None if they show none.
+
+    Parameters
+    ----------
+    pictures
+        (rows, cols) uint8 each.
+    size
+        Columns and rows of inner corners, in either order, if known.
+    """
+    small = [reduced(grey, GUESSED_SIDE)[0] for grey in pictures]
+    dictionary = _likeliest(small[:FIRST_PICTURES])
+    if dictionary is None:
+        return None
+    seen = [markers for markers in _seen(dictionary, small, MOST_MARKERS) if len(markers.numbers) >= FEWEST_MARKERS]
+    seen = sorted(seen, key=lambda markers: -len(markers.numbers))[:MOST_FITTED]
+    highest = max(int(markers.numbers.max()) for markers in seen)
+    widths = range(3, min(MOST_CORNERS + 1, 2 * highest + 3) + 1) if size is None else {side + 1 for side in size}
+    fits = {(width, shift): _agreeing(seen, width, shift) for width in widths for shift in (1, 0)}
+    (width, shift), agreeing = max(fits.items(), key=lambda fit: sum(inside.sum() for inside in fit[1]))
+    total = sum(len(markers.numbers) for markers in seen)
+    if sum(inside.sum() for inside in agreeing) < AGREEMENT * total:
+        return None
+    if size is not None:
+        height = size[0] + size[1] + 2 - width
+    else:
+        last = max(int(one.numbers[inside].max()) for one, inside in zip(seen, agreeing, strict=True) if inside.any())
+        height = int(_square_of(np.array([last]), width, shift)[0, 1]) + 1
+        # A legacy board that starts with a white square has an even number of rows.
+        height = max(3, height + (height % 2 if shift == 0 else 0))
+    share = _marker_share(seen, agreeing, width, shift)
+    return Board(width - 1, height - 1, Markers(dictionary, share, legacy=shift == 0))
+
+
+def _detector(board: Board) -> Any:
+    parameters = cv2.aruco.CharucoParameters()
+    parameters.tryRefineMarkers = True
+    markers = cv2.aruco.DetectorParameters()
+    markers.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    return cv2.aruco.CharucoDetector(charuco_board(board), parameters, markers)
+
+
+def _square_px(board: Board, numbers: npt.NDArray[np.intp], places: DoubleMap) -> float:
+    """Return the side of the smallest square between the corners found, px."""
+    rows, cols = np.divmod(numbers, board.columns)
+    apart = np.abs(rows[:, None] - rows) + np.abs(cols[:, None] - cols) == 1
+    lengths = np.linalg.norm(places[:, None] - places, axis=2)[apart]
+    return float(lengths.min()) if lengths.size else 0.0
+
+
+def _likeliest(pictures: Sequence[Grey8]) -> str | None:
+    """Return the dictionary whose first markers are seen most often; None if hardly any are."""
+    best, most = None, 0
+    for name in DICTIONARIES:
+        seen = [len(one.numbers) for one in _seen(name, pictures, FIRST_LOOK)]
+        count = sum(number for number in seen if number >= FEWEST_MARKERS)
+        if count > most:
+            best, most = name, count
+        if most >= ENOUGH_MARKERS * len(pictures):
+            break
+    return best
+
+
+def _seen(dictionary: str, pictures: Sequence[Grey8], count: int) -> list[SeenMarkers]:
+    """Return which of the first markers of a dictionary each picture shows."""
+    detector = cv2.aruco.ArucoDetector(first_markers(dictionary, count))
+    seen = []
+    for picture in pictures:
+        corners, numbers, _ = detector.detectMarkers(picture)
+        if numbers is None or len(numbers) == 0:
+            seen.append(SeenMarkers(np.zeros(0, np.intp), np.zeros((0, 4, 2))))
+            continue
+        numbers, first = np.unique(numbers.ravel(), return_index=True)
+        places = np.array([corners[one].reshape(4, 2) for one in first], np.float64)
+        seen.append(SeenMarkers(numbers.astype(np.intp), places))
+    return seen
+
+
+def _square_of(numbers: npt.NDArray[np.intp], width: int, shift: int) -> DoubleMap:
+    """Return column and row of each marker's square, (n, 2), on a board of `width` squares across.
+
+    Markers count along the rows of white squares; `shift` is the column of the first white square.
+    """
+    rows = int(numbers.max()) * 2 // (width - 1) + 2
+    row, col = np.indices((rows, width))
+    white = np.flatnonzero((row + col) % 2 == shift)
+    row, col = np.divmod(white[numbers], width)
+    return np.stack([col, row], axis=1).astype(np.float64)
+
+
+def _agreeing(seen: Sequence[SeenMarkers], width: int, shift: int) -> list[npt.NDArray[np.bool_]]:
+    """Return for each picture which markers fit a plane board of `width` squares across."""
+    agreeing = []
+    for markers in seen:
+        homography, limit = _homography(markers, width, shift)
+        if homography is None:
+            agreeing.append(np.zeros(len(markers.numbers), dtype=bool))
+            continue
+        squares = _square_of(markers.numbers, width, shift) + 0.5
+        placed = cv2.perspectiveTransform(squares[:, None], homography)[:, 0]
+        agreeing.append(np.linalg.norm(placed - markers.centres, axis=1) < limit)
+    return agreeing
+
+
+def _homography(markers: SeenMarkers, width: int, shift: int) -> tuple[DoubleMap | None, float]:
+    """Return the homography from squares of the board to the picture, and the largest error of a marker, px."""
+    sides = np.linalg.norm(markers.corners - np.roll(markers.corners, 1, axis=1), axis=2)
+    limit = 0.5 * float(np.median(sides))
+    squares = _square_of(markers.numbers, width, shift) + 0.5
+    homography, _ = cv2.findHomography(squares, markers.centres, cv2.RANSAC, limit, maxIters=MOST_DRAWS)
+    return None if homography is None else np.asarray(homography, dtype=np.float64), limit
+
+
+def _marker_share(
+    seen: Sequence[SeenMarkers], agreeing: Sequence[npt.NDArray[np.bool_]], width: int, shift: int
+) -> float:
+    """Return the side of a marker as a share of the side of a square."""
+    sides = []
+    for markers, inside in zip(seen, agreeing, strict=True):
+        homography, _ = _homography(markers, width, shift)
+        if homography is None or not inside.any():
+            continue
+        flat = cv2.perspectiveTransform(markers.corners[inside].reshape(-1, 1, 2), np.linalg.inv(homography))
+        corners = flat.reshape(-1, 4, 2)
+        sides.append(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).ravel())
+    return round(float(np.clip(np.median(np.concatenate(sides)), 0.2, 0.95)), 2)
+
+
+Pairs: TypeAlias = Sequence[tuple[npt.ArrayLike, npt.ArrayLike]]
+"""Left and right pictures; each is requested when needed, and not kept."""
+
+GUESSED_FROM = 8
+"""Number of pairs from which the board is guessed, spread over all."""
+
+MOST_PAIRS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class BoardViews:
+    """Positions of a board's corners in pairs of pictures.
+
+    Attributes
+    ----------
+    board
+        The board.
+    size
+        Width and height of most pictures, px.
+    left, right
+        Corners in each pair; None where the board was not found.
+    sizes
+        Width and height of the pictures of each pair, left and right, px.
+    """
+
+    board: Board
+    size: tuple[int, int]
+    left: tuple[Corners | None, ...]
+    right: tuple[Corners | None, ...]
+    sizes: tuple[tuple[tuple[int, int], tuple[int, int]], ...]
+
+    def __len__(self) -> int:
+        return len(self.left)
+
+
+def find_boards(
+    pairs: Pairs | Iterable[tuple[npt.ArrayLike, npt.ArrayLike]],
+    board: Board | tuple[int, int] | None = None,
+    *,
+    progress: Progress | None = None,
+) -> BoardViews:
+    """Find a chessboard or ChArUco board in pairs of pictures.
+
+    Parameters
+    ----------
+    pairs
+        Left and right, (rows, cols) grey or (rows, cols, 3 | 4) RGB(A) each; uint8, uint16 or float.
+    board
+        The board, or its columns and rows of inner corners; None: guessed from the pictures.
+    progress
+        Called with the fraction done.
+
+    Returns
+    -------
+    BoardViews
+
+    Raises
+    ------
+    ValueError
+        No pairs or more than 100, a picture that is not an image, or a board of unknown size that no picture shows.
+    """
+    pairs = pairs if isinstance(pairs, Sequence) else list(pairs)
+    if not 1 <= len(pairs) <= MOST_PAIRS:
+        raise ValueError(f"pairs holds {len(pairs)}; allowed are 1 to {MOST_PAIRS} pairs of pictures.")
+    report = progress or silent
+    if not isinstance(board, Board):
+        board = guess_board(pairs, board)
+    left, right, sizes = [], [], []
+    for number in range(len(pairs)):
+        report(number / len(pairs))
+        pictures = grey_pair(*pairs[number])
+        first, second = (_corners(picture, board) for picture in pictures)
+        left.append(first)
+        right.append(second)
+        sizes.append((_size(pictures[0]), _size(pictures[1])))
+    report(1.0)
+    size = Counter(size for both in sizes for size in both).most_common(1)[0][0]
+    return BoardViews(board, size, tuple(left), tuple(right), tuple(sizes))
+
+
+def guess_board(pairs: Pairs, size: tuple[int, int] | None = None) -> Board:
+    """Return the board that the pictures show.
+
+    Parameters
+    ----------
+    pairs
+        As for :func:`find_boards`; only a few are examined.
+    size
+        Columns and rows of inner corners, if known: then only the kind of board is guessed.
+
+    Raises
+    ------
+    ValueError
+        A size out of bounds, or no board in the pictures.
+    """
+    if size is not None:
+        size = Board(*size).columns, Board(*size).rows
+    chosen = np.unique(np.linspace(0, len(pairs) - 1, min(len(pairs), GUESSED_FROM)).astype(int))
+    pictures = [picture for picture in _pictures(pairs, chosen)]
+    charuco = guess_charuco(pictures, size)
+    if charuco is not None:
+        return charuco
+    if size is not None:
+        return Board(*size)
+    chessboard = guess_chessboard(pictures)
+    if chessboard is None:
+        raise ValueError(
+            f"No chessboard or ChArUco board is seen in {len(pictures)} pictures; give board as (columns, rows) of "
+            "inner corners, or pictures that show the whole board with a white border."
+        )
+    return chessboard
+
+
+def grey_pair(left: npt.ArrayLike, right: npt.ArrayLike) -> tuple[Grey8, Grey8]:
+    """Return both pictures as (rows, cols) uint8."""
+    first, second = (as_grey(as_image(value, name)) for value, name in ((left, "left"), (right, "right")))
+    return as_eight_bit(first, first)[0], as_eight_bit(second, second)[0]
+
+
+def _pictures(pairs: Pairs, numbers: npt.NDArray[np.intp]) -> Iterator[Grey8]:
+    for number in numbers:
+        yield from grey_pair(*pairs[int(number)])
+
+
+def _corners(picture: Grey8, board: Board) -> Corners | None:
+    return find_chessboard(picture, board) if board.markers is None else find_charuco(picture, board)
+
+
+def _size(picture: Grey8) -> tuple[int, int]:
+    return picture.shape[1], picture.shape[0]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap
 from stereolag.geometry.boards import MARGIN_SQUARES, Board, Grey8, board_picture
-from stereolag.geometry.rig import StereoRig
+from stereolag.geometry.calibration import StereoRig
 
 FINER = 3
 """Rays per pixel, each way."""
@@ -39,7 +39,7 @@ class DrawnCamera:
     Parameters
     ----------
     matrix, distortion
-        As in :class:`stereolag.geometry.rig.StereoRig`.
+        As in :class:`stereolag.geometry.calibration.StereoRig`.
     size
         Width and height, px.
     """

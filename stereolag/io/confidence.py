@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import as_grey, as_stereo_pair
-from stereolag.io.maps import LARGEST_UINT16, image_png
+from stereolag.io.disparities import LARGEST_UINT16, image_png
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.reasons import Reason
 

@@ -7,7 +7,11 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
-from typing import TypeVar
+from typing import Any, TypeVar, overload
+
+from stereolag.core.inputs import Image
+from stereolag.io.images import read_image
+from stereolag.io.sources import quoted
 
 K = TypeVar("K", bound=Hashable)
 
@@ -274,3 +278,30 @@ def _ending(name: str) -> str:
 
 def _folder(name: str) -> str:
     return str(PurePosixPath(name.replace("\\", "/")).parent)
+
+
+class PicturesOfFiles(Sequence[tuple[Image, Image]]):
+    """Pairs of pictures that are decoded again on every access: all at once would take gigabytes."""
+
+    def __init__(self, files: Sequence[PairFiles], read: Callable[[str], bytes]) -> None:
+        self._files = files
+        self._read = read
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    @overload
+    def __getitem__(self, number: int) -> tuple[Image, Image]: ...
+    @overload
+    def __getitem__(self, number: slice) -> Sequence[tuple[Image, Image]]: ...
+    def __getitem__(self, number: Any) -> Any:
+        if isinstance(number, slice):
+            return PicturesOfFiles(self._files[number], self._read)
+        files = self._files[number]
+        return self._picture(files.left), self._picture(files.right)
+
+    def _picture(self, name: str) -> Image:
+        try:
+            return read_image(self._read(name))
+        except ValueError as error:
+            raise ValueError(f"{quoted(name)}: {error}") from error

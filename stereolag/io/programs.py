@@ -1,15 +1,17 @@
-"""The short program that reproduces a result."""
+"""The short program or the command that reproduces a result."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, get_args, get_origin
 
 import stereolag
+from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Settings
 from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.opencv import SUBPIXEL, BlockMatcher, StereoSGBM
 from stereolag.version import VERSION
 
 _PROGRAM = '''\
@@ -197,3 +199,208 @@ def _classes(value: Any) -> Iterator[type[Settings]]:
 
 def _is_public(kind: type[Settings]) -> bool:
     return getattr(stereolag, kind.__name__, None) is kind
+
+
+_OPENCV_PROGRAM = '''\
+"""Measure the disparity of a stereo pair with OpenCV alone, px: positive in front of infinity, NaN where there is none.
+
+Written by stereolag {version}, which it does not need. The images lie beside this file, and so will the result.
+"""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+FOLDER = Path(__file__).resolve().parent
+
+
+def grey_image(name):
+    image = cv2.imread(str(FOLDER / name), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise SystemExit(f"{{name}} is not beside this file, or it is no image.")
+    return image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2GRAY)
+
+
+left, right = grey_image({left}), grey_image({right})
+if left.dtype != np.uint8:  # OpenCV matches 8 bits: the common range, less 0.1 % at each end, spread over 0..255
+    low, high = np.percentile(np.stack([left, right]), (0.1, 99.9))
+    scale = 255 / max(float(high) - float(low), 1e-30)
+    left, right = (
+        np.clip(np.rint((image.astype(np.float64) - low) * scale), 0, 255).astype(np.uint8) for image in (left, right)
+    )
+
+{matcher}
+raw = matcher.compute(left, right)  # the disparity × {subpixel}; (minDisparity - 1) * {subpixel} where there is none
+disparity = np.where(raw > {none}, raw.astype(np.float32) / {subpixel}, np.float32(np.nan))
+
+np.save(FOLDER / "disparity.npy", disparity)
+print(f"{{np.isfinite(disparity).mean():.1%}} of the pixels have a disparity")
+'''
+
+
+def opencv_script(matcher: BlockMatcher, left_name: str, right_name: str) -> str:
+    """Return a Python program that measures the same disparities with ``cv2`` and ``numpy`` alone, bit for bit.
+
+    The program reads the two images beside it, and writes ``disparity.npy`` there.
+
+    Parameters
+    ----------
+    matcher
+        StereoBM or StereoSGBM; every setting is written out under OpenCV's name.
+    left_name, right_name
+        The names of the two files, PNG, or TIFF with grey floats; folders in them are dropped.
+    """
+    return _OPENCV_PROGRAM.format(
+        version=VERSION,
+        left=file_literal(left_name),
+        right=file_literal(right_name),
+        matcher=_semi_global(matcher) if isinstance(matcher, StereoSGBM) else _block_matching(matcher),
+        none=(matcher.min_disparity - 1) * SUBPIXEL,
+        subpixel=SUBPIXEL,
+    )
+
+
+def _block_matching(matcher: BlockMatcher) -> str:
+    """Return the lines that make OpenCV's StereoBM, which takes most of its settings one by one."""
+    lines = [f"matcher = cv2.StereoBM.create(numDisparities={matcher.num_disparities}, blockSize={matcher.block_size})"]
+    for name, value in matcher:
+        if name not in ("num_disparities", "block_size"):
+            other = matcher.other_name(name)
+            lines.append(f"matcher.set{other[0].upper()}{other[1:]}({value})")
+    return "\n".join(lines)
+
+
+def _semi_global(matcher: StereoSGBM) -> str:
+    arguments = matcher.opencv_arguments() | {"mode": f"cv2.{matcher.opencv_mode}"}
+    return "\n".join(
+        ["matcher = cv2.StereoSGBM.create(", *(f"    {name}={arguments[name]}," for name in arguments), ")"]
+    )
+
+
+_LAG = '''\
+"""Measure the lag between two recordings: positive where the second hears the event later.
+
+Written by stereolag {version}, which it needs. The recordings lie beside this file.
+"""
+
+from pathlib import Path
+
+import stereolag as sl
+
+FOLDER = Path(__file__).resolve().parent
+
+signal_1 = sl.read_signal(FOLDER / {first}).channels[0]
+signal_2 = sl.read_signal(FOLDER / {second}).channels[0]
+
+result = sl.signal_lag(
+    signal_1,
+    signal_2,
+{settings}
+)
+print(f"lag {{result.lag}} samples, {{result.time_s:.6g}} s, score {{result.score:.3f}}: {{result.verdict}}")
+'''
+
+_FIND = '''\
+"""Find a template in an image: row and column of its top-left pixel.
+
+Written by stereolag {version}, which it needs. The images lie beside this file.
+"""
+
+from pathlib import Path
+
+import stereolag as sl
+
+FOLDER = Path(__file__).resolve().parent
+
+image = sl.read_image(FOLDER / {image})
+template = sl.read_image(FOLDER / {template})
+{mask}
+result = sl.match_template(
+    image,
+    template,
+{settings}
+)
+for match in result.matches[: result.clear]:
+    print(f"row {{match.row}}, column {{match.col}}, score {{match.score:.3f}}")
+if not result.found:
+    print(f"Not found: {{result.reason}}")
+'''
+
+
+def lag_command(search: LagSearch, first: str, second: str) -> str:
+    """Return the command that measures the same lag, for two files with one recording each."""
+    return _command("lag", [first, second], search)
+
+
+def lag_script(search: LagSearch, first: str, second: str) -> str:
+    """Return a Python program that measures the same lag; every setting is written out.
+
+    Parameters
+    ----------
+    search
+        The settings.
+    first, second
+        The names of the two files beside the program; folders in them are dropped.
+    """
+    return _LAG.format(
+        version=VERSION,
+        first=file_literal(first),
+        second=file_literal(second),
+        settings=_arguments(search.model_dump()),
+    )
+
+
+def find_command(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
+    """Return the command that finds the same places."""
+    return _command("find", [image, template, *([] if mask is None else ["--mask", mask])], query)
+
+
+def find_script(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
+    """Return a Python program that finds the same places; every setting is written out.
+
+    Parameters
+    ----------
+    query
+        The settings.
+    image, template, mask
+        The names of the files beside the program; folders in them are dropped. A mask is above 0 where the template
+        counts; None for no mask.
+    """
+    masked = "" if mask is None else f"mask = sl.read_image(FOLDER / {file_literal(mask)})\n"
+    settings = _arguments(query.arguments)
+    return _FIND.format(
+        version=VERSION,
+        image=file_literal(image),
+        template=file_literal(template),
+        mask=masked,
+        settings=settings if mask is None else f"    mask=mask,\n{settings}",
+    )
+
+
+def _command(name: str, files: Sequence[str], settings: Settings) -> str:
+    """Return a command with flags for all settings that have a value."""
+    flags = [
+        _flag(field.replace("_", "-"), getattr(settings, field))
+        for field in type(settings).model_fields
+        if getattr(settings, field) is not None
+    ]
+    return " ".join(["stereolag", name, *files, *flags])
+
+
+def _flag(name: str, value: object) -> str:
+    if isinstance(value, bool):
+        return f"--{name}" if value else f"--no-{name}"
+    if isinstance(value, list | tuple):
+        return f"--{name} {','.join(map(str, value))}"
+    exact = isinstance(value, float) and float(f"{value:.12g}") == value
+    return f"--{name} {value:.12g}" if exact else f"--{name} {value}"
+
+
+def _arguments(arguments: Mapping[str, object]) -> str:
+    """Return the arguments of a call, and the seed, one per line."""
+    return "\n".join(f"    {name}={_literal(value)}," for name, value in [*arguments.items(), ("seed", 0)])
+
+
+def _literal(value: object) -> str:
+    return text_literal(value) if isinstance(value, str) else repr(value)

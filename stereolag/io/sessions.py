@@ -1,9 +1,11 @@
-"""The settings of the depth page and its pair, from an archive saved in its section "Take it away"."""
+"""The settings of the depth page and its pair, saved in its section "Take it away" and read back."""
 
 from __future__ import annotations
 
+import json
 import math
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +16,10 @@ from stereolag.io.archives import Archive
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
-from stereolag.io.matchers import matcher_from, parsed_json
+from stereolag.io.settings import matcher_from, parsed_json, settings_document
 from stereolag.stereo.matcher import FARTHEST_FIRST, LARGEST_COUNT, StereoMatcher
 from stereolag.stereo.methods import METHODS
+from stereolag.version import VERSION
 
 SESSION = "session.json"
 """Name of the session file in an archive."""
@@ -168,3 +171,53 @@ def _number(value: object) -> float | None:
 
 def _whole(value: object, low: int, high: int) -> int | None:
     return value if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high else None
+
+
+def session_json(
+    *,
+    files: Mapping[str, str],
+    matchers: Sequence[StereoMatcher],
+    shown: Sequence[str],
+    size: str,
+    colours: Mapping[str, Any],
+    description: str = "",
+    history: Sequence[str] = (),
+    num_disparities: int | None = None,
+    min_disparity: int = 0,
+) -> str:
+    """Return a session as JSON.
+
+    Parameters
+    ----------
+    files
+        The names of the pair's files beside it, by role: "left", "right", and if known "truth", "visible" and
+        "calibration".
+    matchers
+        The settings of all methods, for the images as they are in these files.
+    shown
+        The short names of the methods shown.
+    size
+        Size at which the pair is shown: a name in :data:`stereolag.ui.pairs.SIZES`.
+    colours
+        "low" and "high", px of disparity in these images, or neither if the page chooses them; "palette", its name;
+        "inverted"; "outlined".
+    description, history
+        Description of the pair and of its processing.
+    num_disparities, min_disparity
+        The range that the pair needs, px, if known.
+    """
+    document = {
+        "stereolag": VERSION,
+        "pair": {
+            "files": dict(files),
+            "description": description,
+            "history": list(history),
+            "num_disparities": num_disparities,
+            "min_disparity": min_disparity,
+        },
+        "methods": [settings_document(matcher) for matcher in matchers],
+        "shown": list(shown),
+        "size": size,
+        "colours": dict(colours),
+    }
+    return json.dumps(document, indent=2) + "\n"

@@ -10,7 +10,7 @@ from uuid import uuid4
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.io.maps import kitti_png, npy, pfm
+from stereolag.io.disparities import kitti_png, npy, pfm
 from stereolag.io.settings import settings_json
 from stereolag.stereo.matcher import StereoMatcher
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.ground import ground_of
+from stereolag.geometry.scene import ground_of
 from stereolag.motion.moving import Box, RigidShift, Vector, correlation, flat_variance
 from stereolag.motion.own_motion import Points, projected, seen_points
 from stereolag.motion.smoothing import edge_aware_mean

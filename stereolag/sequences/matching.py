@@ -14,8 +14,7 @@ from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.progress import Progress
 from stereolag.geometry.calibration import Calibration
-from stereolag.io.disparities import read_stored_disparity
-from stereolag.io.maps import KITTI_SCALE
+from stereolag.io.disparities import KITTI_SCALE, read_stored_disparity
 from stereolag.io.sources import Source
 from stereolag.io.writing import DISPARITY_FORMATS
 from stereolag.sequences.records import FrameFigures, figures_of

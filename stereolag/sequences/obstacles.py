@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.geometry.ground import ground_of
+from stereolag.geometry.scene import ground_of
 
 LEAST_SHARE = 0.001
 """Least share of the pixels: anything smaller is more likely a mismatch than an obstacle."""

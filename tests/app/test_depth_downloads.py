@@ -15,7 +15,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag import CorrelationMatcher, SearchArea, StereoBM, read_disparity, read_image, read_matcher
 from stereolag.core.estimates import Estimate
 from stereolag.geometry.calibration import Calibration
-from stereolag.io.maps import VERTEX
+from stereolag.io.disparities import VERTEX
 from stereolag.io.settings import settings_json
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.exports import EXPORTS, archive, files

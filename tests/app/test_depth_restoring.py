@@ -13,7 +13,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
-from stereolag.io.maps import image_png, pfm
+from stereolag.io.disparities import image_png, pfm
 from stereolag.io.settings import settings_json
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.all_pairs import table_of

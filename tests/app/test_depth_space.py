@@ -10,7 +10,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.core.typography import typeset
 from stereolag.figures.clouds import birds_eye, point_cloud
-from stereolag.geometry.clouds import seen_from_above
+from stereolag.geometry.scene import seen_from_above
 from stereolag.ui.depth.space import VIEWS
 
 RNG = np.random.default_rng(0)

@@ -14,7 +14,7 @@ from stereolag.assess.tuning.objective import Criterion, Unjudged
 from stereolag.assess.tuning.search import Outcome, Suggestion, Trial
 from stereolag.core.estimates import Estimate
 from stereolag.core.typography import typeset
-from stereolag.io.matchers import read_matcher
+from stereolag.io.settings import read_matcher
 from stereolag.stereo.finishing.filters import MedianFilter
 from stereolag.stereo.opencv import StereoBM
 from stereolag.ui.depth.judging import search_so_far, suggestion_in_words, value_in_words

@@ -15,7 +15,7 @@ from stereolag.assess.tuning.parameters import parameters
 from stereolag.assess.tuning.sweep import sweep
 from stereolag.core.settings import changed
 from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps
-from stereolag.io.matchers import read_matcher
+from stereolag.io.settings import read_matcher
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM

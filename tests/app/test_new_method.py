@@ -18,9 +18,8 @@ from stereolag.commands import main
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.progress import Progress
 from stereolag.core.settings import Applies, FitsImage, OfThePair, Pixels
-from stereolag.io.matchers import read_matcher
 from stereolag.io.programs import script
-from stereolag.io.settings import settings_json
+from stereolag.io.settings import read_matcher, settings_json
 from stereolag.stereo.matcher import PixelMatches, StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.reasons import Reason

@@ -17,7 +17,7 @@ from streamlit.testing.v1 import AppTest
 import stereolag as sl
 from stereolag.commands import main
 from stereolag.core.searches import LagSearch, TemplateQuery
-from stereolag.io.search_programs import find_command, lag_command
+from stereolag.io.programs import find_command, lag_command
 from stereolag.ui import downloads
 from stereolag.ui.downloads import File, archive
 from stereolag.ui.lag import files as lag_files

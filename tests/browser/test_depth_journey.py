@@ -14,7 +14,7 @@ from PIL import Image
 from playwright.sync_api import expect
 from ply_reader import read_ply
 
-from stereolag.geometry.distances import SeenPoint, distance_between
+from stereolag.geometry.scene import SeenPoint, distance_between
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image

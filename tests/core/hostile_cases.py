@@ -9,8 +9,8 @@ from functools import partial
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
-from stereolag.io.matchers import read_matcher
 from stereolag.io.recordings import read_signal
+from stereolag.io.settings import read_matcher
 
 READ = "read"
 """The answer for a file that must be read; any other answer is a pattern that the refusal must match."""

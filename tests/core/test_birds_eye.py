@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.geometry.clouds import seen_from_above
+from stereolag.geometry.scene import seen_from_above
 
 GREY = np.uint8([[100, 100, 100]])
 

@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 
 import stereolag as sl
-from stereolag.geometry import chessboards
-from stereolag.geometry.board_views import BoardViews, find_boards, guess_board
-from stereolag.geometry.boards import Board, Corners, Markers, board_picture
-from stereolag.geometry.calibrating import calibrate_boards
-from stereolag.geometry.calibration_report import LeftOut, StereoCalibration
+from stereolag.geometry import boards
+from stereolag.geometry.boards import Board, BoardViews, Corners, Markers, board_picture, find_boards, guess_board
+from stereolag.geometry.calibrating import LeftOut, StereoCalibration, calibrate_boards
+from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
-from stereolag.geometry.rig import StereoRig
 
 SQUARE_M = 0.03
 CHESSBOARD = Board(9, 6)
@@ -131,7 +129,7 @@ def test_the_size_of_a_chessboard_is_guessed(size: tuple[int, int]) -> None:
 def test_large_pictures_in_colour_and_sixteen_bits_are_refined_in_full_size(
     pairs: Pictures, views: BoardViews, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(chessboards, "LARGEST_SIDE", 240)
+    monkeypatch.setattr(boards, "LARGEST_SIDE", 240)
     deep = [tuple(np.stack([one] * 3, axis=-1).astype(np.uint16) * 257 for one in pair) for pair in pairs[:2]]
     found = find_boards(deep, (9, 6))
     for large, small in zip((*found.left, *found.right), (*views.left[:2], *views.right[:2]), strict=True):

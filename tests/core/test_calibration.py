@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.rig import Rectification, StereoRig
+from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
 
 sizes = st.floats(0.01, 1e4)
 

@@ -21,9 +21,9 @@ from stereolag import samples
 from stereolag.commands import MEASURING
 from stereolag.commands.board_pictures import board_pictures
 from stereolag.geometry.boards import Board
+from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
-from stereolag.geometry.rig import StereoRig
-from stereolag.io.maps import image_png
+from stereolag.io.disparities import image_png
 
 PROJECT = Path(__file__).resolve().parents[2]
 SQUARE_M, PAIRS = 0.03, 11

@@ -16,7 +16,7 @@ import stereolag as sl
 from stereolag import samples
 from stereolag.figures.map_files import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
-from stereolag.io.maps import image_png, kitti_png, npy, pfm
+from stereolag.io.disparities import image_png, kitti_png, npy, pfm
 from stereolag.io.settings import settings_json
 from stereolag.io.tables import figures_of
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.distances import SeenPoint, calibrated_by, distance_between, typical_error
+from stereolag.geometry.scene import SeenPoint, calibrated_by, distance_between, typical_error
 
 CAMERA = Calibration(800.0, 0.1, doffs_px=3.0, cx=320.0, cy=240.0)
 SIZE = {"width": 640, "height": 480}

@@ -19,8 +19,8 @@ import pytest
 import stereolag as sl
 from stereolag.assess.doctor.findings import FindingCode
 from stereolag.geometry.boards import Board
+from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
-from stereolag.geometry.rig import StereoRig
 from stereolag.samples import mazes, recordings
 
 PROJECT = Path(__file__).resolve().parents[2]

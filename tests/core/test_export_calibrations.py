@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import stereolag as sl
+from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.rectification import rectified_calibration
-from stereolag.geometry.rig import StereoRig
-from stereolag.io.calibration_writing import calibration_json, opencv_calibration, ros_calibration
+from stereolag.io.calibrations import calibration_json, opencv_calibration, ros_calibration
 
 SIZE = (640, 480)
 

@@ -10,8 +10,8 @@ from hypothesis.extra import numpy as hnp
 from ply_reader import read_ply
 
 from stereolag import Calibration
-from stereolag.geometry.clouds import clean_point_cloud, flying_pixels, subsampled
-from stereolag.io.maps import ply
+from stereolag.geometry.scene import clean_point_cloud, flying_pixels, subsampled
+from stereolag.io.disparities import ply
 
 
 @given(

@@ -14,7 +14,7 @@ from pairs import shifted_pair
 from PIL import Image
 
 from stereolag import StereoBM, read_disparity, read_image
-from stereolag.io.maps import check_kitti, image_png, image_tiff, kitti_png, npy, pfm, valid_mask_png
+from stereolag.io.disparities import check_kitti, image_png, image_tiff, kitti_png, npy, pfm, valid_mask_png
 
 DISPARITY = np.array([[1.5, np.nan, 30.25], [255.99, 1 / 1024, 0.0]], dtype=np.float32)
 

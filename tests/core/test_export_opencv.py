@@ -11,8 +11,8 @@ import pytest
 from pairs import shifted_pair
 
 import stereolag as sl
-from stereolag.io.maps import image_png, image_tiff
-from stereolag.io.opencv_programs import opencv_script
+from stereolag.io.disparities import image_png, image_tiff
+from stereolag.io.programs import opencv_script
 from stereolag.stereo.opencv import BlockMatcher
 
 

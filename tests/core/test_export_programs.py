@@ -20,7 +20,7 @@ from pydantic import Field
 import stereolag as sl
 from stereolag.core.settings import Settings
 from stereolag.io.archive_writing import bundle
-from stereolag.io.maps import image_png
+from stereolag.io.disparities import image_png
 from stereolag.io.programs import constructor, imports, script
 from tests.programs import run_program, run_program_alone
 

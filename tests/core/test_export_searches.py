@@ -22,10 +22,18 @@ import stereolag as sl
 from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.parsing import CommandParser
 from stereolag.core.searches import LagSearch, TemplateQuery
-from stereolag.io.lags import BLOCK, aligned_wav, check_aligned_wav, curve_csv, lag_json
-from stereolag.io.maps import image_png, npy
-from stereolag.io.matches import matches_csv, matches_json, search_figures
-from stereolag.io.search_programs import find_command, find_script, lag_command, lag_script
+from stereolag.io.disparities import image_png, npy
+from stereolag.io.programs import find_command, find_script, lag_command, lag_script
+from stereolag.io.tables import (
+    BLOCK,
+    aligned_wav,
+    check_aligned_wav,
+    curve_csv,
+    lag_json,
+    matches_csv,
+    matches_json,
+    search_figures,
+)
 from stereolag.signals.alignment import aligned, together
 from tests.programs import run_program
 
@@ -108,7 +116,7 @@ def test_any_part_of_the_aligned_recordings_is_that_of_the_whole(
 def test_the_wav_holds_all_of_both_and_their_lag_is_0(
     lag: int, gain: float, offset: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("stereolag.io.lags.BLOCK", 777)
+    monkeypatch.setattr("stereolag.io.tables.BLOCK", 777)
     first, second = (gain * signal + offset for signal in apart(lag))
     assert sl.signal_lag(first, second).lag == lag
     back = sl.read_signal(aligned_wav(first, second, lag, 8000.0))

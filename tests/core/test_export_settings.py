@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag import CorrelationMatcher, SearchArea, SemiGlobalMatcher, StereoBM, StereoSGBM, read_image, samples
-from stereolag.io.matchers import read_matcher
-from stereolag.io.settings import opencv_yaml, settings_json
+from stereolag.io.settings import opencv_yaml, read_matcher, settings_json
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import BlockMatcher
 from stereolag.version import VERSION

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from stereolag.io.disparities import read_disparity
-from stereolag.io.matchers import read_matcher
+from stereolag.io.settings import read_matcher
 from stereolag.io.writing import DISPARITY_FORMATS, write_disparity, write_matcher
 from stereolag.stereo.methods import METHODS
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.scaling import calibration_for, cropped_alike, halves, preview_divisor
+from stereolag.geometry.rectification import calibration_for, cropped_alike, halves, preview_divisor
 from stereolag.io.pairing import natural_order
 
 CALIBRATION = Calibration(900.0, 0.1, 3.0, 319.5, 239.5, width=640, height=480, num_disparities=64)

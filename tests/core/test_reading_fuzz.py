@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
-from stereolag.io.matchers import read_matcher
 from stereolag.io.recordings import read_signal
+from stereolag.io.settings import read_matcher
 
 VALID = valid_files()
 

@@ -11,10 +11,9 @@ import pytest
 from stereolag import Calibration
 from stereolag.io.archive_writing import bundle
 from stereolag.io.archives import read_archive
-from stereolag.io.calibration_writing import calibration_json
-from stereolag.io.maps import image_png, image_tiff, pfm
-from stereolag.io.session_writing import session_json
-from stereolag.io.sessions import SESSION, Colours, Session, holds_session, read_session
+from stereolag.io.calibrations import calibration_json
+from stereolag.io.disparities import image_png, image_tiff, pfm
+from stereolag.io.sessions import SESSION, Colours, Session, holds_session, read_session, session_json
 from stereolag.stereo.methods import METHODS
 
 LEFT, RIGHT = np.random.default_rng(0).integers(0, 2**16, (2, 30, 40, 3)).astype(np.uint16)

@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import rectified_calibration, rectify
-from stereolag.geometry.rig import Rectification, StereoRig
 from stereolag.io.calibrations import read_calibration
 
 WIDTH, HEIGHT = 480, 360

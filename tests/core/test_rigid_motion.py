@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereolag import Calibration
-from stereolag.geometry.rigid_motion import rigid_motion
+from stereolag.geometry.scene import rigid_motion
 
 CALIBRATION = Calibration(400.0, 0.3, cx=21.0, cy=13.5)
 SHAPE = (30, 40)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stereolag import read_calibration, samples
-from stereolag.geometry.rigid_motion import RigidMotion, rigid_motion
+from stereolag.geometry.scene import RigidMotion, rigid_motion
 
 FOLDER = samples.ASSETS / "drive" / "motorway"
 FRAMES, SIZE = 60, (400, 881)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from stereolag.core.settings import Applies, Pixels, Settings, scaled_settings
-from stereolag.geometry.scaling import as_deep, scaled_disparity, scaled_image
+from stereolag.geometry.rectification import as_deep, scaled_disparity, scaled_image
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM

@@ -13,9 +13,8 @@ import pytest
 from pairs import texture
 
 from stereolag import Calibration, StereoBM, StereoSGBM
-from stereolag.geometry.ground import ground_of
-from stereolag.io.disparities import read_disparity
-from stereolag.io.maps import kitti_png, pfm
+from stereolag.geometry.scene import ground_of
+from stereolag.io.disparities import kitti_png, pfm, read_disparity
 from stereolag.sequences.flicker import flicker, still_pixels
 from stereolag.sequences.matching import FrameMap, as_stored, read_back
 from stereolag.sequences.obstacles import nearest_obstacle

@@ -16,7 +16,7 @@ from small_drives import COLS, DISPARITIES, ROWS, archive, number_in, numbered, 
 from stereolag.core import limits as limits_module
 from stereolag.core.limits import limits
 from stereolag.io.archives import Archive
-from stereolag.io.maps import image_png, kitti_png
+from stereolag.io.disparities import image_png, kitti_png
 from stereolag.io.pairing import matched_pairs
 from stereolag.sequences import StereoSequence, open_sequence
 

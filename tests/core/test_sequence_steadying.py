@@ -18,7 +18,7 @@ from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
 from stereolag.core.progress import Progress
 from stereolag.core.settings import SettingsError
-from stereolag.io.maps import image_png, kitti_png
+from stereolag.io.disparities import image_png, kitti_png
 from stereolag.sequences import SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.flicker import flicker, still_pixels
 from stereolag.sequences.matching import FrameTask, encoded_frame, own_frame

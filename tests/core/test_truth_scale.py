@@ -10,7 +10,7 @@ import pytest
 
 from stereolag import read_disparity, read_image, samples
 from stereolag.assess.doctor.truth_scale import DIVISORS, likely_divisor
-from stereolag.geometry.scaling import scaled_disparity, scaled_image
+from stereolag.geometry.rectification import scaled_disparity, scaled_image
 
 
 def stored(truth: np.ndarray, divisor: int) -> np.ndarray:

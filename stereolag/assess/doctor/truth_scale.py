@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.inputs import Image
-from stereolag.geometry.scaling import cropped_alike, scaled_disparity, scaled_image
+from stereolag.geometry.rectification import cropped_alike, scaled_disparity, scaled_image
 from stereolag.stereo.opencv import StereoSGBM
 
 DIVISORS = (1, 2, 4, 8, 16)
@@ -30,7 +30,7 @@ def likely_divisor(stored: npt.ArrayLike, left: Image, right: Image) -> int:
     stored
         (H, W) values as stored in the file, NaN where unknown; the size of the left image.
     left, right
-        The pair, of any sizes that :func:`stereolag.geometry.scaling.cropped_alike` allows; its rows must match.
+        The pair, of any sizes that :func:`stereolag.geometry.rectification.cropped_alike` allows; its rows must match.
 
     Returns
     -------

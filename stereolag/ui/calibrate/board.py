@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import streamlit as st
 
-from stereolag.geometry.board_views import GUESSED_FROM, guess_board
-from stereolag.geometry.boards import FEWEST_CORNERS, MOST_CORNERS, Board
+from stereolag.geometry.boards import FEWEST_CORNERS, GUESSED_FROM, MOST_CORNERS, Board, guess_board
 from stereolag.ui import prose
 from stereolag.ui.calibrate.examples import EXAMPLES
 from stereolag.ui.calibrate.pictures import KEY, BoardPictures

@@ -9,8 +9,8 @@ import numpy as np
 import streamlit as st
 
 from stereolag.geometry.boards import Board, Grey8, Markers
+from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
-from stereolag.geometry.rig import StereoRig
 
 PAIRS = 11
 WRONG_PAIR = 6

@@ -7,7 +7,7 @@ import hashlib
 import streamlit as st
 
 from stereolag.geometry.calibration import Calibration
-from stereolag.io.calibration_writing import calibration_json
+from stereolag.io.calibrations import calibration_json
 from stereolag.ui import keys, prose
 from stereolag.ui.choices import OWN, no_files_yet
 from stereolag.ui.uploads import Upload

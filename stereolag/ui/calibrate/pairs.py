@@ -10,8 +10,8 @@ from stereolag.core.inputs import as_image
 from stereolag.core.typography import typesets
 from stereolag.figures.boards import error_bars, with_corners, with_row_lines
 from stereolag.figures.pictures import jpeg
-from stereolag.geometry.board_views import BoardViews
-from stereolag.geometry.calibration_report import LeftOut, PairReport, StereoCalibration
+from stereolag.geometry.boards import BoardViews
+from stereolag.geometry.calibrating import LeftOut, PairReport, StereoCalibration
 from stereolag.geometry.rectification import rectify
 from stereolag.ui import prose
 from stereolag.ui.calibrate.pictures import KEY, BoardPictures

@@ -9,10 +9,9 @@ from functools import partial
 
 from stereolag.core.estimates import Estimate
 from stereolag.core.limits import limits
-from stereolag.geometry.board_views import MOST_PAIRS, Pairs
+from stereolag.geometry.boards import MOST_PAIRS, Pairs
 from stereolag.io.archives import is_archive, read_archive
-from stereolag.io.pairing import matched_pairs
-from stereolag.io.picture_pairs import PicturesOfFiles
+from stereolag.io.pairing import PicturesOfFiles, matched_pairs
 from stereolag.io.sources import MAX_BYTES, harmless
 from stereolag.ui.calibrate.examples import EXAMPLES, WRONG_PAIR, example_pairs
 from stereolag.ui.choices import choose, own_or_example, show_limits

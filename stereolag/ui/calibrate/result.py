@@ -6,8 +6,8 @@ import streamlit as st
 
 from stereolag.figures.boards import coverage_picture
 from stereolag.figures.pictures import png
-from stereolag.geometry.calibration_report import LeftOut, StereoCalibration
-from stereolag.io.calibration_writing import calibration_json, opencv_calibration, ros_calibration
+from stereolag.geometry.calibrating import LeftOut, StereoCalibration
+from stereolag.io.calibrations import calibration_json, opencv_calibration, ros_calibration
 from stereolag.ui import prose
 from stereolag.ui.announcements import announce
 from stereolag.ui.calibrate.examples import drawn_rig

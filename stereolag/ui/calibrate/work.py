@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stereolag.core.estimates import Estimate
-from stereolag.geometry.board_views import BoardViews, find_boards
-from stereolag.geometry.boards import Board
-from stereolag.geometry.calibrating import calibrate_boards
-from stereolag.geometry.calibration_report import StereoCalibration
+from stereolag.geometry.boards import Board, BoardViews, find_boards
+from stereolag.geometry.calibrating import StereoCalibration, calibrate_boards
 from stereolag.ui.calibrate.pictures import BoardPictures
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.states import show_refused

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 import streamlit as st
 
 from stereolag import samples
-from stereolag.io.matchers import read_matcher
-from stereolag.io.settings import settings_json
+from stereolag.io.settings import read_matcher, settings_json
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import keys, prose
@@ -36,7 +35,7 @@ MAPS = "maps"
 """The parameter that names the maps shown."""
 
 ADOPTED = "depth.adopt"
-"""Session-state key of the settings to adopt, as read by :func:`stereolag.io.matchers.read_matcher`."""
+"""Session-state key of the settings to adopt, as read by :func:`stereolag.io.settings.read_matcher`."""
 
 
 def recall_choices() -> None:

@@ -9,7 +9,7 @@ from stereolag.assess.doctor.truth_scale import likely_divisor
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.scaling import as_deep, calibration_for, cropped_alike, halves
+from stereolag.geometry.rectification import as_deep, calibration_for, cropped_alike, halves
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import read_stored_disparity
 from stereolag.io.images import read_image

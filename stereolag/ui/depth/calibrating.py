@@ -10,7 +10,7 @@ import streamlit as st
 
 from stereolag.figures.linked_pictures import DepthScale
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.distances import DISPARITY_ERROR, typical_error
+from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
 from stereolag.io.calibrations import read_calibration
 from stereolag.ui.calibrate.kept import use_kept_calibration
 from stereolag.ui.depth.view import DepthView

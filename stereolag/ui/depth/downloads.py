@@ -9,7 +9,7 @@ import streamlit as st
 from stereolag.core.estimates import spoken
 from stereolag.core.limits import limits
 from stereolag.core.settings import scaled_settings
-from stereolag.io.matchers import read_matcher
+from stereolag.io.settings import read_matcher
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt

@@ -8,9 +8,8 @@ from functools import partial
 from stereolag.core.arrays import FloatMap
 from stereolag.figures.map_files import cloud_ply, coloured_png
 from stereolag.io.confidence import confidence, confidence_png, has_scores, measured_mask_png
-from stereolag.io.maps import check_kitti, kitti_png, npy, pfm, valid_mask_png
-from stereolag.io.opencv_programs import opencv_script
-from stereolag.io.programs import script
+from stereolag.io.disparities import check_kitti, kitti_png, npy, pfm, valid_mask_png
+from stereolag.io.programs import opencv_script, script
 from stereolag.io.settings import opencv_yaml, settings_json
 from stereolag.io.tables import metrics_csv
 from stereolag.stereo.evaluation import Evaluation

@@ -11,7 +11,7 @@ import streamlit as st
 from stereolag import samples
 from stereolag.assess.doctor import Remedy
 from stereolag.core.settings import scaled_settings
-from stereolag.geometry.scaling import preview_divisor, scaled_disparity, scaled_image
+from stereolag.geometry.rectification import preview_divisor, scaled_disparity, scaled_image
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.choices import OWN, choose, own_or_example

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from stereolag.core.inputs import Image
-from stereolag.io.calibration_writing import calibration_json
-from stereolag.io.maps import image_png, image_tiff, pfm
-from stereolag.io.session_writing import session_json
-from stereolag.io.sessions import SESSION
+from stereolag.io.calibrations import calibration_json
+from stereolag.io.disparities import image_png, image_tiff, pfm
+from stereolag.io.sessions import SESSION, session_json
 from stereolag.ui.depth.subjects import Subject
 
 T = TypeVar("T")

@@ -8,7 +8,7 @@ import streamlit as st
 
 from stereolag.core.arrays import FloatMap
 from stereolag.figures.pictures import PEAK
-from stereolag.geometry.distances import FIELD_OF_VIEW, SeenPoint, calibrated_by, distance_between
+from stereolag.geometry.scene import FIELD_OF_VIEW, SeenPoint, calibrated_by, distance_between
 from stereolag.stereo.reasons import Reason
 from stereolag.ui import prose
 from stereolag.ui.depth.blanks import reasons_of

@@ -10,9 +10,8 @@ import streamlit as st
 
 from stereolag.assess.doctor.row_evidence import RowEvidence, row_evidence
 from stereolag.core.inputs import Image
-from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.calibration import Calibration, StereoRig
 from stereolag.geometry.rectification import rectify
-from stereolag.geometry.rig import StereoRig
 from stereolag.ui import prose
 from stereolag.ui.keys import PAIR
 from stereolag.ui.pairs import Change, StereoPair

@@ -12,7 +12,7 @@ from stereolag.core.typography import typeset
 from stereolag.figures.clouds import birds_eye, point_cloud
 from stereolag.figures.pictures import as_rgb
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.clouds import MOST_POINTS, BirdsEyeView, clean_point_cloud, seen_from_above, subsampled
+from stereolag.geometry.scene import MOST_POINTS, BirdsEyeView, clean_point_cloud, seen_from_above, subsampled
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui import prose
 from stereolag.ui.depth.calibrating import calibration_of

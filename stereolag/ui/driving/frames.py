@@ -10,7 +10,7 @@ from stereolag.assess.doctor import diagnose
 from stereolag.core.inputs import as_stereo_pair
 from stereolag.core.limits import limits
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.scaling import calibration_for
+from stereolag.geometry.rectification import calibration_for
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.videos import VIDEO_ENDINGS
 from stereolag.samples import drives

@@ -1,0 +1,399 @@
+"""The scene in metres: its points, the distances between them, the ground, and the motion of rigid bodies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.core.arrays import FloatMap
+from stereolag.geometry.calibration import Calibration, Float32Array
+
+MOST_POINTS = 100_000
+REACH = 2
+"""Neighbours are counted in the square of ±2 px."""
+
+FEWEST_NEIGHBOURS = 9
+"""Of the 25 pixels in that square: the convex corner of a surface has 9, a straight edge 15, a line of 1 px only 5."""
+
+
+def clean_point_cloud(
+    calibration: Calibration,
+    disparity: npt.ArrayLike,
+    colour: npt.ArrayLike,
+    *,
+    max_points: int | None = MOST_POINTS,
+) -> tuple[Float32Array, npt.NDArray[np.uint8]]:
+    """Return the coloured points of a disparity map without its flying pixels.
+
+    Parameters
+    ----------
+    calibration
+        Turns the disparity into metres.
+    disparity, colour
+        (rows, cols) px and the left image, as for
+        :meth:`~stereolag.geometry.calibration.Calibration.point_cloud`.
+    max_points
+        Above this number, an even random choice is returned, always the same; None keeps all.
+
+    Returns
+    -------
+    points
+        (n, 3) float32, metres: X to the right, Y down, Z forward.
+    colours
+        (n, 3) uint8 RGB.
+    """
+    measured = np.asarray(disparity, dtype=np.float32)
+    points, colours = calibration.point_cloud(np.where(flying_pixels(measured), np.float32(np.nan), measured), colour)
+    return (points, colours) if max_points is None else subsampled(points, colours, max_points)
+
+
+def flying_pixels(disparity: npt.ArrayLike, *, tolerance: float = 1.0) -> npt.NDArray[np.bool_]:
+    """Return where a disparity is on no surface: alone, or between a near and a far one.
+
+    Matchers smear the edges of objects over a few pixels with disparities between those of the two sides; as points
+    they form curtains behind every edge. A pixel is kept if at least 9 of the 25 pixels within ±2 px, including itself,
+    have the same disparity to within the tolerance.
+
+    Parameters
+    ----------
+    disparity
+        (rows, cols), px; NaN where there is none.
+    tolerance
+        Px, from 0. It applies to the disparity, whose error, unlike the depth's, does not grow with the distance.
+
+    Returns
+    -------
+    flying
+        (rows, cols) bool; False where there is no disparity.
+
+    Raises
+    ------
+    ValueError
+        A disparity that is not two-dimensional, or a negative tolerance.
+    """
+    values = np.asarray(disparity, dtype=np.float32)
+    if values.ndim != 2:
+        raise ValueError(f"disparity has shape {values.shape}; allowed is (rows, cols).")
+    if not tolerance >= 0:
+        raise ValueError(f"tolerance is {tolerance} px; allowed are numbers from 0.")
+    known = np.isfinite(values)
+    values = np.where(known, values, np.float32(np.nan))
+    rows, cols = values.shape
+    around = np.pad(values, REACH, mode="reflect")  # the border of the image is not an edge of a surface
+    neighbours = np.zeros(values.shape, dtype=np.uint8)
+    for row in range(2 * REACH + 1):
+        for col in range(2 * REACH + 1):
+            neighbours += np.abs(around[row : row + rows, col : col + cols] - values) <= tolerance
+    return known & (neighbours < FEWEST_NEIGHBOURS)
+
+
+def subsampled(
+    points: Float32Array, colours: npt.NDArray[np.uint8], max_points: int = MOST_POINTS
+) -> tuple[Float32Array, npt.NDArray[np.uint8]]:
+    """Return at most `max_points` of the points and their colours: an even random choice, always the same.
+
+    Taking every n-th point instead would show the image rows as stripes.
+
+    Raises
+    ------
+    ValueError
+        Fewer than one point requested.
+    """
+    if max_points < 1:
+        raise ValueError(f"max_points is {max_points}; allowed are whole numbers from 1.")
+    if len(points) <= max_points:
+        return points, colours
+    chosen = np.sort(np.random.default_rng(0).choice(len(points), max_points, replace=False))
+    return points[chosen], colours[chosen]
+
+
+FAINTEST = 0.35
+"""Opacity of a cell with a single point."""
+
+FULL_AT = 12
+"""Number of points from which a cell is opaque."""
+
+
+@dataclass(frozen=True, eq=False)
+class BirdsEyeView:
+    """A point cloud on a grid of square cells, X to the right and Z, the distance, upwards.
+
+    Attributes
+    ----------
+    picture
+        (rows, cols, 4) uint8 RGBA: the mean colour of the points in each cell, more opaque the more points there are.
+        The first row is the *nearest*.
+    left, near
+        X and Z of the corner of the first cell, metres.
+    cell
+        Side of a cell, metres.
+    """
+
+    picture: npt.NDArray[np.uint8]
+    left: float
+    near: float
+    cell: float
+
+
+def seen_from_above(points: npt.ArrayLike, colours: npt.ArrayLike, *, cells: int = 400) -> BirdsEyeView:
+    """Sort points into the cells of a grid on the ground.
+
+    Parameters
+    ----------
+    points
+        (n, 3) metres: X to the right, Y down, Z forward.
+    colours
+        (n, 3) uint8 RGB.
+    cells
+        Number of cells along the longer side of the grid.
+
+    Raises
+    ------
+    ValueError
+        No points, arrays of other shapes, or fewer than one cell.
+    """
+    places, shades = np.asarray(points, dtype=np.float64), np.asarray(colours)
+    if places.ndim != 2 or places.shape[1] != 3 or places.shape != shades.shape or not len(places):
+        raise ValueError(
+            f"points has shape {places.shape} and colours {shades.shape}; both must be (n, 3), n at least 1."
+        )
+    if cells < 1:
+        raise ValueError(f"cells is {cells}; allowed are whole numbers from 1.")
+    ground = places[:, [2, 0]]
+    first, last = ground.min(axis=0), ground.max(axis=0)
+    cell = float((last - first).max() / cells) or 1.0
+    rows, cols = ((ground - first) / cell).astype(np.intp).clip(max=cells - 1).T
+    shape = int(rows.max()) + 1, int(cols.max()) + 1
+    index = rows * shape[1] + cols
+    count = np.bincount(index, minlength=shape[0] * shape[1])
+    sums = [np.bincount(index, weights=shades[:, band], minlength=count.size) for band in range(3)]
+    opacity = np.where(count, FAINTEST + (1 - FAINTEST) * np.minimum(1, np.log(count.clip(1)) / np.log(FULL_AT)), 0)
+    picture = np.column_stack([*(total / count.clip(1) for total in sums), 255 * opacity])
+    return BirdsEyeView(
+        picture=np.rint(picture).astype(np.uint8).reshape(*shape, 4),
+        left=float(first[1]),
+        near=float(first[0]),
+        cell=cell,
+    )
+
+
+DISPARITY_ERROR = 0.25
+"""Typical error of a disparity without ground truth, px, for a good subpixel match of well-textured windows."""
+
+FIELD_OF_VIEW = 60.0
+"""Horizontal field of view assumed for an unknown camera, degrees; phones and webcams have 55 to 75."""
+
+
+@dataclass(frozen=True)
+class SeenPoint:
+    """A pixel of the left image with its disparity, both px."""
+
+    row: float
+    col: float
+    disparity: float
+
+
+@dataclass(frozen=True)
+class Distance:
+    """A distance and its typical error, metres; NaN where a point has no depth."""
+
+    metres: float
+    error: float
+
+
+def typical_error(disparity: npt.ArrayLike, ground_truth: npt.ArrayLike) -> float:
+    """Return the median error of the disparities with ground truth, px; NaN if there are none.
+
+    The median, because a few gross mismatches say nothing about the accuracy of a good match.
+    """
+    error = np.abs(np.asarray(disparity, dtype=np.float64) - np.asarray(ground_truth, dtype=np.float64))
+    known = error[np.isfinite(error)]
+    return float(np.median(known)) if known.size else math.nan
+
+
+def distance_between(
+    calibration: Calibration,
+    first: SeenPoint,
+    second: SeenPoint,
+    *,
+    width: int,
+    height: int,
+    disparity_error: float = DISPARITY_ERROR,
+) -> Distance:
+    """Return the distance between two points of the scene.
+
+    Parameters
+    ----------
+    calibration
+        Calibration of the left image.
+    first, second
+        The points.
+    width, height
+        Size of the image, px: its centre replaces an unknown principal point.
+    disparity_error
+        Typical error of either disparity, px; the two are assumed to be independent.
+
+    Returns
+    -------
+    Distance
+        Its error is the component of the depth errors along the line between the points.
+    """
+    rays = np.array([_ray(calibration, point, width, height) for point in (first, second)])
+    disparities = np.array([first.disparity, second.disparity])
+    depths = calibration.depth(disparities).astype(np.float64)
+    between = depths[1] * rays[1] - depths[0] * rays[0]
+    metres = float(np.linalg.norm(between))
+    if not math.isfinite(metres):
+        return Distance(math.nan, math.nan)
+    direction = between / metres if metres else np.array([0.0, 0.0, 1.0])
+    errors = calibration.depth_uncertainty(disparities, disparity_error) * (rays @ direction)
+    return Distance(metres, float(np.linalg.norm(errors)))
+
+
+def calibrated_by(known: Calibration | None, disparity: float, distance_m: float, *, width: int) -> Calibration:
+    """Return the calibration of an image `width` px wide that puts a point of `disparity` px at `distance_m` metres.
+
+    One known distance determines only the product of focal length and baseline, and depth needs no more. The focal
+    length, on which widths and heights depend, is kept from the `known` calibration; without one the camera is assumed
+    to have a horizontal field of view of 60°.
+
+    Raises
+    ------
+    ValueError
+        A disparity that is not in front of infinity, or a distance that is not above 0.
+    """
+    start = known or Calibration(width / (2 * math.tan(math.radians(FIELD_OF_VIEW / 2))), baseline_m=1.0)
+    return replace(start, rig=None).with_known_distance(disparity, distance_m)
+
+
+def _ray(calibration: Calibration, point: SeenPoint, width: int, height: int) -> tuple[float, float, float]:
+    """Return the position of the point at a depth of 1."""
+    cx = (width - 1) / 2 if calibration.cx is None else calibration.cx
+    cy = (height - 1) / 2 if calibration.cy is None else calibration.cy
+    return (point.col - cx) / calibration.focal_px, (point.row - cy) / calibration.focal_px, 1.0
+
+
+_COLUMNS = 8
+"""One in this many columns is enough to find the ground."""
+_LEAST_ROWS = 16
+_NEAR_GROUND = 1.0
+"""Largest difference of a row's disparity from the ground's line, px."""
+_LEAST_AGREEMENT = 0.4
+"""Least share of the rows below the middle that the ground must explain."""
+_LEAST_RISE = 4.0
+"""Least growth of the ground's disparity from there to the lowest row, px: a wall's does not grow."""
+
+
+class Ground(NamedTuple):
+    """Level ground: its disparity in each row is ``slope * (row - horizon)``, px."""
+
+    slope: float
+    horizon: float
+
+
+def ground_of(disparity: FloatMap) -> Ground | None:
+    """Return the ground shown by the rows of the lower half; None if they do not agree on one.
+
+    It is the line with which most of the rows' median disparities agree (the "v-disparity" of Labayrade, Aubert &
+    Tarel, "Real time obstacle detection in stereovision on non flat road geometry", IV 2002).
+    """
+    first = disparity.shape[0] // 2
+    lower = disparity[first:, ::_COLUMNS]
+    rows = np.flatnonzero(np.isfinite(lower).sum(axis=1) * 4 >= lower.shape[1])
+    if rows.size < _LEAST_ROWS:
+        return None
+    medians = np.nanmedian(lower[rows], axis=1).astype(np.float64)
+    rows = rows + first
+    # Every pair of rows that are well apart proposes a line.
+    one, two = np.triu_indices(rows.size, k=rows.size // 4)
+    thinned = slice(None, None, max(1, one.size // 512))
+    one, two = one[thinned], two[thinned]
+    slopes = (medians[two] - medians[one]) / (rows[two] - rows[one])
+    offsets = medians[one] - slopes * rows[one]
+    agreeing = np.abs(slopes[:, None] * rows + offsets[:, None] - medians) <= _NEAR_GROUND
+    best = int(np.argmax(agreeing.sum(axis=1)))
+    if agreeing[best].sum() < _LEAST_AGREEMENT * (disparity.shape[0] - first):
+        return None
+    slope, offset = np.polyfit(rows[agreeing[best]], medians[agreeing[best]], 1)
+    rises = slope * (disparity.shape[0] - first) >= _LEAST_RISE
+    return Ground(float(slope), float(-offset / slope)) if rises else None
+
+
+@dataclass(frozen=True)
+class RigidMotion:
+    """Motion of every pixel from one frame to the next, all ``(height, width)`` float32, px.
+
+    Attributes
+    ----------
+    dy, dx
+        Position of the pixel's point in the next frame minus its position in this one; NaN where the point will be
+        behind the camera. It may be outside the next frame, or hidden there.
+    disparity_change
+        Disparity of the point in the next frame minus its disparity in this one.
+    """
+
+    dy: FloatMap
+    dx: FloatMap
+    disparity_change: FloatMap
+
+
+def rigid_motion(
+    disparity: npt.ArrayLike, objects: npt.NDArray[np.uint8], motions: npt.ArrayLike, calibration: Calibration
+) -> RigidMotion:
+    """Return the optical flow and the change of disparity caused by rigid motions.
+
+    Parameters
+    ----------
+    disparity
+        ``(height, width)``, px, of a rectified pair; 0 or NaN means infinitely far.
+    objects
+        ``(height, width)``, the number of the body shown by each pixel.
+    motions
+        ``(bodies, 4, 4)``: entry `n` takes body `n` from the left camera's coordinates in this frame (metres, x to the
+        right, y down, z forwards) to those in the next.
+    calibration
+        Calibration of the rectified pair.
+
+    Returns
+    -------
+    motion
+
+    Raises
+    ------
+    ValueError
+        Maps of different shape, motions that are not 4 × 4, or a pixel that shows a body without a motion.
+
+    Notes
+    -----
+    A point is represented as ``(x, y, z, 1) / z``, so that one formula serves the sky too: its last component is 0,
+    which leaves only the rotation. Scene flow as in Menze & Geiger, "Object Scene Flow for Autonomous Vehicles", 2015.
+    """
+    shift = np.asarray(disparity, dtype=np.float64)
+    shift = np.where(shift > 0, shift + calibration.doffs_px, 0.0)
+    poses = np.asarray(motions, dtype=np.float64)
+    if shift.ndim != 2 or shift.shape != objects.shape:
+        raise ValueError(
+            f"disparity is {shift.shape} and objects is {objects.shape}; allowed are two maps of one shape."
+        )
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4):
+        raise ValueError(f"motions is {poses.shape}; allowed is (bodies, 4, 4).")
+    if objects.size and objects.max() >= len(poses):
+        raise ValueError(f"objects has number {objects.max()}; allowed are 0 to {len(poses) - 1}, one for each motion.")
+
+    focal, scale = calibration.focal_px, calibration.focal_px * calibration.baseline_m
+    height, width = shift.shape
+    cx = (width - 1) / 2 if calibration.cx is None else calibration.cx
+    cy = (height - 1) / 2 if calibration.cy is None else calibration.cy
+    rows, columns = np.mgrid[:height, :width].astype(np.float64)
+    point = np.stack([(columns - cx) / focal, (rows - cy) / focal, np.ones(shift.shape), shift / scale], -1)
+    moved = np.einsum("hwij,hwj->hwi", poses[objects], point)
+    ahead = np.where(moved[..., 2] > 0, moved[..., 2], np.nan)
+    return RigidMotion(
+        dy=(focal * moved[..., 1] / ahead + cy - rows).astype(np.float32),
+        dx=(focal * moved[..., 0] / ahead + cx - columns).astype(np.float32),
+        disparity_change=(shift / ahead - shift).astype(np.float32),
+    )
