@@ -11,10 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.pairs import DATA, true_pairs
-from stereolag.assess.doctor import Diagnosis, FindingCode, diagnose
-from stereolag.assess.doctor.correspondences import find_correspondences
-from stereolag.assess.doctor.features import Correspondences
-from stereolag.assess.doctor.rows import straightened
+from stereolag.assess.diagnosis import Diagnosis, FindingCode, diagnose
+from stereolag.assess.features import Correspondences
+from stereolag.assess.orientation import find_correspondences, straightened
 from stereolag.core.inputs import as_grey
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image

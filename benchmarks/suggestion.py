@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 
 from benchmarks.pairs import true_pairs
 from stereolag import StereoBM, StereoSGBM, preset, samples, suggest
-from stereolag.assess.tuning.candidates import candidates
-from stereolag.assess.tuning.objective import TuningPair
+from stereolag.assess.judging import TuningPair
+from stereolag.assess.suggestion import candidates
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
 from stereolag.stereo.matcher import StereoMatcher

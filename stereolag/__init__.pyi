@@ -1,8 +1,7 @@
 """The public names and their modules: the only list of them, for ``__init__.py`` and for type checkers."""
 
-from .assess.doctor import Diagnosis, diagnose
-from .assess.tuning.search import Suggestion
-from .assess.tuning.suggestion import suggest
+from .assess.diagnosis import Diagnosis, diagnose
+from .assess.suggestion import Suggestion, suggest
 from .geometry.calibrating import calibrate
 from .geometry.calibration import Calibration
 from .geometry.rectification import Rectified, rectify

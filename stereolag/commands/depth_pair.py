@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass, replace
 
-from stereolag.assess.doctor.truth_scale import likely_divisor
+from stereolag.assess.disparities import likely_divisor
 from stereolag.commands.fitting import fitted
 from stereolag.commands.parsing import read
 from stereolag.core.arrays import FloatMap

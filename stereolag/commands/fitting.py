@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from stereolag.assess.doctor.row_evidence import row_evidence
+from stereolag.assess.orientation import row_evidence
 from stereolag.commands.pair_flags import AUTO, YES
 from stereolag.core.inputs import Image
 from stereolag.geometry.calibration import Calibration

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from stereolag.assess.explaining.match import Box, MatchExplanation
+from stereolag.assess.explaining import Box, MatchExplanation
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.typography import typeset
 from stereolag.figures.legends import hexadecimal

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.assess.explaining.match import Box
+from stereolag.assess.explaining import Box
 from stereolag.core.inputs import Image
 from stereolag.figures.match import MARGIN, WINDOW_COLOUR, patch_png
 

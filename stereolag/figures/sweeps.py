@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from stereolag.assess.tuning.objective import Criterion
-from stereolag.assess.tuning.sweep import Sweep
+from stereolag.assess.judging import Criterion
+from stereolag.assess.sweep import Sweep
 from stereolag.core.arrays import Mask
 from stereolag.core.typography import typeset
 from stereolag.figures.linked_pictures import Colours

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from stereolag.assess.explaining.example_pixels import DEEP_VALLEY, ExampleKind
-from stereolag.assess.explaining.match import MatchExplanation, MatchKind
+from stereolag.assess.explaining import DEEP_VALLEY, ExampleKind, MatchExplanation, MatchKind
 from stereolag.stereo.reasons import Reason
 from stereolag.ui.sentences import REASON_WORDS, percent
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from stereolag.assess.doctor.row_evidence import RowEvidence
+from stereolag.assess.orientation import RowEvidence
 from stereolag.core.typography import typeset
 from stereolag.stereo.reasons import Reason
 

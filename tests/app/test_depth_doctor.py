@@ -12,7 +12,8 @@ from ailing_pairs import ILLS, REMEDIES
 from raw_views import barrel
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.doctor import FindingCode, Remedy
+from stereolag.assess.diagnosis import FindingCode
+from stereolag.assess.remedies import Remedy
 from stereolag.ui.depth.doctor import CALIBRATE, HEALTHY
 from stereolag.ui.navigation import PAGES
 from stereolag.ui.pairs import StereoPair, example_pair

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.explaining.match import Box
+from stereolag.assess.explaining import Box
 from stereolag.core.typography import typeset
 from stereolag.figures.overlap import window_grid
 from stereolag.ui.depth.overlap import overlap_in_words
@@ -17,7 +17,7 @@ from stereolag.ui.depth.overlap import overlap_in_words
 def part() -> None:
     import streamlit as st
 
-    from stereolag.assess.explaining.match import explain_match
+    from stereolag.assess.explaining import explain_match
     from stereolag.stereo.windows.matcher import CorrelationMatcher
     from stereolag.ui.depth.overlap import show_overlap
     from tests.app.depth_view import small_view

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.tuning.objective import measured_reference
+from stereolag.assess.judging import measured_reference
 from stereolag.core.typography import typeset
 from stereolag.figures.differences import ERROR_COLOURS, NO_TRUTH, error_png
 from stereolag.figures.pictures import NO_ANSWER

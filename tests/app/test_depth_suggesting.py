@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.tuning.objective import Criterion, Unjudged
-from stereolag.assess.tuning.search import Outcome, Suggestion, Trial
+from stereolag.assess.judging import Criterion, Unjudged
+from stereolag.assess.suggestion import Outcome, Suggestion, Trial
 from stereolag.core.estimates import Estimate
 from stereolag.core.typography import typeset
 from stereolag.io.settings import read_matcher

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.tuning.objective import TuningPair
-from stereolag.assess.tuning.parameters import parameters
-from stereolag.assess.tuning.sweep import sweep
+from stereolag.assess.judging import TuningPair
+from stereolag.assess.sweep import parameters, sweep
 from stereolag.core.settings import changed
 from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps
 from stereolag.io.settings import read_matcher

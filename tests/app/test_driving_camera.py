@@ -9,7 +9,7 @@ import pytest
 import straight_and_raw
 from streamlit.testing.v1 import AppTest
 
-from stereolag.assess.doctor import Diagnosis
+from stereolag.assess.diagnosis import Diagnosis
 from stereolag.ui.driving import frames
 from stereolag.ui.driving.result import OPENED
 from stereolag.ui.keys import HANDED

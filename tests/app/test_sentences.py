@@ -12,8 +12,9 @@ import numpy as np
 from pairs import shifted_pair
 
 from benchmarks.verdict import coloured, common, drifting, tones, unrelated
-from stereolag.assess.doctor import Finding, FindingCode, Remedy
-from stereolag.assess.doctor.findings import (
+from stereolag.assess.diagnosis import (
+    Finding,
+    FindingCode,
     judge_bent_rows,
     judge_exposure,
     judge_identical,
@@ -25,9 +26,9 @@ from stereolag.assess.doctor.findings import (
     judge_sides,
     judge_texture,
 )
-from stereolag.assess.doctor.row_evidence import RowEvidence
-from stereolag.assess.explaining.example_pixels import ExampleKind
-from stereolag.assess.explaining.match import MatchExplanation, MatchKind, explain_match
+from stereolag.assess.explaining import ExampleKind, MatchExplanation, MatchKind, explain_match
+from stereolag.assess.orientation import RowEvidence
+from stereolag.assess.remedies import Remedy
 from stereolag.core.searches import TemplateQuery
 from stereolag.io.recordings import Recording
 from stereolag.signals import signal_lag

@@ -9,7 +9,7 @@ import pytest
 from ailing_pairs import ILLS
 from playwright.sync_api import expect
 
-from stereolag.assess.doctor import FindingCode
+from stereolag.assess.diagnosis import FindingCode
 from stereolag.io.images import read_image
 from tests.browser.depth_page import DEPTH_MAPS, DepthPage, OwnPair, example_files, number_in, picture_file
 from tests.browser.visits import OpenPage, expect_visible

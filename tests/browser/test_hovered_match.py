@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from stereolag.assess.explaining.match import explain_match
+from stereolag.assess.explaining import explain_match
 from stereolag.core.inputs import as_grey
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea

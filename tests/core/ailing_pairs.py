@@ -5,7 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stereolag.assess.doctor import FindingCode, Remedy
+from stereolag.assess.diagnosis import FindingCode
+from stereolag.assess.remedies import Remedy
 
 
 def turned(image: np.ndarray, degrees: float, scale: float = 1.0) -> np.ndarray:

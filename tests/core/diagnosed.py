@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereolag.assess.doctor import Diagnosis, diagnose
+from stereolag.assess.diagnosis import Diagnosis, diagnose
 
 _MADE: dict[tuple[object, ...], Diagnosis] = {}
 

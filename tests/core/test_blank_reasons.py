@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pairs import shifted_pair, texture
 
-from stereolag.assess.explaining.blank_reasons import blank_reasons
+from stereolag.assess.explaining import blank_reasons
 from stereolag.stereo.opencv import BlockMatcher, StereoBM, StereoSGBM
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher

@@ -10,9 +10,9 @@ import pytest
 from ailing_pairs import ILLS, REMEDIES, turned
 from diagnosed import diagnosed
 
-from stereolag.assess.doctor import Diagnosis, FindingCode, Remedy, apply_remedy, judge_range
-from stereolag.assess.doctor.correspondences import find_correspondences
-from stereolag.assess.doctor.remedies import exposed_alike, levelled
+from stereolag.assess.diagnosis import Diagnosis, FindingCode, judge_range
+from stereolag.assess.orientation import find_correspondences
+from stereolag.assess.remedies import Remedy, apply_remedy, exposed_alike, levelled
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import stereolag as sl
-from stereolag.assess.doctor.findings import FindingCode
+from stereolag.assess.diagnosis import FindingCode
 from stereolag.geometry.boards import Board
 from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from benchmarks.memory import CLEAR_REFS
-from stereolag.assess.doctor.diagnosis import diagnose
+from stereolag.assess.diagnosis import diagnose
 from stereolag.core.estimates import Estimate, check_memory, largest_fitting, rounded_down
 from stereolag.core.limits import limits
 from stereolag.signals import estimate_lag, signal_lag

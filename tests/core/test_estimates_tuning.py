@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereolag.assess.tuning.candidates import candidates
-from stereolag.assess.tuning.objective import TuningPair, estimate_reference
-from stereolag.assess.tuning.suggestion import estimate_suggestion
-from stereolag.assess.tuning.sweep import estimate_sweep
+from stereolag.assess.judging import TuningPair, estimate_reference
+from stereolag.assess.suggestion import candidates, estimate_suggestion
+from stereolag.assess.sweep import estimate_sweep
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from pairs import texture
 
-from stereolag.assess.explaining.example_pixels import ExampleKind, example_pixel
-from stereolag.assess.explaining.match import MatchKind, explain_match
+from stereolag.assess.explaining import ExampleKind, MatchKind, example_pixel, explain_match
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pairs import shifted_pair, texture
 
-from stereolag.assess.explaining.match import Box, MatchExplanation, MatchKind, explain_match, with_rows_around
+from stereolag.assess.explaining import Box, MatchExplanation, MatchKind, explain_match, with_rows_around
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs

@@ -9,11 +9,12 @@ import pytest
 from pairs import shifted_pair
 from scenes import steps_pair
 
-from stereolag.assess.tuning.judgement import Gain, Judgement
-from stereolag.assess.tuning.objective import (
+from stereolag.assess.judging import (
     SEAM_ROWS,
     STRIP_ROWS,
     Criterion,
+    Gain,
+    Judgement,
     TuningPair,
     Unjudged,
     criterion_of,

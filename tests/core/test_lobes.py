@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skimage.morphology import reconstruction
 
-from stereolag.assess.explaining.lobes import lobe, passes
+from stereolag.assess.explaining import lobe, passes
 
 
 @pytest.mark.parametrize("shape", [(1, 64), (21, 33)])

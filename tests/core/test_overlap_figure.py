@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.assess.explaining.match import Box
-from stereolag.assess.explaining.one_window import window_start
+from stereolag.assess.explaining import Box, window_start
 from stereolag.figures.overlap import CLOSEST, WindowGrid, overlap_figure, window_grid
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 

@@ -10,11 +10,10 @@ import pytest
 from diagnosed import diagnosed
 from raw_views import barrel, through_barrel, truth_points, turned_camera, turning
 
-from stereolag.assess.doctor import Diagnosis, Finding, FindingCode, Remedy, apply_remedy
-from stereolag.assess.doctor.correspondences import find_correspondences
-from stereolag.assess.doctor.features import Correspondences
-from stereolag.assess.doctor.rows import robust_fit, straightened
-from stereolag.assess.doctor.uncalibrated import fit_rectification
+from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode
+from stereolag.assess.features import Correspondences
+from stereolag.assess.orientation import find_correspondences, fit_rectification, robust_fit, straightened
+from stereolag.assess.remedies import Remedy, apply_remedy
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs

@@ -9,7 +9,7 @@ import pytest
 from straight_and_raw import ENTRIES, RECTIFYING, SIZE, raw_pair, straight_pair
 
 from stereolag import read_calibration, rectify
-from stereolag.assess.doctor.row_evidence import RowEvidence, row_evidence
+from stereolag.assess.orientation import RowEvidence, row_evidence
 
 NAN = float("nan")
 

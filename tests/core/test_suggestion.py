@@ -10,10 +10,16 @@ import pytest
 from scenes import steps_pair
 
 import stereolag as sl
-from stereolag.assess.tuning.candidates import candidates, differences, side_of
-from stereolag.assess.tuning.objective import Criterion, TuningPair, Unjudged
-from stereolag.assess.tuning.search import LIKELIEST, Outcome, Suggestion
-from stereolag.assess.tuning.suggestion import suggest_for_all
+from stereolag.assess.judging import Criterion, TuningPair, Unjudged
+from stereolag.assess.suggestion import (
+    LIKELIEST,
+    Outcome,
+    Suggestion,
+    candidates,
+    differences,
+    side_of,
+    suggest_for_all,
+)
 from stereolag.core.settings import setting, title_of
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
 from stereolag.stereo.finishing.filters import SpeckleFilter

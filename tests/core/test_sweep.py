@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pairs import shifted_pair
 
-from stereolag.assess.tuning.objective import Criterion, TuningPair
-from stereolag.assess.tuning.sweep import range_of_sweep, sweep
+from stereolag.assess.judging import Criterion, TuningPair
+from stereolag.assess.sweep import range_of_sweep, sweep
 from stereolag.core.settings import changed
 from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher

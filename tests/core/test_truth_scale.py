@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stereolag import read_disparity, read_image, samples
-from stereolag.assess.doctor.truth_scale import DIVISORS, likely_divisor
+from stereolag.assess.disparities import DIVISORS, likely_divisor
 from stereolag.geometry.rectification import scaled_disparity, scaled_image
 
 

@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 import pandas as pd
 import streamlit as st
 
-from stereolag.assess.tuning.judgement import Judgement
-from stereolag.assess.tuning.objective import Criterion, TuningPair, estimate_reference, widest_range
+from stereolag.assess.judging import Criterion, Judgement, TuningPair, estimate_reference, widest_range
 from stereolag.core.estimates import Estimate
 from stereolag.core.progress import Progress
 from stereolag.io.sources import harmless

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stereolag.assess.explaining.match import MatchExplanation
+from stereolag.assess.explaining import MatchExplanation
 from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.core.typography import typeset, typesets

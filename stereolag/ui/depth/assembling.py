@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from stereolag.assess.doctor.truth_scale import likely_divisor
+from stereolag.assess.disparities import likely_divisor
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.geometry.calibration import Calibration

@@ -6,7 +6,7 @@ from functools import partial
 
 import streamlit as st
 
-from stereolag.assess.explaining.blank_reasons import blank_reasons
+from stereolag.assess.explaining import blank_reasons
 from stereolag.core.arrays import ReasonMap
 from stereolag.figures.legends import hexadecimal, word_legend
 from stereolag.figures.linked_pictures import Picture, Reading

@@ -8,16 +8,8 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.assess.doctor import (
-    Diagnosis,
-    Finding,
-    FindingCode,
-    Remedy,
-    apply_remedy,
-    diagnose,
-    estimate_diagnosis,
-    judge_range,
-)
+from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, diagnose, estimate_diagnosis, judge_range
+from stereolag.assess.remedies import Remedy, apply_remedy
 from stereolag.core.estimates import Estimate
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose

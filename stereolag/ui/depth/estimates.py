@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import streamlit as st
 
-from stereolag.assess.tuning.judgement import Judgement
-from stereolag.assess.tuning.objective import (
+from stereolag.assess.judging import (
     LEAST_MEASURED,
+    Judgement,
     Unjudged,
     estimate_reference,
     judges_itself,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from stereolag.assess.doctor import Finding, FindingCode, Remedy
+from stereolag.assess.diagnosis import Finding, FindingCode
+from stereolag.assess.remedies import Remedy
 
 DOCTOR_HEALTHY = "**Input doctor:** no problems found."
 

@@ -9,7 +9,7 @@ import numpy as np
 import streamlit as st
 
 from stereolag import samples
-from stereolag.assess.doctor import Remedy
+from stereolag.assess.remedies import Remedy
 from stereolag.core.settings import scaled_settings
 from stereolag.geometry.rectification import preview_divisor, scaled_disparity, scaled_image
 from stereolag.stereo.matcher import StereoMatcher

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from stereolag.assess.tuning.objective import Criterion, TuningPair, Unjudged
-from stereolag.assess.tuning.search import Outcome, Suggestion
+from stereolag.assess.judging import Criterion, TuningPair, Unjudged
+from stereolag.assess.suggestion import Outcome, Suggestion
 from stereolag.core.arrays import FloatMap
 from stereolag.core.settings import Settings
 from stereolag.ui.jobs import Job

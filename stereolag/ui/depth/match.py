@@ -7,8 +7,14 @@ import math
 import numpy as np
 import streamlit as st
 
-from stereolag.assess.explaining.example_pixels import ExampleKind, example_pixel
-from stereolag.assess.explaining.match import MatchExplanation, MatchKind, explain_match, with_rows_around
+from stereolag.assess.explaining import (
+    ExampleKind,
+    MatchExplanation,
+    MatchKind,
+    example_pixel,
+    explain_match,
+    with_rows_around,
+)
 from stereolag.figures.linked_pictures import Picture
 from stereolag.figures.match import (
     patch_png,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from stereolag.assess.explaining.match import Box, MatchExplanation
+from stereolag.assess.explaining import Box, MatchExplanation
 from stereolag.figures.legends import Legend, word_legend
 from stereolag.figures.match import RUNNER_UP_COLOUR, SEARCH_COLOUR, TRUTH_COLOUR, WINDOW_COLOUR
 from stereolag.ui.depth.view import DepthView

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import streamlit as st
 
-from stereolag.assess.explaining.match import MatchExplanation
+from stereolag.assess.explaining import MatchExplanation
 from stereolag.core.typography import typeset
 from stereolag.figures.overlap import WindowGrid, overlap_figure, window_grid
 from stereolag.stereo.windows.matcher import CorrelationMatcher

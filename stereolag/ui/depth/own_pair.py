@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import streamlit as st
 
-from stereolag.assess.doctor.truth_scale import DIVISORS, likely_divisor
+from stereolag.assess.disparities import DIVISORS, likely_divisor
 from stereolag.core.inputs import Image
 from stereolag.io.archives import is_archive
 from stereolag.io.disparities import StoredDisparity, read_stored_disparity

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import streamlit as st
 
-from stereolag.assess.doctor.row_evidence import row_evidence
+from stereolag.assess.orientation import row_evidence
 from stereolag.geometry.rectification import preview_divisor, rectify
 from stereolag.ui.depth.inputs import at_size
 from stereolag.ui.depth.rectifying import DECIDE, RECTIFIED, alpha_key, choice_key

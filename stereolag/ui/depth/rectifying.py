@@ -8,7 +8,7 @@ from functools import partial
 
 import streamlit as st
 
-from stereolag.assess.doctor.row_evidence import RowEvidence, row_evidence
+from stereolag.assess.orientation import RowEvidence, row_evidence
 from stereolag.core.inputs import Image
 from stereolag.geometry.calibration import Calibration, StereoRig
 from stereolag.geometry.rectification import rectify

@@ -7,9 +7,8 @@ from concurrent.futures import CancelledError
 import pandas as pd
 import streamlit as st
 
-from stereolag.assess.tuning.objective import Criterion, Unjudged, judges_itself
-from stereolag.assess.tuning.search import Outcome, Suggestion
-from stereolag.assess.tuning.suggestion import estimate_suggestion, suggest_for_all
+from stereolag.assess.judging import Criterion, Unjudged, judges_itself
+from stereolag.assess.suggestion import Outcome, Suggestion, estimate_suggestion, suggest_for_all
 from stereolag.core.settings import title_of
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose

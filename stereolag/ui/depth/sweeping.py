@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import streamlit as st
 
-from stereolag.assess.tuning.objective import Criterion, TuningPair, Unjudged, estimate_reference, judges_itself
-from stereolag.assess.tuning.parameters import Parameter, parameters
-from stereolag.assess.tuning.sweep import estimate_sweep, range_of_sweep, sweep
+from stereolag.assess.judging import Criterion, TuningPair, Unjudged, estimate_reference, judges_itself
+from stereolag.assess.sweep import Parameter, estimate_sweep, parameters, range_of_sweep, sweep
 from stereolag.core.estimates import Estimate
 from stereolag.core.settings import Number, changed
 from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import streamlit as st
 
-from stereolag.assess.doctor import diagnose
+from stereolag.assess.diagnosis import diagnose
 from stereolag.core.inputs import as_stereo_pair
 from stereolag.core.limits import limits
 from stereolag.geometry.calibration import Calibration

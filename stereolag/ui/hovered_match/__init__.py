@@ -11,7 +11,7 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereolag.assess.explaining.match import AMBIGUOUS_MARGIN, BARE_CONTRAST, POOR_SCORE, RIVAL_SHARE
+from stereolag.assess.explaining import AMBIGUOUS_MARGIN, BARE_CONTRAST, POOR_SCORE, RIVAL_SHARE
 from stereolag.core.inputs import Image, as_grey
 from stereolag.figures.grey_pair import packed_grey_pair
 from stereolag.figures.match import RUNNER_UP_COLOUR, SEARCH_COLOUR, TRUTH_COLOUR, WINDOW_COLOUR

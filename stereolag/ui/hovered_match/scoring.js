@@ -1,4 +1,4 @@
-// The scores of one window and their interpretation: stereolag.assess.explaining.match.explain_match in the browser.
+// The scores of one window and their interpretation: stereolag.assess.explaining.explain_match in the browser.
 // Lags are displacements, right minus left, px; a lag range has the fields dy_first, dy_last, dx_first and dx_last.
 
 const FLAT = 0.25; // a window of whole numbers is flat up to this energy about its mean

@@ -16,6 +16,9 @@ Points = npt.NDArray[np.float32]
 Eight = npt.NDArray[np.uint8]
 Chosen = npt.NDArray[np.bool_]
 
+FEWEST_MATCHES = 25
+"""Fewest matched features for which the geometry of a pair is judged."""
+
 LARGEST_SIDE = 1000
 """Longer side to which larger images are reduced before features are detected, px."""
 

@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.assess.doctor.correspondences import find_correspondences
-from stereolag.assess.doctor.features import Correspondences
-from stereolag.assess.doctor.findings import FEWEST_MATCHES, Remedy
-from stereolag.assess.doctor.rows import centre_of, robust_fit, straightened
+from stereolag.assess.features import FEWEST_MATCHES, Correspondences
+from stereolag.assess.orientation import centre_of, find_correspondences, robust_fit, straightened
 from stereolag.core.inputs import Image, as_grey, as_stereo_pair
+
+
+class Remedy(StrEnum):
+    """The fix for a finding: a corrected pair (:func:`.apply_remedy`), or another search range."""
+
+    SWAP_SIDES = "swap_sides"
+    ALIGN_ROWS = "align_rows"
+    LEVEL = "level"
+    """Rotate and scale the right image until its rows match; depth becomes relative."""
+    RECTIFY = "rectify"
+    """Rotate both views, and undo a lens distortion if that helps, until rows match; depth becomes relative.
+    This is no substitute for a calibration."""
+    MATCH_EXPOSURE = "match_exposure"
+    SET_RANGE = "set_range"
+    """Search the range that the finding suggests: changes the settings, not the images."""
 
 
 def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> tuple[Image, Image]:
@@ -25,7 +40,7 @@ def apply_remedy(left: npt.ArrayLike, right: npt.ArrayLike, remedy: Remedy) -> t
     left, right
         (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
     remedy
-        The remedy of a :class:`~stereolag.assess.doctor.findings.Finding`.
+        The remedy of a :class:`~stereolag.assess.diagnosis.Finding`.
 
     Returns
     -------

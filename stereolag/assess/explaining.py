@@ -1,0 +1,667 @@
+"""Why a pixel was matched as it was, or left blank, and example pixels for each kind of match."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.core.arrays import FloatMap, ReasonMap
+from stereolag.core.inputs import Image, as_grey, as_stereo_pair, of_ordinary_size
+from stereolag.core.progress import Progress, silent
+from stereolag.stereo.matcher import DisparityMap
+from stereolag.stereo.reasons import Reason
+from stereolag.stereo.windows.engines import cheaper_engine, find_matches
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.matches import Score, WindowMatches, WindowQuery
+from stereolag.stereo.windows.peak_fits import fit_peaks
+from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.windows.window_fft import score_surface
+
+Surface: TypeAlias = npt.NDArray[np.float64]
+"""(n_dy, n_dx) scores; NaN = no candidate."""
+
+Lag: TypeAlias = tuple[int, int]
+"""(dy, dx), right minus left, px."""
+
+SAME_TOP = 0.02
+"""Twice the distance, px, up to which two maxima count as the same: the compiled fit approximates its logarithms."""
+
+
+def window_start(at: int, end: int, size: int, step: int) -> int:
+    """Return the start of the window whose cell contains the pixel; near the border, of the nearest whole window."""
+    return int(np.clip((at - (size - step) // 2) // step, 0, (end - size) // step)) * step
+
+
+def best_match(surface: Surface, query: WindowQuery) -> tuple[Lag | None, FloatMap]:
+    """Return the lag of the highest score, the shortest if several are equal, and the scores around it."""
+    lags, vertical = query.lags, int(query.lags.rows > 1)
+    nothing = np.full((1 + 2 * vertical, 3), np.nan, np.float32)
+    if np.isnan(surface).all():
+        return None, nothing
+    highest = float(np.nanmax(surface))
+    dy, dx = lags.ranked()
+    first = np.argmax(surface[dy - lags.dy_first, dx - lags.dx_first] >= highest)
+    row, col = int(dy[first]) - lags.dy_first, int(dx[first]) - lags.dx_first
+    framed = np.pad(surface, 1, mode="wrap") if query.circular else np.pad(surface, 1, constant_values=np.nan)
+    around = framed[row + 1 - vertical : row + 2 + vertical, col : col + 3].astype(np.float32)
+    return (int(dy[first]), int(dx[first])), around
+
+
+def highest(surface: Surface, lags: LagRange) -> Lag | None:
+    """Return the first lag with the highest score; None without a candidate."""
+    if np.isnan(surface).all():
+        return None
+    row, col = divmod(int(np.nanargmax(surface)), surface.shape[1])
+    return row + lags.dy_first, col + lags.dx_first
+
+
+def score_at(surface: Surface, lags: LagRange, lag: Lag | None) -> float:
+    """Return the score of a lag of the search; NaN if the lag is None."""
+    return float("nan") if lag is None else float(surface[lag[0] - lags.dy_first, lag[1] - lags.dx_first])
+
+
+def fitted_curve(around: FloatMap, offset: tuple[float, float], at: npt.NDArray[np.float64]) -> Surface:
+    """Return the curve along dx through a sub-pixel peak: a Gaussian, or a parabola if a score is not positive.
+
+    Parameters
+    ----------
+    around
+        (3, 3) or (1, 3) scores around the peak; NaN = no candidate.
+    offset
+        (dy, dx) from the peak to the sub-pixel peak, px.
+    at
+        (n,) dx from the peak, px.
+
+    Returns
+    -------
+    ndarray
+        (n,) float64 scores; NaN if a neighbour along the row is missing.
+    """
+    scores = around.astype(np.float64)
+    middle = scores[len(scores) // 2]
+    if not np.isfinite(middle).all():
+        return np.full(at.shape, np.nan)
+    gaussian = bool((scores > 0).all())
+    section = _section(np.log(scores) if gaussian else scores, offset)
+    if section is None:
+        gaussian = bool((middle > 0).all())
+        section = _through_three(np.log(middle) if gaussian else middle)
+    height, slope, bend = section
+    curve = height + slope * at + bend * at**2
+    return np.asarray(np.exp(curve) if gaussian else curve)
+
+
+def _through_three(values: Surface) -> tuple[float, float, float]:
+    """Return the constant, linear and quadratic coefficients of the parabola through the values at -1, 0 and 1."""
+    low, top, high = values
+    return top, (high - low) / 2, (low - 2 * top + high) / 2
+
+
+def _section(values: Surface, offset: tuple[float, float]) -> tuple[float, float, float] | None:
+    """Return the same coefficients along dx for the paraboloid fitted to (3, 3) values, at the dy of its maximum.
+
+    None if its maximum differs from `offset`, which was then fitted to the row alone, or if there is only one row.
+    """
+    if len(values) == 1 or not np.isfinite(values).all():
+        return None
+    dy, dx = np.mgrid[-1:2, -1:2].reshape(2, -1).astype(np.float64)
+    terms = np.column_stack([np.ones(9), dx, dx**2, dy, dy**2, dx * dy])
+    height, slope, bend, slope_y, bend_y, twist = np.linalg.lstsq(terms, values.ravel(), rcond=None)[0]
+    at = offset[0]
+    section = height + slope_y * at + bend_y * at**2, slope + twist * at, bend
+    return section if abs(section[1] + 2 * bend * offset[1]) < SAME_TOP * abs(bend) else None
+
+
+NEIGHBOURS = np.ones((3, 3), np.uint8)
+
+
+def passes(scores: Surface, peak: tuple[int, int], *, wrapped: bool = False) -> Surface:
+    """Return, for every lag, the height of the pass to it: the lowest score on the best path from the peak.
+
+    It equals the lag's own score where the path from the peak never climbs. Elsewhere the lag is on another hill, which
+    rises above the pass by the difference. This is the greyscale reconstruction of `scores` from the peak (Vincent
+    1993), for searches along the row as well as in both directions.
+
+    Parameters
+    ----------
+    scores
+        (n_dy, n_dx); NaN = no candidate, which no path crosses.
+    peak
+        Its indices (row, col).
+    wrapped
+        Whether the last row and column wrap around to the first, as in a circular correlation.
+
+    Returns
+    -------
+    ndarray
+        (n_dy, n_dx) float64; NaN where there is no candidate, and the lowest score of all where no path leads.
+    """
+    known = np.isfinite(scores)
+    ground = np.where(known, scores, -np.inf)
+    lowest = float(ground[known].min())
+    reached = np.full(scores.shape, -np.inf)
+    reached[peak] = ground[peak]
+    while True:
+        framed = np.pad(reached, 1, mode="wrap") if wrapped else np.pad(reached, 1, constant_values=-np.inf)
+        spread = cv2.dilate(framed, NEIGHBOURS)[1:-1, 1:-1]
+        farther = np.minimum(spread, ground)
+        if np.array_equal(farther, reached):
+            return np.where(known, np.maximum(reached, lowest), np.nan)
+        reached = farther
+
+
+def lobe(scores: Surface, heights_of_passes: Surface, dip: float) -> npt.NDArray[np.bool_]:
+    """Return the (n_dy, n_dx) mask of the lags in the lobe of the peak.
+
+    A lag is outside if every path to it drops more than `dip` below its own score; a smaller rise above the pass is
+    only a ripple on the slope.
+    """
+    return np.isfinite(scores) & (scores - heights_of_passes <= dip)
+
+
+def beyond_lobe(
+    surface: Surface, lags: LagRange, peak: Lag | None, dip: float, *, wrapped: bool
+) -> tuple[Lag | None, float, float]:
+    """Return the runner-up beyond the lobe of a peak and the best score on its flank.
+
+    Parameters
+    ----------
+    surface, lags
+        The scores and the lags they belong to.
+    peak
+        (dy, dx) of the best score; None if no lag was scored.
+    dip, wrapped
+        As for :func:`lobe` and :func:`passes`.
+
+    Returns
+    -------
+    (dy, dx) or None
+        The best lag outside the lobe.
+    float
+        The height of the pass to it; NaN without such a lag.
+    float
+        The best score in the lobe more than 1 px from the peak; NaN if the lobe is no wider.
+    """
+    if peak is None:
+        return None, float("nan"), float("nan")
+    row, col = peak[0] - lags.dy_first, peak[1] - lags.dx_first
+    heights = passes(surface, (row, col), wrapped=wrapped)
+    own = lobe(surface, heights, dip)
+    second = highest(np.where(own, np.nan, surface), lags)
+    own[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2] = False
+    return second, score_at(heights, lags, second), float(surface[own].max()) if own.any() else float("nan")
+
+
+class MatchKind(StrEnum):
+    """The kinds of match."""
+
+    CLEAR = "clear"
+    """One peak, well above every other score."""
+    REPEATS = "repeats"
+    """Two separate peaks of nearly the same height, with a valley between them: a repeating pattern."""
+    SMOOTH = "smooth"
+    """One broad peak: its own neighbours score nearly the same."""
+    BARE = "bare"
+    """A low score in a window with little contrast."""
+    UNLIKE = "unlike"
+    """A low score in a window with contrast: nothing in the search area looks like it."""
+    AT_EDGE = "at_edge"
+    """The best score is at the edge of the search area or of the image: there may be a better one beyond."""
+    NOTHING = "nothing"
+    """No lag could be scored."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle in an image: top-left pixel and size, px."""
+
+    row: int
+    col: int
+    height: int
+    width: int
+
+
+@dataclass(frozen=True, eq=False)
+class MatchExplanation:
+    """The scores and the match of one window, before any check or filter of the finished map.
+
+    Attributes
+    ----------
+    window
+        The window in the left image.
+    search
+        The part of the right image that was searched, clipped to the frame.
+    found
+        The matching window in the right image; None if no lag could be scored.
+    surface
+        (n_dy, n_dx) float64 scores over the search area; NaN = no candidate.
+    dy, dx
+        The displacements of its rows and columns, right minus left, px.
+    peak, runner_up
+        (dy, dx) of the best score, and of the best score outside the peak's lobe
+        (:func:`stereolag.assess.explaining.lobe`); None if there is none.
+    peak_score, runner_up_score
+        Their scores; NaN if there is none.
+    valley
+        The lowest score on the best path from the peak to the runner-up; NaN without a runner-up.
+    flank_score
+        The best score in the peak's lobe more than 1 px from it; NaN if there is none.
+    as_good
+        Scores that differ by less count as equal, and a shallower valley does not count as one.
+    at_edge
+        Whether the map rejects the peak: a lag one pixel outside the search area scores higher, or the matching window
+        touches the border of the right image.
+    around
+        (3, 3) float32 scores around the peak, or (1, 3) for a search along the row, as the matcher fits them. One extra
+        lag is scored at each end of the search, so that every searched lag has neighbours; NaN = no candidate.
+    offset
+        (dy, dx) from the peak to the sub-pixel peak, px, from :func:`~stereolag.stereo.windows.peak_fits.fit_peaks`; 0
+        at the edge.
+    contrast
+        Standard deviation of the grey levels in the window, as a share of the whole image's.
+    score
+        The score by which windows were compared.
+    """
+
+    window: Box
+    search: Box
+    found: Box | None
+    surface: Surface
+    dy: npt.NDArray[np.intp]
+    dx: npt.NDArray[np.intp]
+    peak: Lag | None
+    runner_up: Lag | None
+    peak_score: float
+    runner_up_score: float
+    valley: float
+    flank_score: float
+    as_good: float
+    at_edge: bool
+    around: FloatMap
+    offset: tuple[float, float]
+    contrast: float
+    score: Score
+
+    @property
+    def row(self) -> Surface:
+        """Return the (n_dx,) scores along the peak's row, or along the row of the dy nearest 0 without a peak."""
+        dy = self.peak[0] if self.peak else int(self.dy[np.argmin(np.abs(self.dy))])
+        scores: Surface = self.surface[dy - int(self.dy[0])]
+        return scores
+
+    def score_at(self, lag: Lag) -> float:
+        """Return the score at a (dy, dx); NaN if it was not searched or is not a candidate."""
+        row, col = lag[0] - int(self.dy[0]), lag[1] - int(self.dx[0])
+        inside = 0 <= row < self.dy.size and 0 <= col < self.dx.size
+        return float(self.surface[row, col]) if inside else float("nan")
+
+    @property
+    def disparity(self) -> float:
+        """Return the disparity that the map takes from this window, px; NaN if it takes none."""
+        return float("nan") if self.peak is None or self.at_edge else -(self.peak[1] + self.offset[1])
+
+    def fit(self, offsets: npt.ArrayLike) -> Surface:
+        """Return the fitted curve along dx whose maximum is the sub-pixel peak.
+
+        For a search along the row it is the Gaussian through the peak and its two neighbours; for a square search, the
+        section of the two-dimensional Gaussian fitted to the nine scores, at the dy of its maximum. If a score is not
+        positive, a parabola or paraboloid is fitted instead.
+
+        Parameters
+        ----------
+        offsets
+            (n,) dx from the peak, px.
+
+        Returns
+        -------
+        ndarray
+            (n,) float64 scores; NaN if a neighbour is missing.
+        """
+        at = np.asarray(offsets, dtype=np.float64)
+        return np.full(at.shape, np.nan) if self.at_edge else fitted_curve(self.around, self.offset, at)
+
+    @property
+    def valley_depth(self) -> float:
+        """Return the depth of the valley before the runner-up, 1 if it reaches the lowest score; NaN without one."""
+        drop = self.peak_score - self.valley
+        return float("nan") if np.isnan(drop) else drop / max(self.peak_score - float(np.nanmin(self.surface)), 1e-30)
+
+    @property
+    def kind(self) -> MatchKind:
+        """Return the kind of match that the scores show."""
+        if self.peak is None:
+            return MatchKind.NOTHING
+        if self.at_edge:
+            return MatchKind.AT_EDGE
+        if self.score == "zncc" and self.peak_score < POOR_SCORE:
+            return MatchKind.BARE if self.contrast < BARE_CONTRAST else MatchKind.UNLIKE
+        if self.peak_score - self.runner_up_score < max(self.as_good, RIVAL_SHARE * (self.peak_score - self.valley)):
+            return MatchKind.REPEATS
+        return MatchKind.SMOOTH if self.peak_score - self.flank_score < self.as_good else MatchKind.CLEAR
+
+
+AMBIGUOUS_MARGIN = 0.03
+"""Scores that differ by a smaller share count as equal; for "ncc", a share of the part not due to the mean."""
+
+RIVAL_SHARE = 0.1
+"""A second peak counts as equal to the first if it is lower by less than this share of the valley's depth."""
+
+BARE_CONTRAST = 0.1
+"""A window with less than this share of the image's contrast counts as bare."""
+
+POOR_SCORE = 0.6
+"""A lower ZNCC peak is hardly better than chance for a window of a hundred pixels or so."""
+
+
+def explain_match(
+    matcher: CorrelationMatcher, left: npt.ArrayLike, right: npt.ArrayLike, row: int, col: int
+) -> MatchExplanation:
+    """Score the window around one pixel of the left image at every lag of the search.
+
+    Parameters
+    ----------
+    matcher
+        Provides window, search area, score and engine.
+    left, right
+        (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
+    row, col
+        The pixel; its window is the one that the matcher takes its disparity from.
+
+    Raises
+    ------
+    ValueError
+        If the images are not a pair or are smaller than the window, or the pixel is outside them.
+    """
+    images = as_stereo_pair(left, right)
+    height, width = images[0].shape[:2]
+    if not (0 <= row < height and 0 <= col < width):
+        raise ValueError(
+            f"pixel ({row}, {col}) is outside the image; rows run to {height - 1}, columns to {width - 1}."
+        )
+    size = matcher.window_size
+    if size > min(height, width):
+        raise ValueError(f"window_size is {size} px and the images are {width} × {height}; it must fit into them.")
+    top, start = (window_start(at, end, size, matcher.step) for at, end in ((row, height), (col, width)))
+    grey = of_ordinary_size(as_grey(images[0]), as_grey(images[1]))
+    query = replace(matcher.query(*grey), runner_up=False, right_matches=False)
+    every_score = score_surface(query, top, start)
+    best, around = best_match(every_score, query)
+    tried, asked = query.lags, matcher.search.lags(size)
+    surface = every_score[
+        asked.dy_first - tried.dy_first : asked.dy_last - tried.dy_first + 1,
+        asked.dx_first - tried.dx_first : asked.dx_last - tried.dx_first + 1,
+    ]
+    inside = (
+        best is not None and asked.dy_first <= best[0] <= asked.dy_last and asked.dx_first <= best[1] <= asked.dx_last
+    )
+    peak = best if inside else highest(surface, asked)
+    dy, dx = np.arange(asked.dy_first, asked.dy_last + 1), np.arange(asked.dx_first, asked.dx_last + 1)
+    window = grey[0][top : top + size, start : start + size].astype(np.float64)
+    as_good = AMBIGUOUS_MARGIN * abs(score_at(surface, asked, peak))
+    if matcher.score == "ncc":
+        as_good *= float(window.var() / (np.mean(window**2) or 1.0))
+    second, valley, flank = beyond_lobe(surface, asked, peak, as_good, wrapped=query.circular)
+    found = Box(top + peak[0], start + peak[1], size, size) if peak else None
+    at_edge = not inside or (found is not None and not query.circular and _touches_frame(found, (height, width), asked))
+    offset_dy, offset_dx = (0.0, 0.0) if at_edge else (float(one[0, 0]) for one in fit_peaks(around[:, :, None, None]))
+    return MatchExplanation(
+        window=Box(top, start, size, size),
+        search=_reached(top, start, size, asked, (height, width)),
+        found=found,
+        surface=surface,
+        dy=dy,
+        dx=dx,
+        peak=peak,
+        runner_up=second,
+        peak_score=float(around[len(around) // 2, 1]) if inside else score_at(surface, asked, peak),
+        runner_up_score=score_at(surface, asked, second),
+        valley=valley,
+        flank_score=flank,
+        as_good=as_good,
+        at_edge=at_edge,
+        around=around,
+        offset=(offset_dy, offset_dx),
+        contrast=float(window.std() / (grey[0].std() or 1.0)),
+        score=matcher.score,
+    )
+
+
+def with_rows_around(matcher: CorrelationMatcher, rows: int) -> CorrelationMatcher:
+    """Return the matcher with a vertical reach of at least `rows` px, to show the scores around a one-row search."""
+    lags = matcher.search.lags(matcher.window_size)
+    if matcher.search.circular(matcher.window_size) or lags.dy_last >= rows:
+        return matcher
+    return matcher.model_copy(update={"search": matcher.search.model_copy(update={"vertical": rows})})
+
+
+def _touches_frame(found: Box, shape: tuple[int, int], lags: LagRange) -> bool:
+    """Return whether the matching window has a neighbour outside the right image in a searched direction."""
+    across = found.col in (0, shape[1] - found.width)
+    return across or (lags.rows > 1 and found.row in (0, shape[0] - found.height))
+
+
+def _reached(top: int, start: int, size: int, lags: LagRange, shape: tuple[int, int]) -> Box:
+    """Return the part of the right image that a window is searched in."""
+    first_row, end_row = max(0, top + lags.dy_first), min(shape[0], top + size + lags.dy_last)
+    first_col, end_col = max(0, start + lags.dx_first), min(shape[1], start + size + lags.dx_last)
+    return Box(first_row, first_col, end_row - first_row, max(0, end_col - first_col))
+
+
+FILTERS: tuple[tuple[Reason, str, int], ...] = (
+    (Reason.SPECKLE, "speckle_window_size", 0),
+    # StereoSGBM reads a tolerance of -1 or 0 as 1; only a tolerance that no two disparities exceed disables the check.
+    (Reason.LEFT_RIGHT, "disp12_max_diff", 1 << 20),
+    (Reason.AMBIGUOUS, "uniqueness_ratio", 0),
+    (Reason.LOW_TEXTURE, "texture_threshold", 0),
+)
+"""OpenCV's filters, last to run first: the reason each gives, its setting, and the value that switches it off."""
+
+
+def blank_reasons(
+    result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike, *, progress: Progress = silent
+) -> ReasonMap:
+    """Return the reason of every pixel of a map, inferring those of blank pixels for OpenCV's matchers.
+
+    This library's own matchers record their reasons. For OpenCV's, the pair is matched again with the filters switched
+    off one after another, from the last to the first: the filter whose absence brings a pixel back had blanked it. A
+    pixel that no filter blanked is too close to the border for the search.
+
+    Parameters
+    ----------
+    result
+        The map computed from the pair with its ``settings``.
+    left, right
+        The pair.
+    progress
+        Called with the fraction done after every run.
+
+    Returns
+    -------
+    ndarray
+        (H, W) uint8 of :class:`~stereolag.stereo.reasons.Reason`.
+    """
+    matcher = result.settings
+    if matcher.gives_reasons:
+        return result.reason
+    reason = np.where(result.valid, result.reason, Reason.OUT_OF_FRAME).astype(np.uint8)
+    unexplained = ~result.valid
+    switches = [one for one in FILTERS if one[1] in type(matcher).model_fields]
+    for done, (cause, setting, switched_off) in enumerate(switches, start=1):
+        # Not validated: the value that disables the left-right check is outside the setting's range.
+        matcher = matcher.model_copy(update={setting: switched_off})
+        returned = unexplained & matcher.compute(left, right).valid
+        reason[returned] = cause
+        unexplained &= ~returned
+        progress(done / len(switches))
+    return reason
+
+
+Pixel = tuple[int, int]
+
+
+class ExampleKind(StrEnum):
+    """The kinds of example."""
+
+    CLEAR = "clear"
+    """One peak, well above every other score."""
+    REPEATS = "repeats"
+    """Two peaks of the same height with a valley between them."""
+    BARE = "bare"
+    """A window without texture."""
+    HIDDEN = "hidden"
+    """A point that a nearer object hides from the right camera."""
+
+
+LOOKED_AT = 150
+"""Number of candidate windows examined, the most promising first."""
+
+CONFUSABLE = 0.1
+"""Windows whose two best scores differ by less than this share may show a repeating pattern."""
+
+DEEP_VALLEY = 0.5
+"""In a repeating pattern the scores fall at least half the way to their lowest between one repetition and the next."""
+
+FLANK_FALL = 1.5
+"""On the flank of a parabola, the best score more than 1 px away is at least twice as far below the peak as the peak's
+neighbours are on average; a second peak can be closer to it."""
+
+NARROWEST_HIDDEN = 3
+"""Width of a hidden strip beside a near object, px; narrower holes come from rounding."""
+
+
+def example_pixel(
+    kind: ExampleKind,
+    matcher: CorrelationMatcher,
+    left: npt.ArrayLike,
+    right: npt.ArrayLike,
+    *,
+    progress: Progress = silent,
+) -> Pixel | None:
+    """Return the (row, col) in the left image that best shows a kind of match; None if the pair has no example.
+
+    Parameters
+    ----------
+    kind
+        The kind to look for.
+    matcher
+        Provides window, search area and score.
+    left, right
+        The pair: (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
+    progress
+        Called with the fraction done.
+    """
+    images = as_stereo_pair(left, right)
+    if kind is ExampleKind.HIDDEN:
+        return _hidden(matcher, *images, progress)
+    step = max(2, matcher.window_size // 4)
+    matches = _matches(matcher, *images, step, progress)
+    match kind:
+        case ExampleKind.CLEAR:
+            promising, wanted = _surest(matches), {MatchKind.CLEAR}
+        case ExampleKind.REPEATS:
+            promising, wanted = _most_confusable(matches), {MatchKind.REPEATS}
+        case ExampleKind.BARE:
+            promising = _barest(matches, float(as_grey(images[0]).std()))
+            wanted = {MatchKind.BARE, MatchKind.SMOOTH, MatchKind.NOTHING}
+    middle = (matcher.window_size - 1) // 2
+    whole = _searched_whole(matcher, images[0].shape[1], step)
+    for window in sorted(promising, key=lambda window: not whole[window % whole.size]):
+        row, col = (int(at) * step + middle for at in np.unravel_index(window, matches.score.shape))
+        seen = explain_match(matcher, *images, row, col)
+        if seen.kind in wanted and (kind is not ExampleKind.REPEATS or seen.valley_depth > DEEP_VALLEY):
+            return row, col
+    return None
+
+
+def _matches(matcher: CorrelationMatcher, left: Image, right: Image, step: int, progress: Progress) -> WindowMatches:
+    """Return the best match and the runner-up of windows `step` px apart."""
+    query = replace(matcher.query(as_grey(left), as_grey(right)), step=step, runner_up=True, right_matches=False)
+    shape = (query.left.shape[0], query.left.shape[1])
+    by_spectrum = query.circular or query.score == "phase"
+    engine = "fft" if by_spectrum else cheaper_engine(shape, query.window_size, step, query.lags)
+    return find_matches(query, engine, progress)
+
+
+def _searched_whole(matcher: CorrelationMatcher, width: int, step: int) -> npt.NDArray[np.bool_]:
+    """Return for every column of windows whether its search along the row stays within the image width."""
+    lags, size = matcher.search.lags(matcher.window_size), matcher.window_size
+    start = np.arange(0, width - size + 1, step)
+    return (start + lags.dx_first >= 0) & (start + size + lags.dx_last <= width)
+
+
+def _surest(matches: WindowMatches) -> Iterator[int]:
+    return _highest_first(matches.score - _runner_up(matches))
+
+
+def _most_confusable(matches: WindowMatches) -> Iterator[int]:
+    """Yield textured windows with two equal peaks first, skipping those whose runner-up is on the peak's flank."""
+    behind = matches.score - _runner_up(matches)
+    middle = len(matches.around) // 2
+    falls = [matches.score - matches.around[middle, [0, 2]].mean(axis=0)]
+    if len(matches.around) > 1:
+        falls.append(matches.score - matches.around[[0, 2], 1].mean(axis=0))
+    confusable = (behind < CONFUSABLE * np.abs(matches.score)) & (behind < FLANK_FALL * np.minimum.reduce(falls))
+    textured = (CONFUSABLE * np.abs(matches.score) - behind) * np.sqrt(matches.texture)
+    return _highest_first(np.where(confusable, textured, np.nan))
+
+
+def _barest(matches: WindowMatches, deviation: float) -> Iterator[int]:
+    """Yield bare windows, those without any match before those of a smooth sky, then others with little texture."""
+    bare = matches.texture < BARE_CONTRAST * deviation
+    yield from _highest_first(np.where(bare, -np.nan_to_num(matches.score, nan=-1.0), np.nan))
+    yield from _highest_first(np.where(bare, np.nan, -matches.texture))
+
+
+def _runner_up(matches: WindowMatches) -> npt.NDArray[np.float32]:
+    return matches.score if matches.runner_up is None else matches.runner_up
+
+
+def _highest_first(merit: npt.NDArray[np.floating]) -> Iterator[int]:
+    known = np.flatnonzero(np.isfinite(merit))
+    yield from known[np.argsort(merit.ravel()[known])[::-1]][:LOOKED_AT].tolist()
+
+
+def _hidden(matcher: CorrelationMatcher, left: Image, right: Image, progress: Progress) -> Pixel | None:
+    """Return the middle of the widest strip that a nearer object hides from the right camera."""
+    # Mirrored, the right image plays the left one; mirrored back, its map belongs to the right image's pixels.
+    mirrored = matcher.compute(
+        np.ascontiguousarray(right[:, ::-1]), np.ascontiguousarray(left[:, ::-1]), progress=progress
+    )
+    depth = cv2.distanceTransform(_hidden_strips(mirrored.disparity[:, ::-1]).astype(np.uint8), cv2.DIST_L2, 5)
+    if 2 * float(depth.max()) < NARROWEST_HIDDEN:
+        return None
+    row, col = divmod(int(np.argmax(depth)), depth.shape[1])
+    return row, col
+
+
+def _hidden_strips(right_disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+    """Return the (H, W) pixels of the left image that the right camera cannot see, from the right image's map.
+
+    No pixel of the right image is matched to them, and the gap is as wide as the rise in disparity across it: a nearer
+    object hides exactly that much of the background. Other gaps are mismatches.
+    """
+    left_disparity = np.full_like(right_disparity, -np.inf)
+    rows, cols = np.nonzero(np.isfinite(right_disparity))
+    there = np.rint(cols + right_disparity[rows, cols]).astype(np.intp)
+    inside = (there >= 0) & (there < right_disparity.shape[1])
+    rows, cols, there = rows[inside], cols[inside], there[inside]
+    np.maximum.at(left_disparity, (rows, there), right_disparity[rows, cols])  # the nearer one occludes
+
+    gap = np.isneginf(left_disparity)
+    left_disparity[gap] = np.nan
+    gap[:, [0, -1]] = False  # a gap at the border has no other side
+    change = np.diff(gap.astype(np.int8), axis=1)
+    (row, before), (_, last) = np.nonzero(change == 1), np.nonzero(change == -1)
+    width = last - before
+    growth = left_disparity[row, last + 1] - left_disparity[row, before]
+    hides = (width >= NARROWEST_HIDDEN) & (np.abs(growth - width) <= 1 + width / 4)
+    strips = np.zeros(gap.shape, dtype=np.bool_)
+    for at, start, end in zip(row[hides], before[hides] + 1, last[hides] + 1, strict=True):
+        strips[at, start:end] = True
+    return strips

@@ -1,1 +1,0 @@
-"""Explanations of why a pixel was matched as it was, or left blank."""

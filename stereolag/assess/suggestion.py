@@ -1,0 +1,595 @@
+"""Suggested settings for one pair, or for several together: the candidates, their trials, and the outcome."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import singledispatch
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy.typing as npt
+
+from stereolag.assess.judging import (
+    Criterion,
+    Gain,
+    Judgement,
+    TuningPair,
+    Unjudged,
+    criterion_of,
+    estimate_reference,
+    judges_itself,
+)
+from stereolag.assess.sweep import parameters
+from stereolag.core.estimates import Estimate
+from stereolag.core.inputs import as_stereo_pair
+from stereolag.core.progress import Progress, silent
+from stereolag.core.settings import FitsImage, Settings, changed, marker
+from stereolag.stereo.finishing.checks import LeftRightCheck
+from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import CentredSearch
+
+Step = dict[str, Any]
+"""Settings to change together, with names as in :func:`stereolag.core.settings.changed`."""
+
+AS_SET: Step = {}
+SIZES = 7
+"""Number of values tried for a side about which nothing else is known."""
+
+WINDOW_SIZES = (9, 11, 7, 13, 15, 5, 21)
+EVERY_PIXEL = 0.95
+"""The overlap that places windows of up to 29 px at every pixel, as the left-right check requires."""
+
+MEDIAN_RADII = (6, 10)
+BLOCK_SIZES = (11, 9, 13, 15, 17, 7, 21)
+GRADIENT_CAPS = (63, 31)
+SMALL_BLOCK_SIZES = (9, 1, 7, 3, 5, 11)
+JUMP_PENALTIES = (16, 32, 64, 128)
+"""P2 per pixel of the block, as StereoSGBM sums costs over it. P1 is a quarter of P2, as in OpenCV's own examples."""
+
+SLANT_SHARE = 4
+GRADIENT_CAP_SUMMED = 31
+SEMI_GLOBAL_SIZES = (9, 7, 11, 5)
+PENALTY_FACTORS = (1.0, 0.5, 2.0)
+
+
+def candidates(matcher: StereoMatcher) -> list[StereoMatcher]:
+    """Return the settings to try in place of a matcher's, most promising first.
+
+    All have the same search range as the matcher, which is not included.
+    """
+    found: list[StereoMatcher] = []
+    for choice in _likely_first(*steps(matcher)):
+        try:
+            tried = changed(matcher, {name: value for step in choice for name, value in step.items()})
+        except ValueError:  # incompatible steps
+            continue
+        if tried != matcher and tried not in found and tried.search_range() == matcher.search_range():
+            found.append(tried)
+    return found
+
+
+def _likely_first(*axes: Sequence[Any]) -> list[tuple[Any, ...]]:
+    """Return every combination of one value per axis, ordered by the sum of the values' positions on their axes."""
+    ranked = sorted(product(*map(enumerate, axes)), key=lambda choice: sum(rank for rank, _ in choice))
+    return [tuple(value for _, value in choice) for choice in ranked]
+
+
+@singledispatch
+def steps(matcher: StereoMatcher) -> Sequence[Sequence[Step]]:
+    """Return the axes of steps, most promising first, of which all combinations are tried.
+
+    The default for other methods varies the sides that must fit into the image, and the stages that all methods share.
+    """
+    known = parameters(matcher)
+    sides = [
+        [AS_SET, *({name: value} for value in known[name].values(SIZES))]
+        for name, field in type(matcher).model_fields.items()
+        if name in known and marker(field, FitsImage) is not None
+    ]
+    return [*sides, _finishing(matcher)]
+
+
+@steps.register
+def _of_windows(matcher: CorrelationMatcher) -> Sequence[Sequence[Step]]:
+    finishing = [
+        {"overlap": max(matcher.overlap, EVERY_PIXEL), "score": "zncc", "engine": "auto"} | step if step else step
+        for step in _finishing(matcher)
+    ]
+    return [[*(_of_window(matcher, size) for size in WINDOW_SIZES), AS_SET], [*finishing, {"score": "zncc"}]]
+
+
+def _of_window(matcher: CorrelationMatcher, size: int) -> Step:
+    """Return the step to a window size, with a search square that keeps its reach."""
+    search = matcher.search
+    if not isinstance(search, CentredSearch):
+        return {"window_size": size}
+    if search.circular(matcher.window_size):
+        return AS_SET
+    return {"window_size": size, "search.search_size": search.search_size - matcher.window_size + size}
+
+
+@steps.register
+def _of_bm(matcher: StereoBM) -> Sequence[Sequence[Step]]:
+    return [
+        [*({"block_size": size} for size in BLOCK_SIZES), AS_SET],
+        [*({"pre_filter_cap": cap} for cap in GRADIENT_CAPS), AS_SET],
+    ]
+
+
+@steps.register
+def _of_sgbm(matcher: StereoSGBM) -> Sequence[Sequence[Step]]:
+    def penalised(size: int, jump: int) -> Step:
+        large = jump * size**2
+        return {
+            "block_size": size,
+            "p1": large // SLANT_SHARE,
+            "p2": large,
+            "pre_filter_cap": GRADIENT_CAP_SUMMED,
+        }
+
+    return [[penalised(size, jump) for size, jump in _likely_first(SMALL_BLOCK_SIZES, JUMP_PENALTIES)]]
+
+
+@steps.register
+def _of_semi_global(matcher: SemiGlobalMatcher) -> Sequence[Sequence[Step]]:
+    penalties = ("penalty_small", "penalty_at_edges", "penalty_large")
+    return [
+        [AS_SET, *({"window_size": size} for size in SEMI_GLOBAL_SIZES)],
+        [
+            {
+                f"optimisation.{name}": max(1, round(factor * getattr(matcher.optimisation, name)))
+                for name in penalties
+                if factor != 1
+            }
+            for factor in PENALTY_FACTORS
+        ],
+        _finishing(matcher),
+    ]
+
+
+def _finishing(matcher: StereoMatcher) -> list[Step]:
+    """Return all stages with medians of different radius, then the current settings.
+
+    Active checks keep their tolerance. A hole counts as wrong, so checking and then filling beats either alone.
+    """
+    if not {"left_right", "speckle", "filling", "median"} <= set(type(matcher).model_fields):
+        return [AS_SET]
+    now = dict(matcher)
+    left_right: LeftRightCheck = now["left_right"] or LeftRightCheck()
+    speckle: SpeckleFilter = now["speckle"] or SpeckleFilter()
+    median: MedianFilter = now["median"] or MedianFilter()
+    return [
+        *(
+            {
+                "left_right": left_right,
+                "speckle": speckle,
+                "filling": True,
+                "median": changed(median, {"radius": radius}),
+            }
+            for radius in MEDIAN_RADII
+        ),
+        AS_SET,
+    ]
+
+
+def side_of(matcher: StereoMatcher) -> int:
+    """Return the side of a matcher's window or block, px; 0 if it has none."""
+    fields = type(matcher).model_fields
+    return next((getattr(matcher, name) for name, field in fields.items() if marker(field, FitsImage) is not None), 0)
+
+
+def differences(before: Settings, after: Settings, path: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Yield the differences between two settings of one class: dotted name, old value and new value."""
+    for name in type(before).model_fields:
+        old, new = getattr(before, name), getattr(after, name)
+        if isinstance(old, Settings) and type(old) is type(new):
+            yield from differences(old, new, f"{path}{name}.")
+        elif old != new:
+            yield f"{path}{name}", old, new
+
+
+SMALLEST_GAIN = 0.1
+"""Percentage points of bad-2; a change that gains less is not worth making."""
+
+FOR_ALL = 0.75
+"""Whole images are used throughout if that is estimated to take at most this share of the time left."""
+
+FOR_STRIPS, LEAST_SHARE = 0.5, 0.1
+"""Share of the time left that trials on strips may take, and least share of the rows in the strips."""
+
+
+LIKELIEST = 6
+"""Number tried on strips however little time is left, so that a busy machine does not prevent all trials."""
+
+
+class Outcome(StrEnum):
+    """The outcome of a search."""
+
+    BETTER = "better"
+    """The settings found are better on the whole images, by more than chance could produce."""
+    AS_GOOD = "as good"
+    """None of those tried is better: the initial settings stay."""
+
+
+class Trial(NamedTuple):
+    """One set of settings tried."""
+
+    matcher: StereoMatcher
+    bad: float
+    """Their bad-2, %."""
+    gain: float
+    """Decrease relative to the initial settings on the same pixels, in percentage points."""
+    whole: bool
+    """Whether tried on the whole images rather than on strips."""
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """The settings found by a search, and the trials behind them.
+
+    Attributes
+    ----------
+    start
+        The initial settings.
+    matcher
+        The best settings; the initial ones if no others are really better.
+    outcome
+        Whether better settings were found, or why none could be judged.
+    criterion
+        Whether the figures are true or estimated bad-2.
+    bad, bad_before
+        Bad-2 of the settings found and of the initial ones, on the whole images, %; NaN if nothing was judged.
+    trials
+        All trials besides the initial settings, in order; settings tried on strips and then on the whole images appear
+        twice.
+    finished
+        Whether all trials were made, rather than cut short by the time budget or a cancel.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> random = np.random.default_rng(0)
+    >>> left = random.normal(128, 40, (60, 100))
+    >>> right = np.roll(left, -5, axis=1) + random.normal(0, 20, left.shape)  # disparity 5 px
+    >>> start = sl.CorrelationMatcher(window_size=3, search=sl.SearchArea.rectified(16))
+    >>> suggestion = sl.suggest(start, left, right, ground_truth=np.full(left.shape, 5.0))
+    >>> suggestion.outcome.value, suggestion.finished
+    ('better', True)
+    >>> suggestion.bad < suggestion.bad_before  # %
+    True
+    """
+
+    start: StereoMatcher
+    matcher: StereoMatcher
+    outcome: Outcome | Unjudged
+    criterion: Criterion
+    bad: float = math.nan
+    bad_before: float = math.nan
+    trials: tuple[Trial, ...] = ()
+    finished: bool = True
+
+    @property
+    def changes(self) -> dict[str, tuple[Any, Any]]:
+        """Return the changed settings as {name: (old value, new value)}, with dotted names for nested settings."""
+        return {name: (old, new) for name, old, new in differences(self.start, self.matcher)}
+
+    @property
+    def tried(self) -> int:
+        """Return the number of different settings tried besides the initial ones."""
+        return len({trial.matcher for trial in self.trials})
+
+
+class Clock:
+    """The clock of a search: time left, progress reported, and whether it was cancelled."""
+
+    def __init__(self, budget_s: float, progress: Progress, cancelled: Callable[[], bool]) -> None:
+        if not 0 < budget_s < math.inf:
+            raise ValueError(f"budget_s is {budget_s} s; allowed is a finite number above 0.")
+        self._end = time.perf_counter() + budget_s
+        self._budget_s = budget_s
+        self._progress = progress
+        self._told = 0.0
+        self.cancelled = cancelled
+
+    @property
+    def left_s(self) -> float:
+        """Return the seconds left; negative after the budget is used up."""
+        return self._end - time.perf_counter()
+
+    def report(self, done: float) -> None:
+        """Report the fraction done, or the share of the budget used if that is larger."""
+        self._told = min(1.0, max(self._told, done, 1 - self.left_s / self._budget_s))
+        self._progress(self._told)
+
+    def tick(self, _: float) -> None:
+        """Report the time used, from within a trial."""
+        self.report(self._told)
+
+
+def search(
+    start: StereoMatcher, pairs: Sequence[TuningPair], clock: Clock, found: Callable[[Suggestion], None] | None
+) -> Suggestion:
+    """Try all candidates on the whole images or, if time is short, on strips first and then the best on the whole.
+
+    Only whole images decide, and if bad-2 is an estimate, only a certain gain (:attr:`Gain.sure`). Pairs that cannot
+    judge are left out.
+    """
+    why = [pair.unjudged(start) for pair in pairs]
+    pairs = [pair for pair, reason in zip(pairs, why, strict=True) if reason is None]
+    if not pairs:
+        return nothing_to_judge_by(start, next(filter(None, why)), clock)
+    run = _Run(start, pairs, clock, found, criterion_of(pairs))
+    tried = candidates(start)
+    total_s = sum(map(run.seconds, tried))
+    if total_s <= FOR_ALL * clock.left_s:
+        finished, ranked = run.tried(pairs, tried, steps=len(tried))
+        return run.outcome(ranked, finished=finished)
+    share = max(LEAST_SHARE, FOR_STRIPS * clock.left_s / total_s)
+    strips = [pair.strips(share, side_of(start)) for pair in pairs]
+    finished, ranked = run.tried(
+        strips,
+        tried,
+        steps=2 * len(tried),
+        whole=False,
+        reserved_s=max(map(run.seconds, tried)),
+        at_least=LIKELIEST,
+    )
+    finalists = [one.matcher for one in ranked if one.gain.points > 0]
+    _, ranked = run.tried(pairs, finalists, steps=2 * len(tried), at_least=1, despite_cancel=True)
+    return run.outcome(ranked, finished=finished)
+
+
+def nothing_to_judge_by(start: StereoMatcher, why: Unjudged, clock: Clock) -> Suggestion:
+    """Return the initial settings, because others cannot be judged."""
+    clock.report(1.0)
+    return Suggestion(start, start, why, Criterion.ESTIMATED_BAD_2)
+
+
+class _Found(NamedTuple):
+    matcher: StereoMatcher
+    after: list[Judgement]
+    gain: Gain
+
+    @property
+    def dense(self) -> bool:
+        return all(one.dense for one in self.after)
+
+
+@dataclass
+class _Run:
+    """The trials so far."""
+
+    start: StereoMatcher
+    pairs: Sequence[TuningPair]
+    clock: Clock
+    found: Callable[[Suggestion], None] | None
+    criterion: Criterion
+    trials: list[Trial] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        began = self.clock.left_s
+        self._before = self._judged(self.start, self.pairs)
+        self._once_s = began - self.clock.left_s
+        bad = _mean_bad(self._before)
+        self._so_far = Suggestion(self.start, self.start, Outcome.AS_GOOD, self.criterion, bad, bad)
+        self._tell()
+
+    def seconds(self, matcher: StereoMatcher) -> float:
+        """Return the expected seconds of a trial on the whole images, scaled from the initial settings' time."""
+        mine, first = (sum(pair.estimate(one).seconds for pair in self.pairs) for one in (matcher, self.start))
+        return self._once_s * mine / first
+
+    def tried(
+        self,
+        pairs: Sequence[TuningPair],
+        those: Sequence[StereoMatcher],
+        *,
+        steps: int,
+        whole: bool = True,
+        reserved_s: float = 0.0,
+        at_least: int = 0,
+        despite_cancel: bool = False,
+    ) -> tuple[bool, list[_Found]]:
+        """Try settings one after another; return whether all were tried, and the results, best first.
+
+        Parameters
+        ----------
+        pairs
+            The pairs, or strips of them.
+        those
+            The settings.
+        steps
+            Total number of trials in the search.
+        whole
+            Whether the pairs are whole.
+        reserved_s
+            Seconds that must remain after a trial.
+        at_least
+            Number to try however little time is left.
+        despite_cancel
+            Whether to try these even if the search was cancelled.
+        """
+        before = self._before if whole else self._judged(self.start, pairs)
+        results: list[_Found] = []
+        for number, matcher in enumerate(those):
+            needed_s = self.seconds(matcher) * pairs[0].left.shape[0] / self.pairs[0].left.shape[0] + reserved_s
+            cancelled = self.clock.cancelled()
+            forced = number < at_least and (despite_cancel or not cancelled)
+            if (cancelled or self.clock.left_s < needed_s) and not forced:
+                return False, self._ranked(results)
+            try:
+                after = self._judged(matcher, pairs)
+            except ValueError:  # settings that do not fit the images, or need too much memory
+                continue
+            gain = Gain.between(before, after)
+            results.append(_Found(matcher, after, gain))
+            self.trials.append(Trial(matcher, _mean_bad(after), gain.points, whole))
+            self.clock.report(len(self.trials) / steps)
+            self._tell()
+        return True, self._ranked(results)
+
+    def outcome(self, ranked: Sequence[_Found], *, finished: bool) -> Suggestion:
+        """Return the suggestion that follows from the trials on the whole images, given best first."""
+        self.clock.report(1.0)
+        end = replace(self._so_far, trials=tuple(self.trials), finished=finished)
+        better = [one for one in ranked if self._merit(one.gain) > 0 and one.gain.points > SMALLEST_GAIN]
+        if not better:
+            return end
+        best = self._finest(better) if self.criterion is Criterion.ESTIMATED_BAD_2 else better[0]
+        return replace(end, matcher=best.matcher, bad=_mean_bad(best.after), outcome=Outcome.BETTER)
+
+    @staticmethod
+    def _finest(better: Sequence[_Found]) -> _Found:
+        """Return the settings with the smallest window among the best and those indistinguishable from them.
+
+        Dense maps from different windows differ at the edges of surfaces. The reference is blurred there too, as it is
+        made with windows, and it does not judge occluded areas, so it slightly favours large windows. Hence within one
+        standard error the smaller window wins (Breiman et al., *Classification and Regression Trees*, 1984, 3.4).
+        """
+        best = better[0]
+
+        def as_good(other: _Found) -> bool:
+            lead = Gain.between(other.after, best.after)
+            return other is best or (best.dense and other.dense and lead.points <= lead.error)
+
+        return min(filter(as_good, better), key=lambda one: side_of(one.matcher))
+
+    def _judged(self, matcher: StereoMatcher, pairs: Sequence[TuningPair]) -> list[Judgement]:
+        return [pair.judge(matcher, progress=self.clock.tick) for pair in pairs]
+
+    def _merit(self, gain: Gain) -> float:
+        return gain.sure if self.criterion is Criterion.ESTIMATED_BAD_2 else gain.points
+
+    def _ranked(self, results: Sequence[_Found]) -> list[_Found]:
+        return sorted(results, key=lambda one: -self._merit(one.gain))
+
+    def _tell(self) -> None:
+        if self.found is not None:
+            self.found(replace(self._so_far, trials=tuple(self.trials), finished=False))
+
+
+def _mean_bad(judgements: Sequence[Judgement]) -> float:
+    return sum(one.bad for one in judgements) / len(judgements)
+
+
+def suggest(
+    matcher: StereoMatcher,
+    left: npt.ArrayLike,
+    right: npt.ArrayLike,
+    *,
+    ground_truth: npt.ArrayLike | None = None,
+    budget_s: float = 20.0,
+    progress: Progress | None = None,
+    found: Callable[[Suggestion], None] | None = None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Suggestion:
+    """Search for settings of a matcher that suit a pair better.
+
+    Promising steps are tried in combination (:mod:`.candidates`); the search range and the tolerances
+    of checks are kept. The suggestion is better on the whole images, or it is the initial settings. Without ground
+    truth, settings are judged against the disparities measured by the accurate preset over the same range
+    (:func:`stereolag.assess.judging.measured_reference`).
+
+    Parameters
+    ----------
+    matcher
+        The initial settings.
+    left, right
+        (H, W), (H, W, 3) or (H, W, 4) images of one size and type.
+    ground_truth
+        (H, W) disparity, px; NaN or infinite = unknown.
+    budget_s
+        Time budget, s. If it is too short, the search still computes the reference and the initial settings, tries the
+        most promising others on strips of the images and the best of these on the whole images.
+    progress
+        Called with the fraction done, 0..1.
+    found
+        Called after every trial with the trials so far; its settings are still the initial ones.
+    cancelled
+        Called before every trial; True ends the search, after the best so far is tried on the whole images.
+
+    Returns
+    -------
+    Suggestion
+        ``.matcher`` and ``.changes``, with bad-2 before and after.
+
+    Raises
+    ------
+    ValueError
+        If the images or the ground truth do not fit together, the initial settings do not fit the images, the range
+        needs more memory than one job may take, or the budget is not a finite number above 0.
+
+    Examples
+    --------
+    A noisy pair, and windows that are too small for it:
+
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> random = np.random.default_rng(0)
+    >>> left = random.normal(128, 40, (60, 100))
+    >>> right = np.roll(left, -5, axis=1) + random.normal(0, 20, left.shape)
+    >>> truth = np.full(left.shape, 5.0)  # px
+    >>> start = sl.CorrelationMatcher(window_size=3, search=sl.SearchArea.rectified(16))
+    >>> sl.suggest(start, left, right, ground_truth=truth).changes["window_size"]  # px, from and to
+    (3, ...)
+    """
+    images = as_stereo_pair(left, right)
+    clock = Clock(budget_s, progress or silent, cancelled)
+    if ground_truth is None and judges_itself(matcher):
+        return nothing_to_judge_by(matcher, Unjudged.JUDGES_ITSELF, clock)
+    pair = TuningPair.of(*images, ground_truth, search_range=matcher.search_range(), progress=clock.tick)
+    return search(matcher, [pair], clock, found)
+
+
+def suggest_for_all(
+    matcher: StereoMatcher,
+    pairs: Iterable[TuningPair],
+    *,
+    budget_s: float = 20.0,
+    progress: Progress | None = None,
+    found: Callable[[Suggestion], None] | None = None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Suggestion:
+    """Search for settings that suit several pairs better together, by their mean bad-2; otherwise as :func:`suggest`.
+
+    Parameters
+    ----------
+    pairs
+        At least one; if they are generated lazily, the time to make them counts against the budget. The mean is an
+        estimate if any pair's bad-2 is; pairs that cannot judge are left out.
+
+    Raises
+    ------
+    ValueError
+        If there are no pairs, or the initial settings do not fit the images.
+    """
+    clock = Clock(budget_s, progress or silent, cancelled)
+    made = []
+    for pair in pairs:
+        made.append(pair)
+        clock.tick(0.0)
+    if not made:
+        raise ValueError("pairs is empty; give at least one.")
+    return search(matcher, made, clock, found)
+
+
+def estimate_suggestion(
+    matcher: StereoMatcher, shape: tuple[int, ...], dtype: npt.DTypeLike, *, blind: bool, budget_s: float
+) -> Estimate:
+    """Return the memory and time of :func:`suggest` for two images of a shape and dtype.
+
+    `blind` means without ground truth. Settings that alone need more memory than one job may take are not tried.
+    """
+    jobs = [one.estimate(shape, dtype) for one in (matcher, *candidates(matcher))]
+    if blind:
+        jobs.append(estimate_reference(matcher.search_range(), shape, dtype))
+    return Estimate(max(job.memory for job in jobs), min(budget_s, sum(job.seconds for job in jobs)))
