@@ -12,8 +12,8 @@ from stereolag.signals import signal_lag
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.templates import match_template
 from stereolag.ui import prose
-from stereolag.ui.depth.alternatives import map_in_words
 from stereolag.ui.depth.maps import map_task
+from stereolag.ui.depth.sentences import map_in_words
 from stereolag.ui.elements import show_png
 from stereolag.ui.first_settings import first_settings
 from stereolag.ui.lag.alternatives import curve_in_words

@@ -9,21 +9,26 @@ from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.depth.address import write_address
 from stereolag.ui.depth.all_pairs import show_all_pairs
-from stereolag.ui.depth.bench import bench, show_controls
-from stereolag.ui.depth.blanks import show_blanks
-from stereolag.ui.depth.colouring import coloured_alike, offer_fit
-from stereolag.ui.depth.comparison import show_comparison
+from stereolag.ui.depth.comparing import show_comparison, show_scoreboard
 from stereolag.ui.depth.doctor import show_doctor
 from stereolag.ui.depth.downloads import show_downloads
+from stereolag.ui.depth.explaining import show_blanks, show_inspection
 from stereolag.ui.depth.inputs import choose_pair
-from stereolag.ui.depth.maps import choose_maps, measured, send_ahead, show_maps, shown_methods
-from stereolag.ui.depth.match import show_inspection
-from stereolag.ui.depth.presets import show_presets
+from stereolag.ui.depth.maps import (
+    bench,
+    choose_maps,
+    coloured_alike,
+    measured,
+    offer_fit,
+    send_ahead,
+    show_controls,
+    show_maps,
+    show_presets,
+    shown_methods,
+)
 from stereolag.ui.depth.readout import show_readout
-from stereolag.ui.depth.scoreboard import show_scoreboard
 from stereolag.ui.depth.space import show_space
-from stereolag.ui.depth.suggesting import show_suggest
-from stereolag.ui.depth.sweeping import show_sweep
+from stereolag.ui.depth.tuning import show_suggest, show_sweep
 from stereolag.ui.keys import PART
 from stereolag.ui.matcher_controls import matcher_as_set
 from stereolag.ui.navigation import fragment, page, show_try_first

@@ -11,7 +11,7 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.ui.depth.view import DepthView
+from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.pairs import example_pair
 
 ROWS, COLS = slice(215, 375), slice(120, 400)

@@ -8,7 +8,7 @@ from tests.app.conftest import viewers
 
 
 def blanks() -> None:
-    from stereolag.ui.depth.blanks import show_blanks
+    from stereolag.ui.depth.explaining import show_blanks
     from tests.app.depth_view import small_view
 
     show_blanks(small_view())

@@ -9,14 +9,14 @@ from tests.app.conftest import viewers
 
 
 def comparison() -> None:
-    from stereolag.ui.depth.comparison import show_comparison
+    from stereolag.ui.depth.comparing import show_comparison
     from tests.app.depth_view import small_view
 
     show_comparison(small_view())
 
 
 def comparison_without_truth() -> None:
-    from stereolag.ui.depth.comparison import show_comparison
+    from stereolag.ui.depth.comparing import show_comparison
     from tests.app.depth_view import small_view
 
     show_comparison(small_view(truth=False))

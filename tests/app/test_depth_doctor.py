@@ -27,7 +27,7 @@ def panel() -> None:
 
     from stereolag.stereo.opencv import StereoBM
     from stereolag.ui.depth.doctor import show_doctor, treated
-    from stereolag.ui.depth.view import DepthView
+    from stereolag.ui.depth.maps import DepthView
     from stereolag.ui.matcher_controls import ask_matcher
 
     pair = treated(st.session_state["pair"])

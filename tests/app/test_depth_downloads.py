@@ -20,8 +20,8 @@ from stereolag.io.settings import settings_json
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.exports import EXPORTS, archive, files
 from stereolag.ui.depth.inputs import at_size
+from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.subjects import Subject
-from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
 from tests.app import keys
 from tests.programs import run_program
@@ -49,7 +49,7 @@ def section() -> None:
     from stereolag import StereoBM
     from stereolag.ui.depth.address import take_over
     from stereolag.ui.depth.downloads import show_downloads
-    from stereolag.ui.depth.view import DepthView
+    from stereolag.ui.depth.maps import DepthView
     from stereolag.ui.matcher_controls import ask_matcher
 
     pair = st.session_state["pair"]
@@ -117,7 +117,7 @@ def test_what_cannot_be_had_says_why_and_is_left_out_of_the_zip() -> None:
 def estimating() -> None:
     import streamlit as st
 
-    from stereolag.ui.depth.estimates import show_estimates
+    from stereolag.ui.depth.comparing import show_estimates
     from stereolag.ui.depth.exports import files
     from stereolag.ui.depth.subjects import Subject
 

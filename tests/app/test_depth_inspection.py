@@ -10,7 +10,7 @@ from tests.app.depth_view import small_view
 
 
 def inspection() -> None:
-    from stereolag.ui.depth.match import show_inspection
+    from stereolag.ui.depth.explaining import show_inspection
     from tests.app.depth_view import small_view
 
     show_inspection(small_view())
@@ -86,7 +86,7 @@ def by_phase() -> None:
     from dataclasses import replace
 
     from stereolag.stereo.windows.matcher import CorrelationMatcher
-    from stereolag.ui.depth.match import show_inspection
+    from stereolag.ui.depth.explaining import show_inspection
     from tests.app.depth_view import small_view
 
     view = small_view()

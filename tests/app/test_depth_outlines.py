@@ -10,8 +10,8 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.edges import edge_path
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui.depth import colouring
-from stereolag.ui.depth.colouring import OUTLINED
+from stereolag.ui.depth import maps
+from stereolag.ui.depth.maps import OUTLINED
 from stereolag.ui.pairs import example_pair
 from tests.app import keys
 from tests.app.conftest import outlines, viewers
@@ -25,7 +25,7 @@ def test_the_switch_lays_the_edges_of_the_left_image_over_every_map(
     open_unfolded: Callable[[str], AppTest], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Any] = []
-    monkeypatch.setattr(colouring, "edge_path", lambda image: made.append(image) or edge_path(image))
+    monkeypatch.setattr(maps, "edge_path", lambda image: made.append(image) or edge_path(image))
     app = open_unfolded(DEPTH)
     assert outlines(app) == {}
     assert made == []

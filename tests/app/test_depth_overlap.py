@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.assess.explaining import Box
 from stereolag.core.typography import typeset
 from stereolag.figures.overlap import window_grid
-from stereolag.ui.depth.overlap import overlap_in_words
+from stereolag.ui.depth.explaining import overlap_in_words
 
 
 def part() -> None:
@@ -19,7 +19,7 @@ def part() -> None:
 
     from stereolag.assess.explaining import explain_match
     from stereolag.stereo.windows.matcher import CorrelationMatcher
-    from stereolag.ui.depth.overlap import show_overlap
+    from stereolag.ui.depth.explaining import show_overlap
     from tests.app.depth_view import small_view
 
     view = small_view()

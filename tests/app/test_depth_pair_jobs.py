@@ -16,8 +16,8 @@ from tests.app.test_depth_restoring import given, packed, pair_of
 def sweeping_on_a_set() -> None:
     from stereolag import StereoBM
     from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.depth.sweeping import show_sweep
-    from stereolag.ui.depth.view import DepthView
+    from stereolag.ui.depth.maps import DepthView
+    from stereolag.ui.depth.tuning import show_sweep
 
     pair = choose_pair()
     matcher = StereoBM(num_disparities=16, block_size=9)

@@ -32,10 +32,9 @@ def page() -> None:
     import streamlit as st
 
     from stereolag.stereo.methods import METHODS
-    from stereolag.ui.depth.colouring import coloured_alike
     from stereolag.ui.depth.exports import archive
     from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.depth.maps import measured, shown_methods
+    from stereolag.ui.depth.maps import coloured_alike, measured, shown_methods
     from stereolag.ui.depth.pair_exports import PAIR_EXPORTS
     from stereolag.ui.depth.subjects import Subject
     from stereolag.ui.matcher_controls import ask_matcher
@@ -282,7 +281,7 @@ def table_page() -> None:
     from stereolag import StereoBM
     from stereolag.ui.depth.all_pairs import show_all_pairs
     from stereolag.ui.depth.inputs import choose_pair
-    from stereolag.ui.depth.view import DepthView
+    from stereolag.ui.depth.maps import DepthView
 
     pair = choose_pair()
     matcher = StereoBM(num_disparities=16, block_size=st.session_state.get("block", 9))

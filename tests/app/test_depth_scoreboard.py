@@ -18,7 +18,7 @@ from tests.app.depth_view import small_view
 
 
 def scoreboard() -> None:
-    from stereolag.ui.depth.scoreboard import show_scoreboard
+    from stereolag.ui.depth.comparing import show_scoreboard
     from tests.app.depth_view import small_view
 
     show_scoreboard(small_view())
@@ -29,7 +29,7 @@ def scoreboard_with_mask() -> None:
 
     import numpy as np
 
-    from stereolag.ui.depth.scoreboard import show_scoreboard
+    from stereolag.ui.depth.comparing import show_scoreboard
     from tests.app.depth_view import small_view
 
     view = small_view()
@@ -41,7 +41,7 @@ def scoreboard_without_truth() -> None:
     from dataclasses import replace
 
     from stereolag.stereo.methods import preset
-    from stereolag.ui.depth.scoreboard import show_scoreboard
+    from stereolag.ui.depth.comparing import show_scoreboard
     from tests.app.depth_view import small_view
 
     view = small_view(truth=False)
@@ -54,7 +54,7 @@ def scoreboard_of_unrelated_images() -> None:
 
     import numpy as np
 
-    from stereolag.ui.depth.scoreboard import show_scoreboard
+    from stereolag.ui.depth.comparing import show_scoreboard
     from tests.app.depth_view import small_view
 
     view = small_view(truth=False)

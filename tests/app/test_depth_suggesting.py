@@ -17,8 +17,8 @@ from stereolag.core.typography import typeset
 from stereolag.io.settings import read_matcher
 from stereolag.stereo.finishing.filters import MedianFilter
 from stereolag.stereo.opencv import StereoBM
-from stereolag.ui.depth.judging import search_so_far, suggestion_in_words, value_in_words
 from stereolag.ui.depth.pair_jobs import PairJob
+from stereolag.ui.depth.sentences import search_so_far, suggestion_in_words, value_in_words
 from stereolag.ui.jobs import Job
 from tests.app.depth_view import small_view
 
@@ -26,7 +26,7 @@ LIGHT = Estimate(0, 0.0)
 
 
 def suggesting() -> None:
-    from stereolag.ui.depth.suggesting import show_suggest
+    from stereolag.ui.depth.tuning import show_suggest
     from tests.app.depth_view import small_view
 
     show_suggest(small_view())
@@ -36,7 +36,7 @@ def suggesting_blind() -> None:
     from dataclasses import replace
 
     from stereolag.stereo.methods import preset
-    from stereolag.ui.depth.suggesting import show_suggest
+    from stereolag.ui.depth.tuning import show_suggest
     from tests.app.depth_view import small_view
 
     view = small_view(truth=False)
@@ -50,7 +50,7 @@ def suggesting_with_blocks() -> None:
     import streamlit as st
 
     from stereolag.stereo.opencv import StereoBM
-    from stereolag.ui.depth.suggesting import show_suggest
+    from stereolag.ui.depth.tuning import show_suggest
     from tests.app.depth_view import small_view
 
     view = small_view()

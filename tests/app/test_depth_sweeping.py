@@ -23,19 +23,19 @@ from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.address import ADOPTED
-from stereolag.ui.depth.sweeping import Axis, settings_of_cell
+from stereolag.ui.depth.tuning import Axis, settings_of_cell
 from tests.app.depth_view import small_view
 
 
 def sweeping() -> None:
-    from stereolag.ui.depth.sweeping import show_sweep
+    from stereolag.ui.depth.tuning import show_sweep
     from tests.app.depth_view import small_view
 
     show_sweep(small_view())
 
 
 def blind_sweeping() -> None:
-    from stereolag.ui.depth.sweeping import show_sweep
+    from stereolag.ui.depth.tuning import show_sweep
     from tests.app.depth_view import small_view
 
     show_sweep(small_view(truth=False))
@@ -45,7 +45,7 @@ def sweeping_the_judge() -> None:
     from dataclasses import replace
 
     from stereolag.stereo.methods import preset
-    from stereolag.ui.depth.sweeping import show_sweep
+    from stereolag.ui.depth.tuning import show_sweep
     from tests.app.depth_view import small_view
 
     view = small_view(truth=False)

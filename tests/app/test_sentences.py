@@ -41,8 +41,8 @@ from stereolag.templates.degradation import Degradation
 from stereolag.templates.opencv import OpenCVSearch, opencv_search
 from stereolag.templates.trials import Trial, try_methods
 from stereolag.templates.verdict import Reason as SearchReason
-from stereolag.ui.depth import alternatives
-from stereolag.ui.depth.findings import REMEDIES_DONE, finding_in_words, problems_in_words, remedy_in_words
+from stereolag.ui.depth import sentences
+from stereolag.ui.depth.sentences import REMEDIES_DONE, finding_in_words, problems_in_words, remedy_in_words
 from stereolag.ui.lag.alternatives import curve_in_words, drift_in_words, run_times_in_words, waveforms_in_words
 from stereolag.ui.lag.facts import own_facts
 from stereolag.ui.lag.sentences import verdict_explained, verdict_in_words
@@ -330,16 +330,16 @@ def test_alternatives_of_depth_maps(snapshot: Snapshot) -> None:
     seen = explain_match(CorrelationMatcher(window_size=11), scene[:, :-5], scene[:, 5:], 30, 40)
     snapshot(
         {
-            "map": alternatives.map_in_words(disparity),
-            "empty map": alternatives.map_in_words(np.full((8, 8), np.nan, np.float32)),
-            "photograph": alternatives.photograph_in_words(scene),
-            "blanks": alternatives.all_blanks_in_words({"One": reason, "Other": measured}),
-            "errors": alternatives.errors_in_words(map_of_five, truth, "the ground truth"),
+            "map": sentences.map_in_words(disparity),
+            "empty map": sentences.map_in_words(np.full((8, 8), np.nan, np.float32)),
+            "photograph": sentences.photograph_in_words(scene),
+            "blanks": sentences.all_blanks_in_words({"One": reason, "Other": measured}),
+            "errors": sentences.errors_in_words(map_of_five, truth, "the ground truth"),
             "differences": [
-                alternatives.difference_in_words(np.array([0.5, 2, -2, np.nan, 0], np.float32)),
-                alternatives.difference_in_words(np.array([np.nan], np.float32)),
+                sentences.difference_in_words(np.array([0.5, 2, -2, np.nan, 0], np.float32)),
+                sentences.difference_in_words(np.array([np.nan], np.float32)),
             ],
-            "error over coverage": alternatives.coverage_curves_in_words(curves),
-            "scores": [alternatives.scores_in_words(seen, "Scores"), alternatives.fit_in_words(seen)],
+            "error over coverage": sentences.coverage_curves_in_words(curves),
+            "scores": [sentences.scores_in_words(seen, "Scores"), sentences.fit_in_words(seen)],
         }
     )

@@ -9,11 +9,10 @@ from functools import cache
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from stereolag.ui.depth.blanks import show_blanks
-from stereolag.ui.depth.comparison import show_comparison
-from stereolag.ui.depth.match import show_inspection
+from stereolag.ui.depth.comparing import show_comparison
+from stereolag.ui.depth.explaining import show_blanks, show_inspection
+from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.readout import show_readout
-from stereolag.ui.depth.view import DepthView
 from tests.app.depth_view import small_view
 from tests.browser.parts import Parts, ShowParts, sent
 from tests.browser.visits import resized, screenshot, turned_dark

@@ -8,7 +8,7 @@ from playwright.sync_api import expect
 
 from stereolag.figures.edges import edge_path
 from stereolag.stereo.opencv import StereoBM
-from stereolag.ui.depth.comparison import show_comparison
+from stereolag.ui.depth.comparing import show_comparison
 from tests.app.depth_view import small_view
 from tests.browser.parts import ShowParts, redrawn
 from tests.browser.visits import screenshot, turned_dark

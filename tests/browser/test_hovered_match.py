@@ -16,8 +16,8 @@ from stereolag.assess.explaining import explain_match
 from stereolag.core.inputs import as_grey
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-from stereolag.ui.depth.match import show_inspection
-from stereolag.ui.depth.view import DepthView
+from stereolag.ui.depth.explaining import show_inspection
+from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.hovered_match import browser_settings
 from stereolag.ui.pairs import example_pair
 from tests.browser.parts import Parts, ShowParts

@@ -15,10 +15,9 @@ from stereolag.core.progress import Progress
 from stereolag.io.sources import harmless
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
-from stereolag.ui.depth.judging import known_truth
+from stereolag.ui.depth.maps import DepthView, known_truth
 from stereolag.ui.depth.pair_sets import Preparation, set_of
 from stereolag.ui.depth.several import PairSet
-from stereolag.ui.depth.view import DepthView
 from stereolag.ui.elements import PERCENT, SECONDS
 from stereolag.ui.navigation import fragment
 from stereolag.ui.pairs import StereoPair

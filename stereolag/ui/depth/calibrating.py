@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import streamlit as st
 
-from stereolag.figures.linked_pictures import DepthScale
 from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
 from stereolag.io.calibrations import read_calibration
 from stereolag.ui.calibrate.kept import use_kept_calibration
-from stereolag.ui.depth.view import DepthView
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.persistence import persistent
-from stereolag.ui.results import remembered
 from stereolag.ui.uploads import CALIBRATION_TYPES, Upload, upload_together
 
 Calibrated: TypeAlias = Upload[Calibration]
@@ -99,29 +94,6 @@ def calibration_of(pair: StereoPair) -> Calibration | None:
     """Return the calibration in use: derived from the known distance if one was entered, else the pair's own."""
     known = known_distance(pair)
     return known.calibration if known else pair.calibration
-
-
-def disparity_error(view: DepthView, name: str) -> float:
-    """Return the typical error of a method's disparities, px; measured if the ground truth is known."""
-    if view.pair.truth is None:
-        return DISPARITY_ERROR
-    truth, result = view.pair.truth, view.results[name]
-    error = remembered(
-        "typical error",
-        lambda: typical_error(result.disparity, truth),
-        inputs=view.pair.digest,
-        settings=f"{name} {result.settings.model_dump_json()}",
-        shared=view.pair.shared,
-    )
-    return DISPARITY_ERROR if math.isnan(error) else error
-
-
-def depth_scale(pair: StereoPair, error: float) -> DepthScale | None:
-    """Return the numbers that the browser needs to show depths; None without a calibration."""
-    calibration = calibration_of(pair)
-    if calibration is None:
-        return None
-    return DepthScale(calibration.focal_px * calibration.baseline_m, calibration.doffs_px, error)
 
 
 def _key(pair: StereoPair) -> str:

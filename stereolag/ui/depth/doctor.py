@@ -13,7 +13,8 @@ from stereolag.assess.remedies import Remedy, apply_remedy
 from stereolag.core.estimates import Estimate
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
-from stereolag.ui.depth.findings import (
+from stereolag.ui.depth.maps import DepthView
+from stereolag.ui.depth.sentences import (
     DOCTOR_HEALTHY,
     REMEDIES_DONE,
     TRUTH_DROPPED,
@@ -21,7 +22,6 @@ from stereolag.ui.depth.findings import (
     problems_in_words,
     remedy_in_words,
 )
-from stereolag.ui.depth.view import DepthView
 from stereolag.ui.jobs import is_heavy
 from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.navigation import PAGES

@@ -14,10 +14,9 @@ from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.exports import archive, files, size_in_words
-from stereolag.ui.depth.maps import settings_key
+from stereolag.ui.depth.maps import DepthView, settings_key
 from stereolag.ui.depth.pair_exports import PAIR_EXPORTS
 from stereolag.ui.depth.subjects import Subject
-from stereolag.ui.depth.view import DepthView
 from stereolag.ui.downloads import made_in_turn, show_file_buttons, show_zip_button
 from stereolag.ui.private_files import download_button
 from stereolag.ui.results import computed_in_turn

@@ -16,10 +16,10 @@ from stereolag.stereo.evaluation import Evaluation
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher
 from stereolag.ui import downloads
+from stereolag.ui.depth.comparing import evaluations
+from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.pair_exports import PAIR_EXPORTS, Export, Text, image_names
-from stereolag.ui.depth.scoreboard import evaluations
 from stereolag.ui.depth.subjects import Subject
-from stereolag.ui.depth.view import DepthView
 from stereolag.ui.downloads import File
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from stereolag import samples
 from stereolag.assess.remedies import Remedy
@@ -16,14 +20,13 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.choices import OWN, choose, own_or_example
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
-from stereolag.ui.depth.bench import head, show_name
 from stereolag.ui.depth.doctor import treated, with_remedies
 from stereolag.ui.depth.own_pair import ask_own_pair
 from stereolag.ui.depth.rectifying import ask_rectified, rectified, show_decision
 from stereolag.ui.depth.restoring import restore_settings
 from stereolag.ui.depth.several import show_steps
 from stereolag.ui.depth.starting import show_start, started
-from stereolag.ui.keys import FOLD_NEXT
+from stereolag.ui.keys import FOLD, FOLD_NEXT
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
 from stereolag.ui.persistence import persistent
@@ -33,11 +36,48 @@ from stereolag.ui.uploads import refused
 
 KEY = "pairs"
 TITLE = "Depth maps"
+STYLE = Path(__file__).with_name("bench.css")
 KEPT = f"{KEY}.kept_settings"
 """Session-state key of the images that the settings in use are for."""
 SCALED_FROM = f"{KEY}.scaled_from"
 """Session-state key of {kind of settings: how they were last :class:`Scaled`}."""
 OWN_PAIR_THERE = f"{KEY}.there"
+
+
+INTRODUCTION = (
+    "Near things shift more between the two cameras than far ones. Cut the left image into small windows and slide each"
+    " along the right image: the lag of the best match is its disparity, large for near things and small for far ones."
+)
+
+
+@contextmanager
+def head(title: str, *, awaited: bool) -> Iterator[DeltaGenerator]:
+    """Draw the heading beside an expander; the choice of the pair is drawn inside the ``with`` block.
+
+    The expander stays open while files are `awaited`, and closes when they are there. The container yielded,
+    between the two, is for :func:`show_name` once the pair is known.
+    """
+    st.html(STYLE)
+    if awaited or st.session_state.pop(FOLD_NEXT, False):
+        st.session_state[FOLD] = awaited
+    with st.container(horizontal=True, vertical_alignment="top", gap="medium", key="depth-head"):
+        st.title(title, anchor=False, width="content")
+        name = st.container(width="content", key="depth-head-pair")
+        # Changing the label would redraw the expander and take the keyboard focus from the controls inside.
+        with st.expander(
+            "Choose a pair or bring your own",
+            key=FOLD,
+            icon=":material/photo_library:",
+            on_change="rerun",
+        ):
+            prose.markdown(INTRODUCTION, width=760)
+            yield name
+
+
+def show_name(place: DeltaGenerator, pair: str) -> None:
+    """Show the name of the pair whose maps are shown."""
+    with place:
+        prose.markdown(f"**{pair}**", width="content")
 
 
 @dataclass(frozen=True)

@@ -1,36 +1,226 @@
-"""The maps of the depth page: computed, judged, and shown side by side with their numbers."""
+"""The maps of the depth page: computed, coloured alike, judged, and shown side by side beside their controls."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+import numpy as np
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from stereolag.core.arrays import FloatMap, ReasonMap
+from stereolag.core.arrays import FloatMap, ReasonMap, Rgb
+from stereolag.figures.colour_ranges import disparity_range, searched_range
+from stereolag.figures.disparity import FAR_TO_NEAR, PALETTES
+from stereolag.figures.edges import edge_path
 from stereolag.figures.legends import Legend, disparity_legends
-from stereolag.figures.linked_pictures import DepthScale, Figure, PackedPicture, Picture, Reading, no_depth, packed
-from stereolag.figures.pictures import as_rgb
+from stereolag.figures.linked_pictures import (
+    Colours,
+    DepthScale,
+    Figure,
+    PackedPicture,
+    Picture,
+    Reading,
+    no_depth,
+    packed,
+)
+from stereolag.figures.pictures import as_rgb, thinned
+from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
-from stereolag.stereo.methods import METHODS
+from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
 from stereolag.stereo.reasons import Reason
-from stereolag.ui import keys
+from stereolag.ui import keys, prose
 from stereolag.ui.announcements import announce
-from stereolag.ui.depth.alternatives import map_in_words, photograph_in_words
-from stereolag.ui.depth.calibrating import calibration_of, depth_scale, disparity_error
-from stereolag.ui.depth.view import DepthView
+from stereolag.ui.depth.calibrating import calibration_of
+from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
+from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
+from stereolag.ui.keys import COLOURS, SHOWN, TAB, preset_key
 from stereolag.ui.linked_pictures import linked_pictures, send_picture
-from stereolag.ui.matcher_controls import matcher_as_set
+from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set, matchers_in_use, set_controls
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed_at_once, computed_before, computed_in_turn, remembered
-from stereolag.ui.sentences import REASON_WORDS, duration, percent
+from stereolag.ui.sentences import REASON_WORDS, beyond_the_colours, duration, percent
 from stereolag.ui.states import show_refused
+
+
+@dataclass(frozen=True, eq=False)
+class DepthView:
+    """One pair, the map of each method, and the colour range that all maps share.
+
+    Attributes
+    ----------
+    pair
+        The images, with truth, mask and calibration if known.
+    results
+        {name of the method as the page shows it: its map}, in the order shown; its settings are ``result.settings``.
+    low, high
+        The locked colour range, px of disparity.
+    palette
+        (256, 3) uint8 RGB from far to near.
+    outlines
+        Outlines of the left image over the maps, as an SVG path; "" = none.
+    """
+
+    pair: StereoPair
+    results: Mapping[str, DisparityMap]
+    low: float
+    high: float
+    palette: Rgb = field(default_factory=lambda: FAR_TO_NEAR)
+    outlines: str = ""
+
+    @property
+    def colours(self) -> Colours:
+        """Return the colours that all maps share."""
+        return Colours(self.low, self.high, self.palette, self.outlines)
+
+
+PALETTE, INVERTED = f"{COLOURS}.palette", f"{COLOURS}.inverted"
+OUTLINED = f"{COLOURS}.outlined"
+FIRST_PALETTE = "viridis"
+MOST_BEYOND = 0.02
+"""Share of a map beyond the colours above which the page says so."""
+
+
+def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> DepthView:
+    """Ask for the colours and return the view of all maps in them.
+
+    The range is the one searched by all maps shown together, until the visitor sets another; without a map, the
+    initial range of the pair.
+    """
+    key = range_key(pair)
+    first, count = pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST
+    searched = searched_range(results.values()) if results else (float(first), float(first + count))
+    low, high = st.session_state.get(key) or searched
+    palette = st.session_state.get(PALETTE, FIRST_PALETTE)
+    inverted = st.session_state.get(INVERTED, False)
+    outlined = st.session_state.get(OUTLINED, False)
+    colours = st.popover("Colours", icon=":material/palette:", key=f"{COLOURS}.opened", on_change="rerun")
+    if colours.open:  # drawing hidden controls would cost time in every run
+        with colours:
+            _ask_range(key, pair, results, (low, high))
+            palette = st.segmented_control(
+                "Palette",
+                [*PALETTES],
+                default=FIRST_PALETTE,
+                format_func=str.capitalize,
+                required=True,
+                **persistent(PALETTE),
+            )
+            inverted = st.toggle(
+                "Invert: far is bright",
+                **persistent(INVERTED),
+                help="Near things are dark, as in the source report’s maps. The report’s preset switches this on.",
+            )
+            outlined = st.toggle(
+                "Outlines of the left image",
+                **persistent(OUTLINED),
+                help="Draws the edges of the left image over every map: where a depth edge lies beside its outline, "
+                "the window has smeared it.",
+            )
+    colours_of = PALETTES[palette]
+    if inverted:
+        colours_of = colours_of[::-1]
+    return DepthView(pair, results, low, max(high, low + 1), colours_of, _outlines(pair) if outlined else "")
+
+
+def offer_fit(view: DepthView) -> None:
+    """Name the maps with more than `MOST_BEYOND` outside the colours, and offer to fit the range to them."""
+    beyond = {name: _share_beyond(view, name) for name in view.results}
+    beyond = {name: share for name, share in beyond.items() if share > MOST_BEYOND}
+    if not beyond:
+        return
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        prose.markdown(f":orange[:material/palette:] {beyond_the_colours(beyond)}", width="content")
+        fit = (range_key(view.pair), view.pair, view.results)
+        st.button("Fit the colours", key=f"{COLOURS}.fit_beyond", on_click=_fit, args=fit)
+
+
+def set_inverted(inverted: bool) -> None:
+    """Set whether far things are bright, instead of near ones; the switch must not have been drawn yet."""
+    st.session_state[INVERTED] = inverted
+
+
+def _outlines(pair: StereoPair) -> str:
+    """Return the outlines of the left image; from memory if they were drawn before."""
+    return remembered("outlines", lambda: edge_path(pair.left), inputs=pair.digest, settings="", shared=pair.shared)
+
+
+def _ask_range(key: str, pair: StereoPair, results: Mapping[str, DisparityMap], shown: tuple[float, float]) -> None:
+    """Ask for the ends of the colour range, and offer to fit it or to let it follow the search."""
+    low, high = shown
+    with st.container(horizontal=True, gap="small"):
+        for end, value in (("far", low), ("near", high)):
+            box = f"{key}.{end}"
+            st.session_state[box] = float(value)
+            st.number_input(
+                f"{end.capitalize()} end, px",
+                step=1.0,
+                format="%g",
+                key=box,
+                width=130,
+                on_change=_set_range,
+                args=(key,),
+            )
+    with st.container(horizontal=True, gap="small"):
+        st.button(
+            "Fit to the maps",
+            on_click=_fit,
+            args=(key, pair, results),
+            key=f"{COLOURS}.fit",
+            disabled=not results,
+        )
+        st.button(
+            "Follow the search",
+            on_click=st.session_state.pop,
+            args=(key, None),
+            key=f"{COLOURS}.follow",
+            disabled=key not in st.session_state,
+            help="The colours then span the disparities that are searched.",
+        )
+
+
+def _set_range(key: str) -> None:
+    low, high = st.session_state[f"{key}.far"], st.session_state[f"{key}.near"]
+    st.session_state[key] = min(low, high), max(low, high)
+
+
+def _fit(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> None:
+    """Set the range to cover every map shown and the truth, except the outermost 1 % at either end of each."""
+    maps: list[FloatMap] = [one.disparity for one in results.values()]
+    ranges = [disparity_range([one]) for one in (maps if pair.truth is None else [*maps, pair.truth])]
+    st.session_state[key] = min(low for low, _ in ranges), max(high for _, high in ranges)
+
+
+def _share_beyond(view: DepthView, name: str) -> float:
+    """Return the share of a map's disparities beyond the colours, 0..1."""
+    result = view.results[name]
+
+    def share() -> float:
+        values = thinned(result.disparity)
+        known = np.isfinite(values)
+        outside = (values < view.low - 1) | (values > view.high + 1)
+        return float((outside & known).sum()) / max(1.0, float(known.sum()))
+
+    return remembered(
+        "share beyond the colours",
+        share,
+        inputs=view.pair.digest,
+        settings=f"{name} {result.settings.model_dump_json()} {view.low} {view.high}",
+        shared=view.pair.shared,
+    )
+
+
+def range_key(pair: StereoPair) -> str:
+    """Return the key of the visitor's range for a pair; while it is unset, the range follows the search."""
+    return f"{COLOURS}.range.{pair.digest}"
+
 
 LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
 KEY = "depth.bench"
@@ -276,3 +466,100 @@ def _said(reason: Reason) -> str:
     if reason is Reason.MEASURED:
         return ""
     return REASON_WORDS[reason] if reason is Reason.FILLED else f"no disparity: {REASON_WORDS[reason]}"
+
+
+def known_truth(pair: StereoPair) -> FloatMap | None:
+    """Return the ground truth of a pair; None if it is not known for any pixel."""
+    return pair.truth if pair.truth is not None and np.isfinite(pair.truth).any() else None
+
+
+def disparity_error(view: DepthView, name: str) -> float:
+    """Return the typical error of a method's disparities, px; measured if the ground truth is known."""
+    if view.pair.truth is None:
+        return DISPARITY_ERROR
+    truth, result = view.pair.truth, view.results[name]
+    error = remembered(
+        "typical error",
+        lambda: typical_error(result.disparity, truth),
+        inputs=view.pair.digest,
+        settings=f"{name} {result.settings.model_dump_json()}",
+        shared=view.pair.shared,
+    )
+    return DISPARITY_ERROR if math.isnan(error) else error
+
+
+def depth_scale(pair: StereoPair, error: float) -> DepthScale | None:
+    """Return the numbers that the browser needs to show depths; None without a calibration."""
+    calibration = calibration_of(pair)
+    if calibration is None:
+        return None
+    return DepthScale(calibration.focal_px * calibration.baseline_m, calibration.doffs_px, error)
+
+
+CONTROLS_WIDTH = 320
+"""Px."""
+
+
+def bench() -> tuple[DeltaGenerator, DeltaGenerator]:
+    """Return the containers for the controls and, beside them, for the maps."""
+    both = st.container(horizontal=True, gap="medium", vertical_alignment="top", key="depth-bench")
+    controls = both.container(width=CONTROLS_WIDTH, gap="xsmall", key="depth-bench-controls")
+    return controls, both.container(key="depth-bench-maps")
+
+
+def show_controls(pair: StereoPair) -> None:
+    """Draw the controls of one method at a time, chosen by a row of tabs.
+
+    Selecting a method also shows its map, so that moving its controls has a visible effect.
+    """
+    names = [kind.short_name for kind in METHODS]
+    by_name = dict(zip(names, METHODS, strict=True))
+    tab = st.segmented_control(
+        "Settings of",
+        names,
+        default=names[0],
+        required=True,
+        format_func=lambda name: by_name[name].title,
+        **persistent(TAB),
+        label_visibility="collapsed",
+        on_change=lambda: show_method(by_name[st.session_state[TAB]]),
+    )
+    for kind in METHODS:
+        ask_matcher(kind, pair, drawn=kind.short_name == tab)
+
+
+def show_presets(pair: StereoPair) -> None:
+    """Draw a button for each preset, and one that resets all methods to their initial settings."""
+    with st.container(horizontal=True, gap="xxsmall", vertical_alignment="center"):
+        for name, one in PRESETS.items():
+            st.button(one.title, key=preset_key(name), help=one.meaning, on_click=partial(_set_preset, name, pair))
+        st.button(
+            "Reset",
+            key=preset_key("reset"),
+            icon=":material/restart_alt:",
+            help="Sets all methods back to their initial settings.",
+            type="tertiary",
+            on_click=partial(_reset, pair),
+        )
+
+
+def _set_preset(name: PresetName, pair: StereoPair) -> None:
+    """Show a preset in its own colours, over the range of the method whose settings are shown."""
+    tab = st.session_state.get(TAB, METHODS[0].short_name)
+    searched = [matcher.search_range() for matcher in matchers_in_use() if matcher.short_name == tab]
+    # A square search area reaches equally far to both sides, which makes no range for a strip.
+    strips = [one for one in searched if one is not None and one[0] + one[1] - 1 != -one[0]]
+    first, count = strips[0] if strips else (pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST)
+    matcher = preset(name, count, first)
+    set_controls(matcher, pair)
+    show_method(type(matcher), instead=True)
+    set_inverted(name == "report")
+    st.session_state[TAB] = matcher.short_name
+
+
+def _reset(pair: StereoPair) -> None:
+    st.session_state[SHOWN] = SHOWN_AT_FIRST
+    st.session_state[TAB] = METHODS[0].short_name
+    set_inverted(False)
+    for kind in METHODS:
+        set_controls(first_settings(kind, pair), pair)

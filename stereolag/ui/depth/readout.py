@@ -11,16 +11,17 @@ from stereolag.figures.pictures import PEAK
 from stereolag.geometry.scene import FIELD_OF_VIEW, SeenPoint, calibrated_by, distance_between
 from stereolag.stereo.reasons import Reason
 from stereolag.ui import prose
-from stereolag.ui.depth.blanks import reasons_of
-from stereolag.ui.depth.calibrating import (
-    KnownDistance,
-    calibration_of,
+from stereolag.ui.depth.calibrating import KnownDistance, calibration_of, keep_known_distance, known_distance
+from stereolag.ui.depth.explaining import reasons_of
+from stereolag.ui.depth.maps import (
+    TRUTH,
+    DepthView,
     disparity_error,
-    keep_known_distance,
-    known_distance,
+    left_picture,
+    map_legends,
+    map_picture,
+    truth_picture,
 )
-from stereolag.ui.depth.maps import TRUTH, left_picture, map_legends, map_picture, truth_picture
-from stereolag.ui.depth.view import DepthView
 from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.pairs import StereoPair

@@ -12,8 +12,7 @@ from stereolag.figures.disparity import PALETTES
 from stereolag.io.sessions import Colours, Session
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import keys
-from stereolag.ui.depth.colouring import FIRST_PALETTE, INVERTED, OUTLINED, PALETTE, range_key
-from stereolag.ui.depth.maps import shown_methods
+from stereolag.ui.depth.maps import FIRST_PALETTE, INVERTED, OUTLINED, PALETTE, range_key, shown_methods
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
 from stereolag.ui.pairs import SIZES, StereoPair
 from stereolag.ui.states import show_refused

@@ -16,8 +16,7 @@ from stereolag.geometry.scene import MOST_POINTS, BirdsEyeView, clean_point_clou
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui import prose
 from stereolag.ui.depth.calibrating import calibration_of
-from stereolag.ui.depth.maps import settings_key
-from stereolag.ui.depth.view import DepthView
+from stereolag.ui.depth.maps import DepthView, settings_key
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed
 

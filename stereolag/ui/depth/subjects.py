@@ -15,10 +15,10 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.io.enlargement import enlarged
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.ui.depth.calibrating import known_distance
-from stereolag.ui.depth.estimates import estimates_so_far
+from stereolag.ui.depth.comparing import estimates_so_far
 from stereolag.ui.depth.inputs import original
+from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.restoring import page_state
-from stereolag.ui.depth.view import DepthView
 from stereolag.ui.jobs import is_heavy
 from stereolag.ui.pairs import StereoPair
 

@@ -1,43 +1,51 @@
-"""Why this match? One window, all its scores, and why the match is right or could not be."""
+"""Why this match, and why none: the scores of one window, the overlap of windows, and blank pixels by reason."""
 
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import streamlit as st
 
 from stereolag.assess.explaining import (
+    Box,
     ExampleKind,
     MatchExplanation,
     MatchKind,
+    blank_reasons,
     example_pixel,
     explain_match,
     with_rows_around,
 )
-from stereolag.figures.linked_pictures import Picture
+from stereolag.core.arrays import ReasonMap
+from stereolag.core.typography import typeset
+from stereolag.figures.legends import Legend, hexadecimal, word_legend
+from stereolag.figures.linked_pictures import Picture, Reading
 from stereolag.figures.match import (
+    RUNNER_UP_COLOUR,
+    SEARCH_COLOUR,
+    TRUTH_COLOUR,
+    WINDOW_COLOUR,
     patch_png,
     score_landscape,
     score_map,
     score_row,
     sub_pixel_fit,
 )
+from stereolag.figures.overlap import WindowGrid, overlap_figure, window_grid
 from stereolag.figures.pictures import as_rgb
+from stereolag.figures.reasons import REASON_COLOURS, reasons_picture, share_of_reasons
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui import prose
-from stereolag.ui.depth.alternatives import fit_in_words, scores_in_words
-from stereolag.ui.depth.blanks import reasons_of
-from stereolag.ui.depth.maps import TRUTH
-from stereolag.ui.depth.match_marks import Pixel, legend_of, marks_of, moved, true_lag, truth_at
-from stereolag.ui.depth.overlap import show_overlap
-from stereolag.ui.depth.view import DepthView
+from stereolag.ui.depth.maps import TRUTH, DepthView, settings_key
+from stereolag.ui.depth.sentences import all_blanks_in_words, blanks_in_words, fit_in_words, scores_in_words
 from stereolag.ui.elements import show_png, shown_progress
 from stereolag.ui.hovered_match import can_follow, hovered_match
-from stereolag.ui.linked_pictures import linked_pictures
+from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.match_sentences import (
     BEFORE_OPTIMISATION,
     EXAMPLE_LABELS,
@@ -51,9 +59,65 @@ from stereolag.ui.match_sentences import (
     verdict,
 )
 from stereolag.ui.navigation import fragment
-from stereolag.ui.sentences import REASON_WORDS, percent
+from stereolag.ui.results import computed
+from stereolag.ui.sentences import OPENCV_REASONS, REASON_WORDS, REASONS_EXPLAINED, percent
 
-KEY = "depth.inspection"
+Pixel = tuple[int, int]
+
+
+def legend_of(view: DepthView) -> Legend:
+    """Return the legend of the frames."""
+    colours = [WINDOW_COLOUR, RUNNER_UP_COLOUR, SEARCH_COLOUR]
+    words = ["the window, and where it was found", "the runner-up", "the search area"]
+    if view.pair.truth is not None:
+        colours.insert(1, TRUTH_COLOUR)
+        words.insert(1, "the true place")
+    return word_legend("", colours, words)
+
+
+def marks_of(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> list[Mark]:
+    """Return the frames: the window at left; the search area and the runner-up, true and found places at right."""
+    marks = [_frame(seen.search, SEARCH_COLOUR, 1, area=True), _frame(seen.window, WINDOW_COLOUR, 0)]
+    if seen.runner_up:
+        marks.append(_frame(moved(seen, seen.runner_up), RUNNER_UP_COLOUR, 1))
+    if true := true_lag(view, pixel):
+        marks.append(_frame(moved(seen, true), TRUTH_COLOUR, 1, dashed=True))
+    if seen.found:
+        marks.append(_frame(seen.found, WINDOW_COLOUR, 1))
+    return [*marks, Mark(*pixel, WINDOW_COLOUR, pictures=(0,))]
+
+
+def truth_at(view: DepthView, pixel: Pixel) -> float:
+    """Return the ground truth at a pixel, px; NaN if unknown."""
+    return math.nan if view.pair.truth is None else float(view.pair.truth[pixel])
+
+
+def true_lag(view: DepthView, pixel: Pixel) -> tuple[int, int] | None:
+    """Return the integer lag (dy, dx) nearest to the ground truth; None if unknown."""
+    truth = truth_at(view, pixel)
+    return None if math.isnan(truth) else (0, -round(truth))
+
+
+def _frame(box: Box, colour: str, picture: int, *, area: bool = False, dashed: bool = False) -> Mark:
+    return Mark(
+        box.row,
+        box.col,
+        colour,
+        height=box.height,
+        width=box.width,
+        dashed=area or dashed,
+        filled=area,
+        pictures=(picture,),
+    )
+
+
+def moved(seen: MatchExplanation, lag: tuple[int, int]) -> Box:
+    """Return the window moved by (dy, dx)."""
+    window = seen.window
+    return Box(window.row + lag[0], window.col + lag[1], window.height, window.width)
+
+
+INSPECTION = "depth.inspection"
 ROWS_AROUND = 8
 SAME_PX = 1e-4
 """Disparities this close to that of the match are not drawn separately, px."""
@@ -79,7 +143,7 @@ def show_inspection(view: DepthView) -> None:
     seen = explain_match(matcher, view.pair.left, view.pair.right, row, col)
     # Above the pictures, so that a phone or a low screen shows them together with the view that follows the pointer.
     if can_follow(view.pair, matcher):
-        hovered_match(view.pair, matcher, (row, col), pictures=KEY)
+        hovered_match(view.pair, matcher, (row, col), pictures=INSPECTION)
     else:
         prose.caption(TOO_MUCH_TO_FOLLOW)
     linked_pictures(
@@ -98,7 +162,7 @@ def show_inspection(view: DepthView) -> None:
                 alternative=lambda: scores_in_words(seen, "framed places"),
             ),
         ],
-        key=KEY,
+        key=INSPECTION,
         columns=2,
         legends=[legend_of(view)],
         marks=marks_of(view, seen, (row, col)),
@@ -127,7 +191,7 @@ def _correlation(view: DepthView) -> CorrelationMatcher | None:
 
 
 def _pixel_key(view: DepthView) -> str:
-    return f"{KEY}.pixel.{view.pair.digest}"
+    return f"{INSPECTION}.pixel.{view.pair.digest}"
 
 
 def _pixel(view: DepthView) -> Pixel:
@@ -144,7 +208,7 @@ def _offer_examples(view: DepthView, matcher: CorrelationMatcher) -> None:
         pressed = [
             kind
             for kind, icon in EXAMPLE_ICONS.items()
-            if st.button(EXAMPLE_LABELS[kind], icon=icon, key=f"{KEY}.{kind}")
+            if st.button(EXAMPLE_LABELS[kind], icon=icon, key=f"{INSPECTION}.{kind}")
         ]
     for kind in pressed:
         with shown_progress("Looking for one …") as progress:
@@ -198,7 +262,7 @@ def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
         ["Surface", "From above"],
         default="Surface",
         required=True,
-        key=f"{KEY}.shape",
+        key=f"{INSPECTION}.shape",
         label_visibility="collapsed",
     )
     if seen.peak is None:
@@ -206,9 +270,9 @@ def _show_scores(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplan
         return
     alt = scores_in_words(seen, "The scores of all places")
     if shape == "Surface":
-        st.plotly_chart(score_landscape(around, seen), key=f"{KEY}.hill", config=PLAIN_CHART, alt=alt)
+        st.plotly_chart(score_landscape(around, seen), key=f"{INSPECTION}.hill", config=PLAIN_CHART, alt=alt)
     else:
-        st.plotly_chart(score_map(around, seen), key=f"{KEY}.above", config=PLAIN_CHART, alt=alt)
+        st.plotly_chart(score_map(around, seen), key=f"{INSPECTION}.above", config=PLAIN_CHART, alt=alt)
     if around.dy.size > seen.dy.size:
         prose.caption(
             "A sharp peak is a sure match; along a ridge it can slide, several peaks compete, and a plain has no "
@@ -229,13 +293,13 @@ def _show_row(view: DepthView, seen: MatchExplanation, pixel: Pixel) -> None:
     with row:
         prose.markdown("### Along the row")
         along = scores_in_words(seen, "The scores along the row")
-        st.plotly_chart(score_row(seen, view.pair.right, drawn), key=f"{KEY}.row", config=PLAIN_CHART, alt=along)
+        st.plotly_chart(score_row(seen, view.pair.right, drawn), key=f"{INSPECTION}.row", config=PLAIN_CHART, alt=along)
     with fit:
         prose.markdown("### Between the pixels")
         if seen.peak is None or np.isnan(seen.fit(0.0)):
             prose.caption(NO_FIT)
         else:
-            st.plotly_chart(sub_pixel_fit(seen), key=f"{KEY}.fit", config=PLAIN_CHART, alt=fit_in_words(seen))
+            st.plotly_chart(sub_pixel_fit(seen), key=f"{INSPECTION}.fit", config=PLAIN_CHART, alt=fit_in_words(seen))
             prose.caption(SQUARE_FIT if len(seen.around) > 1 else ROW_FIT)
     prose.markdown("### The disparity by each method")
     lines = [f"| **{name}** | {said} |" for name, (_, said) in disparities.items()]
@@ -257,3 +321,95 @@ def _disparities(view: DepthView, pixel: Pixel) -> dict[str, tuple[float, str]]:
         truth = float(view.pair.truth[pixel])
         disparities[TRUTH] = truth, "unknown" if math.isnan(truth) else f"{truth:.2f} px"
     return disparities
+
+
+OVERLAP = "depth.inspection.overlap"
+
+
+def show_overlap(view: DepthView, matcher: CorrelationMatcher, seen: MatchExplanation) -> None:
+    """Show the explained window among its neighbours, and the number of map values there."""
+    height, width = view.pair.left.shape[:2]
+    grid = window_grid((height, width), seen.window, matcher.step)
+    prose.markdown("### How the windows overlap")
+    figure, words = st.columns([1.3, 1], gap="medium", vertical_alignment="center")
+    said = typeset(overlap_in_words(grid, matcher.overlap))
+    with figure:
+        st.plotly_chart(overlap_figure(view.pair.left, grid), key=OVERLAP, config={"displayModeBar": False}, alt=said)
+    with words:
+        prose.markdown(said)
+
+
+def overlap_in_words(grid: WindowGrid, asked: float) -> str:
+    """Return the text beside the figure; `asked` is the overlap in the settings, 0..1."""
+    overlap = f"{percent(asked)} overlap"
+    if percent(asked) != percent(grid.overlap):
+        overlap += f" ({percent(grid.overlap)} in whole pixels)"
+    values = "1 value" if grid.values == 1 else f"{grid.values:,} values"
+    said = (
+        f"{grid.middle.height} px windows, {overlap}: one every {grid.step} px, so {values} in this cut. "
+        "Each dot is the centre of a window and becomes one value of the map."
+    )
+    if grid.every > 1:
+        said += f" Only every {_ordinal(grid.every)} window and dot is drawn."
+    return said
+
+
+def _ordinal(number: int) -> str:
+    return {2: "second", 3: "third"}.get(number, f"{number}th")
+
+
+BLANKS = "depth.blanks"
+
+
+@fragment
+def show_blanks(view: DepthView) -> None:
+    """Show where each method has no measurement and why, and the share of the image lost to each reason."""
+    reasons = {name: reasons_of(view, name) for name in view.results}
+    present = [cause for cause in REASON_COLOURS if any((one == cause).any() for one in reasons.values())]
+    words = tuple(REASON_WORDS[cause] for cause in Reason)
+    linked_pictures(
+        [
+            Picture(
+                name,
+                reasons_picture(reason, view.pair.left),
+                (Reading(reason, words=words),),
+                alternative=partial(blanks_in_words, reason),
+            )
+            for name, reason in reasons.items()
+        ],
+        key=BLANKS,
+        columns=min(3, len(reasons)),
+        legends=[
+            word_legend(
+                "",
+                [hexadecimal(REASON_COLOURS[cause]) for cause in present],
+                [REASON_WORDS[cause] for cause in present],
+            )
+        ],
+    )
+    st.plotly_chart(
+        share_of_reasons(reasons, REASON_WORDS),
+        key=f"{BLANKS}.shares",
+        config={"displayModeBar": False},
+        alt=all_blanks_in_words(reasons),
+    )
+    prose.markdown(
+        "\n".join(f"- **{REASON_WORDS[cause].capitalize()}**: {REASONS_EXPLAINED[cause]}" for cause in present)
+    )
+    if not all(result.settings.gives_reasons for result in view.results.values()):
+        prose.caption(OPENCV_REASONS)
+
+
+def reasons_of(view: DepthView, name: str) -> ReasonMap:
+    """Return the reason for every pixel of one map; OpenCV's reasons are found by matching again."""
+    result = view.results[name]
+    if result.settings.gives_reasons:
+        return result.reason
+    return computed(
+        "reasons",
+        lambda progress: blank_reasons(result, view.pair.left, view.pair.right, progress=progress),
+        inputs=view.pair.digest,
+        settings=settings_key(result),
+        shared=view.pair.shared,
+        label=f"Finding the reasons of {name} …",
+    )

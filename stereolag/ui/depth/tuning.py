@@ -1,34 +1,64 @@
-"""Two parameters of a method tried in all combinations."""
+"""Better settings for a method: two parameters tried in all combinations, or a search for the best."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import streamlit as st
 
 from stereolag.assess.judging import Criterion, TuningPair, Unjudged, estimate_reference, judges_itself
+from stereolag.assess.suggestion import Outcome, Suggestion, estimate_suggestion, suggest_for_all
 from stereolag.assess.sweep import Parameter, estimate_sweep, parameters, range_of_sweep, sweep
 from stereolag.core.estimates import Estimate
-from stereolag.core.settings import Number, changed
+from stereolag.core.settings import Number, changed, title_of
 from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt
-from stereolag.ui.depth.alternatives import sheet_in_words
-from stereolag.ui.depth.judging import JUDGED_BY, UNJUDGED, criterion_on, known_truth, sweep_in_words, tuning_pairs
+from stereolag.ui.depth.maps import DepthView, known_truth
 from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, forget_job, job_on
 from stereolag.ui.depth.pair_sets import JudgedPairs
-from stereolag.ui.depth.view import DepthView
+from stereolag.ui.depth.sentences import (
+    JUDGED_BY,
+    UNJUDGED,
+    search_so_far,
+    sheet_in_words,
+    suggestion_in_words,
+    sweep_in_words,
+    value_in_words,
+)
 from stereolag.ui.jobs import Job
 from stereolag.ui.navigation import fragment
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.states import show_busy, show_refused
 
-KEY = "depth.sweep"
+
+def criterion_on(pair: StereoPair) -> Criterion:
+    """Return the criterion by which settings are judged on a pair."""
+    return Criterion.ESTIMATED_BAD_2 if known_truth(pair) is None else Criterion.TRUE_BAD_2
+
+
+def tuning_pairs(
+    pairs: Iterable[StereoPair], search_range: tuple[int, int] | None, job: Job[Any]
+) -> Iterator[TuningPair]:
+    """Yield the pairs for judging settings within a job, each with its truth or a reference."""
+    for pair in pairs:
+        yield TuningPair.of(
+            pair.left,
+            pair.right,
+            known_truth(pair),
+            search_range=search_range,
+            progress=lambda _: job.report_or_end(job.progress),
+        )
+
+
+SWEEP = "depth.sweep"
 FEWER, MORE = 5, 7
 """Initial number of values, down and across."""
 
@@ -48,7 +78,7 @@ class Axis:
 @fragment
 def show_sweep(view: DepthView) -> None:
     """Ask for two parameters, try all their combinations, and show them; a click on a cell adopts its settings."""
-    matcher = ask_method(view, key=f"{KEY}.method")
+    matcher = ask_method(view, key=f"{SWEEP}.method")
     criterion = criterion_on(view.pair)
     unjudged = criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher)
     prose.markdown(
@@ -60,16 +90,16 @@ def show_sweep(view: DepthView) -> None:
     if axes is None:
         return
     asked = _asked(matcher, axes)
-    begun = job_on(view.pair, KEY)
+    begun = job_on(view.pair, SWEEP)
     if begun is not None and begun.asked != asked:
         if begun.job.running:
-            forget_job(KEY)
+            forget_job(SWEEP)
         begun = None
     running = begun is not None and begun.job.running
     st.button(
         f"Sweep {len(axes[0].values) * len(axes[1].values)} combinations",
-        key=f"{KEY}.start",
-        on_click=_begin,
+        key=f"{SWEEP}.start",
+        on_click=_begin_sweep,
         args=(view.pair, matcher, axes),
         type="primary",
         icon=":material/grid_on:",
@@ -121,10 +151,10 @@ def _ask_axis(label: str, matcher: StereoMatcher, known: Mapping[str, Parameter]
             list(known),
             index=at_first,
             format_func=lambda one: known[one].title,
-            key=f"{KEY}.{method}.{label}",
+            key=f"{SWEEP}.{method}.{label}",
             width=280,
         )
-        key = f"{KEY}.{method}.{label}.{name}"
+        key = f"{SWEEP}.{method}.{label}.{name}"
         st.session_state.setdefault(key, ", ".join(f"{value:g}" for value in known[name].values(count)))
         text = st.text_input(f"{known[name].title}: values", key=key, width=420)
     return Axis(known[name], _numbers(text or "", type(known[name].value)))
@@ -156,7 +186,7 @@ def _asked(matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tuple[str, ...]:
     return type(matcher).__name__, repr(others), repr(tried)
 
 
-def _begin(pair: StereoPair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> None:
+def _begin_sweep(pair: StereoPair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> None:
     """Start a sweep in its own thread."""
     rows, cols = ((axis.parameter.name, axis.values) for axis in axes)
     truth = known_truth(pair)
@@ -176,7 +206,7 @@ def _begin(pair: StereoPair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) ->
     if truth is None:
         reference = estimate_reference(searched, pair.left.shape, pair.left.dtype)
         estimate = Estimate(max(estimate.memory, reference.memory), estimate.seconds + reference.seconds)
-    begin_job(pair, KEY, _asked(matcher, axes), work, estimate)
+    begin_job(pair, SWEEP, _asked(matcher, axes), work, estimate)
 
 
 def _show_job(
@@ -185,7 +215,7 @@ def _show_job(
     """Show the progress of the sweep, or its result."""
     if begun.job.running:
         ending = "Ends the sweep; the maps made so far stay."
-        show_busy(begun.job, "Trying all combinations …", key=f"{KEY}.cancel", ending=ending)
+        show_busy(begun.job, "Trying all combinations …", key=f"{SWEEP}.cancel", ending=ending)
         return
     if was_running:
         st.rerun(scope="app")
@@ -209,11 +239,11 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shee
         figures.append(("bad", sweep_bad(sheet, titles, cell)))
     clicked = None
     # A chart keeps its selection; a new key starts without one, so that the same cell can be clicked again.
-    clicks = st.session_state.setdefault(f"{KEY}.clicks", 0)
+    clicks = st.session_state.setdefault(f"{SWEEP}.clicks", 0)
     for column, (kind, figure) in zip(st.columns([3, 2], gap="medium"), figures, strict=False):
         event = column.plotly_chart(
             figure,
-            key=f"{KEY}.{kind}.{clicks}",
+            key=f"{SWEEP}.{kind}.{clicks}",
             on_select="rerun",
             selection_mode="points",
             config={"displayModeBar": False},
@@ -222,10 +252,10 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shee
         if event.selection.point_indices:
             clicked = int(event.selection.point_indices[0])
     prose.caption(sweep_in_words(sheet.criterion, judged=sheet.judged, finished=sheet.finished, of=of))
-    listed = _ask_cell(sheet, titles, key=f"{KEY}.cell.{clicks}")
+    listed = _ask_cell(sheet, titles, key=f"{SWEEP}.cell.{clicks}")
     clicked = listed if clicked is None else clicked
     if clicked is not None:
-        st.session_state[f"{KEY}.clicks"] = clicks + 1
+        st.session_state[f"{SWEEP}.clicks"] = clicks + 1
         try:
             chosen = settings_of_cell(matcher, axes, *divmod(clicked, len(axes[1].values)))
         except ValueError as error:
@@ -261,3 +291,116 @@ def _cell_of(axes: tuple[Axis, Axis]) -> tuple[int, int] | None:
     if down.parameter.value not in down.values or across.parameter.value not in across.values:
         return None
     return down.values.index(down.parameter.value), across.values.index(across.parameter.value)
+
+
+SUGGEST = "depth.suggest"
+BUDGETS_S = (10, 20, 60)
+
+
+@fragment
+def show_suggest(view: DepthView) -> None:
+    """Ask for a method and a time, search its settings, and offer the best found."""
+    criterion = criterion_on(view.pair)
+    prose.markdown(
+        "The search range and the tolerances of the checks are kept; settings that go well together are tried in "
+        "combination, and the best of them compared with yours on the whole images. "
+        + JudgedPairs.of(view.pair).sentence
+        + JUDGED_BY[criterion],
+        width=760,
+    )
+    matcher = ask_method(view, key=f"{SUGGEST}.method")
+    budget_s = st.segmented_control(
+        "Time",
+        BUDGETS_S,
+        default=BUDGETS_S[0],
+        format_func=lambda seconds: f"{seconds} s",
+        required=True,
+        key=f"{SUGGEST}.budget",
+    )
+    begun = job_on(view.pair, SUGGEST)
+    running = begun is not None and begun.job.running
+    if criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher):
+        prose.info(UNJUDGED[Unjudged.JUDGES_ITSELF], icon=":material/balance:")
+    else:
+        st.button(
+            "Suggest settings",
+            key=f"{SUGGEST}.start",
+            on_click=_begin_search,
+            args=(view.pair, matcher, budget_s),
+            type="primary",
+            icon=":material/auto_fix_high:",
+            disabled=running,
+        )
+    if begun is not None:
+        st.fragment(_show_search, run_every=BETWEEN_LOOKS_S if running else None)(view, matcher, begun, running)
+
+
+def _begin_search(pair: StereoPair, matcher: StereoMatcher, budget_s: float) -> None:
+    """Start a search in its own thread."""
+    pairs = JudgedPairs.of(pair)
+
+    def work(job: Job[Suggestion]) -> Suggestion:
+        return suggest_for_all(
+            matcher,
+            tuning_pairs(pairs, matcher.search_range(), job),
+            budget_s=budget_s,
+            progress=job.report,
+            found=job.found,
+            cancelled=lambda: job.cancelled,
+        )
+
+    estimate = estimate_suggestion(
+        matcher, pair.left.shape, pair.left.dtype, blind=known_truth(pair) is None, budget_s=budget_s
+    )
+    begin_job(pair, SUGGEST, matcher, work, estimate)
+
+
+def _show_search(view: DepthView, matcher: StereoMatcher, begun: PairJob, was_running: bool) -> None:
+    """Show the progress of the search, or its result if `matcher` has the settings it started from or found."""
+    if begun.job.running:
+        so_far: Suggestion | None = begun.job.so_far
+        text = search_so_far(so_far) if so_far else f"Looking at the {begun.asked.title} settings in use …"
+        ending = "Ends the search; the best settings found so far stay."
+        show_busy(begun.job, text, key=f"{SUGGEST}.cancel", ending=ending)
+        return
+    if was_running:
+        st.rerun(scope="app")
+    try:
+        found: Suggestion = begun.job.result()
+    except CancelledError:  # cancelled before its turn came
+        return
+    except ValueError as error:
+        if matcher == begun.asked:
+            show_refused(error)
+        return
+    if matcher in (begun.asked, found.matcher):
+        _show_suggestion(view, found)
+
+
+def _show_suggestion(view: DepthView, found: Suggestion) -> None:
+    """Show the result, and offer to use the settings if they are better."""
+    if isinstance(found.outcome, Unjudged):
+        prose.info(suggestion_in_words(found), icon=":material/balance:")
+        return
+    better = found.outcome is Outcome.BETTER
+    prose.success(suggestion_in_words(found), icon=":material/auto_fix_high:" if better else ":material/check_circle:")
+    if not better:
+        return
+    st.dataframe(
+        pd.DataFrame(
+            [
+                (title_of(type(found.start), name), value_in_words(old), value_in_words(new))
+                for name, (old, new) in found.changes.items()
+            ],
+            columns=["Setting", "Before", "Suggested"],
+        ),
+        hide_index=True,
+        width=640,
+        key=f"{SUGGEST}.changes",
+        alt="Settings that change, before and as suggested.",
+    )
+    in_use = any(result.settings == found.matcher for result in view.results.values())
+    if st.button(
+        "In use" if in_use else "Use these settings", key=f"{SUGGEST}.adopt", disabled=in_use, icon=":material/check:"
+    ):
+        adopt(found.matcher)

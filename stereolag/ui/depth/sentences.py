@@ -1,0 +1,357 @@
+"""All sentences of the depth page about results: findings, judgements, and alternative texts of pictures and charts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from stereolag.assess.diagnosis import Finding, FindingCode
+from stereolag.assess.explaining import MatchExplanation
+from stereolag.assess.judging import Criterion, Unjudged
+from stereolag.assess.remedies import Remedy
+from stereolag.assess.suggestion import Outcome, Suggestion
+from stereolag.core.arrays import FloatMap, ReasonMap
+from stereolag.core.inputs import Image
+from stereolag.core.settings import Settings
+from stereolag.core.typography import typeset, typesets
+from stereolag.figures.sweeps import ContactSheet
+from stereolag.stereo.evaluation import CoverageCurve
+from stereolag.stereo.reasons import Reason
+from stereolag.ui.sentences import REASON_WORDS, percent
+
+DOCTOR_HEALTHY = "**Input doctor:** no problems found."
+
+REMEDIES_DONE = {
+    Remedy.SWAP_SIDES: "Left and right were swapped.",
+    Remedy.ALIGN_ROWS: "The right image was moved up or down until its rows match the left one’s.",
+    Remedy.LEVEL: "The right image was rotated and scaled until its rows match: depth is relative.",
+    Remedy.RECTIFY: (
+        "Both images were turned until their rows match, and corrected for lens distortion where that helps: depth is "
+        "relative."
+    ),
+    Remedy.MATCH_EXPOSURE: "The right image was given the brightness and contrast of the left one.",
+}
+TRUTH_DROPPED = {
+    Remedy.SWAP_SIDES: "The ground truth belongs to the other image and is left out.",
+    Remedy.RECTIFY: "The ground truth belongs to the image before that and is left out.",
+}
+
+
+def problems_in_words(count: int) -> str:
+    """Return a sentence with the number of problems found."""
+    return f"**Input doctor:** {'one problem' if count == 1 else f'{count} problems'} found on this pair."
+
+
+def finding_in_words(finding: Finding) -> str:
+    """Return the sentence for a finding, with its numbers."""
+    return _FINDINGS[finding.code](finding)
+
+
+def remedy_in_words(finding: Finding) -> str:
+    """Return the label of the button that applies the remedy of a finding."""
+    match finding.remedy:
+        case Remedy.SWAP_SIDES:
+            return "Swap left and right"
+        case Remedy.ALIGN_ROWS:
+            return "Align the rows"
+        case Remedy.LEVEL:
+            return "Rectify from the images alone (depth becomes relative)"
+        case Remedy.RECTIFY:
+            return "Rectify both images for now (depth becomes relative)"
+        case Remedy.MATCH_EXPOSURE:
+            return "Match the brightness"
+        case Remedy.SET_RANGE:
+            first, count = (finding.numbers[f"suggested_{name}"] for name in ("min_disparity", "num_disparities"))
+            return f"Search {count:.0f} disparities from {first:.0f}"
+    return ""
+
+
+def _matches(finding: Finding) -> str:
+    count = finding.numbers["count"]
+    if finding.healthy:
+        return f"{count:,.0f} features match between the images."
+    only = f"Only {count:,.0f} features match" if count else "No features match"
+    return f"{only} between the images, too few to judge the geometry: do they show the same scene?"
+
+
+def _identity(finding: Finding) -> str:
+    if not finding.healthy:
+        return "Both images show the same view: nothing moves between them, so there is no depth to measure."
+    moved = finding.numbers.get("moved_px")
+    return "The images differ." if moved is None else f"The images differ: features move by up to {moved:.0f} px."
+
+
+def _sides(finding: Finding) -> str:
+    if not finding.numbers["known"]:
+        return "It is unclear which image is the left one: the pair is not rectified, and its features do not decide."
+    disparities = f"disparities run from {finding.numbers['lowest_px']:.0f} to {finding.numbers['highest_px']:.0f} px"
+    if finding.healthy:
+        return f"Left is left: {disparities}."
+    return f"Left and right look swapped: {disparities}, and they should be positive."
+
+
+def _rows(finding: Finding) -> str:
+    offset, spread = finding.numbers["offset_px"], f"spread {finding.numbers['spread_px']:.1f} px"
+    if finding.healthy:
+        return f"Rows match to {abs(offset):.1f} px ({spread})."
+    side = "lower" if offset > 0 else "higher"
+    return (
+        f"The right image sits {abs(offset):.1f} px {side} than the left ({spread}): in a rectified pair, rows match."
+    )
+
+
+def _rotation(finding: Finding) -> str:
+    degrees, growth = finding.numbers["rotation_deg"], finding.numbers["scale"] - 1
+    said = f"The right image is rotated by {degrees:+.2f}° and scaled by {100 * growth:+.1f} %"
+    return f"{said}: close enough." if finding.healthy else f"{said}: the pair is not rectified."
+
+
+def _bent_rows(finding: Finding) -> str:
+    numbers = finding.numbers
+    spread = f"spread {numbers['spread_px']:.1f} px, of which {numbers['noise_px']:.1f} px are noise"
+    if finding.healthy:
+        return f"Rows do not bend ({spread})."
+    said = (
+        f"Rows bend: after the best shift, rotation and scale, they are still off by {numbers['lowest_px']:+.1f} to "
+        f"{numbers['highest_px']:+.1f} px ({spread}). The lenses distort, or the cameras are turned. The page "
+        "“Calibrate” measures both from pictures of a board."
+    )
+    if finding.remedy is None:
+        return said
+    lens = ", with one coefficient for the lenses" if numbers["lens"] else ""
+    return f"{said} Rectified from the images alone{lens}, {numbers['rectified_px']:.1f} px remain on unused features."
+
+
+def _exposure(finding: Finding) -> str:
+    gain, offset = finding.numbers["gain"], finding.numbers["offset"]
+    said = f"The right image has {gain:.2f} times the left one’s contrast, offset by {offset:+.0f} grey levels"
+    if finding.healthy:
+        return f"{said}: close enough."
+    return f"{said}: ZNCC is unaffected, StereoBM and plain correlation suffer."
+
+
+def _texture(finding: Finding) -> str:
+    said = f"{100 * finding.numbers['flat_share']:.0f} % of the image has hardly any texture"
+    return f"{said}." if finding.healthy else f"{said}: windows cannot be matched there. Larger windows help a little."
+
+
+def _range(finding: Finding) -> str:
+    numbers = finding.numbers
+    low, high = numbers["lowest_px"], numbers["highest_px"]
+    needed = f"{low:.0f} px" if round(low) == round(high) else f"{low:.0f} to {high:.0f} px"
+    first, count = numbers["min_disparity"], numbers["num_disparities"]
+    said = f"The pair needs about {needed}, and {first:.0f} to {first + count - 1:.0f} px are searched"
+    if finding.healthy:
+        return f"{said}: a good range."
+    return f"{said}: too small a range." if numbers["missing_px"] > 0 else f"{said}: far more than needed."
+
+
+_FINDINGS = {
+    FindingCode.MATCHES: _matches,
+    FindingCode.IDENTICAL: _identity,
+    FindingCode.SWAPPED: _sides,
+    FindingCode.ROWS: _rows,
+    FindingCode.ROTATION: _rotation,
+    FindingCode.BENT_ROWS: _bent_rows,
+    FindingCode.EXPOSURE: _exposure,
+    FindingCode.TEXTURE: _texture,
+    FindingCode.RANGE: _range,
+}
+
+
+JUDGED_BY = {
+    Criterion.TRUE_BAD_2: (
+        "They are judged by bad-2: the share of the pixels with ground truth that are **off by more than 2 px or "
+        "missing**."
+    ),
+    Criterion.ESTIMATED_BAD_2: (
+        "There is no ground truth, so bad-2 is **estimated** against the accurate preset: the share of the pixels it "
+        "measured (not those it filled) that are off by more than 2 px from it, or missing."
+    ),
+}
+
+UNJUDGED = {
+    Unjudged.JUDGES_ITSELF: (
+        "Without ground truth there is nothing to judge Semi-global by: the accurate preset, which judges the others, "
+        "is Semi-global itself. Add a ground truth to judge it too."
+    ),
+    Unjudged.TOO_LITTLE_MEASURED: (
+        "There is nothing to judge by: without ground truth the accurate preset is the judge, and it measured too "
+        "little of this pair. Check the input doctor’s findings and the search range."
+    ),
+}
+
+
+JUDGE_LEFT_OUT = "Semi-global is not in the table: the accurate preset is Semi-global, and would judge itself."
+
+
+def estimates_in_words(measured: float) -> str:
+    """Return the basis of estimated figures: the accurate preset, and the share of the pixels that it measured."""
+    return (
+        "There is no ground truth, so these figures are **estimates**: every method is compared on the "
+        f"{percent(measured)} of the pixels that the accurate preset measured. They rank the methods; pixels hidden "
+        "from one camera are not judged, so the true share of wrong pixels is higher."
+    )
+
+
+def bad_2(criterion: Criterion, *, first: bool = False) -> str:
+    """Return the name of the figure; capitalised if it comes `first` in a sentence."""
+    name = "bad-2" if criterion is Criterion.TRUE_BAD_2 else "estimated bad-2"
+    return name[0].upper() + name[1:] if first else name
+
+
+def suggestion_in_words(found: Suggestion) -> str:
+    """Return the outcome of a search for settings, with its figures."""
+    if isinstance(found.outcome, Unjudged):
+        return UNJUDGED[found.outcome]
+    ended = "" if found.finished else " The search was ended before it had tried everything."
+    method, name, tried = found.start.title, bad_2(found.criterion, first=True), found.tried
+    if found.outcome is Outcome.AS_GOOD and found.finished and not found.tried:
+        return f"{method} has no other settings to try over this range. {name}: **{found.bad_before:.1f} %**."
+    if found.outcome is Outcome.AS_GOOD:
+        as_good = f"Your {method} settings are as good: none of the {tried} tried is clearly better."
+        return f"{as_good} {name}: **{found.bad_before:.1f} %**.{ended}"
+    change = f"{found.bad_before:.1f} % → {found.bad:.1f} %"
+    return f"The best of {tried} tried for {method}. {name} on the whole images: **{change}**.{ended}"
+
+
+def search_so_far(found: Suggestion) -> str:
+    """Return the progress of a search for settings."""
+    yours = f"{found.start.title}: {found.tried} tried. Yours: {bad_2(found.criterion)} {found.bad_before:.1f} %."
+    if not found.trials:
+        return yours
+    gain = max(0.0, *(trial.gain for trial in found.trials))
+    return f"{yours} The best so far: {gain:.1f} points less."
+
+
+def sweep_in_words(criterion: Criterion, *, judged: bool, finished: bool, of: str = "") -> str:
+    """Return the caption of a sweep; `of` names the pair that the maps show, if there are several."""
+    ended = "" if finished else " The sweep was ended before it had tried everything."
+    if not judged:
+        whose = f"The maps are of {of}. " if of else ""
+        return f"{whose}Dotted frame: the settings in use.{ended}"
+    figure = f"{bad_2(criterion)}, %, lower is better"
+    maps = f"the maps of {of}" if of else "the maps"
+    return f"Left: {maps}. Right: {figure}. Solid frame: the best. Dotted frame: the settings in use.{ended}"
+
+
+def value_in_words(value: object) -> str:
+    """Return the value of a setting for a table; an enabled stage is shown by its own settings."""
+    if value is None or value is False:
+        return "off"
+    if value is True:
+        return "on"
+    if isinstance(value, Settings):
+        fields = type(value).model_fields
+        return ", ".join(f"{fields[name].title or name} {one}" for name, one in value)
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
+
+
+EVERY = 4
+"""Sampling step of rows and columns: enough for the range of a map, in a sixteenth of the time."""
+
+
+ERROR_COLOURS_IN_WORDS = typeset("Colours of the errors: blue at 0 px, red from 4 px on.")
+
+
+@typesets
+def map_in_words(disparity: FloatMap, what: str = "disparity map") -> str:
+    """Return the share of a map that has a disparity, and the range of all but the outermost 2 %."""
+    known = disparity[::EVERY, ::EVERY]
+    known = known[np.isfinite(known)]
+    if known.size == 0:
+        return f"{what}, no pixel measured"
+    low, high = np.percentile(known, (1, 99))
+    share = float(np.isfinite(disparity).mean())
+    return f"{what}, {percent(share)} measured, {low:.0f} to {high:.0f} px"
+
+
+@typesets
+def difference_in_words(difference: FloatMap) -> str:
+    """Return how much two maps differ."""
+    known = difference[np.isfinite(difference)]
+    if known.size == 0:
+        return "no pixel that both measured"
+    return (
+        f"{percent(float(np.mean(np.abs(known) <= 1)))} of the pixels that both measured differ by 1 px at most, "
+        f"{percent(float(np.mean(known > 1)))} are larger in the first, {percent(float(np.mean(known < -1)))} smaller"
+    )
+
+
+@typesets
+def photograph_in_words(image: Image) -> str:
+    """Return the size of a photograph in words."""
+    rows, cols = image.shape[:2]
+    return f"photograph, {cols:,} by {rows:,} pixels"
+
+
+@typesets
+def blanks_in_words(reason: ReasonMap) -> str:
+    """Return how much of a map has no measurement, and why, the most frequent reason first."""
+    shares = {cause: float(np.mean(reason == cause)) for cause in Reason if cause is not Reason.MEASURED}
+    found = sorted(((share, cause) for cause, share in shares.items() if share), reverse=True)
+    if not found:
+        return "every pixel is measured"
+    said = ", ".join(f"{REASON_WORDS[cause]} {100 * share:.1f} %" for share, cause in found)
+    return f"{100 * sum(shares.values()):.1f} % without a measurement: {said}"
+
+
+@typesets
+def all_blanks_in_words(reasons: Mapping[str, ReasonMap]) -> str:
+    """Return the shares of the reasons for every method."""
+    return "; ".join(f"{name}: {blanks_in_words(reason)}" for name, reason in reasons.items()) + "."
+
+
+@typesets
+def errors_in_words(disparity: FloatMap, truth: FloatMap, against: str) -> str:
+    """Return the shares of wrong and of missing pixels of a map."""
+    error = np.abs(disparity - truth)[np.isfinite(truth)]
+    wrong = 100 * float(np.mean(error > 2))
+    missing = 100 * float(np.mean(np.isnan(error)))
+    return f"Error map against {against}: {wrong:.1f} % off by more than 2 px, {missing:.1f} % without a disparity."
+
+
+@typesets
+def coverage_curves_in_words(curves: Mapping[str, CoverageCurve]) -> str:
+    """Return the error of each method at its full coverage and at half of it."""
+
+    def told(name: str, curve: CoverageCurve) -> str:
+        most = int(np.argmax(curve.coverage))
+        whole = f"{name}: {curve.bad[most]:.1f} % wrong at {percent(float(curve.coverage[most]))} kept"
+        if curve.coverage.size == 1:
+            return whole
+        half = int(np.argmin(np.abs(curve.coverage - curve.coverage[most] / 2)))
+        return f"{whole}, {curve.bad[half]:.1f} % at {percent(float(curve.coverage[half]))}"
+
+    return "Error against coverage. " + "; ".join(told(name, curve) for name, curve in curves.items()) + "."
+
+
+@typesets
+def scores_in_words(seen: MatchExplanation, shape: str) -> str:
+    """Return the peak and the runner-up of one window's scores."""
+    if seen.peak is None:
+        return f"{shape}: no place has a score."
+    said = f"{shape}: the peak, {seen.peak_score:.3f}, is at a disparity of {-seen.peak[1]} px"
+    if seen.runner_up is None:
+        return f"{said}, and no other place rivals it."
+    return f"{said}; the runner-up, {seen.runner_up_score:.3f}, is at {-seen.runner_up[1]} px."
+
+
+@typesets
+def fit_in_words(seen: MatchExplanation) -> str:
+    """Return the position of the maximum of the curve through the scores next to the peak."""
+    found = "no disparity is taken" if math.isnan(seen.disparity) else f"its top is at {seen.disparity:.2f} px"
+    return f"Curve through the scores next to the peak: {found}."
+
+
+@typesets
+def sheet_in_words(sheet: ContactSheet, titles: tuple[str, str]) -> str:
+    """Return the values tried in a sweep, and its best cell if known."""
+    tried = f"{len(sheet.rows)} values of {titles[0]} down, {len(sheet.cols)} of {titles[1]} across"
+    if not sheet.judged:
+        return f"{tried}."
+    row, col = np.unravel_index(int(np.nanargmin(sheet.bad)), sheet.bad.shape)
+    best = f"{titles[0]} {sheet.rows[int(row)]}, {titles[1]} {sheet.cols[int(col)]}"
+    return f"{tried}. Best: {best}, {sheet.bad[row, col]:.1f} % off by more than 2 px or missing."
