@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import streamlit as st
 
+from stereolag.pair import Pair
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
@@ -32,7 +33,6 @@ from stereolag.ui.depth.tuning import show_suggest, show_sweep
 from stereolag.ui.keys import PART
 from stereolag.ui.matcher_controls import matcher_as_set
 from stereolag.ui.navigation import fragment, page, show_try_first
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.persistence import persistent
 
 PARTS = {
@@ -49,7 +49,7 @@ PARTS = {
 
 
 @fragment
-def workspace(pair: StereoPair) -> None:
+def workspace(pair: Pair) -> None:
     """Draw the controls, compute and show; moving a control reruns only this fragment, and the maps come first."""
     matchers = {method: matcher_as_set(method, pair) for method in METHODS}
     shown = shown_methods()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TypeVar, cast
 
+from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import PresetName, preset
-from stereolag.ui.pairs import StereoPair
 
 DISPARITIES_AT_FIRST = 64
 FIRST_PRESET: PresetName = "fast"
@@ -16,7 +16,7 @@ FIRST_PRESET: PresetName = "fast"
 Matcher = TypeVar("Matcher", bound=StereoMatcher)
 
 
-def first_settings(kind: type[Matcher], pair: StereoPair) -> Matcher:
+def first_settings(kind: type[Matcher], pair: Pair) -> Matcher:
     """Return the initial settings for a pair; those of an example leave visible errors to mend."""
     own = None if pair.shared else FIRST_PRESET
     return cast(Matcher, _first_settings(kind, pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST, own))

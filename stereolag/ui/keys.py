@@ -31,7 +31,7 @@ def setting_key(method: str, name: str, source: str | None = None) -> str:
     name
         Name of the setting, dotted if nested; the kind follows a choice of kinds: "search.rectified.num_disparities".
     source
-        :attr:`stereolag.ui.pairs.StereoPair.searched`, for a setting that belongs to the pair.
+        :attr:`stereolag.pair.PairId.searched`, for a setting that belongs to the pair.
     """
     key = f"{method_key(method)}.{name}"
     return key if source is None else f"{key}.{source}"

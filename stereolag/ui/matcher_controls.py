@@ -13,12 +13,12 @@ from streamlit.elements.lib.mutable_expander_container import ExpanderContainer
 
 from stereolag.core.settings import FitsImage, OfThePair, Settings, SettingsError, Usual, marker
 from stereolag.core.settings.fields import Number, choices, nested
+from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.controls import adopt_value, control, last_valid
 from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
 from stereolag.ui.keys import method_key, more_key, setting_key
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.persistence import persistent
 from stereolag.ui.sentences import CHOICE_NAMES
 
@@ -55,7 +55,7 @@ class _Place:
     first: Settings
     method: type[StereoMatcher]
     path: str
-    pair: StereoPair
+    pair: Pair
     more: AbstractContextManager[Any]
     more_drawn: bool
     drawn: bool
@@ -70,7 +70,7 @@ class _Place:
         return replace(self, more=nullcontext(), drawn=self.more_drawn)
 
 
-def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) -> Matcher | None:
+def ask_matcher(kind: type[Matcher], pair: Pair, *, drawn: bool = True) -> Matcher | None:
     """Return the settings of a method as the visitor set them; the last valid ones if they are refused.
 
     Parameters
@@ -85,7 +85,7 @@ def ask_matcher(kind: type[Matcher], pair: StereoPair, *, drawn: bool = True) ->
     return last_valid(_asked(kind, pair, drawn=drawn), _in_use_key(kind))
 
 
-def matcher_as_set(kind: type[Matcher], pair: StereoPair) -> Matcher | None:
+def matcher_as_set(kind: type[Matcher], pair: Pair) -> Matcher | None:
     """Return the settings that :func:`ask_matcher` is about to return, for work done before the controls are drawn."""
     try:
         return _asked(kind, pair, drawn=False)()
@@ -93,7 +93,7 @@ def matcher_as_set(kind: type[Matcher], pair: StereoPair) -> Matcher | None:
         return cast(Matcher | None, st.session_state.get(_in_use_key(kind)))
 
 
-def _asked(kind: type[Matcher], pair: StereoPair, *, drawn: bool) -> Callable[[], Matcher]:
+def _asked(kind: type[Matcher], pair: Pair, *, drawn: bool) -> Callable[[], Matcher]:
     """Draw the controls of a method if `drawn`, and return a function that makes its settings from them."""
     refusals: list[SettingsError] = []
     top = st.container() if drawn else nullcontext()
@@ -133,7 +133,7 @@ def _more_settings(key: str) -> ExpanderContainer:
     return expander
 
 
-def set_controls(matcher: StereoMatcher, pair: StereoPair) -> None:
+def set_controls(matcher: StereoMatcher, pair: Pair) -> None:
     """Set the controls of a method to these settings; they must not have been drawn yet in this run."""
     _set(matcher, type(matcher), "", pair)
     st.session_state[_in_use_key(type(matcher))] = matcher
@@ -249,7 +249,7 @@ def _ask_within(place: _Place, name: str, first: Settings, kind: type[Settings],
         return first
 
 
-def _alternative(kind: type[Settings], pair: StereoPair) -> Settings:
+def _alternative(kind: type[Settings], pair: Pair) -> Settings:
     """Return the initial settings of a kind other than the method's default."""
     reaching = getattr(kind, "reaching", None)
     return kind() if reaching is None else cast(Settings, reaching(pair.num_disparities or DISPARITIES_AT_FIRST))
@@ -265,12 +265,12 @@ def _ends(place: _Place, name: str) -> dict[str, Any]:
     return {end: value for end, value in ends.items() if value is not None}
 
 
-def _key(method: type[StereoMatcher], kind: type[Settings], path: str, name: str, pair: StereoPair) -> str:
+def _key(method: type[StereoMatcher], kind: type[Settings], path: str, name: str, pair: Pair) -> str:
     of_the_pair = marker(kind.model_fields[name], OfThePair) is not None
-    return setting_key(method.short_name, f"{path}{name}", pair.searched if of_the_pair else None)
+    return setting_key(method.short_name, f"{path}{name}", pair.id.searched if of_the_pair else None)
 
 
-def _set(settings: Settings, method: type[StereoMatcher], path: str, pair: StereoPair) -> None:
+def _set(settings: Settings, method: type[StereoMatcher], path: str, pair: Pair) -> None:
     kind = type(settings)
     for name, field in kind.model_fields.items():
         if name == KIND:

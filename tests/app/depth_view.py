@@ -8,6 +8,7 @@ import numpy as np
 
 from stereolag.figures.colour_ranges import disparity_range
 from stereolag.geometry.calibration import Calibration
+from stereolag.pair import PairId
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
@@ -31,7 +32,7 @@ def small_view(*, calibrated: bool = True, truth: bool = True) -> DepthView:
         right=np.ascontiguousarray(whole.right[ROWS, COLS]),
         truth=whole.truth[ROWS, COLS] if truth else None,
         visible=None,
-        files=f"small cube, calibrated: {calibrated}, truth: {truth}",
+        id=PairId(f"small cube, calibrated: {calibrated}, truth: {truth}"),
         calibration=Calibration(known.focal_px, known.baseline_m, cx=known.cx - COLS.start, cy=known.cy - ROWS.start)
         if calibrated
         else None,

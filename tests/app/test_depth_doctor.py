@@ -16,7 +16,7 @@ from stereolag.assess.diagnosis import FindingCode
 from stereolag.assess.remedies import Remedy
 from stereolag.ui.depth.doctor import CALIBRATE, HEALTHY
 from stereolag.ui.navigation import PAGES
-from stereolag.ui.pairs import StereoPair, example_pair
+from stereolag.ui.pairs import example_pair
 from tests.app import keys
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
@@ -37,21 +37,28 @@ def panel() -> None:
     st.session_state["shown"] = pair
 
 
-def changed(name: str, **images: Any) -> StereoPair:
+def changed(name: str, **images: Any) -> Pair:
     example = example_pair("cube")
     given = {"left": example.left, "right": example.right} | images
-    return StereoPair(
-        given["left"], given["right"], example.truth, 64, "A test.", name, False, example.calibration, example.visible
+    return Pair(
+        given["left"],
+        given["right"],
+        PairId(name),
+        truth=example.truth,
+        visible=example.visible,
+        calibration=example.calibration,
+        num_disparities=64,
+        description="A test.",
     )
 
 
-def opened(pair: StereoPair) -> AppTest:
+def opened(pair: Pair) -> AppTest:
     app = AppTest.from_function(panel, default_timeout=60)
     app.session_state["pair"] = pair
     return app.run()
 
 
-def ill_cube(code: FindingCode) -> StereoPair:
+def ill_cube(code: FindingCode) -> Pair:
     cube = example_pair("cube")
     left, right = ILLS[code](cube.left, cube.right)
     return changed(code, left=left, right=right)
@@ -77,9 +84,9 @@ def test_each_problem_is_fixed_by_a_click_and_comes_back_with_undo(code: Finding
     app.button(key=f"depth.doctor.{remedy}").click().run()
     assert not app.exception
     mended = app.session_state["shown"]
-    assert [change.name for change in mended.remedies] == [remedy]
+    assert mended.id.remedies == (remedy,)
     assert mended.digest != pair.digest
-    assert mended.source == pair.source
+    assert mended.id.untreated == pair.id.untreated
     assert remedy not in [button.key.rpartition(".")[2] for button in app.button if "undo" not in button.key]
     app.button(key=f"depth.doctor.undo.{remedy}").click().run()
     assert app.session_state["shown"] is pair
@@ -114,7 +121,7 @@ def test_a_picture_given_twice_is_said() -> None:
 def test_swapping_a_swapped_pair_undoes_it() -> None:
     pair = ill_cube(FindingCode.SWAPPED)
     app = opened(pair)
-    app.session_state["depth.remedies"] = {pair.source: ("swap_sides", "align_rows", "align_rows")}
+    app.session_state["depth.remedies"] = {pair.id.untreated: (Remedy.SWAP_SIDES, Remedy.ALIGN_ROWS, Remedy.ALIGN_ROWS)}
     app.run()
     assert not app.exception  # the same remedy applied twice has two undo buttons
     buttons = [button.key for button in app.button if "undo" in button.key]
@@ -153,7 +160,7 @@ def test_the_range_is_set_in_the_controls() -> None:
 def test_a_remedy_that_cannot_be_applied_is_answered_with_a_sentence() -> None:
     noise = np.random.default_rng(1).integers(0, 255, (2, 200, 300), dtype=np.uint8)
     app = AppTest.from_function(panel, default_timeout=60)
-    app.session_state["pair"] = StereoPair(noise[0], noise[1], None, None, "Noise.", "noise", False)
+    app.session_state["pair"] = Pair(noise[0], noise[1], PairId("noise"))
     app.session_state["depth.remedies"] = {"noise": ("align_rows",)}
     app.run()
     assert not app.exception

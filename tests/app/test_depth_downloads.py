@@ -17,6 +17,7 @@ from stereolag.core.estimates import Estimate
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.disparities import VERTEX
 from stereolag.io.settings import settings_json
+from stereolag.pair import Pair, PairId
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.exports import EXPORTS, archive, files
 from stereolag.ui.depth.inputs import at_size
@@ -32,13 +33,13 @@ BLOCK = StereoBM(num_disparities=16, block_size=9)
 CORRELATION = CorrelationMatcher(window_size=9, overlap=0.9, search=SearchArea.rectified(12))
 
 
-def small_pair(dtype: type = np.uint8) -> StereoPair:
+def small_pair(dtype: type = np.uint8) -> Pair:
     scene = np.random.default_rng(0).integers(0, 255, (60, 105)).astype(dtype)
     truth = np.full((60, 100), 5, dtype=np.float32)
-    return StereoPair(scene[:, :-5], scene[:, 5:], truth, 16, "Noise.", "noise", False)
+    return Pair(scene[:, :-5], scene[:, 5:], PairId("noise"), truth=truth, num_disparities=16)
 
 
-def view_of(pair: StereoPair, *matchers: StereoMatcher) -> DepthView:
+def view_of(pair: Pair, *matchers: StereoMatcher) -> DepthView:
     results = {type(matcher).__name__: matcher.compute(pair.left, pair.right) for matcher in matchers}
     return DepthView(pair, results, 0.0, 16.0)
 
@@ -59,7 +60,7 @@ def section() -> None:
     st.session_state["matcher"] = matcher
 
 
-def opened(pair: StereoPair) -> AppTest:
+def opened(pair: Pair) -> AppTest:
     app = AppTest.from_function(section, default_timeout=60)
     app.session_state["pair"] = pair
     app.session_state["depth.take.opened"] = True
@@ -148,7 +149,9 @@ def large_view(*matchers: StereoMatcher) -> DepthView:
     scene = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (480, 820)).astype(np.uint8), (0, 0), 2)
     truth = np.full((480, 800), 20, np.float32)
     calibration = Calibration(800.0, 0.1, width=800, height=480)
-    pair = StereoPair(scene[:, :-20], scene[:, 20:], truth, 64, "Noise.", "large noise", False, calibration)
+    pair = Pair(
+        scene[:, :-20], scene[:, 20:], PairId("large noise"), truth=truth, calibration=calibration, num_disparities=64
+    )
     small = at_size(pair, 2)
     small = replace(small, full=pair, calibration=calibration.scaled(0.5), num_disparities=32)
     view = view_of(small, *matchers)
@@ -283,7 +286,7 @@ def test_settings_are_loaded_again_and_the_controls_can_be_moved_from_there() ->
     assert not app.exception
     assert app.session_state["matcher"] == settings
     assert (
-        app.slider(key=keys.setting("bm", "min_disparity", pair.searched)).min == -70
+        app.slider(key=keys.setting("bm", "min_disparity", pair.id.searched)).min == -70
     )  # smaller than the page's own smallest value
     app.slider(key=keys.BLOCK_UNIQUENESS).set_value(40).run()
     assert app.session_state["matcher"].uniqueness_ratio == 40

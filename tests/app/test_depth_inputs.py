@@ -12,7 +12,7 @@ from PIL import Image
 from streamlit.testing.v1 import AppTest
 
 from stereolag.core.typography import typeset
-from stereolag.ui.pairs import StereoPair
+from stereolag.pair import Pair
 from tests.app import keys, uploads
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
@@ -73,7 +73,7 @@ def given(app: AppTest, **files: tuple[str, bytes]) -> AppTest:
     return app
 
 
-def shown(app: AppTest) -> StereoPair:
+def shown(app: AppTest) -> Pair:
     assert not app.exception
     return app.session_state["shown"][0]
 
@@ -152,7 +152,8 @@ def test_a_calibration_of_another_size_is_scaled_and_tells_the_range() -> None:
     assert (calibration.focal_px, calibration.doffs_px) == (200, 5)
     assert shown(app).num_disparities == 32
     assert (
-        app.slider(key=keys.setting("correlation", "search.rectified.num_disparities", shown(app).searched)).value == 32
+        app.slider(key=keys.setting("correlation", "search.rectified.num_disparities", shown(app).id.searched)).value
+        == 32
     )
     assert "The calibration was scaled to 200 × 120 pixels." in said(app)
 

@@ -73,14 +73,16 @@ def remedied() -> None:
 
     import streamlit as st
 
+    from stereolag.assess.doctor import Remedy
     from stereolag.core.estimates import Estimate
+    from stereolag.pair import PairId
     from stereolag.ui.depth.pair_jobs import begin_job, job_on
-    from stereolag.ui.pairs import Change
     from tests.app.depth_view import small_view
 
-    first = replace(small_view().pair, collection="set", files="set 0")
-    second = replace(first, files="set 1")
-    treated = first.after(Change("swapped", "", remedy=True))
+    one = small_view().pair
+    first = replace(one, id=PairId("set 0", collection="set"))
+    second = replace(one, id=PairId("set 1", collection="set"))
+    treated = replace(one, id=replace(first.id, remedies=(Remedy.SWAP_SIDES,)))
     if "begun" not in st.session_state:
         st.session_state["begun"] = True
         begin_job(first, "job", None, lambda job: None, Estimate(0, 0.0))

@@ -15,11 +15,11 @@ from streamlit.testing.v1 import AppTest
 from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
 from stereolag.io.disparities import image_png, pfm
 from stereolag.io.settings import settings_json
+from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.all_pairs import table_of
 from stereolag.ui.depth.pair_sets import Preparation
 from stereolag.ui.depth.several import PairSet, read_bundle
-from stereolag.ui.pairs import StereoPair
 from tests.app import keys, uploads
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
@@ -67,7 +67,7 @@ def given(app: AppTest, key: str, *files: tuple[str, bytes]) -> AppTest:
     return app.run()
 
 
-def shown(app: AppTest) -> StereoPair:
+def shown(app: AppTest) -> Pair:
     assert not app.exception
     assert not app.error, [error.value for error in app.error]
     return app.session_state["shown"][0]
@@ -206,7 +206,7 @@ def test_pairs_are_stepped_through_with_the_settings_held() -> None:
     assert (shown(app).truth == 5).all()
     assert app.selectbox(key="pairs.step").options == ["1 of 3: 1", "2 of 3: 2", "3 of 3: 10"]
     app.slider(key=keys.BLOCK).set_value(13)
-    app.slider(key=keys.setting("bm", "num_disparities", shown(app).searched)).set_value(32).run()
+    app.slider(key=keys.setting("bm", "num_disparities", shown(app).id.searched)).set_value(32).run()
     app.button(key="pairs.step.1").click().run()
     assert (shown(app).truth == 9).all()
     assert (settings(app)[StereoBM].block_size, settings(app)[StereoBM].num_disparities) == (13, 32)

@@ -34,7 +34,7 @@ def scoreboard_with_mask() -> None:
 
     view = small_view()
     visible = np.arange(view.pair.left.shape[1])[None].repeat(view.pair.left.shape[0], axis=0) > 100
-    show_scoreboard(replace(view, pair=replace(view.pair, visible=visible, files="masked")))
+    show_scoreboard(replace(view, pair=replace(view.pair, visible=visible, id=PairId("masked"))))
 
 
 def scoreboard_without_truth() -> None:
@@ -59,7 +59,7 @@ def scoreboard_of_unrelated_images() -> None:
 
     view = small_view(truth=False)
     noise = np.random.default_rng(0).integers(0, 256, view.pair.right.shape, dtype=np.uint8)
-    show_scoreboard(replace(view, pair=replace(view.pair, right=noise, files="unrelated")))
+    show_scoreboard(replace(view, pair=replace(view.pair, right=noise, id=PairId("unrelated"))))
 
 
 def test_the_table_holds_the_figures_of_the_evaluation() -> None:

@@ -26,7 +26,7 @@ from stereolag.ui.page_address import (
     warn_ignored,
     write_parameters,
 )
-from stereolag.ui.pairs import SIZES, StereoPair
+from stereolag.ui.pairs import SIZES
 
 WRITTEN_KEY = "depth.address"
 """Session-state key of the parameters that this page wrote last."""
@@ -63,7 +63,7 @@ def _recall_maps(value: str | None) -> None:
         warn_ignored(MAPS, value, allowed)
 
 
-def recall_settings(pair: StereoPair) -> None:
+def recall_settings(pair: Pair) -> None:
     """Set the controls to the settings of a new address, the rest to initial values; none must have been drawn yet."""
     parameters = kept_settings(WRITTEN_KEY)
     if parameters is None:
@@ -77,7 +77,7 @@ def recall_settings(pair: StereoPair) -> None:
             prose.warning(f"In the address, {sentence}")
 
 
-def write_address(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) -> None:
+def write_address(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> None:
     """Write the choices and settings that differ from their initial values into the address."""
     parameters = chosen(_choices())
     shown = [method.short_name for method in shown_methods()]
@@ -96,14 +96,14 @@ def adopt(matcher: StereoMatcher) -> None:
     st.rerun(scope="app")
 
 
-def take_over(pair: StereoPair) -> None:
+def take_over(pair: Pair) -> None:
     """Show the settings that were handed over, if any; no control must have been drawn yet in this run."""
     handed_over: str | None = st.session_state.pop(ADOPTED, None)
     if handed_over is not None:
         show_settings(read_matcher(handed_over.encode()), pair)
 
 
-def show_settings(matcher: StereoMatcher, pair: StereoPair) -> None:
+def show_settings(matcher: StereoMatcher, pair: Pair) -> None:
     """Set the controls of a method to these settings, and show its controls and its map."""
     set_controls(matcher, pair)
     st.session_state[keys.TAB] = matcher.short_name

@@ -13,6 +13,7 @@ from stereolag.assess.judging import Criterion, Judgement, TuningPair, estimate_
 from stereolag.core.estimates import Estimate
 from stereolag.core.progress import Progress
 from stereolag.io.sources import harmless
+from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.maps import DepthView, known_truth
@@ -20,7 +21,6 @@ from stereolag.ui.depth.pair_sets import Preparation, set_of
 from stereolag.ui.depth.several import PairSet
 from stereolag.ui.elements import PERCENT, SECONDS
 from stereolag.ui.navigation import fragment
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.sentences import duration
 
@@ -123,7 +123,7 @@ def table_of(pairs: PairSet, matchers: Sequence[StereoMatcher], preparation: Pre
 
 
 def _figures(
-    pair: StereoPair, matchers: Sequence[StereoMatcher], progress: Progress, done: float, share: float
+    pair: Pair, matchers: Sequence[StereoMatcher], progress: Progress, done: float, share: float
 ) -> Iterator[tuple[str, Figures]]:
     part = share / (len(matchers) + 1)
     searched = widest_range(matchers)

@@ -16,8 +16,8 @@ from stereolag.io.images import read_image
 from stereolag.io.pairing import PairFiles
 from stereolag.io.sessions import Session
 from stereolag.io.sources import harmless
+from stereolag.pair import Change, ChangeCode, Pair, PairId
 from stereolag.ui.depth.calibrating import Calibrated
-from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.uploads import Upload
 
 ONE_DEPTH = (
@@ -34,7 +34,7 @@ class Pictures:
     left: Image
     right: Image
     digest: str
-    changes: tuple[Change, ...] = ()
+    changes: tuple[str, ...] = ()
 
 
 def split_picture(data: bytes) -> Pictures:
@@ -43,7 +43,7 @@ def split_picture(data: bytes) -> Pictures:
     left, right = halves(both)
     width = both.shape[1]
     odd = f" Its width of {width} px is odd: the middle column is left out." if width % 2 else ""
-    return Pictures(left, right, "", (Change("", f"The image was split down the middle.{odd}"),))
+    return Pictures(left, right, "", (f"The image was split down the middle.{odd}",))
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,30 +54,28 @@ class Truth:
     digest: str
 
 
-def together(pictures: Pictures, truth: Truth | None, calibration: Calibrated | None) -> StereoPair:
+def together(pictures: Pictures, truth: Truth | None, calibration: Calibrated | None) -> Pair:
     """Return the pair; raise ValueError if the files do not belong together."""
     left, right = as_stereo_pair(*as_deep(*cropped_alike(pictures.left, pictures.right)))
     rows, cols = left.shape[:2]
     changes = list(pictures.changes)
     if pictures.left.dtype != pictures.right.dtype:
-        changes.append(Change("", ONE_DEPTH))
+        changes.append(ONE_DEPTH)
     if pictures.left.shape[:2] != pictures.right.shape[:2]:
-        changes.append(Change("", f"The images differ by a few pixels and were cropped to {cols} × {rows}."))
+        changes.append(f"The images differ by a few pixels and were cropped to {cols} × {rows}.")
     disparity = None if truth is None else _fitting_truth(truth.disparity, pictures.left)[:rows, :cols]
     fitted = None if calibration is None else calibration_for(calibration.content, cols, rows)
     if calibration is not None and fitted is not calibration.content:
-        changes.append(Change("", f"The calibration was scaled to {cols} × {rows} pixels."))
-    return StereoPair(
+        changes.append(f"The calibration was scaled to {cols} × {rows} pixels.")
+    return Pair(
         left,
         right,
-        disparity,
-        _disparities_of(fitted),
-        "Your own pair.",
-        " ".join((pictures.digest, truth.digest if truth else "")),
-        False,
-        fitted,
-        changes=tuple(changes),
-        pictures=pictures.digest,
+        PairId(pictures.digest, truth.digest if truth else ""),
+        truth=disparity,
+        calibration=fitted,
+        num_disparities=None if fitted is None else fitted.num_disparities,
+        description="Your own pair.",
+        changes=tuple(Change(ChangeCode.ASSEMBLED, sentence) for sentence in changes),
     )
 
 
@@ -91,11 +89,7 @@ def _fitting_truth(truth: FloatMap, left: Image) -> FloatMap:
     return truth
 
 
-def _disparities_of(calibration: Calibration | None) -> int | None:
-    return None if calibration is None else calibration.num_disparities
-
-
-def named_pair(files: PairFiles, read: Callable[[str], bytes], digest: str) -> StereoPair:
+def named_pair(files: PairFiles, read: Callable[[str], bytes], digest: str) -> Pair:
     """Return the pair in files matched by name, without asking; its changes say what was decided.
 
     Parameters
@@ -113,40 +107,39 @@ def named_pair(files: PairFiles, read: Callable[[str], bytes], digest: str) -> S
         If the images cannot be read or do not fit together, or the ground truth does not fit them.
     """
     left, right = read_image(read(files.left)), read_image(read(files.right))
-    changes: list[Change] = []
+    changes: list[str] = []
     truth = None
     if files.truth is not None:
         stored = read_stored_disparity(read(files.truth))
         divisor = stored.divisor or float(likely_divisor(stored.divided(1.0), left, right))
         truth = Truth(stored.divided(divisor), "")
         if stored.divisor is None:
-            changes.append(Change("", f"The ground truth has 8 bits: ÷ {divisor:g} agrees best with a quick map."))
+            changes.append(f"The ground truth has 8 bits: ÷ {divisor:g} agrees best with a quick map.")
     calibration = None
     if files.calibrations:
         try:
             calibration = Upload("", read_calibration(*map(read, files.calibrations)))
         except ValueError as error:
-            changes.append(Change("", f"The pair’s calibration is not used. {error}"))
+            changes.append(f"The pair’s calibration is not used. {error}")
     pair = together(Pictures(left, right, digest, tuple(changes)), truth, calibration)
     return replace(pair, description=f"Pair “{harmless(files.name)}”.")
 
 
-def session_pair(session: Session, digest: str) -> StereoPair:
+def session_pair(session: Session, digest: str) -> Pair:
     """Return the pair of a saved session; its range is known and need not be found again."""
     ranges = [found for matcher in session.matchers if (found := matcher.search_range()) is not None]
     first, count = session.min_disparity, session.num_disparities
     if count is None and ranges:
         first, count = ranges[0]
-    return StereoPair(
+    return Pair(
         session.left,
         session.right,
-        session.truth,
-        count,
-        session.description or "Your own pair.",
-        digest,
-        False,
-        session.calibration,
-        session.visible,
-        tuple(Change("", sentence) for sentence in session.history),
+        PairId(digest),
+        truth=session.truth,
+        visible=session.visible,
+        calibration=session.calibration,
         min_disparity=first,
+        num_disparities=count,
+        description=session.description or "Your own pair.",
+        changes=tuple(Change(ChangeCode.ASSEMBLED, sentence) for sentence in session.history),
     )

@@ -9,6 +9,7 @@ import streamlit as st
 
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import read_calibration
+from stereolag.pair import Pair
 from stereolag.ui.calibrate.kept import use_kept_calibration
 from stereolag.ui.pairs import StereoPair
 from stereolag.ui.persistence import persistent
@@ -79,18 +80,18 @@ class KnownDistance:
     calibration: Calibration
 
 
-def known_distance(pair: StereoPair) -> KnownDistance | None:
+def known_distance(pair: Pair) -> KnownDistance | None:
     """Return the distance that the visitor entered for this pair in this session."""
     known: KnownDistance | None = st.session_state.get(_key(pair))
     return known
 
 
-def keep_known_distance(pair: StereoPair, known: KnownDistance | None) -> None:
+def keep_known_distance(pair: Pair, known: KnownDistance | None) -> None:
     """Keep a known distance for this pair, or forget it."""
     st.session_state[_key(pair)] = known
 
 
-def calibration_of(pair: StereoPair) -> Calibration | None:
+def calibration_of(pair: Pair) -> Calibration | None:
     """Return the calibration in use: derived from the known distance if one was entered, else the pair's own."""
     known = known_distance(pair)
     return known.calibration if known else pair.calibration

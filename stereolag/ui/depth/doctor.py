@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ import streamlit as st
 from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, diagnose, estimate_diagnosis, judge_range
 from stereolag.assess.remedies import Remedy, apply_remedy
 from stereolag.core.estimates import Estimate
+from stereolag.pair import Change, Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.maps import DepthView
@@ -25,7 +27,6 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.jobs import is_heavy
 from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.navigation import PAGES
-from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.results import computed, computed_before, computed_in_turn
 from stereolag.ui.states import show_refused
 
@@ -37,12 +38,12 @@ REMEDIES_KEY = "depth.remedies"
 HEALTHY = f":green[:material/stethoscope: {DOCTOR_HEALTHY}]"
 
 
-def treated(pair: StereoPair) -> StereoPair:
+def treated(pair: Pair) -> Pair:
     """Return the pair with the remedies that the visitor chose for it."""
-    return with_remedies(pair, [Remedy(one) for one in st.session_state.get(REMEDIES_KEY, {}).get(pair.source, ())])
+    return with_remedies(pair, st.session_state.get(REMEDIES_KEY, {}).get(pair.id.untreated, ()))
 
 
-def with_remedies(pair: StereoPair, remedies: Iterable[Remedy]) -> StereoPair:
+def with_remedies(pair: Pair, remedies: Iterable[Remedy]) -> Pair:
     """Return the pair with these remedies; show an error for each that cannot be applied, and skip it."""
     for remedy in remedies:
         try:
@@ -73,7 +74,7 @@ def show_doctor(view: DepthView) -> None:
         _show_all(advice, "All checks" if ill else HEALTHY)
 
 
-def diagnosis_at_once(pair: StereoPair) -> Diagnosis | None:
+def diagnosis_at_once(pair: Pair) -> Diagnosis | None:
     """Return the diagnosis, or None if it takes long and is not known yet; `show_doctor` then computes it."""
     if is_heavy(_estimate(pair)):
         found: Diagnosis | None = computed_before(TASK, inputs=pair.digest, settings="", shared=pair.shared)
@@ -81,7 +82,7 @@ def diagnosis_at_once(pair: StereoPair) -> Diagnosis | None:
     return _diagnosis(pair)
 
 
-def _diagnosis(pair: StereoPair) -> Diagnosis | None:
+def _diagnosis(pair: Pair) -> Diagnosis | None:
     """Return the diagnosis; None while the pair is being examined."""
     return computed_in_turn(
         TASK,
@@ -94,7 +95,7 @@ def _diagnosis(pair: StereoPair) -> Diagnosis | None:
     )
 
 
-def _estimate(pair: StereoPair) -> Estimate:
+def _estimate(pair: Pair) -> Estimate:
     return estimate_diagnosis(pair.left.shape, pair.left.dtype)
 
 
@@ -125,34 +126,29 @@ def _advice(diagnosis: Diagnosis, view: DepthView) -> list[Advice]:
     return advice
 
 
-def _set_ranges(diagnosis: Diagnosis, matchers: list[StereoMatcher], pair: StereoPair) -> None:
+def _set_ranges(diagnosis: Diagnosis, matchers: list[StereoMatcher], pair: Pair) -> None:
     if diagnosis.suggested_range is not None:
         for matcher in matchers:
             set_controls(matcher.with_search_range(*diagnosis.suggested_range), pair)
 
 
-def _prescribe(pair: StereoPair, remedy: Remedy | None) -> None:
+def _prescribe(pair: Pair, remedy: Remedy | None) -> None:
     """Record that the visitor wants this remedy; swapping swapped sides undoes the first swap instead."""
     if remedy is None:
         return
-    applied = _applied(pair)
+    applied = pair.id.remedies
     if remedy is Remedy.SWAP_SIDES and remedy in applied:
         _undo(pair, applied.index(remedy))
     else:
-        st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*applied, remedy)
+        st.session_state.setdefault(REMEDIES_KEY, {})[pair.id.untreated] = (*applied, remedy)
 
 
-def _undo(pair: StereoPair, number: int) -> None:
-    applied = _applied(pair)
-    st.session_state.setdefault(REMEDIES_KEY, {})[pair.source] = (*applied[:number], *applied[number + 1 :])
+def _undo(pair: Pair, number: int) -> None:
+    applied = pair.id.remedies
+    st.session_state.setdefault(REMEDIES_KEY, {})[pair.id.untreated] = (*applied[:number], *applied[number + 1 :])
 
 
-def _applied(pair: StereoPair) -> tuple[Remedy, ...]:
-    """Return the remedies that were applied to the pair."""
-    return tuple(Remedy(change.name) for change in pair.remedies)
-
-
-def _remedied(pair: StereoPair, remedy: Remedy) -> StereoPair:
+def _remedied(pair: Pair, remedy: Remedy) -> Pair:
     """Return the pair after one remedy, from memory if it was applied before."""
     return computed(
         "remedy",
@@ -164,20 +160,17 @@ def _remedied(pair: StereoPair, remedy: Remedy) -> StereoPair:
     )
 
 
-def _with_remedy(pair: StereoPair, remedy: Remedy) -> StereoPair:
+def _with_remedy(pair: Pair, remedy: Remedy) -> Pair:
     """Return the pair after one remedy; truth, mask and calibration are kept if they are still valid."""
     left, right = apply_remedy(pair.left, pair.right, remedy)
     done = REMEDIES_DONE[remedy]
     if remedy in TRUTH_DROPPED and pair.truth is not None:
         done += f" {TRUTH_DROPPED[remedy]}"
-    change = Change(remedy, done, remedy=True)
-    if remedy is Remedy.SWAP_SIDES:
-        return pair.after(change, left=left, right=right, truth=None, visible=None)
-    if remedy is Remedy.RECTIFY:
-        return pair.after(change, left=left, right=right, truth=None, visible=None, calibration=None)
-    if remedy is Remedy.LEVEL:
-        return pair.after(change, left=left, right=right, calibration=None)
-    return pair.after(change, left=left, right=right)
+    truth, visible = (None, None) if remedy in TRUTH_DROPPED else (pair.truth, pair.visible)
+    calibration = None if remedy in (Remedy.RECTIFY, Remedy.LEVEL) else pair.calibration
+    remedied_id = replace(pair.id, remedies=(*pair.id.remedies, remedy))
+    known = {"truth": truth, "visible": visible, "calibration": calibration}
+    return pair.after(remedy, done, left=left, right=right, id=remedied_id, **known)
 
 
 def _show_all(advice: list[Advice], heading: str) -> None:
@@ -196,11 +189,11 @@ def _show(advice: Advice) -> None:
         st.page_link(CALIBRATE, label=label, icon=icon)
 
 
-def _show_remedy(pair: StereoPair, number: int, change: Change) -> None:
+def _show_remedy(pair: Pair, number: int, change: Change) -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
         prose.markdown(f":blue[:material/healing:] {change.sentence}", width="stretch")
         earlier = pair.remedies[:number].count(change)
-        key = f"depth.doctor.undo.{change.name}" + (f".{earlier}" if earlier else "")
+        key = f"depth.doctor.undo.{change.code}" + (f".{earlier}" if earlier else "")
         _button("Undo", key, partial(_undo, pair, number))
 
 

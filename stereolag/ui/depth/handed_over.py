@@ -6,11 +6,11 @@ import streamlit as st
 
 from stereolag.core.inputs import as_stereo_pair
 from stereolag.geometry.calibration import Calibration
+from stereolag.pair import Pair, PairId
 from stereolag.sequences import StereoFrame
 from stereolag.ui import prose
 from stereolag.ui.choices import OWN
 from stereolag.ui.keys import HANDED, PAIR
-from stereolag.ui.pairs import StereoPair
 
 
 def hand_over(
@@ -18,23 +18,22 @@ def hand_over(
 ) -> None:
     """Make the depth page start with this frame; its controls must not have been drawn yet in this run."""
     left, right = as_stereo_pair(frame.left, frame.right)
-    st.session_state[HANDED] = StereoPair(
+    st.session_state[HANDED] = Pair(
         left,
         right,
-        frame.truth,
-        search[1] if search else None,
-        description,
-        digest,
-        False,
-        calibration,
+        PairId(digest),
+        truth=frame.truth,
+        calibration=calibration,
         min_disparity=search[0] if search else 0,
+        num_disparities=search[1] if search else None,
+        description=description,
     )
     st.session_state[PAIR] = OWN
 
 
-def handed_over() -> StereoPair | None:
+def handed_over() -> Pair | None:
     """Return the pair that was handed over and say so, with a button to use other files; None if there is none."""
-    pair: StereoPair | None = st.session_state.get(HANDED)
+    pair: Pair | None = st.session_state.get(HANDED)
     if pair is not None:
         with st.container(horizontal=True, vertical_alignment="center"):
             prose.caption(f"In use: {pair.description}", width="content")

@@ -28,7 +28,7 @@ from stereolag.ui.depth.several import show_steps
 from stereolag.ui.depth.starting import show_start, started
 from stereolag.ui.keys import FOLD, FOLD_NEXT
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
-from stereolag.ui.pairs import SIZES, Change, StereoPair, example_pair
+from stereolag.ui.pairs import SIZES, example_pair
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.states import show_refused
@@ -89,7 +89,7 @@ class Scaled:
     divisor: float
 
 
-def choose_pair() -> StereoPair:
+def choose_pair() -> Pair:
     """Ask for the pair and its size; return it ready for matching, and show the changes made to it.
 
     Settings from the address, or handed over by a part of the page, are set in the controls, which must therefore be
@@ -103,13 +103,13 @@ def choose_pair() -> StereoPair:
         with choices:
             chosen = choose(examples, key=KEY)
 
-        def ask() -> StereoPair | None:
+        def ask() -> Pair | None:
             own = ask_own_pair(KEY)
             if own is not None or refused():
                 show_name(name_place, "Your own pair")
             return own
 
-        def load(name: str) -> StereoPair:
+        def load(name: str) -> Pair:
             show_name(name_place, examples[name].title)
             return example_pair(name)
 
@@ -124,7 +124,7 @@ def choose_pair() -> StereoPair:
     if st.session_state.get(FOLD_NEXT):
         st.rerun()
     shown = "" if decision is None else decision.sentence
-    told = [change.sentence for change in pair.changes if change.sentence != shown and not change.remedy]
+    told = [change.sentence for change in pair.changes if change.sentence != shown and change not in pair.remedies]
     if any(told):
         prose.caption(" ".join(filter(None, told)))
     if decision is not None:
@@ -137,7 +137,7 @@ def choose_pair() -> StereoPair:
     return pair
 
 
-def ask_size(pair: StereoPair, key: str) -> StereoPair:
+def ask_size(pair: Pair, key: str) -> Pair:
     """Ask for the size to match at, and return the pair at that size; range, truth and calibration are scaled too."""
     rows, cols = pair.left.shape[:2]
     chosen = st.segmented_control(
@@ -153,7 +153,7 @@ def ask_size(pair: StereoPair, key: str) -> StereoPair:
     return pair if divisor == 1 else _resized(pair, divisor)
 
 
-def _resized(pair: StereoPair, divisor: int) -> StereoPair:
+def _resized(pair: Pair, divisor: int) -> Pair:
     try:
         small = computed(
             "resized pair",
@@ -179,7 +179,7 @@ def _resized(pair: StereoPair, divisor: int) -> StereoPair:
     )
 
 
-def at_size(pair: StereoPair, divisor: int) -> StereoPair:
+def at_size(pair: Pair, divisor: int) -> Pair:
     """Return the pair with its sides divided by `divisor`."""
     factor = 1 / divisor
     left, right = scaled_image(pair.left, factor), scaled_image(pair.right, factor)
@@ -190,7 +190,9 @@ def at_size(pair: StereoPair, divisor: int) -> StereoPair:
     full = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
     shown = f"Shown at 1/{divisor} of its size: {size[0]} × {size[1]} of {full} pixels."
     return pair.after(
-        Change(f"1/{divisor}", shown, resizes=True),
+        ChangeCode.RESIZED,
+        shown,
+        id=replace(pair.id, size=f"1/{divisor}"),
         left=left,
         right=right,
         truth=None if pair.truth is None else scaled_disparity(pair.truth, factor),
@@ -198,22 +200,22 @@ def at_size(pair: StereoPair, divisor: int) -> StereoPair:
     )
 
 
-def original(pair: StereoPair) -> StereoPair:
+def original(pair: Pair) -> Pair:
     """Return the pair at its own size, with all changes made to the smaller one."""
     if pair.full is None:
         return pair
     full, _ = rectified(pair.full)
-    return with_remedies(full, [Remedy(change.name) for change in pair.remedies])
+    return with_remedies(full, pair.id.remedies)
 
 
-def _keep_settings(pair: StereoPair) -> None:
+def _keep_settings(pair: Pair) -> None:
     """Keep the settings in use if the images are the same at another size, or another pair of the same set.
 
     They are scaled to cover the same part of the images. Settings not changed since the last scaling are scaled from
     the originals: sizes are rounded only once, and are the same again at the same size.
     """
     full = pair.full or pair
-    now = pair.collection or full.searched, full.left.shape[1] / pair.left.shape[1], pair.searched
+    now = pair.id.chosen, full.left.shape[1] / pair.left.shape[1], pair.id.searched
     before = st.session_state.get(KEPT)
     st.session_state[KEPT] = now
     if before is None or before[0] != now[0]:

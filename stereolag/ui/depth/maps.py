@@ -271,7 +271,7 @@ def show_method(method: type[StereoMatcher], *, instead: bool = False) -> None:
 
 
 def measured(
-    pair: StereoPair, matcher: StereoMatcher | None, waiting: DeltaGenerator | None = None
+    pair: Pair, matcher: StereoMatcher | None, waiting: DeltaGenerator | None = None
 ) -> dict[str, DisparityMap]:
     """Return the map of one method under its title; show why and return nothing if it cannot be computed.
 
@@ -295,7 +295,7 @@ def measured(
     return {} if result is None else {matcher.title: result}
 
 
-def _computation(pair: StereoPair, matcher: StereoMatcher) -> dict[str, Any]:
+def _computation(pair: Pair, matcher: StereoMatcher) -> dict[str, Any]:
     return {
         "task": map_task(matcher),
         "compute": lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
@@ -306,7 +306,7 @@ def _computation(pair: StereoPair, matcher: StereoMatcher) -> dict[str, Any]:
     }
 
 
-def send_ahead(pair: StereoPair, matchers: Iterable[StereoMatcher | None]) -> dict[str, PackedPicture]:
+def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str, PackedPicture]:
     """Send the maps that are available at once before anything else is drawn, and return them by title.
 
     The browser replaces each previous map as soon as the new one arrives; text and numbers follow.
@@ -354,7 +354,7 @@ def _said_of(view: DepthView, name: str) -> str:
     return f"{name}: {', '.join(f'{one.label} {one.value}' for one in _figures(view, name)[1:])}."
 
 
-def _packed(pair: StereoPair, picture: Picture, result: DisparityMap | None) -> PackedPicture:
+def _packed(pair: Pair, picture: Picture, result: DisparityMap | None) -> PackedPicture:
     """Return a picture packed for the browser; from memory if it was packed before."""
     return remembered(
         "packed picture",
@@ -384,7 +384,7 @@ def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
     )
 
 
-def judged(pair: StereoPair, result: DisparityMap, truth: FloatMap) -> Evaluation:
+def judged(pair: Pair, result: DisparityMap, truth: FloatMap) -> Evaluation:
     """Return the figures of a map over all pixels with truth; from memory if they were computed before."""
     return remembered(
         "evaluation",

@@ -12,12 +12,12 @@ from stereolag.core.inputs import Image
 from stereolag.io.archives import is_archive
 from stereolag.io.disparities import StoredDisparity, read_stored_disparity
 from stereolag.io.images import read_image
+from stereolag.pair import Pair
 from stereolag.ui.choices import image_limits, show_limits
 from stereolag.ui.depth.assembling import SAME_PICTURE, Pictures, Truth, split_picture, together
 from stereolag.ui.depth.calibrating import ask_calibration
 from stereolag.ui.depth.handed_over import handed_over
 from stereolag.ui.depth.several import Bundle, ask_bundle, forget_bundle, pair_of_bundle, read_bundle
-from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.states import show_refused
@@ -26,7 +26,7 @@ from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_
 ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side image", "several": "ZIP or several pairs"}
 
 
-def ask_own_pair(key: str) -> StereoPair | None:
+def ask_own_pair(key: str) -> Pair | None:
     """Ask for images, truth and calibration; return the last pair that fitted together, or None until there is one.
 
     An archive in place of the left image contains all of these: a saved session, or several pairs.
@@ -81,7 +81,7 @@ def _ask_two_pictures(key: str) -> Pictures | Upload[Bundle] | None:
     if left is None or right is None:
         return None
     assert isinstance(left.content, np.ndarray)
-    changes = (Change("", SAME_PICTURE),) if left.digest == right.digest else ()
+    changes = (SAME_PICTURE,) if left.digest == right.digest else ()
     return Pictures(left.content, right.content, f"{left.digest} {right.digest}", changes)
 
 

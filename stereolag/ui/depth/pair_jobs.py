@@ -9,9 +9,9 @@ from typing import Any
 import streamlit as st
 
 from stereolag.core.estimates import Estimate
+from stereolag.pair import Pair
 from stereolag.ui.depth.pair_sets import Preparation, place_in_set
 from stereolag.ui.jobs import Job
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.visits import this_visit
 
 BETWEEN_LOOKS_S = 0.3
@@ -42,12 +42,12 @@ class PairJob:
     images: str = ""
     place: str = ""
 
-    def is_on(self, pair: StereoPair) -> bool:
+    def is_on(self, pair: Pair) -> bool:
         """Return whether the page, showing this pair, would still give the job the same images."""
-        return self.digest == _digest(pair) and (self.files != pair.files or self.images == pair.digest)
+        return self.digest == _digest(pair) and (self.files != pair.id.files or self.images == pair.digest)
 
 
-def job_on(pair: StereoPair, key: str) -> PairJob | None:
+def job_on(pair: Pair, key: str) -> PairJob | None:
     """Return the job of a part of the page on this pair; cancel and forget a job on other images."""
     begun: PairJob | None = st.session_state.get(key)
     if begun is None or begun.is_on(pair):
@@ -61,13 +61,13 @@ def forget_job(key: str) -> None:
     st.session_state.pop(key).job.cancel()
 
 
-def begin_job(pair: StereoPair, key: str, asked: object, work: Callable[[Job[Any]], Any], estimate: Estimate) -> None:
+def begin_job(pair: Pair, key: str, asked: object, work: Callable[[Job[Any]], Any], estimate: Estimate) -> None:
     """Start the job of a part of the page in its own thread."""
     job = Job(work, estimate)
-    this_visit().jobs[key] = pair.judged, job
-    st.session_state[key] = PairJob(_digest(pair), asked, job, pair.files, pair.digest, place_in_set(pair))
+    this_visit().jobs[key] = pair.id.judged, job
+    st.session_state[key] = PairJob(_digest(pair), asked, job, pair.id.files, pair.digest, place_in_set(pair))
 
 
-def _digest(pair: StereoPair) -> str:
+def _digest(pair: Pair) -> str:
     """Return the key of the images judged together; for a set, it includes the preparation of the other pairs."""
-    return f"{pair.judged} {Preparation.chosen()}" if pair.collection else pair.judged
+    return f"{pair.id.judged} {Preparation.chosen()}" if pair.id.collection else pair.id.judged

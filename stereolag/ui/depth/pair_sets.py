@@ -13,7 +13,7 @@ from stereolag.ui.depth.inputs import at_size
 from stereolag.ui.depth.rectifying import DECIDE, RECTIFIED, alpha_key, choice_key
 from stereolag.ui.depth.several import SET, STEP, PairSet
 from stereolag.ui.keys import PAIR, SIZE
-from stereolag.ui.pairs import SIZES, StereoPair
+from stereolag.ui.pairs import SIZES
 
 HELD_BYTES = 256 * 2**20
 """Maximum memory of pairs that are judged together and kept in memory at the same time."""
@@ -21,13 +21,13 @@ HELD_BYTES_OF_A_PIXEL = 24
 """Memory per pixel: both images in colour, their reference, and one map."""
 
 
-def set_of(pair: StereoPair) -> PairSet | None:
+def set_of(pair: Pair) -> PairSet | None:
     """Return the set that a pair belongs to; None for a single pair."""
     pairs: PairSet | None = st.session_state.get(SET)
-    return pairs if pairs is not None and pairs.digest == pair.collection else None
+    return pairs if pairs is not None and pairs.digest == pair.id.collection else None
 
 
-def place_in_set(pair: StereoPair) -> str:
+def place_in_set(pair: Pair) -> str:
     """Return the position of the pair shown in its set, in words; "" for a single pair."""
     pairs = set_of(pair)
     return "" if pairs is None else f"pair {st.session_state.get(STEP, 0) + 1} of {len(pairs.pairs)}"
@@ -48,7 +48,7 @@ class Preparation:
         choice, alpha = state.get(choice_key(PAIR), DECIDE), state.get(alpha_key(PAIR), 0.0)
         return cls(state.get(SIZE, "Automatic"), choice, alpha)
 
-    def prepared(self, pair: StereoPair) -> StereoPair:
+    def prepared(self, pair: Pair) -> Pair:
         """Return a pair as the page would match it, without remedies and without calling Streamlit."""
         rows, cols = pair.left.shape[:2]
         divisor = SIZES.get(self.size) or preview_divisor(cols, rows)
@@ -80,13 +80,13 @@ class JudgedPairs:
         How the others are prepared.
     """
 
-    current: StereoPair
+    current: Pair
     pairs: PairSet | None
     others: tuple[int, ...]
     preparation: Preparation
 
     @classmethod
-    def of(cls, pair: StereoPair) -> JudgedPairs:
+    def of(cls, pair: Pair) -> JudgedPairs:
         """Return the pairs to judge on while this one is shown."""
         pairs = set_of(pair)
         if pairs is None:
@@ -102,7 +102,7 @@ class JudgedPairs:
         """Return the number of pairs."""
         return 1 + len(self.others)
 
-    def __iter__(self) -> Iterator[StereoPair]:
+    def __iter__(self) -> Iterator[Pair]:
         """Yield the pairs, each decoded in its turn; skip those whose files do not form a pair."""
         yield self.current
         for number in self.others:

@@ -24,7 +24,6 @@ from stereolag.ui.depth.maps import (
 )
 from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.sentences import REASON_WORDS
 
 KEY = "depth.readout"
@@ -199,6 +198,6 @@ def _ask_distance_of(view: DepthView, point: Pixel, letter: str) -> None:
         )
 
 
-def _use_distance(pair: StereoPair, point: Pixel, disparity: float, metres: float) -> None:
+def _use_distance(pair: Pair, point: Pixel, disparity: float, metres: float) -> None:
     calibration = calibrated_by(pair.calibration, disparity, metres, width=int(pair.left.shape[1]))
     keep_known_distance(pair, KnownDistance(*point, metres, calibration))

@@ -14,7 +14,6 @@ from stereolag.geometry.calibration import Calibration, StereoRig
 from stereolag.geometry.rectification import rectify
 from stereolag.ui import prose
 from stereolag.ui.keys import PAIR
-from stereolag.ui.pairs import Change, StereoPair
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.sentences import rectification_in_words
@@ -53,7 +52,7 @@ def alpha_key(key: str) -> str:
     return f"{key}.alpha"
 
 
-def ask_rectified(pair: StereoPair, key: str = PAIR, subject: str = "The pair") -> tuple[StereoPair, Decision | None]:
+def ask_rectified(pair: Pair, key: str = PAIR, subject: str = "The pair") -> tuple[Pair, Decision | None]:
     """Ask whether the images of a pair are raw or rectified; return the pair ready for matching, and the decision.
 
     The decision is None without the calibration of both cameras before rectification: there is nothing to decide.
@@ -109,7 +108,7 @@ def _choose(key: str, choice: str) -> None:
     st.session_state[choice_key(key)] = choice
 
 
-def rectified(pair: StereoPair, key: str = PAIR, subject: str = "The pair") -> tuple[StereoPair, Decision | None]:
+def rectified(pair: Pair, key: str = PAIR, subject: str = "The pair") -> tuple[Pair, Decision | None]:
     """Return the pair ready for matching and the decision, given the visitor's choice; draw no control."""
     if pair.calibration is None or pair.calibration.rig is None:
         return pair, None
@@ -126,13 +125,15 @@ def rectified(pair: StereoPair, key: str = PAIR, subject: str = "The pair") -> t
     sentence = rectification_in_words(evidence, rectify_it, choice != DECIDE, drops_truth, subject)
     decision = Decision(rectify_it, alpha, choice != DECIDE, sentence)
     if not rectify_it:
-        return pair.after(Change("", sentence), calibration=again.calibration), decision
+        return pair.after(ChangeCode.RECTIFIED, sentence, calibration=again.calibration), decision
     images = {"left": again.left, "right": again.right, "truth": None, "visible": None}
-    change = Change(f"rectified {_fingerprint(rig, alpha)}", sentence)
-    return pair.after(change, **images, calibration=again.calibration), decision
+    rectified_id = replace(pair.id, rectification=f"rectified {_fingerprint(rig, alpha)}")
+    return pair.after(
+        ChangeCode.RECTIFIED, sentence, id=rectified_id, **images, calibration=again.calibration
+    ), decision
 
 
-def _rectified(pair: StereoPair, alpha: float | None) -> Straightened:
+def _rectified(pair: Pair, alpha: float | None) -> Straightened:
     """Return the pair rectified with its calibration, from memory if that was done before."""
     assert pair.calibration is not None
     assert pair.calibration.rig is not None
@@ -147,7 +148,7 @@ def _rectified(pair: StereoPair, alpha: float | None) -> Straightened:
     )
 
 
-def _evidence(pair: StereoPair, again: Straightened) -> RowEvidence:
+def _evidence(pair: Pair, again: Straightened) -> RowEvidence:
     """Return the evidence of the rows; the frame changes their scale a little, but not the outcome."""
     assert pair.calibration is not None
     assert pair.calibration.rig is not None

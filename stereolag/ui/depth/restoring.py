@@ -10,11 +10,12 @@ import streamlit as st
 from stereolag.core.settings import scaled_settings
 from stereolag.figures.disparity import PALETTES
 from stereolag.io.sessions import Colours, Session
+from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import keys
 from stereolag.ui.depth.maps import FIRST_PALETTE, INVERTED, OUTLINED, PALETTE, range_key, shown_methods
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
-from stereolag.ui.pairs import SIZES, StereoPair
+from stereolag.ui.pairs import SIZES
 from stereolag.ui.states import show_refused
 
 RESTORED = "depth.restore"
@@ -31,7 +32,7 @@ class PageState:
     colours: dict[str, Any]
 
 
-def page_state(pair: StereoPair, factor: float) -> PageState:
+def page_state(pair: Pair, factor: float) -> PageState:
     """Return the state of the page; `factor` is the number of px at the pair's own size per px shown."""
     colours: dict[str, Any] = {
         "palette": st.session_state.get(PALETTE, FIRST_PALETTE),
@@ -58,7 +59,7 @@ def restore(session: Session) -> None:
     st.session_state[RESTORED] = session.left.shape[1], session.matchers, session.colours
 
 
-def restore_settings(pair: StereoPair) -> None:
+def restore_settings(pair: Pair) -> None:
     """Set the controls to the settings of the session given to :func:`restore`; none must have been drawn yet."""
     found: tuple[int, tuple[StereoMatcher, ...], Colours] | None = st.session_state.pop(RESTORED, None)
     if found is None:

@@ -13,11 +13,11 @@ from stereolag.io.archives import is_archive, read_archive
 from stereolag.io.pairing import PairFiles, matched_pairs
 from stereolag.io.sessions import Session, holds_session, read_session
 from stereolag.io.sources import MAX_BYTES, harmless
+from stereolag.pair import Pair
 from stereolag.ui import prose
 from stereolag.ui.depth.assembling import named_pair, session_pair
 from stereolag.ui.depth.restoring import restore
 from stereolag.ui.keys import PAIR
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.uploads import (
@@ -60,13 +60,13 @@ class PairSet:
     read: Callable[[str], bytes]
     digest: str
 
-    def pair(self, number: int) -> StereoPair:
+    def pair(self, number: int) -> Pair:
         """Decode one pair; raise ValueError, with a sentence, if its files do not form one."""
         try:
             pair = named_pair(self.pairs[number], self.read, f"{self.digest} {number}")
         except ValueError as error:
             raise ValueError(f"Pair {harmless(self.pairs[number].name)}: {error}") from error
-        return replace(pair, collection=self.digest)
+        return replace(pair, id=replace(pair.id, collection=self.digest))
 
 
 Bundle: TypeAlias = Session | PairSet
@@ -105,7 +105,7 @@ def ask_bundle(key: str) -> Upload[Bundle] | None:
     )
 
 
-def pair_of_bundle(given: Upload[Bundle] | None) -> StereoPair | None:
+def pair_of_bundle(given: Upload[Bundle] | None) -> Pair | None:
     """Return the pair of a session, setting the page to it once, or the one chosen from a set; None without either."""
     if given is None:
         forget_bundle()
@@ -127,7 +127,7 @@ def forget_bundle() -> None:
         st.session_state.pop(place, None)
 
 
-def _stepped(pairs: PairSet) -> StereoPair | None:
+def _stepped(pairs: PairSet) -> Pair | None:
     """Return the pair chosen in :func:`show_steps`; show an error and return None if it cannot be read."""
     number = st.session_state[STEP] = min(st.session_state.get(STEP) or 0, len(pairs.pairs) - 1)
     try:
@@ -145,10 +145,10 @@ def _stepped(pairs: PairSet) -> StereoPair | None:
         return None
 
 
-def show_steps(pair: StereoPair) -> None:
+def show_steps(pair: Pair) -> None:
     """Ask which pair of the set to show; do nothing for a single pair."""
     pairs: PairSet | None = st.session_state.get(SET)
-    if pairs is not None and pairs.digest == pair.collection:
+    if pairs is not None and pairs.digest == pair.id.collection:
         _ask_step(pairs)
 
 

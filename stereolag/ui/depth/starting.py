@@ -8,6 +8,7 @@ from functools import partial
 
 import streamlit as st
 
+from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
@@ -15,7 +16,6 @@ from stereolag.ui.depth.doctor import diagnosis_at_once
 from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
 from stereolag.ui.keys import FOLD_NEXT, PAIR
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.sentences import started_in_words
 
 
@@ -41,7 +41,7 @@ class Start:
         return math.floor(self.min_disparity * share), math.ceil(self.num_disparities * share)
 
 
-def started(pair: StereoPair) -> StereoPair:
+def started(pair: Pair) -> Pair:
     """Return the visitor's own pair with its initial range; for a new pair, set the controls to the initial settings.
 
     The range is that of its calibration, or the one the doctor found. Files added to the images later do not change
@@ -65,7 +65,7 @@ def started(pair: StereoPair) -> StereoPair:
     return replace(pair, min_disparity=first, num_disparities=count)
 
 
-def show_start(pair: StereoPair) -> None:
+def show_start(pair: Pair) -> None:
     """Show the initial settings of the pair while they are in use, and offer to undo them."""
     start: Start | None = st.session_state.get(_key(pair))
     if pair.shared or start is None or not start.found or not set(matchers_in_use()) <= set(start.settings):
@@ -77,17 +77,17 @@ def show_start(pair: StereoPair) -> None:
         st.button("Undo these settings", key="depth.start.undo", type="tertiary", on_click=partial(_undo, pair))
 
 
-def _undo(pair: StereoPair) -> None:
+def _undo(pair: Pair) -> None:
     """Set the controls as for a pair about which nothing is known."""
     _set_all(tuple(kind().with_search_range(0, DISPARITIES_AT_FIRST) for kind in METHODS), pair)
 
 
-def _set_all(settings: tuple[StereoMatcher, ...], pair: StereoPair) -> None:
+def _set_all(settings: tuple[StereoMatcher, ...], pair: Pair) -> None:
     for matcher in settings:
         set_controls(matcher, pair)
 
 
-def _range_of(pair: StereoPair) -> tuple[int, int] | None:
+def _range_of(pair: Pair) -> tuple[int, int] | None:
     """Return the first disparity and the number of disparities; None if unknown."""
     if pair.num_disparities is not None:
         return pair.min_disparity, pair.num_disparities
@@ -95,5 +95,5 @@ def _range_of(pair: StereoPair) -> tuple[int, int] | None:
     return None if diagnosis is None else diagnosis.suggested_range
 
 
-def _key(pair: StereoPair) -> str:
-    return f"{PAIR}.start.{pair.collection or pair.pictures or pair.files}"
+def _key(pair: Pair) -> str:
+    return f"{PAIR}.start.{pair.id.chosen}"

@@ -13,6 +13,7 @@ from stereolag.core.limits import limits
 from stereolag.core.settings import scaled_settings
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.enlargement import enlarged
+from stereolag.pair import Pair
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.ui.depth.calibrating import known_distance
 from stereolag.ui.depth.comparing import estimates_so_far
@@ -20,7 +21,6 @@ from stereolag.ui.depth.inputs import original
 from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.restoring import page_state
 from stereolag.ui.jobs import is_heavy
-from stereolag.ui.pairs import StereoPair
 
 
 @dataclass(eq=False)
@@ -51,7 +51,7 @@ class Subject:
 
     view: DepthView
     method: str
-    pair: StereoPair
+    pair: Pair
     calibration: Calibration | None
     factor: float
     settings: StereoMatcher | None
@@ -136,7 +136,7 @@ class Subject:
         return self.view.low * self.factor, self.view.high * self.factor
 
 
-def _session(view: DepthView, pair: StereoPair, factor: float) -> dict[str, Any]:
+def _session(view: DepthView, pair: Pair, factor: float) -> dict[str, Any]:
     shown, state = view.pair, page_state(view.pair, factor)
     used = {type(matcher): matcher for matcher in state.matchers}
     used |= {type(one.settings): one.settings for one in view.results.values() if type(one.settings) not in used}

@@ -18,6 +18,7 @@ from stereolag.assess.sweep import Parameter, estimate_sweep, parameters, range_
 from stereolag.core.estimates import Estimate
 from stereolag.core.settings import Number, changed, title_of
 from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps
+from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt
@@ -35,7 +36,6 @@ from stereolag.ui.depth.sentences import (
 )
 from stereolag.ui.jobs import Job
 from stereolag.ui.navigation import fragment
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.states import show_busy, show_refused
 
 
@@ -226,7 +226,7 @@ def _show_job(
     except ValueError as error:
         show_refused(error)
         return
-    elsewhere = begun.files != view.pair.files
+    elsewhere = begun.files != view.pair.id.files
     _show(view, matcher, axes, sheet, f"{begun.place}, not of the pair in use" if elsewhere else begun.place)
 
 

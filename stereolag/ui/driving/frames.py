@@ -13,13 +13,13 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.videos import VIDEO_ENDINGS
+from stereolag.pair import Pair, PairId
 from stereolag.samples import drives
 from stereolag.sequences import RectifiedSequence, StereoFrame, StereoSequence, example_sequence, open_sequence
 from stereolag.ui import prose
 from stereolag.ui.choices import show_awaited, show_limits
 from stereolag.ui.depth.calibrating import Calibrated, ask_calibration
 from stereolag.ui.depth.rectifying import ask_rectified, show_decision
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.states import show_refused
@@ -119,7 +119,7 @@ def _with_calibration(drive: Drive, calibration: Calibrated | None) -> Drive | N
         show_refused(error)
         return None
     pair, decision = ask_rectified(
-        StereoPair(left, right, frame.truth, None, "", drive.digest, False, fitted), KEY, "Each frame"
+        Pair(left, right, PairId(drive.digest), truth=frame.truth, calibration=fitted), KEY, "Each frame"
     )
     if decision is not None:
         show_decision(decision, KEY)
@@ -130,7 +130,7 @@ def _with_calibration(drive: Drive, calibration: Calibrated | None) -> Drive | N
     return Drive(sequence, first, pair.digest, pair.calibration, _range_of(pair))
 
 
-def _range_of(pair: StereoPair) -> tuple[int, int] | None:
+def _range_of(pair: Pair) -> tuple[int, int] | None:
     """Return the first disparity and the number of disparities a frame needs; None if the input doctor cannot tell."""
     try:
         diagnosis = computed(

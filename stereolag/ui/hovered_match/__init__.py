@@ -16,10 +16,10 @@ from stereolag.core.inputs import Image, as_grey
 from stereolag.figures.grey_pair import packed_grey_pair
 from stereolag.figures.match import RUNNER_UP_COLOUR, SEARCH_COLOUR, TRUTH_COLOUR, WINDOW_COLOUR
 from stereolag.figures.pictures import CORRELATION, VIRIDIS
+from stereolag.pair import Pair
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.match_sentences import HOVER_WORDS
-from stereolag.ui.pairs import StereoPair
 
 HERE = Path(__file__).parent
 
@@ -40,7 +40,7 @@ _panel = st.components.v2.component(
 )
 
 
-def can_follow(pair: StereoPair, matcher: CorrelationMatcher) -> bool:
+def can_follow(pair: Pair, matcher: CorrelationMatcher) -> bool:
     """Return whether the browser can score windows as fast as a pointer moves."""
     lags = matcher.search.lags(matcher.window_size)
     height, width = pair.left.shape[:2]
@@ -48,7 +48,7 @@ def can_follow(pair: StereoPair, matcher: CorrelationMatcher) -> bool:
     return small and matcher.score != "phase" and matcher.window_size <= min(height, width)
 
 
-def hovered_match(pair: StereoPair, matcher: CorrelationMatcher, pixel: tuple[int, int], *, pictures: str) -> None:
+def hovered_match(pair: Pair, matcher: CorrelationMatcher, pixel: tuple[int, int], *, pictures: str) -> None:
     """Show the match of the window under the crosshair of linked pictures, or at `pixel` while there is none.
 
     Parameters
