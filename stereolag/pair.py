@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, Self
 
-from stereolag.assess.doctor import Remedy
+from stereolag.assess.remedies import Remedy
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image
 from stereolag.geometry.calibration import Calibration

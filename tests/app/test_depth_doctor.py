@@ -14,6 +14,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.assess.diagnosis import FindingCode
 from stereolag.assess.remedies import Remedy
+from stereolag.pair import Pair, PairId
 from stereolag.ui.depth.doctor import CALIBRATE, HEALTHY
 from stereolag.ui.navigation import PAGES
 from stereolag.ui.pairs import example_pair

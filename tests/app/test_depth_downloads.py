@@ -23,7 +23,6 @@ from stereolag.ui.depth.exports import EXPORTS, archive, files
 from stereolag.ui.depth.inputs import at_size
 from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.subjects import Subject
-from stereolag.ui.pairs import StereoPair
 from tests.app import keys
 from tests.programs import run_program
 

@@ -73,7 +73,7 @@ def remedied() -> None:
 
     import streamlit as st
 
-    from stereolag.assess.doctor import Remedy
+    from stereolag.assess.remedies import Remedy
     from stereolag.core.estimates import Estimate
     from stereolag.pair import PairId
     from stereolag.ui.depth.pair_jobs import begin_job, job_on

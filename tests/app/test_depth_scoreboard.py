@@ -29,6 +29,7 @@ def scoreboard_with_mask() -> None:
 
     import numpy as np
 
+    from stereolag.pair import PairId
     from stereolag.ui.depth.comparing import show_scoreboard
     from tests.app.depth_view import small_view
 
@@ -54,6 +55,7 @@ def scoreboard_of_unrelated_images() -> None:
 
     import numpy as np
 
+    from stereolag.pair import PairId
     from stereolag.ui.depth.comparing import show_scoreboard
     from tests.app.depth_view import small_view
 

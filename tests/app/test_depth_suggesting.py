@@ -97,7 +97,7 @@ def found_for_blocks(matcher: StereoBM, outcome: Outcome) -> AppTest:
     found = Suggestion(start, matcher, outcome, Criterion.TRUE_BAD_2, 26.8, 30.0)
     job: Job[Suggestion] = Job(lambda job: found, LIGHT)
     job.result()
-    app.session_state["depth.suggest"] = PairJob(small_view().pair.judged, start, job)
+    app.session_state["depth.suggest"] = PairJob(small_view().pair.id.judged, start, job)
     app.segmented_control[0].set_value("StereoBM").run()
     assert not app.exception
     return app
@@ -143,7 +143,7 @@ def test_a_search_that_runs_is_seen_and_ended_beside_every_method() -> None:
         return Suggestion(StereoBM(), StereoBM(), Outcome.AS_GOOD, Criterion.ESTIMATED_BAD_2, 30.0, 30.0)
 
     job = Job(work, LIGHT)
-    app.session_state["depth.suggest"] = PairJob(small_view(truth=False).pair.judged, StereoBM(), job)
+    app.session_state["depth.suggest"] = PairJob(small_view(truth=False).pair.id.judged, StereoBM(), job)
     try:
         for name in ("Convolution", "Semi-global"):
             app.segmented_control[0].set_value(name).run()

@@ -8,6 +8,7 @@ import streamlit as st
 
 from stereolag import samples
 from stereolag.io.settings import read_matcher, settings_json
+from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import keys, prose

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from stereolag.assess.disparities import likely_divisor
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_stereo_pair
-from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import as_deep, calibration_for, cropped_alike, halves
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import read_stored_disparity

@@ -11,7 +11,6 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import read_calibration
 from stereolag.pair import Pair
 from stereolag.ui.calibrate.kept import use_kept_calibration
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.persistence import persistent
 from stereolag.ui.uploads import CALIBRATION_TYPES, Upload, upload_together
 
@@ -97,5 +96,5 @@ def calibration_of(pair: Pair) -> Calibration | None:
     return known.calibration if known else pair.calibration
 
 
-def _key(pair: StereoPair) -> str:
+def _key(pair: Pair) -> str:
     return f"depth.known.{pair.digest}"

@@ -37,6 +37,7 @@ from stereolag.figures.differences import (
 from stereolag.figures.legends import Legend, hexadecimal, strip_legend, word_legend
 from stereolag.figures.linked_pictures import Picture, Reading
 from stereolag.io.tables import metrics_csv
+from stereolag.pair import Pair
 from stereolag.stereo.evaluation import CoverageCurve, Evaluation, consensus, error_against_coverage, evaluate
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui import prose
@@ -62,7 +63,6 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.elements import PERCENT, PIXELS, show_png
 from stereolag.ui.linked_pictures import linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.private_files import download_button
 from stereolag.ui.results import computed, computed_before, computed_in_turn
 from stereolag.ui.sentences import percent
@@ -199,7 +199,7 @@ def _by_row(judged: Mapping[str, Mapping[str, Evaluation]]) -> dict[str, Evaluat
     }
 
 
-def _evaluations_of(pair: StereoPair, result: DisparityMap, truth: FloatMap) -> dict[str, Evaluation]:
+def _evaluations_of(pair: Pair, result: DisparityMap, truth: FloatMap) -> dict[str, Evaluation]:
     """Return the figures of one map over all pixels and, if known, the visible ones."""
     found = {ALL: evaluate(result.disparity, truth)}
     if pair.visible is not None and (pair.visible & np.isfinite(truth)).any():

@@ -13,9 +13,9 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereolag import samples
-from stereolag.assess.remedies import Remedy
 from stereolag.core.settings import scaled_settings
 from stereolag.geometry.rectification import preview_divisor, scaled_disparity, scaled_image
+from stereolag.pair import ChangeCode, Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.choices import OWN, choose, own_or_example

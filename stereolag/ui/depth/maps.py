@@ -31,6 +31,7 @@ from stereolag.figures.linked_pictures import (
 )
 from stereolag.figures.pictures import as_rgb, thinned
 from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
+from stereolag.pair import Pair
 from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
@@ -43,7 +44,6 @@ from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
 from stereolag.ui.keys import COLOURS, SHOWN, TAB, preset_key
 from stereolag.ui.linked_pictures import linked_pictures, send_picture
 from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set, matchers_in_use, set_controls
-from stereolag.ui.pairs import StereoPair
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import REASON_WORDS, beyond_the_colours, duration, percent
@@ -68,7 +68,7 @@ class DepthView:
         Outlines of the left image over the maps, as an SVG path; "" = none.
     """
 
-    pair: StereoPair
+    pair: Pair
     results: Mapping[str, DisparityMap]
     low: float
     high: float
@@ -88,7 +88,7 @@ MOST_BEYOND = 0.02
 """Share of a map beyond the colours above which the page says so."""
 
 
-def coloured_alike(pair: StereoPair, results: Mapping[str, DisparityMap]) -> DepthView:
+def coloured_alike(pair: Pair, results: Mapping[str, DisparityMap]) -> DepthView:
     """Ask for the colours and return the view of all maps in them.
 
     The range is the one searched by all maps shown together, until the visitor sets another; without a map, the
@@ -147,12 +147,12 @@ def set_inverted(inverted: bool) -> None:
     st.session_state[INVERTED] = inverted
 
 
-def _outlines(pair: StereoPair) -> str:
+def _outlines(pair: Pair) -> str:
     """Return the outlines of the left image; from memory if they were drawn before."""
     return remembered("outlines", lambda: edge_path(pair.left), inputs=pair.digest, settings="", shared=pair.shared)
 
 
-def _ask_range(key: str, pair: StereoPair, results: Mapping[str, DisparityMap], shown: tuple[float, float]) -> None:
+def _ask_range(key: str, pair: Pair, results: Mapping[str, DisparityMap], shown: tuple[float, float]) -> None:
     """Ask for the ends of the colour range, and offer to fit it or to let it follow the search."""
     low, high = shown
     with st.container(horizontal=True, gap="small"):
@@ -191,7 +191,7 @@ def _set_range(key: str) -> None:
     st.session_state[key] = min(low, high), max(low, high)
 
 
-def _fit(key: str, pair: StereoPair, results: Mapping[str, DisparityMap]) -> None:
+def _fit(key: str, pair: Pair, results: Mapping[str, DisparityMap]) -> None:
     """Set the range to cover every map shown and the truth, except the outermost 1 % at either end of each."""
     maps: list[FloatMap] = [one.disparity for one in results.values()]
     ranges = [disparity_range([one]) for one in (maps if pair.truth is None else [*maps, pair.truth])]
@@ -217,7 +217,7 @@ def _share_beyond(view: DepthView, name: str) -> float:
     )
 
 
-def range_key(pair: StereoPair) -> str:
+def range_key(pair: Pair) -> str:
     """Return the key of the visitor's range for a pair; while it is unset, the range follows the search."""
     return f"{COLOURS}.range.{pair.digest}"
 
@@ -468,7 +468,7 @@ def _said(reason: Reason) -> str:
     return REASON_WORDS[reason] if reason is Reason.FILLED else f"no disparity: {REASON_WORDS[reason]}"
 
 
-def known_truth(pair: StereoPair) -> FloatMap | None:
+def known_truth(pair: Pair) -> FloatMap | None:
     """Return the ground truth of a pair; None if it is not known for any pixel."""
     return pair.truth if pair.truth is not None and np.isfinite(pair.truth).any() else None
 
@@ -488,7 +488,7 @@ def disparity_error(view: DepthView, name: str) -> float:
     return DISPARITY_ERROR if math.isnan(error) else error
 
 
-def depth_scale(pair: StereoPair, error: float) -> DepthScale | None:
+def depth_scale(pair: Pair, error: float) -> DepthScale | None:
     """Return the numbers that the browser needs to show depths; None without a calibration."""
     calibration = calibration_of(pair)
     if calibration is None:
@@ -507,7 +507,7 @@ def bench() -> tuple[DeltaGenerator, DeltaGenerator]:
     return controls, both.container(key="depth-bench-maps")
 
 
-def show_controls(pair: StereoPair) -> None:
+def show_controls(pair: Pair) -> None:
     """Draw the controls of one method at a time, chosen by a row of tabs.
 
     Selecting a method also shows its map, so that moving its controls has a visible effect.
@@ -528,7 +528,7 @@ def show_controls(pair: StereoPair) -> None:
         ask_matcher(kind, pair, drawn=kind.short_name == tab)
 
 
-def show_presets(pair: StereoPair) -> None:
+def show_presets(pair: Pair) -> None:
     """Draw a button for each preset, and one that resets all methods to their initial settings."""
     with st.container(horizontal=True, gap="xxsmall", vertical_alignment="center"):
         for name, one in PRESETS.items():
@@ -543,7 +543,7 @@ def show_presets(pair: StereoPair) -> None:
         )
 
 
-def _set_preset(name: PresetName, pair: StereoPair) -> None:
+def _set_preset(name: PresetName, pair: Pair) -> None:
     """Show a preset in its own colours, over the range of the method whose settings are shown."""
     tab = st.session_state.get(TAB, METHODS[0].short_name)
     searched = [matcher.search_range() for matcher in matchers_in_use() if matcher.short_name == tab]
@@ -557,7 +557,7 @@ def _set_preset(name: PresetName, pair: StereoPair) -> None:
     st.session_state[TAB] = matcher.short_name
 
 
-def _reset(pair: StereoPair) -> None:
+def _reset(pair: Pair) -> None:
     st.session_state[SHOWN] = SHOWN_AT_FIRST
     st.session_state[TAB] = METHODS[0].short_name
     set_inverted(False)

@@ -9,6 +9,7 @@ import streamlit as st
 
 from stereolag.assess.orientation import row_evidence
 from stereolag.geometry.rectification import preview_divisor, rectify
+from stereolag.pair import Pair
 from stereolag.ui.depth.inputs import at_size
 from stereolag.ui.depth.rectifying import DECIDE, RECTIFIED, alpha_key, choice_key
 from stereolag.ui.depth.several import SET, STEP, PairSet

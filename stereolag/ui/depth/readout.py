@@ -9,6 +9,7 @@ import streamlit as st
 from stereolag.core.arrays import FloatMap
 from stereolag.figures.pictures import PEAK
 from stereolag.geometry.scene import FIELD_OF_VIEW, SeenPoint, calibrated_by, distance_between
+from stereolag.pair import Pair
 from stereolag.stereo.reasons import Reason
 from stereolag.ui import prose
 from stereolag.ui.depth.calibrating import KnownDistance, calibration_of, keep_known_distance, known_distance

@@ -12,6 +12,7 @@ from stereolag.assess.orientation import RowEvidence, row_evidence
 from stereolag.core.inputs import Image
 from stereolag.geometry.calibration import Calibration, StereoRig
 from stereolag.geometry.rectification import rectify
+from stereolag.pair import ChangeCode, Pair
 from stereolag.ui import prose
 from stereolag.ui.keys import PAIR
 from stereolag.ui.persistence import persistent

@@ -39,14 +39,12 @@ from stereolag.ui.navigation import fragment
 from stereolag.ui.states import show_busy, show_refused
 
 
-def criterion_on(pair: StereoPair) -> Criterion:
+def criterion_on(pair: Pair) -> Criterion:
     """Return the criterion by which settings are judged on a pair."""
     return Criterion.ESTIMATED_BAD_2 if known_truth(pair) is None else Criterion.TRUE_BAD_2
 
 
-def tuning_pairs(
-    pairs: Iterable[StereoPair], search_range: tuple[int, int] | None, job: Job[Any]
-) -> Iterator[TuningPair]:
+def tuning_pairs(pairs: Iterable[Pair], search_range: tuple[int, int] | None, job: Job[Any]) -> Iterator[TuningPair]:
     """Yield the pairs for judging settings within a job, each with its truth or a reference."""
     for pair in pairs:
         yield TuningPair.of(
@@ -186,7 +184,7 @@ def _asked(matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> tuple[str, ...]:
     return type(matcher).__name__, repr(others), repr(tried)
 
 
-def _begin_sweep(pair: StereoPair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> None:
+def _begin_sweep(pair: Pair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) -> None:
     """Start a sweep in its own thread."""
     rows, cols = ((axis.parameter.name, axis.values) for axis in axes)
     truth = known_truth(pair)
@@ -335,7 +333,7 @@ def show_suggest(view: DepthView) -> None:
         st.fragment(_show_search, run_every=BETWEEN_LOOKS_S if running else None)(view, matcher, begun, running)
 
 
-def _begin_search(pair: StereoPair, matcher: StereoMatcher, budget_s: float) -> None:
+def _begin_search(pair: Pair, matcher: StereoMatcher, budget_s: float) -> None:
     """Start a search in its own thread."""
     pairs = JudgedPairs.of(pair)
 
