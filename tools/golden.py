@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import difflib
 import enum
 import functools
 import hashlib
@@ -399,15 +400,19 @@ def results(groups: list[str]) -> dict[str, Any]:
 
 
 def differences(before: Any, after: Any, place: str) -> Iterator[str]:
-    """Yield one line for every value that differs."""
+    """Yield a text for every value that differs; of lines of text only those that differ."""
     if isinstance(before, dict) and isinstance(after, dict):
         for key in [*before, *(key for key in after if key not in before)]:
             yield from differences(before.get(key, "(absent)"), after.get(key, "(absent)"), f"{place} › {key}")
-    elif isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
-        for at, (one, other) in enumerate(zip(before, after, strict=True)):
-            yield from differences(one, other, f"{place}[{at}]")
+    elif isinstance(before, list) and isinstance(after, list):
+        if before != after:
+            lines = [[json.dumps(one, ensure_ascii=False) for one in side] for side in (before, after)]
+            changed = [line for line in difflib.ndiff(*lines) if line[0] in "+-"]
+            yield "\n    ".join((place, *changed))
+    elif isinstance(before, str) and isinstance(after, str) and "\n" in before:
+        yield from differences(before.splitlines(), after.splitlines(), place)
     elif before != after:
-        yield f"{place}\n    before: {before}\n    after:  {after}"
+        yield f"{place}\n    - {before}\n    + {after}"
 
 
 def main() -> int:

@@ -271,7 +271,7 @@ def _undistorted(seen: DoubleMap, parameters: DoubleMap) -> DoubleMap:
 
 
 ROUNDS = 10
-LEAST_INCONCLUSIVE_PX = 0.1
+LEAST_NOISE_PX = 0.1
 CELLS, NEIGHBOURS = 100, 3
 """Cells across the image that contribute one match each, and neighbours each match is compared with."""
 
@@ -319,7 +319,7 @@ def robust_fit(terms: DoubleMap, values: DoubleMap) -> DoubleMap:
         root = np.sqrt(weights)
         coefficients, *_ = np.linalg.lstsq(terms * root[:, None], values * root, rcond=None)
         left = values - terms @ coefficients
-        noise = max(LEAST_INCONCLUSIVE_PX, 1.4826 * float(np.median(np.abs(left))))
+        noise = max(LEAST_NOISE_PX, 1.4826 * float(np.median(np.abs(left))))
         weights = 1 / (1 + (left / (2 * noise)) ** 2)
     return np.asarray(coefficients)
 
@@ -370,7 +370,7 @@ def bend_of(points: Correspondences) -> DoubleMap:
     """
     dy, terms = points.dy.astype(np.float64), row_terms(points)
     bent, straight = robust_fit(terms, dy), robust_fit(terms[:, :3], dy)
-    noise = max(LEAST_INCONCLUSIVE_PX, row_spread(dy - terms @ bent))
+    noise = max(LEAST_NOISE_PX, row_spread(dy - terms @ bent))
     gain = np.log1p(((dy - terms[:, :3] @ straight) / noise) ** 2) - np.log1p(((dy - terms @ bent) / noise) ** 2)
     rows, cols = points.shape
     x, y = np.meshgrid((np.arange(GRID) + 0.5) * cols / GRID, (np.arange(GRID) + 0.5) * rows / GRID)
@@ -405,7 +405,7 @@ def straightened(points: Correspondences) -> Straightened | None:
     freed = fit_rectification(points, lens=True, start=turned)
     turned_errors = held_out_errors(points, lens=False, start=turned)
     freed_errors = held_out_errors(points, lens=True, start=freed)
-    noise = max(LEAST_INCONCLUSIVE_PX, row_spread(freed_errors))
+    noise = max(LEAST_NOISE_PX, row_spread(freed_errors))
     gain = np.log1p((turned_errors / noise) ** 2).sum() - np.log1p((freed_errors / noise) ** 2).sum()
     model, errors = (freed, freed_errors) if gain > EVIDENCE else (turned, turned_errors)
     found = Straightened(model, row_spread(errors))
@@ -486,7 +486,7 @@ def _nearly_rectified(points: Correspondences) -> Correspondences:
         terms = row_terms(points)
         residuals = points.dy - terms @ robust_fit(terms[agreeing], points.dy[agreeing].astype(np.float64))
         spread = row_spread(residuals[agreeing]) * points.scale
-        agreeing = np.abs(residuals) * points.scale < AGREEMENT * max(spread, INCONCLUSIVE_PX)
+        agreeing = np.abs(residuals) * points.scale < AGREEMENT * max(spread, NOISE_PX)
     easy = spread < EVEN_PX and agreeing.mean() > EASY_SHARE
     return points.chosen(agreeing if easy else np.zeros(len(points), dtype=np.bool_))
 
@@ -528,7 +528,7 @@ def _followed(every: Correspondences, agreeing: Correspondences) -> Corresponden
         model = fit_rectification(agreeing, lens=True)
         errors = np.abs(model.row_errors(agreeing)) * every.scale
         # Wrong matches are on the right rows only by chance, so a tight tolerance keeps fewer of them.
-        tolerance = max(2 * INCONCLUSIVE_PX, AGREEMENT * 1.4826 * float(np.median(errors)))
+        tolerance = max(2 * NOISE_PX, AGREEMENT * 1.4826 * float(np.median(errors)))
         agreeing = every.chosen(np.abs(model.row_errors(every)) * every.scale < tolerance)
     return agreeing
 
