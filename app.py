@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import streamlit as st
 
-from stereolag.figures.colour_ranges import disparity_range
-from stereolag.figures.disparity import image_into_map
+from stereolag.figures.legends import disparity_range
+from stereolag.figures.maps import image_into_map
 from stereolag.figures.recordings import correlation_curve
 from stereolag.figures.templates import match_close_up
 from stereolag.signals import signal_lag

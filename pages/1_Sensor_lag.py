@@ -5,6 +5,7 @@ import streamlit as st
 from stereolag.core.searches import LagSearch
 from stereolag.figures import recordings as figures
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
+from stereolag.signals.overlaps import overlap_slices
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.lag.alternatives import aligned_in_words, close_up_in_words, waveforms_in_words
@@ -58,12 +59,11 @@ def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
         lined_up = figures.aligned(pair.signal_1, pair.signal_2, result.lag, search.sampling_rate)
         st.plotly_chart(lined_up, key="aligned", alt=aligned_in_words(result))
     prose.markdown("### Up close: 200 samples of both")
-    first, last = figures.shared_samples(pair.signal_1, pair.signal_2, result.lag)
-    start = first
-    if last - first > figures.CLOSE_UP_SAMPLES:
-        liveliest = figures.liveliest_start(pair.signal_1, first, last)
-        highest = last - figures.CLOSE_UP_SAMPLES
-        start = st.slider("From sample", first, highest, liveliest, key=f"lag.from.{pair.digest}.{result.lag}")
+    shared, _ = overlap_slices(pair.signal_1.size, pair.signal_2.size, result.lag)
+    start, highest = shared.start, shared.stop - figures.CLOSE_UP_SAMPLES
+    if start < highest:
+        liveliest = figures.liveliest_start(pair.signal_1, shared)
+        start = st.slider("From sample", start, highest, liveliest, key=f"lag.from.{pair.digest}.{result.lag}")
     close_up = figures.close_up(pair.signal_1, pair.signal_2, result.lag, start)
     st.plotly_chart(close_up, key="close_up", alt=close_up_in_words(result, start))
 

@@ -11,8 +11,8 @@ from PIL import Image
 
 import stereolag as sl
 from stereolag.figures.boards import coverage_picture, with_corners, with_row_lines
+from stereolag.figures.legends import with_legend
 from stereolag.figures.pictures import VIRIDIS, as_rgb, coloured
-from stereolag.figures.printed_legend import with_legend
 from stereolag.geometry.boards import Board, find_boards
 from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from stereolag.commands.depth_pair import DepthPair
 from stereolag.core.inputs import Image
-from stereolag.figures.colour_ranges import searched_range
-from stereolag.figures.map_files import cloud_ply, coloured_png
+from stereolag.figures.legends import searched_range
+from stereolag.figures.maps import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.disparities import image_png, image_tiff, kitti_png, npy, pfm

@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 
 from stereolag.core.arrays import Rgb
 from stereolag.core.inputs import Image
+from stereolag.figures.charts import LEGEND_ABOVE, laid_out
 from stereolag.figures.pictures import FRAME, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, fitted
 from stereolag.geometry.boards import Board, Corners
 
@@ -98,17 +99,10 @@ def error_bars(
         # Only the pairs in use set the range: the error of one left out may be a hundred times larger.
         figure.update_yaxes(range=(0, 1.6 * max(known)))
     labels = [f"<b>{name}</b>" if number == shown else name for number, name in enumerate(names)]
-    figure.update_layout(
-        height=240,
-        margin={"l": 8, "r": 8, "t": 8, "b": 8},
-        barmode="group",
-        bargap=0.25,
-        legend={"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
-        hovermode="x unified",
+    x = {"tickvals": [*range(len(names))], "ticktext": labels, "title": "pair"}
+    return laid_out(
+        figure, 240, x, "error, px", barmode="group", bargap=0.25, legend=LEGEND_ABOVE, hovermode="x unified"
     )
-    figure.update_xaxes(tickvals=[*range(len(names))], ticktext=labels, title="pair")
-    figure.update_yaxes(title="error, px")
-    return figure
 
 
 def with_row_lines(left: Image, right: Image) -> Rgb:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import base64
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 from PIL import Image as PillowImage
 
-from stereolag.figures.pictures import PEAK
+from stereolag.figures.charts import laid_out
+from stereolag.figures.pictures import PEAK, data_url, png
 from stereolag.geometry.scene import BirdsEyeView
 
 Points = npt.NDArray[np.float32]
@@ -63,18 +62,14 @@ def point_cloud(points: Points, colours: Colours, unit: str, *, turned: float = 
     low, high = bounds.min(axis=0)[[0, 2, 1]], bounds.max(axis=0)[[0, 2, 1]]
     low[2], high[2] = -high[2], -low[2]
     distance = float(np.median(points[:, 2]))
-    figure.update_layout(
-        height=HEIGHT,
-        margin={"l": 0, "r": 0, "t": 0, "b": 0},
-        scene={
-            "xaxis": _axis(f"X, {unit}", low[0], high[0]),
-            "yaxis": _axis(f"distance, {unit}", low[1], high[1]),
-            "zaxis": _axis(f"height, {unit}", low[2], high[2]),
-            "camera": _camera(low, high, distance, np.radians(turned), np.radians(raised)),
-            **_equal_aspect(low, high),
-        },
-    )
-    return figure
+    scene = {
+        "xaxis": _axis(f"X, {unit}", low[0], high[0]),
+        "yaxis": _axis(f"distance, {unit}", low[1], high[1]),
+        "zaxis": _axis(f"height, {unit}", low[2], high[2]),
+        "camera": _camera(low, high, distance, np.radians(turned), np.radians(raised)),
+        **_equal_aspect(low, high),
+    }
+    return laid_out(figure, HEIGHT, {}, {}, margin=0, scene=scene)
 
 
 def birds_eye(view: BirdsEyeView, unit: str) -> go.Figure:
@@ -82,7 +77,7 @@ def birds_eye(view: BirdsEyeView, unit: str) -> go.Figure:
     rows, cols = view.picture.shape[:2]
     figure = go.Figure(
         go.Image(
-            source=_png(view.picture),
+            source=data_url(png(view.picture)),
             x0=view.left + view.cell / 2,
             dx=view.cell,
             y0=view.near + view.cell / 2,
@@ -103,19 +98,10 @@ def birds_eye(view: BirdsEyeView, unit: str) -> go.Figure:
         )
     )
     far, right = view.near + rows * view.cell, view.left + cols * view.cell
-    figure.update_layout(height=HEIGHT, margin={"l": 8, "r": 8, "t": 8, "b": 8}, showlegend=False, dragmode="pan")
-    figure.update_xaxes(
-        title=f"X, {unit}", range=[min(view.left, 0), max(right, 0)], zeroline=False, constrain="domain"
-    )
-    figure.update_yaxes(
-        title=f"distance, {unit}",
-        range=[0, far],
-        zeroline=False,
-        scaleanchor="x",
-        constrain="domain",
-        rangemode="tozero",
-    )
-    return figure
+    axis = {"zeroline": False, "constrain": "domain"}
+    x = {"title": f"X, {unit}", "range": [min(view.left, 0), max(right, 0)], **axis}
+    y = {"title": f"distance, {unit}", "range": [0, far], "scaleanchor": "x", "rangemode": "tozero", **axis}
+    return laid_out(figure, HEIGHT, x, y, showlegend=False, dragmode="pan")
 
 
 def _palette(colours: Colours) -> tuple[list[list[Any]], npt.NDArray[np.uint8]]:
@@ -162,8 +148,3 @@ def _camera(
         "center": dict(zip("xyz", ((target - middle) * unit).tolist(), strict=True)),
         "up": {"x": 0, "y": 0, "z": 1},
     }
-
-
-def _png(picture: npt.NDArray[np.uint8]) -> str:
-    _, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGBA2BGRA))
-    return f"data:image/png;base64,{base64.b64encode(data.tobytes()).decode()}"

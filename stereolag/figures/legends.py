@@ -1,20 +1,37 @@
-"""Colour legends beside a picture."""
+"""Colours of disparity maps and their legends: on the page, as a chart, and printed below a picture."""
 
 from __future__ import annotations
 
-import base64
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
+import cv2
 import numpy as np
 import numpy.typing as npt
+import plotly.graph_objects as go
+from PIL import Image as PillowImage
+from PIL import ImageDraw, ImageFont
 
-from stereolag.core.arrays import Rgb
+from stereolag.core.arrays import FloatMap, Rgb
 from stereolag.core.typography import typeset
-from stereolag.figures.flow import colour_wheel
-from stereolag.figures.pictures import NO_ANSWER, rgba_png
+from stereolag.figures.pictures import NO_ANSWER, VIRIDIS, colour_wheel, data_url, palette, png, thinned
 from stereolag.geometry.calibration import Calibration
+from stereolag.stereo.matcher import DisparityMap
+
+FAR_TO_NEAR = VIRIDIS
+"""Near is bright."""
+
+PALETTES: dict[str, Rgb] = {
+    "viridis": FAR_TO_NEAR,
+    "plasma": palette(cv2.COLORMAP_PLASMA),
+    "turbo": palette(cv2.COLORMAP_TURBO),
+}
+"""Palettes to choose from, far to near; none contains the grey of no disparity."""
+
+ROUNDED_TO = 4
+"""Px to which the ends of a range are rounded, so that small changes of a map do not shift its colours."""
 
 WHEEL_PX = 144
 """Diameter of the wheel, shown at half that size."""
@@ -22,7 +39,46 @@ WHEEL_PX = 144
 MOST_STEPS = 5
 """Most steps between the values along a legend."""
 
-Ticks = Callable[[float], str] | None
+NARROWEST = 360
+DESIGNED_FOR = 900
+"""Px; up to this image width a printed legend has the sizes below, beyond it grows in proportion."""
+
+TEXT, MARGIN, BAR, TICK, GAP = 14, 24, 14, 5, 8
+PAPER, INK = (255, 255, 255), (30, 30, 30)
+
+
+@dataclass(frozen=True, eq=False)
+class Colours:
+    """The colours all maps share, a (256, 3) uint8 palette from `low` to `high`, and the outlines over them.
+
+    `outlines` is an SVG path, px of the whole picture; "" = none. It is sent separately.
+    """
+
+    low: float
+    high: float
+    palette: Rgb
+    outlines: str = ""
+
+
+def disparity_range(maps: Sequence[FloatMap]) -> tuple[float, float]:
+    """Return the disparities, px, at the ends of the colours, which leave out the outermost 1 % at either end.
+
+    Given only the ground truth, the range does not depend on the settings; given the maps to compare, they share one.
+    """
+    known = np.concatenate([np.empty(0, dtype=np.float32), *(one[np.isfinite(one)] for one in map(thinned, maps))])
+    if known.size == 0:
+        return 0.0, float(ROUNDED_TO)
+    low, high = np.percentile(known, (1, 99))
+    first = np.floor(low / ROUNDED_TO) * ROUNDED_TO
+    return float(first), float(max(np.ceil(high / ROUNDED_TO) * ROUNDED_TO, first + ROUNDED_TO))
+
+
+def searched_range(results: Collection[DisparityMap]) -> tuple[float, float]:
+    """Return the smallest and the largest disparity that any of the maps can contain, px."""
+    ranges = [found for one in results if (found := one.settings.reach()) is not None]
+    if not ranges:
+        return disparity_range([one.disparity for one in results])
+    return float(min(first for first, _ in ranges)), float(max(first + count for first, count in ranges))
 
 
 @dataclass(frozen=True)
@@ -54,7 +110,13 @@ class Legend:
 
 
 def strip_legend(
-    title: str, low: float, high: float, palette: Rgb, *, ends: tuple[str, str] = ("", ""), below: Ticks = None
+    title: str,
+    low: float,
+    high: float,
+    palette: Rgb,
+    *,
+    ends: tuple[str, str] = ("", ""),
+    below: Callable[[float], str] | None = None,
 ) -> Legend:
     """Return the legend of a (256, 3) palette from `low` to `high`, with ticks at round values.
 
@@ -74,10 +136,8 @@ def word_legend(title: str, colours: Sequence[str], words: Sequence[str]) -> Leg
 
 def wheel_legend(title: str, largest: float) -> Legend:
     """Return the legend of flow colours: the wheel of all directions, `largest` px at its rim."""
-    data = base64.b64encode(rgba_png(colour_wheel(largest, WHEEL_PX))).decode()
-    return Legend(
-        title, (), (typeset(f"white: none, rim: {largest:g} px"),), False, picture=f"data:image/png;base64,{data}"
-    )
+    words = (typeset(f"white: none, rim: {largest:g} px"),)
+    return Legend(title, (), words, False, picture=data_url(png(colour_wheel(largest, WHEEL_PX))))
 
 
 def hexadecimal(colour: Sequence[int] | npt.NDArray[np.uint8]) -> str:
@@ -111,3 +171,78 @@ def disparity_legends(low: float, high: float, palette: Rgb, calibration: Calibr
         ),
         word_legend("", [hexadecimal(NO_ANSWER)], ["no disparity"]),
     )
+
+
+def with_legend(picture: Rgb, low: float, high: float, palette: Rgb, title: str) -> Rgb:
+    """Return a coloured map above a strip of its colours, with a scale and a title, on white.
+
+    Parameters
+    ----------
+    picture
+        (rows, cols, 3) uint8 RGB; kept pixel for pixel, centred at the top.
+    low, high
+        Values at the first and the last colour of the palette, ``low < high``.
+    palette
+        (256, 3) uint8 RGB.
+    title
+        The quantity shown, with its unit; Latin letters only.
+
+    Returns
+    -------
+    picture
+        uint8 RGB, at least 360 px wide.
+    """
+    rows, cols = picture.shape[:2]
+    width = max(cols, NARROWEST)
+    unit = max(1.0, width / DESIGNED_FOR)
+    canvas = PillowImage.new("RGB", (width, rows + round(unit * (2 * TEXT + BAR + TICK + 5 * GAP))), PAPER)
+    canvas.paste(PillowImage.fromarray(picture), ((width - cols) // 2, 0))
+    draw = ImageDraw.Draw(canvas)
+    font = ImageFont.load_default(TEXT * unit)
+    left, right = MARGIN * unit, width - MARGIN * unit
+
+    line = rows + unit * (GAP + TEXT)
+    draw.text((left, line), title, INK, font, anchor="ls")
+    draw.text((right, line), "no disparity", INK, font, anchor="rs")
+    swatch = right - draw.textlength("no disparity", font) - unit * GAP
+    draw.rectangle((swatch - unit * TEXT, line - unit * TEXT + unit, swatch, line), fill=NO_ANSWER)
+
+    top = line + unit * GAP
+    bottom = top + unit * BAR
+    bar = PillowImage.fromarray(palette[None]).resize((round(right - left), round(bottom - top)))
+    canvas.paste(bar, (round(left), round(top)))
+    for value in round_values(low, high):
+        column = left + (value - low) / (high - low) * (right - left)
+        draw.line((column, bottom, column, bottom + unit * TICK), INK, max(1, round(unit)))
+        draw.text((column, bottom + unit * (TICK + GAP / 2)), f"{value:g}", INK, font, anchor="mt")
+    return np.array(canvas)
+
+
+def legend(low: float, high: float, palette: Rgb, title: str, ticks: Mapping[float, str] | None = None) -> go.Figure:
+    """Return the colours of a (256, 3) palette, from `low` to `high`, over an axis with a title.
+
+    `ticks` maps values to labels; without it the axis chooses its own. The same arguments return the same figure, which
+    must not be changed: making one takes Plotly longer than a small map takes OpenCV.
+    """
+    return _legend(low, high, palette.tobytes(), title, tuple((ticks or {}).items()))
+
+
+@lru_cache(maxsize=32)
+def _legend(low: float, high: float, colours: bytes, title: str, ticks: tuple[tuple[float, str], ...]) -> go.Figure:
+    palette = np.frombuffer(colours, dtype=np.uint8).reshape(-1, 3)
+    shares = np.linspace(0, 1, len(palette))
+    scale = [[share, "rgb({},{},{})".format(*colour)] for share, colour in zip(shares, palette, strict=True)]
+    figure = go.Figure(
+        go.Heatmap(
+            z=np.arange(256, dtype=np.uint8)[None, :],
+            x=np.linspace(low, high, 256, dtype=np.float32),
+            colorscale=scale[::15],
+            showscale=False,
+            hovertemplate="%{x:.3g}<extra></extra>",
+        )
+    )
+    figure.update_layout(height=84, margin={"l": 12, "r": 12, "t": 4, "b": 52}, dragmode=False)
+    figure.update_xaxes(title={"text": title, "standoff": 14}, fixedrange=True, showgrid=False, ticks="outside")
+    if ticks:
+        figure.update_xaxes(tickvals=[value for value, _ in ticks], ticktext=[text for _, text in ticks])
+    return figure.update_yaxes(visible=False, fixedrange=True)

@@ -1,8 +1,10 @@
-"""Figures of one match: the windows compared, the score surface, and the row through its peak."""
+"""Figures of one match: the windows compared, the score surface, the row through its peak, and the grid of windows."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,8 +15,9 @@ from plotly.subplots import make_subplots
 from stereolag.assess.explaining import Box, MatchExplanation
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.typography import typeset
+from stereolag.figures.charts import DASHES, laid_out, rings
 from stereolag.figures.legends import hexadecimal
-from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, fitted, png
+from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2, VIRIDIS, as_rgb, data_url, fitted, png
 
 WINDOW_COLOUR = PEAK
 SEARCH_COLOUR = SENSOR_1
@@ -35,13 +38,14 @@ LABEL_SHARE = 0.25
 DISPARITY_AXIS = "← nearer    disparity, px    farther →"
 """As in the right image, where nearer points are farther to the left."""
 
+FARTHER: dict[str, Any] = {"title": DISPARITY_AXIS, "autorange": "reversed"}
+DOWN: dict[str, Any] = {"title": "rows down", "autorange": "reversed"}
+
 OTHERS = ("#3f9d6d", "#8a8a94", "#b5863b", "#4b86c9")
 SCORE_FORMAT, PLACE_FORMAT = ".3f", ".2~f"
 """Set on the axes, where Plotly writes a true minus sign; it does not for a format inside a text template."""
 
-DASHES = ("solid", "dash", "dot", "dashdot")
 SCORE_COLOURS = [[at / 15, hexadecimal(VIRIDIS[at * 17])] for at in range(16)]
-MARGIN = {"l": 8, "r": 8, "t": 8, "b": 8}
 
 
 def patch_png(image: Image, box: Box) -> bytes:
@@ -83,21 +87,17 @@ def score_landscape(seen: MatchExplanation, searched: MatchExplanation) -> go.Fi
                 hovertemplate=typeset(f"{name}: {score:.3f}<extra></extra>"),
             )
         )
-    axis = {"showbackground": False, "gridcolor": "rgba(128,128,128,0.3)", "zerolinecolor": "rgba(128,128,128,0.3)"}
-    figure.update_layout(
-        height=420,
-        margin={"l": 0, "r": 0, "t": 0, "b": 0},
-        showlegend=False,
-        scene={
-            "xaxis": {"title": {"text": "disparity, px"}, "autorange": "reversed", **axis},
-            "yaxis": {"title": {"text": "rows down"}, "autorange": "reversed", **axis},
-            "zaxis": {"title": {"text": "score"}, "range": [low, high], "hoverformat": SCORE_FORMAT, **axis},
-            "aspectmode": "manual",
-            "aspectratio": {"x": 1.7, "y": 1.0, "z": 0.75},
-            "camera": {"eye": {"x": 0.5, "y": -1.7, "z": 0.95}, "center": {"x": 0, "y": 0, "z": -0.12}},
-        },
-    )
-    return figure
+    grid = "rgba(128,128,128,0.3)"
+    axis = {"showbackground": False, "gridcolor": grid, "zerolinecolor": grid}
+    scene = {
+        "xaxis": {"title": {"text": "disparity, px"}, "autorange": "reversed", **axis},
+        "yaxis": {"title": {"text": "rows down"}, "autorange": "reversed", **axis},
+        "zaxis": {"title": {"text": "score"}, "range": [low, high], "hoverformat": SCORE_FORMAT, **axis},
+        "aspectmode": "manual",
+        "aspectratio": {"x": 1.7, "y": 1.0, "z": 0.75},
+        "camera": {"eye": {"x": 0.5, "y": -1.7, "z": 0.95}, "center": {"x": 0, "y": 0, "z": -0.12}},
+    }
+    return laid_out(figure, 420, {}, {}, margin=0, showlegend=False, scene=scene)
 
 
 def score_map(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:
@@ -125,20 +125,8 @@ def score_map(seen: MatchExplanation, searched: MatchExplanation) -> go.Figure:
             line={"color": "#fff", "width": 2},
         )
     for at, _, colour, name, _ in _peaks(searched):
-        figure.add_trace(
-            go.Scatter(
-                x=[-at[1]],
-                y=[at[0]],
-                mode="markers",
-                marker={"color": colour, "size": 13, "symbol": "circle-open", "line": {"width": 3}},
-                name=name,
-                hoverinfo="skip",
-            )
-        )
-    figure.update_layout(height=420, margin=MARGIN, showlegend=False)
-    figure.update_xaxes(title=DISPARITY_AXIS, autorange="reversed")
-    figure.update_yaxes(title="rows down", autorange="reversed")
-    return figure
+        figure.add_trace(rings([-at[1]], [at[0]], colour, 13, 3, name=name, hoverinfo="skip"))
+    return laid_out(figure, 420, FARTHER, DOWN, showlegend=False)
 
 
 def score_row(seen: MatchExplanation, right: Image, others: Mapping[str, float]) -> go.Figure:
@@ -177,18 +165,18 @@ def score_row(seen: MatchExplanation, right: Image, others: Mapping[str, float])
         )
     for at, score, colour, name, side in _peaks(seen):
         if seen.peak and at[0] == seen.peak[0]:
-            figure.add_trace(_dot(-at[1], score, colour, typeset(f"{name} {score:.3f}"), side), row=2, col=1)
+            label = {"text": [typeset(f"{name} {score:.3f}")], "textfont": {"color": colour, "size": 13}}
+            more = {"textposition": f"top {side}", "showlegend": False, "hoverinfo": "skip"}
+            figure.add_trace(rings([-at[1]], [score], colour, 12, 3, **label, **more), row=2, col=1)
             edges = {"x0": -at[1] - size / 2, "x1": -at[1] + size / 2, "y0": -0.5, "y1": size - 0.5}
             figure.add_shape(type="rect", **edges, line={"color": colour, "width": 3}, row=1, col=1)
-    figure.update_layout(
-        height=height, margin=MARGIN, legend={"orientation": "h", "x": 0, "y": -0.2, "yanchor": "top"}, hovermode="x"
-    )
     whole = -float(seen.dx[0]) + size / 2 + 0.5, -float(seen.dx[-1]) - size / 2 - 0.5
-    figure.update_xaxes(range=whole, showgrid=False, hoverformat=PLACE_FORMAT)
+    below = {"orientation": "h", "x": 0, "y": -0.2, "yanchor": "top"}
+    x = {"range": whole, "showgrid": False, "hoverformat": PLACE_FORMAT}
+    laid_out(figure, height, x, {}, legend=below, hovermode="x")
     figure.update_xaxes(title=DISPARITY_AXIS, row=2, col=1)
     figure.update_yaxes(visible=False, autorange="reversed", row=1, col=1)
-    figure.update_yaxes(title="score", range=[low, high], hoverformat=SCORE_FORMAT, row=2, col=1)
-    return figure
+    return figure.update_yaxes(title="score", range=[low, high], hoverformat=SCORE_FORMAT, row=2, col=1)
 
 
 def sub_pixel_fit(seen: MatchExplanation) -> go.Figure:
@@ -215,10 +203,8 @@ def sub_pixel_fit(seen: MatchExplanation) -> go.Figure:
         annotation={"text": typeset(f"{seen.disparity:.2f} px"), "font": {"color": PEAK, "size": 14}},
         annotation_position="bottom right",
     )
-    figure.update_layout(height=330, margin=MARGIN, showlegend=False)
-    figure.update_xaxes(title=DISPARITY_AXIS, dtick=1, autorange="reversed", hoverformat=PLACE_FORMAT)
-    figure.update_yaxes(hoverformat=SCORE_FORMAT)
-    return figure
+    x = FARTHER | {"dtick": 1, "hoverformat": PLACE_FORMAT}
+    return laid_out(figure, 330, x, {"hoverformat": SCORE_FORMAT}, showlegend=False)
 
 
 def _peaks(seen: MatchExplanation) -> list[tuple[tuple[int, int], float, str, str, str]]:
@@ -265,16 +251,157 @@ def _line(
     )
 
 
-def _dot(x: int, y: float, colour: str, text: str, side: str) -> go.Scatter:
+Starts = npt.NDArray[np.int64]
+
+CLOSEST = 24
+"""Most windows drawn per window side; of a finer grid only every second, third … window is drawn."""
+
+BESIDE_SHARE = 0.25
+"""Margin of image around the windows drawn, as a share of a window's side."""
+
+MANY_ACROSS = 20
+"""With more dots side by side they are drawn smaller."""
+
+HEIGHT = 420
+FILL = "rgba(224, 68, 124, 0.06)"
+"""Nine overlapping windows still let the image show through."""
+
+
+@dataclass(frozen=True, eq=False)
+class WindowGrid:
+    """The windows of a map around one of them.
+
+    Attributes
+    ----------
+    cut
+        The part of the image drawn.
+    rows, cols
+        Top rows and left columns of windows with their centres in the cut, px; each pair is one window and one value.
+    middle
+        The window around which the cut was made.
+    step
+        Px from one window to the next.
+    every
+        Every how many windows one is drawn.
+    """
+
+    cut: Box
+    rows: Starts
+    cols: Starts
+    middle: Box
+    step: int
+    every: int
+
+    @property
+    def values(self) -> int:
+        """Return the number of map values in the cut."""
+        return self.rows.size * self.cols.size
+
+    @property
+    def overlap(self) -> float:
+        """Return the actual overlap with the next window, 0..1 of the side: the step is in whole pixels."""
+        return max(0.0, 1 - self.step / self.middle.height)
+
+    def drawn(self, starts: Starts, middle: int) -> Starts:
+        """Return the rows or columns that are drawn: `middle`, and every `every`-th on both sides of it."""
+        shown: Starts = starts[(starts - middle) % (self.every * self.step) == 0]
+        return shown
+
+    def neighbours(self) -> list[tuple[int, int]]:
+        """Return (row, col) of the middle window and of the up to eight drawn around it."""
+        reach = self.every * self.step
+        row, col = self.middle.row, self.middle.col
+        rows, cols = self.drawn(self.rows, row), self.drawn(self.cols, col)
+        return [(int(y), int(x)) for y in rows for x in cols if abs(y - row) <= reach and abs(x - col) <= reach]
+
+
+def window_grid(shape: tuple[int, int], middle: Box, step: int) -> WindowGrid:
+    """Return the windows of a map around one of them.
+
+    Parameters
+    ----------
+    shape
+        Shape of the image, (rows, cols) px.
+    middle
+        A window of the grid, entirely inside the image.
+    step
+        Px from one window to the next.
+
+    Raises
+    ------
+    ValueError
+        If `middle` is not a window of the grid.
+    """
+    if middle.row % step or middle.col % step:
+        raise ValueError(f"a window at ({middle.row}, {middle.col}) is not on a grid of step {step}.")
+    size = middle.height
+    every = math.ceil(size / (CLOSEST * step))
+    beside = every * step + max(2, round(BESIDE_SHARE * size))
+    (top, bottom), (left, right) = (
+        (max(0, start - beside), min(end, start + size + beside))
+        for start, end in ((middle.row, shape[0]), (middle.col, shape[1]))
+    )
+    rows, cols = (
+        _starts(first, last, end, size, step) for first, last, end in ((top, bottom, shape[0]), (left, right, shape[1]))
+    )
+    return WindowGrid(Box(top, left, bottom - top, right - left), rows, cols, middle, step, every)
+
+
+def _starts(first: int, last: int, end: int, size: int, step: int) -> Starts:
+    """Return the starts of the windows inside the image whose centres are at pixels from `first` up to `last`."""
+    starts = np.arange(0, end - size + 1, step)
+    centres = starts + (size - 1) / 2
+    return starts[(centres >= first) & (centres < last)]
+
+
+def overlap_figure(image: Image, grid: WindowGrid) -> go.Figure:
+    """Return the cut of an image with neighbouring windows, darker where they overlap, and their centres as dots."""
+    figure = go.Figure()
+    cut, size = grid.cut, grid.middle.height
+    # Plotly places the centre of a pixel at its index.
+    left, top = cut.col - 0.5, cut.row - 0.5
+    figure.add_layout_image(
+        source=data_url(patch_png(image, cut)),
+        x=left,
+        y=top,
+        sizex=cut.width,
+        sizey=cut.height,
+        xref="x",
+        yref="y",
+        sizing="stretch",
+        layer="below",
+    )
+    for row, col in grid.neighbours():
+        own = (row, col) == (grid.middle.row, grid.middle.col)
+        figure.add_shape(
+            type="rect",
+            x0=col - 0.5,
+            x1=col + size - 0.5,
+            y0=row - 0.5,
+            y1=row + size - 0.5,
+            fillcolor=FILL,
+            line={"color": WINDOW_COLOUR, "width": 4 if own else 1.5},
+            layer="between",
+        )
+    half = (size - 1) / 2
+    rows, cols = grid.drawn(grid.rows, grid.middle.row), grid.drawn(grid.cols, grid.middle.col)
+    own_centre = grid.middle.row + half, grid.middle.col + half
+    centres = [(row + half, col + half) for row in rows for col in cols]
+    small = 3 if max(rows.size, cols.size) > MANY_ACROSS else 4
+    figure.add_trace(_dots([at for at in centres if at != own_centre], small, "centre of a window"))
+    figure.add_trace(_dots([own_centre], 10, "centre of the window chosen"))
+    axis = {"showgrid": False, "zeroline": False, "constrain": "domain"}
+    x = {"title": "column, px", "range": [left, left + cut.width], **axis}
+    y = {"title": "row, px", "range": [top + cut.height, top], "scaleanchor": "x", **axis}
+    return laid_out(figure, HEIGHT, x, y, showlegend=False, plot_bgcolor="rgba(0,0,0,0)")
+
+
+def _dots(places: list[tuple[float, float]], size: int, name: str) -> go.Scatter:
     return go.Scatter(
-        x=[x],
-        y=[y],
-        mode="markers+text",
-        marker={"color": colour, "size": 12, "symbol": "circle-open", "line": {"width": 3}},
-        text=[text],
-        textposition=f"top {side}",
-        textfont={"color": colour, "size": 13},
-        cliponaxis=False,
-        showlegend=False,
-        hoverinfo="skip",
+        x=np.array([col for _, col in places], np.float32),
+        y=np.array([row for row, _ in places], np.float32),
+        mode="markers",
+        marker={"size": size, "color": "#fff", "line": {"color": "#16161c", "width": 0.5 if size == 3 else 1}},
+        name=name,
+        hovertemplate=f"{name}<br>row %{{y}}, column %{{x}}<extra></extra>",
     )

@@ -1,24 +1,48 @@
-"""Images prepared for display: 8-bit RGB of bounded size, as PNG or JPEG."""
+"""Pictures for display: images of bounded size, maps and flows in colours, objects and edges as lines, PNG and JPEG."""
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+import base64
+from collections.abc import Iterator, Sequence
+from functools import cache
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from PIL import Image as PillowImage
+from PIL import ImageDraw, ImageFont
 
-from stereolag.core.arrays import Rgb
+from stereolag.core.arrays import FloatMap, Mask, Rgb
 from stereolag.core.inputs import Image
 
 Scalar = TypeVar("Scalar", bound=np.generic)
+Rgba: TypeAlias = npt.NDArray[np.uint8]
+"""(H, W, 4) uint8."""
 
-FASTEST_COMPRESSION = 1
+Colour: TypeAlias = tuple[int, int, int]
 
 JPEG_QUALITY = 92
 
 SHOWN_WIDTH = 1400
 """Px; wider pictures are reduced here: Streamlit would do it slowly, and blend the colours of a map."""
+
+# Chosen to stand out on both the light and the dark page.
+SENSOR_1 = "#3a8fb7"
+SENSOR_2 = "#e08138"
+CORRELATION = "#8273cf"
+PEAK = "#e0447c"
+
+FRAME = (255, 0, 160)
+"""Colour of frames around places in an image: a pink that hardly any image contains."""
+
+WHITE, BLACK = (255, 255, 255), (0, 0, 0)
+
+NO_ANSWER = (140, 140, 140)
+"""A neutral grey, which viridis does not contain."""
+
+NO_ANSWER_NUMBER = 255
+"""Its index in a colour table, after all others."""
 
 
 def as_rgb(image: Image) -> Rgb:
@@ -34,8 +58,14 @@ def as_rgb(image: Image) -> Rgb:
     if image.ndim == 2:
         return np.stack([image] * 3, axis=-1)
     if image.shape[2] == 4:
-        return _on_grey(image)
+        opacity = image[:, :, 3:].astype(np.float32) / 255
+        return np.rint(image[:, :, :3] * opacity + 128 * (1 - opacity)).astype(np.uint8)
     return image
+
+
+def brightness(image: Image) -> npt.NDArray[np.uint8]:
+    """Return an image as shown, in grey: (H, W) uint8."""
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(as_rgb(image)), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 
 def fitted(image: Image, width: int = SHOWN_WIDTH) -> Rgb:
@@ -56,16 +86,12 @@ def thinned(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
     return values[::every, ::every]
 
 
-def png(picture: Rgb) -> bytes:
-    """Return an RGB image as the bytes of a PNG."""
-    bgr = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2BGR)
-    _, data = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, FASTEST_COMPRESSION])
-    return data.tobytes()
-
-
-def rgba_png(picture: npt.NDArray[np.uint8]) -> bytes:
-    """Return an (H, W, 4) RGBA image as the bytes of a PNG."""
-    _, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGBA2BGRA))
+def png(picture: npt.NDArray[np.uint8]) -> bytes:
+    """Return a grey, RGB or RGBA image as the bytes of a PNG, compressed as fast as possible."""
+    if picture.ndim == 3:
+        code = cv2.COLOR_RGBA2BGRA if picture.shape[2] == 4 else cv2.COLOR_RGB2BGR
+        picture = np.asarray(cv2.cvtColor(np.ascontiguousarray(picture), code), dtype=np.uint8)
+    _, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     return data.tobytes()
 
 
@@ -76,25 +102,9 @@ def jpeg(picture: Rgb) -> bytes:
     return data.tobytes()
 
 
-def _on_grey(image: npt.NDArray[np.uint8]) -> Rgb:
-    opacity = image[:, :, 3:].astype(np.float32) / 255
-    return np.rint(image[:, :, :3] * opacity + 128 * (1 - opacity)).astype(np.uint8)
-
-
-# Chosen to stand out on both the light and the dark page.
-SENSOR_1 = "#3a8fb7"
-SENSOR_2 = "#e08138"
-CORRELATION = "#8273cf"
-PEAK = "#e0447c"
-
-FRAME = (255, 0, 160)
-"""Colour of frames around places in an image: a pink that hardly any image contains."""
-
-NO_ANSWER = (140, 140, 140)
-"""A neutral grey, which viridis does not contain."""
-
-NO_ANSWER_NUMBER = 255
-"""Its index in a colour table, after all others."""
+def data_url(data: bytes, media_type: str = "image/png") -> str:
+    """Return a file as a data URL."""
+    return f"data:{media_type};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def palette(colour_map: int) -> Rgb:
@@ -144,3 +154,265 @@ def colour_table(colours: Rgb) -> Rgb:
     return np.vstack([colours[np.rint(np.linspace(0, 255, NO_ANSWER_NUMBER)).astype(np.intp)], [NO_ANSWER]]).astype(
         np.uint8
     )
+
+
+RAMPS = ((15, 0, 1, 1), (6, 1, 0, -1), (4, 1, 2, 1), (11, 2, 1, -1), (13, 2, 0, 1), (6, 0, 2, -1))
+"""Parts of the wheel: number of colours, full channel, changing channel, and whether it rises or falls."""
+
+BEYOND = 0.75
+"""Brightness factor of motions longer than the largest: darker than all others."""
+
+OUTLINE = 2
+"""Px by which an arrow's dark outline is thicker, to make it visible on light and dark pictures."""
+
+
+@cache
+def _wheel() -> npt.NDArray[np.float64]:
+    """Return the wheel as (55, 3) RGB, 0..1, red first."""
+    colours = []
+    for count, full, changing, rising in RAMPS:
+        ramp = np.arange(count) / count
+        part = np.zeros((count, 3))
+        part[:, full] = 1
+        part[:, changing] = ramp if rising > 0 else 1 - ramp
+        colours.append(part)
+    return np.concatenate(colours)
+
+
+def largest_motion(*flows: tuple[FloatMap, FloatMap]) -> float:
+    """Return the length at the rim of the wheel, px: the 99th percentile, rounded up to half a unit of its first digit.
+
+    Each flow is (dy, dx), NaN = none.
+    """
+    lengths = np.concatenate([np.hypot(dy, dx)[np.isfinite(dx)] for dy, dx in flows])
+    longest = max(float(np.percentile(lengths, 99)), 1e-3) if lengths.size else 1.0
+    unit = 10.0 ** np.floor(np.log10(longest)) / 2
+    return float(np.ceil(longest / unit - 1e-9) * unit)
+
+
+def flow_colours(dy: FloatMap, dx: FloatMap, largest: float) -> Rgba:
+    """Return a flow as an image: direction as hue, length as saturation.
+
+    Parameters
+    ----------
+    dy, dx
+        (H, W) px, downwards and to the right; NaN = none.
+    largest
+        Length with full colour, px; longer motions are darker.
+
+    Returns
+    -------
+    ndarray
+        (H, W, 4) uint8 RGBA; transparent where no motion is known.
+
+    Raises
+    ------
+    ValueError
+        If `largest` is not above 0.
+
+    Notes
+    -----
+    The published colour code of S. Baker, D. Scharstein, J. Lewis, S. Roth, M. Black & R. Szeliski, "A database and
+    evaluation methodology for optical flow", IJCV 92, 2011.
+    """
+    if not largest > 0:
+        raise ValueError(f"largest is {largest} px; it must be above 0.")
+    known = np.isfinite(dy) & np.isfinite(dx)
+    down, right = (np.where(known, part, 0).astype(np.float64) / largest for part in (dy, dx))
+    wheel = _wheel()
+    length = np.hypot(down, right)
+    place = (np.arctan2(-down, -right) / np.pi + 1) / 2 * (len(wheel) - 1)
+    before = place.astype(np.intp)
+    share = (place - before)[..., None]
+    colour = (1 - share) * wheel[before] + share * wheel[(before + 1) % len(wheel)]
+    radius = length[..., None]
+    colour = np.where(radius <= 1, 1 - radius * (1 - colour), colour * BEYOND)
+    picture = np.empty((*dy.shape, 4), np.uint8)
+    picture[..., :3] = np.floor(255 * colour)
+    picture[..., 3] = np.where(known, 255, 0)
+    return picture
+
+
+def with_arrows(image: Image, dy: FloatMap, dx: FloatMap, *, spacing: int = 24) -> Rgb:
+    """Return the image with an arrow every `spacing` px that shows where the pixel moves.
+
+    Parameters
+    ----------
+    image
+        (H, W) or (H, W, 3 | 4), the first frame.
+    dy, dx
+        (H, W) px; no arrow where NaN.
+    spacing
+        Px between the arrows.
+
+    Returns
+    -------
+    ndarray
+        (H, W, 3) uint8 RGB; each arrow is coloured by its direction.
+    """
+    picture = np.ascontiguousarray(as_rgb(image)).copy()
+    rows, cols = dx.shape
+    grid = np.s_[spacing // 2 :: spacing, spacing // 2 :: spacing]
+    row, col = np.mgrid[:rows, :cols]
+    starts = np.stack([row[grid], col[grid], dy[grid], dx[grid]], axis=-1).reshape(-1, 4)
+    starts = starts[np.isfinite(starts).all(axis=1)]
+    lengths = np.hypot(starts[:, 2], starts[:, 3])
+    down, right = (starts[:, 2:].T / np.maximum(lengths, 1e-6)).astype(np.float32)[..., None]
+    hues = flow_colours(down, right, 1 + 1e-6)
+    thickness = max(1, spacing // 16)
+    for (y, x, dy_here, dx_here), length, hue in zip(starts, lengths, hues[:, 0, :3], strict=True):
+        start, end = (round(x), round(y)), (round(x + dx_here), round(y + dy_here))
+        tip = min(0.4, 6 / max(length, 1e-6))
+        for colour, width in ((BLACK, thickness + OUTLINE), (tuple(int(part) for part in hue), thickness)):
+            if start == end:
+                cv2.circle(picture, start, width, colour, -1, cv2.LINE_AA)
+            else:
+                cv2.arrowedLine(picture, start, end, colour, width, cv2.LINE_AA, tipLength=tip)
+    return picture
+
+
+def colour_wheel(largest: float, size: int = 160) -> Rgba:
+    """Return the wheel of all directions, `largest` px at its rim, (size, size, 4), transparent around it."""
+    radius = (size - 1) / 2
+    row, col = np.mgrid[:size, :size].astype(np.float32)
+    dy, dx = (row - radius) / radius * largest, (col - radius) / radius * largest
+    outside = np.hypot(dy, dx) > largest
+    return flow_colours(np.where(outside, np.nan, dy), np.where(outside, np.nan, dx), largest)
+
+
+TEXT_SHARE = 1 / 34
+"""Text height as a share of the picture width: a page shows it at half its size."""
+
+
+class Outline(NamedTuple):
+    """The outline of an object, and its label.
+
+    Attributes
+    ----------
+    parts
+        Closed lines, each (n, 2) int32 of (column, row).
+    words
+        Label above it; "" = none.
+    """
+
+    parts: tuple[npt.NDArray[np.int32], ...]
+    words: str = ""
+
+
+def outline_of(mask: Mask, words: str = "") -> Outline:
+    """Return the outlines of the True regions of an (H, W) mask."""
+    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    return Outline(tuple(np.asarray(part[:, 0], np.int32) for part in found), words)
+
+
+def with_outlines(image: Image, outlines: Sequence[Outline]) -> Rgb:
+    """Return the image, (H, W, 3) uint8, with objects outlined in pink and labelled above."""
+    picture = np.array(as_rgb(image))
+    cols = picture.shape[1]
+    thickness = max(1, round(cols / 400))
+    for one in outlines:
+        cv2.polylines(picture, [*one.parts], True, FRAME, thickness, cv2.LINE_AA)
+    canvas = PillowImage.fromarray(picture)
+    size = max(11, round(cols * TEXT_SHARE))
+    draw, font = ImageDraw.Draw(canvas), ImageFont.load_default(size)
+    for one in outlines:
+        if not one.words or not one.parts:
+            continue
+        points = np.concatenate(one.parts)
+        middle, top = float(np.mean(np.ptp(points[:, 0]) / 2 + points[:, 0].min())), float(points[:, 1].min())
+        half = draw.textlength(one.words, font) / 2
+        place = float(np.clip(middle, half, max(half, cols - half))), max(top - size / 4, 1.1 * size)
+        draw.text(place, one.words, WHITE, font, anchor="ms", stroke_width=max(2, size // 8), stroke_fill=BLACK)
+    return np.array(canvas)
+
+
+LOOKED_AT = 800
+"""Px; wider photographs are reduced to this width first: finer edges would be too dense to read as lines."""
+
+BLUR = 2.0
+"""Standard deviation of the blur that removes noise and fine texture, px."""
+
+STRONG_SHARE = 0.07
+"""An edge starts where the gradient is among this share of the strongest …"""
+
+WEAKER = 0.4
+"""… and continues down to this fraction of that gradient."""
+
+LEAST_GRADIENT = 24
+"""Minimum gradient at which an edge starts, in units of the Sobel filter: a step of about six grey levels."""
+
+SHORTEST = 0.04
+"""Shorter lines are left out; as a share of the width."""
+
+MOST_POINTS = 8_000
+"""Most points of all lines together; the longest lines come first, and the rest are left out."""
+
+OFF_LINE = 0.9
+"""Largest deviation of a line from the pixels of its edge, px."""
+
+BESIDE = ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1, 1))
+
+Line = npt.NDArray[np.float64]
+
+
+def edge_lines(image: Image) -> list[Line]:
+    """Return the edges of an image (Canny's), the longest first.
+
+    Parameters
+    ----------
+    image
+        (H, W), (H, W, 3) or (H, W, 4) of any dtype.
+
+    Returns
+    -------
+    list of ndarray
+        Open lines, each (n, 2) float64 of (column, row), px; the centre of the first pixel is (0.5, 0.5).
+    """
+    grey = brightness(image)
+    rows, cols = grey.shape
+    width = min(cols, LOOKED_AT)
+    height = max(1, round(rows * width / cols))
+    small = cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA)
+    scale = cols / width, rows / height
+    long_enough = [chain for chain in _chains(_edges(np.asarray(small))) if len(chain) >= SHORTEST * width]
+    lines, points = [], 0
+    for chain in sorted(long_enough, key=len, reverse=True):
+        line = cv2.approxPolyDP(np.array(chain, np.int32)[:, None, ::-1], OFF_LINE, False)[:, 0]
+        points += len(line)
+        if points > MOST_POINTS:
+            break
+        lines.append((line + 0.5) * scale)
+    return lines
+
+
+def edge_path(image: Image) -> str:
+    """Return :func:`edge_lines` as an SVG path, px to one decimal; "" for an image without edges."""
+    return "".join("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in line) for line in edge_lines(image))
+
+
+def _edges(grey: npt.NDArray[np.uint8]) -> Mask:
+    """Return the edge pixels of an (H, W) image; edges are one pixel wide."""
+    smooth = cv2.GaussianBlur(grey, (0, 0), BLUR)
+    dx, dy = (cv2.Sobel(smooth, cv2.CV_16S, *order, borderType=cv2.BORDER_REPLICATE) for order in ((1, 0), (0, 1)))
+    strength = np.hypot(dx.astype(np.float32), dy.astype(np.float32))
+    high = max(float(np.quantile(strength, 1 - STRONG_SHARE)), LEAST_GRADIENT)
+    return np.asarray(cv2.Canny(dx, dy, WEAKER * high, high, L2gradient=True) > 0)
+
+
+def _chains(edges: Mask) -> Iterator[list[tuple[int, int]]]:
+    """Yield chains of adjacent edge pixels, (row, col), each pixel once; chains start at line ends first."""
+    left = {(int(row), int(col)) for row, col in np.argwhere(edges)}
+
+    def beside(pixel: tuple[int, int]) -> list[tuple[int, int]]:
+        return [at for down, right in BESIDE if (at := (pixel[0] + down, pixel[1] + right)) in left]
+
+    begins = sorted(left, key=lambda pixel: len(beside(pixel)) > 1)
+    for begin in begins:
+        if begin not in left:
+            continue
+        chain = [begin]
+        left.remove(begin)
+        while onward := beside(chain[-1]):
+            chain.append(onward[0])
+            left.remove(onward[0])
+        yield chain

@@ -12,10 +12,11 @@ from tsdownsample import MinMaxLTTBDownsampler
 
 from stereolag.core.arrays import Vector
 from stereolag.core.typography import typeset
+from stereolag.figures.charts import LEGEND_ABOVE, laid_out, rings
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
 from stereolag.signals.drift import Drift
-from stereolag.signals.overlaps import overlap_length
+from stereolag.signals.overlaps import overlap_length, overlap_slices
 
 POINTS = 2_000
 """Most points drawn per line, however long: about two for every pixel of its width."""
@@ -30,56 +31,42 @@ RIBBON_POINTS = 257
 DOUBTFUL = "#8a8a8a"
 """Colour of a peak that is not sure, and of its rivals."""
 
-LINE = {"width": 1}
-LAYOUT: dict[str, Any] = {
-    "margin": {"l": 8, "r": 8, "t": 8, "b": 8},
-    "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
-    "hovermode": "x unified",
-}
+ABOVE: dict[str, Any] = {"legend": LEGEND_ABOVE, "hovermode": "x unified"}
+ALONE: dict[str, Any] = {"showlegend": False, "hovermode": "closest"}
+
+CLOCK = "seconds on the clock of sensor 1"
 
 
 def waveforms(signal_1: Vector, signal_2: Vector, sampling_rate: float) -> go.Figure:
     """Return both recordings before alignment, one above the other, on the same time axis."""
     figure = make_subplots(rows=2, shared_xaxes=True, vertical_spacing=0.06)
     for row, (signal, name, colour) in enumerate(_named(signal_1, signal_2), start=1):
-        seconds = np.arange(signal.size) / sampling_rate
-        figure.add_trace(_line(seconds, signal, name, colour), row=row, col=1)
-    figure.update_layout(height=320, **LAYOUT)
-    figure.update_xaxes(title="seconds", row=2, col=1)
-    return figure
+        figure.add_trace(_line(np.arange(signal.size) / sampling_rate, signal, name, colour), row=row, col=1)
+    laid_out(figure, 320, {}, {}, **ABOVE)
+    return figure.update_xaxes(title="seconds", row=2, col=1)
 
 
 def aligned(signal_1: Vector, signal_2: Vector, lag: int, sampling_rate: float) -> go.Figure:
     """Return both recordings on one plot, the second moved back by its lag (Fig. 1.5a of the report)."""
     figure = go.Figure()
-    offsets = (0, -lag)
-    for offset, (signal, name, colour) in zip(offsets, _named(signal_1, signal_2), strict=True):
+    for offset, (signal, name, colour) in zip((0, -lag), _named(signal_1, signal_2), strict=True):
         seconds = (np.arange(signal.size) + offset) / sampling_rate
-        trace = _line(seconds, _standardised(signal), name, colour)
-        figure.add_trace(trace.update(opacity=0.75))
-    figure.update_layout(height=300, **LAYOUT)
-    figure.update_xaxes(title="seconds on the clock of sensor 1")
-    figure.update_yaxes(title="standard deviations")
-    return figure
+        figure.add_trace(_line(seconds, _standardised(signal), name, colour).update(opacity=0.75))
+    return laid_out(figure, 300, CLOCK, "standard deviations", **ABOVE)
 
 
-def shared_samples(signal_1: Vector, signal_2: Vector, lag: int) -> tuple[int, int]:
-    """Return the first sample of `signal_1` that overlaps `signal_2`, and the one after the last."""
-    return max(0, -lag), min(signal_1.size, signal_2.size - lag)
-
-
-def liveliest_start(signal_1: Vector, first: int, last: int) -> int:
-    """Return the start of the close-up with the most energy between two samples."""
-    energy = np.concatenate(([0.0], np.cumsum(_standardised(signal_1[first:last]) ** 2)))
-    length = min(CLOSE_UP_SAMPLES, last - first)
-    return first + int(np.argmax(energy[length:] - energy[:-length]))
+def liveliest_start(signal_1: Vector, shared: slice) -> int:
+    """Return the start of the close-up with the most energy in the part of a recording that both share."""
+    energy = np.concatenate(([0.0], np.cumsum(_standardised(signal_1[shared]) ** 2)))
+    length = min(CLOSE_UP_SAMPLES, shared.stop - shared.start)
+    return int(shared.start) + int(np.argmax(energy[length:] - energy[:-length]))
 
 
 def close_up(signal_1: Vector, signal_2: Vector, lag: int, start: int) -> go.Figure:
     """Return 200 samples of both recordings, the second moved back by its lag (Fig. 1.5b of the report)."""
-    first, last = shared_samples(signal_1, signal_2, lag)
-    start = min(max(start, first), last)
-    stop = min(start + CLOSE_UP_SAMPLES, last)
+    shared, _ = overlap_slices(signal_1.size, signal_2.size, lag)
+    start = min(max(start, shared.start), shared.stop)
+    stop = min(start + CLOSE_UP_SAMPLES, shared.stop)
     samples = np.arange(start, stop, dtype=np.int32)
     shown = (_standardised(signal_1)[start:stop], _standardised(signal_2)[start + lag : stop + lag])
     figure = go.Figure()
@@ -89,10 +76,7 @@ def close_up(signal_1: Vector, signal_2: Vector, lag: int, start: int) -> go.Fig
     ):
         line = {"color": colour, "width": width}
         figure.add_trace(go.Scatter(x=samples, y=signal.astype(np.float32), name=name, mode="lines", line=line))
-    figure.update_layout(height=300, **LAYOUT)
-    figure.update_xaxes(title="sample of sensor 1", tickformat=",d")
-    figure.update_yaxes(title="standard deviations")
-    return figure
+    return laid_out(figure, 300, {"title": "sample of sensor 1", "tickformat": ",d"}, "standard deviations", **ABOVE)
 
 
 def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] | None = None) -> go.Figure:
@@ -117,7 +101,9 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
         figure.add_trace(_line(result.lags, curve, title, CORRELATION))
         at = np.searchsorted(result.lags, (result.lag, *result.rivals))
         if result.rivals:
-            figure.add_trace(_rivals(result.lags[at[1:]], curve[at[1:]]))
+            lags, heights = result.lags[at[1:]].astype(np.int32), curve[at[1:]].astype(np.float32)
+            hover = "lag %{x}: %{y}<extra>fits as well</extra>"
+            figure.add_trace(rings(lags, heights, DOUBTFUL, 9, 2, name="fits as well", hovertemplate=hover))
         height = float(curve[at[0]])
         if sizes is not None:
             figure.update_yaxes(range=[-1.08, 1.08])
@@ -127,11 +113,22 @@ def correlation_curve(result: SignalLag, title: str, *, sizes: tuple[int, int] |
         bar_width = max(1.0, float(np.ptp(lags)) / VOTES_SHOWN)
         figure.add_trace(go.Bar(x=lags, y=counts, width=bar_width, name=title, marker={"color": CORRELATION}))
         height = float(counts[0])
-    figure.add_trace(_peak(result.lag, height, colour))
-    figure.update_layout(height=300, **LAYOUT | {"hovermode": "closest", "showlegend": False})
-    figure.update_xaxes(title="lag, samples (right: sensor 2 hears it later)", tickformat=",d")
-    figure.update_yaxes(title=title, hoverformat=",.3~f")
-    return figure
+    figure.add_trace(
+        rings(
+            [result.lag],
+            [height],
+            colour,
+            11,
+            2.5,
+            text=[typeset(f"  {result.lag:,}")],
+            textposition="middle right",
+            textfont={"color": colour, "size": 14},
+            name="peak",
+            hovertemplate="lag %{x}: %{y}<extra>peak</extra>",
+        )
+    )
+    x = {"title": "lag, samples (right: sensor 2 hears it later)", "tickformat": ",d"}
+    return laid_out(figure, 300, x, {"title": title, "hoverformat": ",.3~f"}, **ALONE)
 
 
 def _weights(lags: npt.NDArray[np.int64], sizes: tuple[int, int] | None) -> Vector:
@@ -177,10 +174,8 @@ def lag_over_time(drift: Drift, sampling_rate: float) -> go.Figure:
     figure.add_trace(go.Scatter(x=seconds, y=lags, mode="markers", marker=marker, name="blocks"))
     # At least one sample high: variation by hundredths must not look like drift.
     middle, half = float(np.median(lags)), max(0.5, 0.6 * float(np.ptp(lags)))
-    figure.update_layout(height=220, **LAYOUT | {"hovermode": "closest", "showlegend": False})
-    figure.update_xaxes(title="seconds on the clock of sensor 1")
-    figure.update_yaxes(title="lag, samples", tickformat=",.1f", range=[middle - half, middle + half])
-    return figure
+    y = {"title": "lag, samples", "tickformat": ",.1f", "range": [middle - half, middle + half]}
+    return laid_out(figure, 220, CLOCK, y, **ALONE)
 
 
 def run_times(seconds: Vector) -> go.Figure:
@@ -188,10 +183,7 @@ def run_times(seconds: Vector) -> go.Figure:
     milliseconds = 1e3 * seconds
     figure = go.Figure(go.Histogram(x=milliseconds, nbinsx=30, marker={"color": CORRELATION}, name="runs"))
     figure.add_vline(x=float(np.median(milliseconds)), line={"color": PEAK, "width": 2, "dash": "dash"})
-    figure.update_layout(height=220, **LAYOUT | {"hovermode": "closest", "showlegend": False})
-    figure.update_xaxes(title="ms")
-    figure.update_yaxes(title="runs")
-    return figure
+    return laid_out(figure, 220, "ms", "runs", **ALONE)
 
 
 def _named(signal_1: Vector, signal_2: Vector) -> tuple[tuple[Vector, str, str], tuple[Vector, str, str]]:
@@ -204,32 +196,8 @@ def _line(x: npt.NDArray[Any], y: Vector, name: str, colour: str) -> go.Scatter:
         kept = MinMaxLTTBDownsampler().downsample(np.ascontiguousarray(y), n_out=POINTS)  # type: ignore[no-untyped-call]
         x, y = x[kept], y[kept]
     small = np.int32 if np.issubdtype(x.dtype, np.integer) else np.float32
-    return go.Scatter(x=x.astype(small), y=y.astype(np.float32), name=name, mode="lines", line=LINE | {"color": colour})
-
-
-def _rivals(lags: npt.NDArray[np.int64], heights: Vector) -> go.Scatter:
     return go.Scatter(
-        x=lags.astype(np.int32),
-        y=heights.astype(np.float32),
-        mode="markers",
-        marker={"color": DOUBTFUL, "size": 9, "symbol": "circle-open", "line": {"width": 2}},
-        name="fits as well",
-        hovertemplate="lag %{x}: %{y}<extra>fits as well</extra>",
-    )
-
-
-def _peak(lag: int, height: float, colour: str) -> go.Scatter:
-    return go.Scatter(
-        x=[lag],
-        y=[height],
-        mode="markers+text",
-        marker={"color": colour, "size": 11, "symbol": "circle-open", "line": {"width": 2.5}},
-        text=[typeset(f"  {lag:,}")],
-        textposition="middle right",
-        textfont={"color": colour, "size": 14},
-        cliponaxis=False,
-        name="peak",
-        hovertemplate="lag %{x}: %{y}<extra>peak</extra>",
+        x=x.astype(small), y=y.astype(np.float32), name=name, mode="lines", line={"width": 1, "color": colour}
     )
 
 

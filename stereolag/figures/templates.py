@@ -1,22 +1,40 @@
-"""The matches of a template search framed in the image, and its score map."""
+"""Template matches framed in the image, the score map, and the outcome of a search in a damaged part."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
+from stereolag.core.arrays import Rgb
 from stereolag.core.inputs import Image
-from stereolag.figures.block_scores import best_of_blocks, block_side
-from stereolag.figures.disparity import legend
-from stereolag.figures.frames import draw_frame
-from stereolag.figures.pictures import FRAME, SHOWN_WIDTH, VIRIDIS, as_rgb, coloured, fitted, png
+from stereolag.figures.legends import legend
+from stereolag.figures.pictures import (
+    BLACK,
+    FRAME,
+    SHOWN_WIDTH,
+    VIRIDIS,
+    WHITE,
+    Colour,
+    as_rgb,
+    coloured,
+    fitted,
+    jpeg,
+    png,
+)
 from stereolag.templates import TemplateMatch
+from stereolag.templates.by_hand import best_of_blocks, block_side
 from stereolag.templates.patterns import opaque_pixels
+from stereolag.templates.trials import Trial
+
+Point: TypeAlias = tuple[int, int]
+Shape: TypeAlias = tuple[int, ...]
 
 CLOSE_UP_WIDTH = 640
 LEFT_OUT = 128
@@ -27,7 +45,7 @@ def framed(
     matches: Sequence[TemplateMatch],
     doubtful: Sequence[TemplateMatch] = (),
     *,
-    template: tuple[int, ...] | None = None,
+    template: Shape | None = None,
     width: int = SHOWN_WIDTH,
 ) -> bytes:
     """Return the image, at most `width` px wide, as a PNG with a frame around every match, boldest for the best.
@@ -38,10 +56,10 @@ def framed(
     scale = shown.shape[1] / picture.shape[1]
     thickness = max(2, shown.shape[1] // 250)
     for match in reversed(doubtful):
-        draw_frame(shown, match, scale, thickness, template=template, dashed=True)
+        _draw_frame(shown, match, scale, thickness, template=template, dashed=True)
     for match in reversed(matches):
         bold = thickness if match is matches[0] else max(1, thickness // 2)
-        draw_frame(shown, match, scale, bold, template=template)
+        _draw_frame(shown, match, scale, bold, template=template)
     return png(shown)
 
 
@@ -56,7 +74,7 @@ def what_counts(template: Image, mask: Image | None) -> bytes:
 
 
 def match_close_up(
-    picture: Image, match: TemplateMatch, *, doubtful: bool = False, template: tuple[int, ...] | None = None
+    picture: Image, match: TemplateMatch, *, doubtful: bool = False, template: Shape | None = None
 ) -> bytes:
     """Return the match and its surroundings, 4:3 and enlarged, as a PNG; its frame is dashed if doubtful."""
     height = 2 * max(match.height, match.width)
@@ -67,7 +85,7 @@ def match_close_up(
     size = (max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale)))
     shown = np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
     moved = replace(match, row=match.row - rows.start, col=match.col - cols.start)
-    draw_frame(shown, moved, scale, 5, template=template, dashed=doubtful)
+    _draw_frame(shown, moved, scale, 5, template=template, dashed=doubtful)
     return png(shown)
 
 
@@ -81,7 +99,7 @@ def score_map_png(score_map: npt.NDArray[np.float32], matches: Sequence[Template
     for match in matches:
         centre = (match.col // factor, match.row // factor)
         radius, width = max(8, shown.shape[1] // 50), max(1, shown.shape[1] // 250)
-        for colour, thickness in (((255, 255, 255), width + 2), (FRAME, width)):  # seen on every colour by all eyes
+        for colour, thickness in ((WHITE, width + 2), (FRAME, width)):  # seen on every colour by all eyes
             cv2.circle(shown, centre, radius, colour, thickness, cv2.LINE_AA)
     return png(shown)
 
@@ -95,3 +113,97 @@ def _around(centre: int, length: int, end: int) -> slice:
     """Return `length` pixels around `centre`, shifted (or cut) to stay within 0 … `end`."""
     start = max(0, min(centre - length // 2, end - length))
     return slice(start, min(end, start + length))
+
+
+def _draw_frame(
+    picture: Rgb,
+    match: TemplateMatch,
+    scale: float,
+    thickness: int,
+    *,
+    template: Shape | None = None,
+    dashed: bool = False,
+) -> None:
+    """Draw a frame just outside the match.
+
+    Parameters
+    ----------
+    picture
+        The picture to draw on, changed in place.
+    match
+        The match, in pixels of the picture before scaling.
+    scale, thickness
+        Size of `picture` relative to the one searched; thickness of the frame, px.
+    template
+        Shape of the template, to rotate the frame with the match; None for the upright box around it.
+    dashed
+        Whether the frame is dashed.
+    """
+    corners = _corners(match, scale, thickness // 2 + 1, template)
+    for colour, width in ((WHITE, thickness + 2), (FRAME, thickness)):
+        for start, end in zip(corners, (*corners[1:], corners[0]), strict=True):
+            for one, other in _dashes(start, end, 5 * thickness) if dashed else [(start, end)]:
+                cv2.line(picture, one, other, colour, width)
+
+
+def _corners(match: TemplateMatch, scale: float, away: int, template: Shape | None) -> tuple[Point, ...]:
+    if template is None or not match.rotation:
+        left, top = round(match.col * scale) - away, round(match.row * scale) - away
+        right = round((match.col + match.width) * scale) + away
+        bottom = round((match.row + match.height) * scale) + away
+        return (left, top), (right, top), (right, bottom), (left, bottom)
+    centre_row, centre_col = (match.row + match.height / 2) * scale, (match.col + match.width / 2) * scale
+    tall, wide = (side * match.scale * scale / 2 + away for side in template[:2])
+    sine, cosine = math.sin(math.radians(match.rotation)), math.cos(math.radians(match.rotation))
+    # Rows count downwards: seen on screen, a counter-clockwise rotation moves the right side up.
+    return tuple(
+        (round(centre_col + col * cosine + row * sine), round(centre_row - col * sine + row * cosine))
+        for row, col in ((-tall, -wide), (-tall, wide), (tall, wide), (tall, -wide))
+    )
+
+
+def _dashes(start: Point, end: Point, length: int) -> Iterator[tuple[Point, Point]]:
+    """Yield the ends of the dashes of a line, with gaps as long as a dash; both ends of the line have a dash."""
+    span = max(abs(end[0] - start[0]), abs(end[1] - start[1]))
+    pieces = 2 * max(1, round(span / length / 2)) + 1
+    at = [
+        (round(start[0] + (end[0] - start[0]) * step / pieces), round(start[1] + (end[1] - start[1]) * step / pieces))
+        for step in range(pieces + 1)
+    ]
+    yield from zip(at[::2], at[1::2], strict=True)
+
+
+def trial_jpeg(part: Image, trial: Trial, place: tuple[int, int], shape: tuple[int, int]) -> bytes:
+    """Return the part as a JPEG: a thin white frame at the known place, a bold one where the template was found.
+
+    Parameters
+    ----------
+    part
+        The part searched.
+    trial
+        Result of a method; a miss has no bold frame.
+    place
+        True (row, col) of the template's top-left pixel.
+    shape
+        (height, width) of the template.
+    """
+    shown = np.ascontiguousarray(as_rgb(part)).copy()
+    thin = max(2, shown.shape[1] // 300)
+    _draw_box(shown, place, shape, thin, WHITE, BLACK)
+    if trial.outcome in ("right", "elsewhere") and trial.row is not None and trial.col is not None:
+        _draw_box(shown, (trial.row, trial.col), shape, 3 * thin, FRAME, WHITE)
+    return jpeg(shown)
+
+
+def _draw_box(
+    picture: Rgb,
+    place: tuple[int, int],
+    shape: tuple[int, int],
+    thick: int,
+    colour: Colour,
+    rim: Colour,
+) -> None:
+    (row, col), (height, width) = place, shape
+    top_left, bottom_right = (col - 1, row - 1), (col + width, row + height)
+    cv2.rectangle(picture, top_left, bottom_right, rim, thick + 2)
+    cv2.rectangle(picture, top_left, bottom_right, colour, thick)

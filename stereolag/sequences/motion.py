@@ -11,9 +11,15 @@ import numpy as np
 from stereolag.core.arrays import FloatMap, Rgb
 from stereolag.core.inputs import Image
 from stereolag.core.progress import Progress
-from stereolag.figures.flow import flow_colours, largest_motion, with_arrows
-from stereolag.figures.outlines import outline_of, with_outlines
-from stereolag.figures.pictures import NO_ANSWER, as_rgb
+from stereolag.figures.pictures import (
+    NO_ANSWER,
+    as_rgb,
+    flow_colours,
+    largest_motion,
+    outline_of,
+    with_arrows,
+    with_outlines,
+)
 from stereolag.geometry.calibration import Calibration
 from stereolag.motion.matcher import optical_flow
 from stereolag.motion.scene_flow import SceneFlow, scene_flow

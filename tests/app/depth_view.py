@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereolag.figures.colour_ranges import disparity_range
+from stereolag.figures.legends import disparity_range
 from stereolag.geometry.calibration import Calibration
 from stereolag.pair import PairId
 from stereolag.stereo.opencv import StereoBM, StereoSGBM

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.figures.edges import edge_path
+from stereolag.figures.pictures import edge_path
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth import maps
 from stereolag.ui.depth.maps import OUTLINED

@@ -10,7 +10,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.assess.judging import measured_reference
 from stereolag.core.typography import typeset
-from stereolag.figures.differences import ERROR_COLOURS, NO_TRUTH, error_png
+from stereolag.figures.maps import ERROR_COLOURS, NO_TRUTH, error_png
 from stereolag.figures.pictures import NO_ANSWER
 from stereolag.io.images import read_image
 from stereolag.stereo.evaluation import evaluate

@@ -13,7 +13,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.assess.judging import TuningPair
 from stereolag.assess.sweep import parameters, sweep
 from stereolag.core.settings import changed
-from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps
+from stereolag.figures.maps import ContactSheet, sweep_bad, sweep_maps
 from stereolag.io.settings import read_matcher
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset

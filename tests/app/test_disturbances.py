@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from streamlit.testing.v1 import AppTest
 
-from stereolag.figures import disturbances
+from stereolag.signals import by_hand
 from stereolag.signals.verdict import Reason
 from stereolag.ui.lag.disturbances.words import EXAMPLES, SLIDERS, START, WORDS
 
@@ -17,12 +17,12 @@ from stereolag.ui.lag.disturbances.words import EXAMPLES, SLIDERS, START, WORDS
 def test_the_lag_page_hands_over_what_is_mixed_whatever_is_measured(open_page: Callable[[str], AppTest]) -> None:
     app = open_page("pages/1_Sensor_lag.py")
     (told,) = disturbed(app)
-    parts, expected = told["parts"], disturbances.ingredients()
+    parts, expected = told["parts"], by_hand.ingredients()
     texts = (parts["fresh"], parts["pattern"], *parts["noises"])
     arrays = (expected.fresh, expected.pattern, expected.noise_1, expected.noise_2)
     for text, array in zip(texts, arrays, strict=True):
         np.testing.assert_array_equal(np.frombuffer(base64.b64decode(text), dtype=np.int8), array)
-    assert parts["lag"] == disturbances.LAG and told["reach"] == disturbances.MAX_LAG
+    assert parts["lag"] == by_hand.LAG and told["reach"] == by_hand.MAX_LAG
     app.button_group(key="recordings").set_value("harbour").run()
     assert disturbed(app) == [told]  # the sliders do not change
 

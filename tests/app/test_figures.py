@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereolag.figures.colour_ranges import disparity_range
-from stereolag.figures.disparity import FAR_TO_NEAR, image_into_map
+from stereolag.figures.legends import FAR_TO_NEAR, disparity_range
+from stereolag.figures.maps import image_into_map
 from stereolag.figures.pictures import NO_ANSWER, VIRIDIS, as_rgb, coloured, fitted, png
 from stereolag.figures.recordings import (
     CLOSE_UP_SAMPLES,
@@ -18,11 +18,11 @@ from stereolag.figures.recordings import (
     close_up,
     correlation_curve,
     liveliest_start,
-    shared_samples,
     waveforms,
 )
 from stereolag.figures.templates import framed, match_close_up, score_map_png
 from stereolag.signals import signal_lag
+from stereolag.signals.overlaps import overlap_slices
 from stereolag.templates import TemplateMatch
 from tests.app.uploads import noise, texture
 
@@ -128,9 +128,9 @@ def test_the_lag_is_undone(lag: int) -> None:
     first, second = sound[max(0, lag) :][:1_500], sound[max(0, -lag) :][:1_500]
     over = aligned(first, second, lag, 1.0)
     assert over.data[1].x[0] - over.data[0].x[0] == -lag
-    start, end = shared_samples(first, second, lag)
-    assert np.array_equal(first[start:end], second[start + lag : end + lag])
-    for position in (start, liveliest_start(first, start, end), end - 1):
+    shared, also = overlap_slices(first.size, second.size, lag)
+    assert np.array_equal(first[shared], second[also])
+    for position in (shared.start, liveliest_start(first, shared), shared.stop - 1):
         near = close_up(first, second, lag, position)
         assert 1 <= len(near.data[0].y) <= CLOSE_UP_SAMPLES
         assert np.allclose(near.data[0].y, near.data[1].y, atol=0.2)  # each in units of its own standard deviation
@@ -139,7 +139,7 @@ def test_the_lag_is_undone(lag: int) -> None:
 def test_the_liveliest_place_is_where_it_is_loud() -> None:
     quiet = 0.01 * noise(5_000)
     quiet[3_000:3_200] *= 100
-    assert abs(liveliest_start(quiet, 0, 5_000) - 3_000) < 20
+    assert abs(liveliest_start(quiet, slice(0, 5_000)) - 3_000) < 20
 
 
 @pytest.mark.parametrize("method", ["fft", "sampled"])

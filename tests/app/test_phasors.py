@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.figures.phasors import LAG, SIZE, Phasors, common_stretch, tone
+from stereolag.signals.phasors import (
+    LAG,
+    SIZE,
+    Phasors,
+    common_stretch,
+    tone,
+)
 from stereolag.ui.lag.phasors.words import own_in_words
 from tests.app.uploads import noise, wav
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from playwright.sync_api import expect
 
-from stereolag.figures.edges import edge_path
+from stereolag.figures.pictures import edge_path
 from stereolag.stereo.opencv import StereoBM
 from stereolag.ui.depth.comparing import show_comparison
 from tests.app.depth_view import small_view

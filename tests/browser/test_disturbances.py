@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from stereolag import signal_lag
-from stereolag.figures import disturbances
+from stereolag.signals import by_hand
 from stereolag.ui.lag.disturbances import ARITHMETIC, HERE, described_parts, fool_it
 from stereolag.ui.lag.disturbances.words import START
 from tests.browser.parts import ShowParts, sent
@@ -78,7 +78,7 @@ def judged(page: Page, first: np.ndarray, second: np.ndarray, reach: int) -> dic
     return found
 
 
-def check_verdict(page: Page, first: np.ndarray, second: np.ndarray, reach: int = disturbances.MAX_LAG) -> str:
+def check_verdict(page: Page, first: np.ndarray, second: np.ndarray, reach: int = by_hand.MAX_LAG) -> str:
     """Compare the browser's verdict with the library's answer for the same arrays; return the reason."""
     found = judged(page, first, second, reach)
     expected = signal_lag(first, second, max_lag=reach)
@@ -123,7 +123,7 @@ def test_the_browser_judges_other_recordings_as_the_library_does(arithmetic: Pag
 
 def test_what_is_mixed_is_what_the_sliders_say(arithmetic: Page) -> None:
     first, second = mixed(arithmetic, noise=-200)
-    lag = disturbances.LAG
+    lag = by_hand.LAG
     np.testing.assert_allclose(second[lag:], first[:-lag], atol=1e-6)
     assert first.std() == pytest.approx(1.0, abs=0.02)
     noisy, _ = mixed(arithmetic, noise=6)
@@ -131,7 +131,7 @@ def test_what_is_mixed_is_what_the_sliders_say(arithmetic: Page) -> None:
     other, _ = mixed(arithmetic, noise=6, draw=1)
     assert abs(np.corrcoef(noisy - first, other - first)[0, 1]) < 0.05
     _, echoed = mixed(arithmetic, noise=-200, echo=50)
-    delay = disturbances.ECHO_DELAY
+    delay = by_hand.ECHO_DELAY
     np.testing.assert_allclose(echoed[delay:], second[delay:] + 0.5 * second[:-delay], atol=1e-6)
     repeated, _ = mixed(arithmetic, noise=-200, repetition=100, period=40)
     np.testing.assert_allclose(repeated[40:], repeated[:-40], atol=1e-6)
@@ -139,7 +139,7 @@ def test_what_is_mixed_is_what_the_sliders_say(arithmetic: Page) -> None:
     assert np.corrcoef(half[400:], half[:-400])[0, 1] == pytest.approx(0.5, abs=0.07)
     _, drifting = mixed(arithmetic, noise=-200, drift=10)
     lags = [signal_lag(part[0], part[1], max_lag=lag + 20).lag for part in ends(first, drifting)]
-    assert lags[1] - lags[0] == pytest.approx(10 * 6000 / disturbances.SAMPLES, abs=1.1)
+    assert lags[1] - lags[0] == pytest.approx(10 * 6000 / by_hand.SAMPLES, abs=1.1)
 
 
 def ends(first: np.ndarray, second: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -12,8 +12,8 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from stereolag import samples
-from stereolag.figures import phasors
 from stereolag.io.recordings import read_signal
+from stereolag.signals import phasors
 from stereolag.ui.lag.phasors import described, show_phasors
 from stereolag.ui.recordings import example_recordings
 from tests.browser.parts import ShowParts, sent

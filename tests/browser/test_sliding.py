@@ -12,7 +12,7 @@ import pytest
 from numpy.lib.stride_tricks import sliding_window_view
 from playwright.sync_api import Browser, Page, expect
 
-from stereolag.figures import sliding
+from stereolag.signals import by_hand
 from stereolag.ui.lag.sliding import slide_it_yourself
 from tests.browser.parts import ShowParts, sent
 from tests.browser.visits import expect_fitting, screenshot, turned_dark
@@ -20,10 +20,10 @@ from tests.browser.visits import expect_fitting, screenshot, turned_dark
 PRODUCTS = Path(__file__).resolve().parents[2] / "stereolag" / "ui" / "lag" / "sliding" / "products.js"
 
 EXAMPLES = {
-    "Seven numbers": sliding.seven_numbers,
-    "Pure tone": sliding.tone,
-    "Unrelated noise": sliding.noise,
-    "Loud stretch": sliding.loud_stretch,
+    "Seven numbers": by_hand.seven_numbers,
+    "Pure tone": by_hand.tone,
+    "Unrelated noise": by_hand.noise,
+    "Loud stretch": by_hand.loud_stretch,
 }
 
 

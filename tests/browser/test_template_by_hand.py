@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from stereolag.figures.template_by_hand import ReducedSearch, reduced_search
 from stereolag.templates import match_template
+from stereolag.templates.by_hand import ReducedSearch, reduced_search
 from stereolag.ui.pictures import example_pictures
 from stereolag.ui.search.by_hand import search_by_hand
 from stereolag.ui.search.score_map import packed, show_score_map

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from stereolag.figures import differences, reasons, recordings
+from stereolag.figures import maps, recordings
 from stereolag.figures.match import RUNNER_UP_COLOUR, SEARCH_COLOUR, TRUTH_COLOUR, WINDOW_COLOUR
 from stereolag.figures.pictures import CORRELATION, NO_ANSWER, PEAK, SENSOR_1, SENSOR_2
 from stereolag.ui.driving.player import LINES
@@ -53,12 +53,12 @@ TOGETHER: dict[str, dict[str, Colour]] = {
     "curve": {"curve": CORRELATION, "peak": PEAK},
     "curve in doubt": {"curve": CORRELATION, "doubtful": recordings.DOUBTFUL},
     "agreement": {
-        "all": differences.ALL_AGREE,
-        "some": differences.SOME_AGREE,
-        "none": differences.ALL_DIFFER,
+        "all": maps.ALL_AGREE,
+        "some": maps.SOME_AGREE,
+        "none": maps.ALL_DIFFER,
         "no disparity": NO_ANSWER,
     },
-    "reasons": {cause.name: colour for cause, colour in reasons.REASON_COLOURS.items()},
+    "reasons": {cause.name: colour for cause, colour in maps.REASON_COLOURS.items()},
     "drive": {str(number): line.colour for number, line in enumerate(LINES)},
 }
 
@@ -125,7 +125,7 @@ def test_the_true_place_is_told_from_those_found_and_dashed_besides() -> None:
 
 def test_lines_of_methods_differ_in_more_than_colour() -> None:
     assert len({line.dash for line in LINES}) == len(LINES)
-    assert len(set(differences.DASHES)) == len(set(differences.SYMBOLS)) == len(differences.METHOD_COLOURS)
+    assert len(set(maps.DASHES)) == len(set(maps.SYMBOLS)) == len(maps.METHOD_COLOURS)
 
 
 @pytest.mark.parametrize("name", LINES_AND_FRAMES)

@@ -14,7 +14,7 @@ from straight_and_raw import ENTRIES, raw_pair, straight_pair
 
 import stereolag as sl
 from stereolag import samples
-from stereolag.figures.map_files import cloud_ply, coloured_png
+from stereolag.figures.maps import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.disparities import image_png, kitti_png, npy, pfm
 from stereolag.io.settings import settings_json

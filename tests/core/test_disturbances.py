@@ -5,8 +5,8 @@ from itertools import combinations
 import numpy as np
 
 from stereolag import signal_lag
-from stereolag.figures import disturbances
-from stereolag.figures.disturbances import Ingredients, ingredients
+from stereolag.signals import by_hand
+from stereolag.signals.by_hand import Ingredients, ingredients
 
 
 def arrays(parts: Ingredients) -> dict[str, np.ndarray]:
@@ -18,17 +18,17 @@ def test_the_same_is_mixed_each_time() -> None:
     for name, values in first.items():
         assert values.dtype == np.int8
         np.testing.assert_array_equal(values, second[name])
-        assert abs(values.std() / disturbances.UNIT - 1) < 0.06
+        assert abs(values.std() / by_hand.UNIT - 1) < 0.06
         assert np.mean(np.abs(values) == 127) < 1e-4  # hardly anything is clipped
 
 
 def test_sensor_2_hears_the_sound_from_the_first_sample_to_the_last() -> None:
     parts = ingredients()
-    earliest = disturbances.LAG + disturbances.ECHO_DELAY + disturbances.MOST_DRIFT
-    assert earliest < disturbances.BEFORE
-    assert parts.fresh.size == disturbances.SETTLING + disturbances.BEFORE + disturbances.SAMPLES
-    assert disturbances.SOFTNESS**disturbances.SETTLING < 1e-15
-    assert disturbances.LAG + disturbances.ECHO_DELAY < disturbances.MAX_LAG
+    earliest = by_hand.LAG + by_hand.ECHO_DELAY + by_hand.MOST_DRIFT
+    assert earliest < by_hand.BEFORE
+    assert parts.fresh.size == by_hand.SETTLING + by_hand.BEFORE + by_hand.SAMPLES
+    assert by_hand.SOFTNESS**by_hand.SETTLING < 1e-15
+    assert by_hand.LAG + by_hand.ECHO_DELAY < by_hand.MAX_LAG
 
 
 def test_nothing_in_it_resembles_anything_else() -> None:

@@ -9,7 +9,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereolag.figures.edges import LOOKED_AT, MOST_POINTS, edge_lines, edge_path
+from stereolag.figures.pictures import (
+    LOOKED_AT,
+    MOST_POINTS,
+    edge_lines,
+    edge_path,
+)
 from stereolag.ui.pairs import example_pair
 
 

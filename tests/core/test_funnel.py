@@ -6,8 +6,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereolag.figures.funnel import MOST_ANCHORS, MOST_DOTS, Anchor, anchors
 from stereolag.templates import exact_pixels, match_template
+from stereolag.templates.by_hand import (
+    MOST_ANCHORS,
+    MOST_DOTS,
+    Anchor,
+    anchors,
+)
 from stereolag.templates.exact_pixels import anchor_stages
 from stereolag.templates.patterns import alike, opaque_pixels, pattern_of
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stereolag.core.inputs import as_grey
-from stereolag.figures.grey_pair import TRUTH_SCALE, TRUTH_ZERO, packed_grey_pair
+from stereolag.ui.packing import TRUTH_SCALE, TRUTH_ZERO, packed_grey_pair
 
 Unpacked = tuple[dict[str, Any], dict[str, np.ndarray]]
 

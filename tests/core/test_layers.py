@@ -35,8 +35,8 @@ METHODS = {"stereo.windows", "stereo.semi_global", "stereo.opencv", "stereo.eval
 LAYERS |= dict.fromkeys(METHODS, LAYERS["stereo"] + 0.3) | {"stereo.methods": LAYERS["stereo"] + 0.4}
 """Within stereo, the stages are stacked; each method, even a new one, imports those below and no other method."""
 
-LAYERS |= {"figures.pictures": 3, "figures.flow": 3.5, "figures.outlines": 3.5}
-"""Some modules of figures are lower: coloured pictures, flows and outlines, which videos use as well."""
+LAYERS |= {"figures.pictures": 3}
+"""Pictures are lower than the other figures: videos and templates use them as well."""
 
 ALLOWED_BESIDE = {("io", "stereolag")}
 """Exported programs call the public names, so their writer looks them up."""

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from stereolag.figures.legends import strip_legend, word_legend
-from stereolag.figures.linked_pictures import (
-    Colours,
+from stereolag.figures.legends import Colours, strip_legend, word_legend
+from stereolag.ui.packing import (
     DepthScale,
     Figure,
     PackedPicture,

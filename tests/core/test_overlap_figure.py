@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag.assess.explaining import Box, window_start
-from stereolag.figures.overlap import CLOSEST, WindowGrid, overlap_figure, window_grid
+from stereolag.figures.match import (
+    CLOSEST,
+    WindowGrid,
+    overlap_figure,
+    window_grid,
+)
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 
 SHAPE = 300, 400

@@ -6,10 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag import samples
-from stereolag.figures import phasors
-from stereolag.figures.phasors import LAG, LENGTH, LONGEST_LAG, SIZE
 from stereolag.io.recordings import read_signal
-from stereolag.signals import signal_lag
+from stereolag.signals import phasors, signal_lag
+from stereolag.signals.phasors import (
+    LAG,
+    LENGTH,
+    LONGEST_LAG,
+    SIZE,
+)
 
 WHOLE = np.arange(-LONGEST_LAG, LONGEST_LAG + 1)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stereolag.figures.legends import with_legend
 from stereolag.figures.pictures import NO_ANSWER, VIRIDIS
-from stereolag.figures.printed_legend import with_legend
 
 
 def colours(picture: np.ndarray) -> set[tuple[int, ...]]:

@@ -12,8 +12,7 @@ import pytest
 from moving_drives import CAMERA, CAR_KMH, COLS, OWN_KMH, RATE, ROWS, archive, car_mask
 
 from stereolag import preset
-from stereolag.figures.outlines import Outline, outline_of, with_outlines
-from stereolag.figures.pictures import FRAME, NO_ANSWER
+from stereolag.figures.pictures import FRAME, NO_ANSWER, Outline, outline_of, with_outlines
 from stereolag.sequences import SequenceMemory, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.motion import MotionWatch
 from stereolag.sequences.records import MOTION, header, lines, read_records

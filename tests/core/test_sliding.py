@@ -5,32 +5,32 @@ import pytest
 from numpy.lib.stride_tricks import sliding_window_view
 
 from stereolag import samples
-from stereolag.figures import sliding
 from stereolag.io.recordings import read_signal
+from stereolag.signals import by_hand
 
 
-def sums(slide: sliding.Slide) -> np.ndarray:
+def sums(slide: by_hand.Slide) -> np.ndarray:
     return sliding_window_view(slide.recording, slide.cut.size) @ slide.cut
 
 
-def scores(slide: sliding.Slide) -> np.ndarray:
+def scores(slide: by_hand.Slide) -> np.ndarray:
     windows = sliding_window_view(slide.recording, slide.cut.size)
     return np.array([np.corrcoef(window, slide.cut)[0, 1] for window in windows])
 
 
-def lags(slide: sliding.Slide, heights: np.ndarray) -> list[int]:
+def lags(slide: by_hand.Slide, heights: np.ndarray) -> list[int]:
     """Return the lags with the largest height."""
     return [slide.lag + slide.step * int(place) for place in np.flatnonzero(heights > heights.max() - 1e-6)]
 
 
-def coast(**changed: int) -> sliding.Slide:
+def coast(**changed: int) -> by_hand.Slide:
     example = samples.recordings()["coast"]
     pair = (read_signal(path).channels[0] for path in (example.signal_1, example.signal_2))
-    return sliding.excerpt(*pair, **({"lag": example.lag, "start": 5191, "step": 6} | changed))
+    return by_hand.excerpt(*pair, **({"lag": example.lag, "start": 5191, "step": 6} | changed))
 
 
 def test_seven_numbers_meet_themselves_once_and_nothing_else_comes_near() -> None:
-    slide = sliding.seven_numbers()
+    slide = by_hand.seven_numbers()
     heights = np.sort(sums(slide))
     assert lags(slide, sums(slide)) == lags(slide, scores(slide)) == [8]
     assert heights[-1] == 72 and heights[-2] < 72 / 1.5
@@ -40,23 +40,23 @@ def test_the_coast_peaks_at_its_true_lag_alone() -> None:
     slide = coast()
     assert lags(slide, sums(slide)) == lags(slide, scores(slide)) == [50_082]
     assert scores(slide).max() > 0.999
-    away = np.abs(np.arange(scores(slide).size) - sliding.HOME) > 4
+    away = np.abs(np.arange(scores(slide).size) - by_hand.HOME) > 4
     assert scores(slide)[away].max() < 0.3
 
 
 def test_a_tone_fits_at_every_period() -> None:
-    slide = sliding.tone()
+    slide = by_hand.tone()
     assert lags(slide, sums(slide)) == list(range(-80, 101, 20))
 
 
 def test_noise_comes_nowhere_near_a_match() -> None:
-    slide = sliding.noise()
+    slide = by_hand.noise()
     assert sums(slide).max() < 0.5 * slide.cut @ slide.cut
     assert scores(slide).max() == pytest.approx(0.45, abs=0.005)  # the value in the text beside it
 
 
 def test_the_loud_stretch_wins_until_it_is_normalised() -> None:
-    slide = sliding.loud_stretch()
+    slide = by_hand.loud_stretch()
     (loudest,) = lags(slide, sums(slide))
     assert loudest > 130
     assert sums(slide).max() > 1.3 * slide.cut @ slide.cut

@@ -9,10 +9,9 @@ import numpy.typing as npt
 import pytest
 
 from stereolag import samples
-from stereolag.figures.block_scores import best_of_blocks, packed_score_map
-from stereolag.figures.packing import SCORE_STEPS
-from stereolag.figures.template_by_hand import PIXELS, ReducedSearch, packed_search, reduced_search
 from stereolag.io.images import read_image
+from stereolag.templates.by_hand import PIXELS, ReducedSearch, best_of_blocks, reduced_search
+from stereolag.ui.packing import SCORE_STEPS, packed_score_map, packed_search
 
 PLACE = (97, 290)
 

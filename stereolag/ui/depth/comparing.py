@@ -22,7 +22,8 @@ from stereolag.assess.judging import (
     widest_range,
 )
 from stereolag.core.arrays import FloatMap
-from stereolag.figures.differences import (
+from stereolag.figures.legends import Legend, hexadecimal, strip_legend, word_legend
+from stereolag.figures.maps import (
     ALL_AGREE,
     ALL_DIFFER,
     BELOW_TO_ABOVE,
@@ -34,8 +35,6 @@ from stereolag.figures.differences import (
     error_over_coverage,
     error_png,
 )
-from stereolag.figures.legends import Legend, hexadecimal, strip_legend, word_legend
-from stereolag.figures.linked_pictures import Picture, Reading
 from stereolag.io.tables import metrics_csv
 from stereolag.pair import Pair
 from stereolag.stereo.evaluation import CoverageCurve, Evaluation, consensus, error_against_coverage, evaluate
@@ -63,6 +62,7 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.elements import PERCENT, PIXELS, show_png
 from stereolag.ui.linked_pictures import linked_pictures
 from stereolag.ui.navigation import fragment
+from stereolag.ui.packing import Picture, Reading
 from stereolag.ui.private_files import download_button
 from stereolag.ui.results import computed, computed_before, computed_in_turn
 from stereolag.ui.sentences import percent

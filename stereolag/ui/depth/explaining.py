@@ -21,21 +21,22 @@ from stereolag.assess.explaining import (
 from stereolag.core.arrays import ReasonMap
 from stereolag.core.typography import typeset
 from stereolag.figures.legends import Legend, hexadecimal, word_legend
-from stereolag.figures.linked_pictures import Picture, Reading
+from stereolag.figures.maps import REASON_COLOURS, reasons_picture, share_of_reasons
 from stereolag.figures.match import (
     RUNNER_UP_COLOUR,
     SEARCH_COLOUR,
     TRUTH_COLOUR,
     WINDOW_COLOUR,
+    WindowGrid,
+    overlap_figure,
     patch_png,
     score_landscape,
     score_map,
     score_row,
     sub_pixel_fit,
+    window_grid,
 )
-from stereolag.figures.overlap import WindowGrid, overlap_figure, window_grid
 from stereolag.figures.pictures import as_rgb
-from stereolag.figures.reasons import REASON_COLOURS, reasons_picture, share_of_reasons
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
@@ -59,6 +60,7 @@ from stereolag.ui.match_sentences import (
     verdict,
 )
 from stereolag.ui.navigation import fragment
+from stereolag.ui.packing import Picture, Reading
 from stereolag.ui.results import computed
 from stereolag.ui.sentences import OPENCV_REASONS, REASON_WORDS, REASONS_EXPLAINED, percent
 

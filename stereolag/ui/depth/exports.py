@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from stereolag.core.arrays import FloatMap
-from stereolag.figures.map_files import cloud_ply, coloured_png
+from stereolag.figures.maps import cloud_ply, coloured_png
 from stereolag.io.confidence import confidence, confidence_png, has_scores, measured_mask_png
 from stereolag.io.disparities import check_kitti, kitti_png, npy, pfm, valid_mask_png
 from stereolag.io.programs import opencv_script, script

@@ -15,21 +15,16 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereolag.core.arrays import FloatMap, ReasonMap, Rgb
-from stereolag.figures.colour_ranges import disparity_range, searched_range
-from stereolag.figures.disparity import FAR_TO_NEAR, PALETTES
-from stereolag.figures.edges import edge_path
-from stereolag.figures.legends import Legend, disparity_legends
-from stereolag.figures.linked_pictures import (
+from stereolag.figures.legends import (
+    FAR_TO_NEAR,
+    PALETTES,
     Colours,
-    DepthScale,
-    Figure,
-    PackedPicture,
-    Picture,
-    Reading,
-    no_depth,
-    packed,
+    Legend,
+    disparity_legends,
+    disparity_range,
+    searched_range,
 )
-from stereolag.figures.pictures import as_rgb, thinned
+from stereolag.figures.pictures import as_rgb, edge_path, thinned
 from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
 from stereolag.pair import Pair
 from stereolag.stereo.evaluation import Evaluation, evaluate
@@ -44,6 +39,15 @@ from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
 from stereolag.ui.keys import COLOURS, SHOWN, TAB, preset_key
 from stereolag.ui.linked_pictures import linked_pictures, send_picture
 from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set, matchers_in_use, set_controls
+from stereolag.ui.packing import (
+    DepthScale,
+    Figure,
+    PackedPicture,
+    Picture,
+    Reading,
+    no_depth,
+    packed,
+)
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import REASON_WORDS, beyond_the_colours, duration, percent

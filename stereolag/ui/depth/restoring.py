@@ -8,7 +8,7 @@ from typing import Any
 import streamlit as st
 
 from stereolag.core.settings import scaled_settings
-from stereolag.figures.disparity import PALETTES
+from stereolag.figures.legends import PALETTES
 from stereolag.io.sessions import Colours, Session
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher

@@ -16,7 +16,7 @@ from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
 from stereolag.core.typography import typeset, typesets
-from stereolag.figures.sweeps import ContactSheet
+from stereolag.figures.maps import ContactSheet
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.reasons import Reason
 from stereolag.ui.sentences import REASON_WORDS, percent

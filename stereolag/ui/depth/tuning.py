@@ -17,7 +17,7 @@ from stereolag.assess.suggestion import Outcome, Suggestion, estimate_suggestion
 from stereolag.assess.sweep import Parameter, estimate_sweep, parameters, range_of_sweep, sweep
 from stereolag.core.estimates import Estimate
 from stereolag.core.settings import Number, changed, title_of
-from stereolag.figures.sweeps import ContactSheet, sweep_bad, sweep_maps
+from stereolag.figures.maps import ContactSheet, sweep_bad, sweep_maps
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose

@@ -13,13 +13,13 @@ import streamlit as st
 
 from stereolag.assess.explaining import AMBIGUOUS_MARGIN, BARE_CONTRAST, POOR_SCORE, RIVAL_SHARE
 from stereolag.core.inputs import Image, as_grey
-from stereolag.figures.grey_pair import packed_grey_pair
 from stereolag.figures.match import RUNNER_UP_COLOUR, SEARCH_COLOUR, TRUTH_COLOUR, WINDOW_COLOUR
 from stereolag.figures.pictures import CORRELATION, VIRIDIS
 from stereolag.pair import Pair
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.match_sentences import HOVER_WORDS
+from stereolag.ui.packing import packed_grey_pair
 
 HERE = Path(__file__).parent
 

@@ -12,8 +12,13 @@ from types import MappingProxyType
 
 import streamlit as st
 
-from stereolag.figures.legends import Legend
-from stereolag.figures.linked_pictures import Colours, PackedPicture, Picture, described, packed
+from stereolag.figures.legends import Colours, Legend
+from stereolag.ui.packing import (
+    PackedPicture,
+    Picture,
+    described,
+    packed,
+)
 
 HERE = Path(__file__).parent
 

@@ -8,7 +8,7 @@ from typing import Final
 import streamlit as st
 
 from stereolag.core.estimates import Estimate
-from stereolag.figures.trials import trial_jpeg
+from stereolag.figures.templates import trial_jpeg
 from stereolag.templates import TemplateSearch, estimate_search
 from stereolag.templates.degradation import Degradation, degraded_part, part_shape
 from stereolag.templates.opencv import estimate_opencv, is_masked

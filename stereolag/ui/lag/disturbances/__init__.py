@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 import streamlit as st
 
-from stereolag.figures import disturbances
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
+from stereolag.signals import by_hand
 from stereolag.ui.lag import sliding
 from stereolag.ui.lag.disturbances.words import EXAMPLES, SLIDERS, START, WORDS
 from stereolag.ui.linked_pictures import source
@@ -48,7 +48,7 @@ def fool_it(*, key: str) -> None:
         key=key,
         data={
             "parts": described_parts(),
-            "reach": disturbances.MAX_LAG,
+            "reach": by_hand.MAX_LAG,
             "sliders": SLIDERS,
             "start": START,
             "examples": EXAMPLES,
@@ -61,18 +61,18 @@ def fool_it(*, key: str) -> None:
 @cache
 def described_parts() -> dict[str, Any]:
     """Return the signals and constants for mixing in the browser; samples are Base64 of signed bytes."""
-    parts = disturbances.ingredients()
+    parts = by_hand.ingredients()
     return {
         "fresh": _text(parts.fresh),
         "pattern": _text(parts.pattern),
         "noises": [_text(parts.noise_1), _text(parts.noise_2)],
-        "unit": disturbances.UNIT,
-        "softness": disturbances.SOFTNESS,
-        "settling": disturbances.SETTLING,
-        "before": disturbances.BEFORE,
-        "samples": disturbances.SAMPLES,
-        "lag": disturbances.LAG,
-        "echo_delay": disturbances.ECHO_DELAY,
+        "unit": by_hand.UNIT,
+        "softness": by_hand.SOFTNESS,
+        "settling": by_hand.SETTLING,
+        "before": by_hand.BEFORE,
+        "samples": by_hand.SAMPLES,
+        "lag": by_hand.LAG,
+        "echo_delay": by_hand.ECHO_DELAY,
     }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from stereolag.figures.disturbances import LONGEST_PERIOD, MOST_DRIFT
+from stereolag.signals.by_hand import LONGEST_PERIOD, MOST_DRIFT
 
 SLIDERS: Final[tuple[dict[str, Any], ...]] = (
     {"name": "noise", "title": "Noise", "low": -30, "high": 30, "step": 1, "unit": "dB", "signed": True},

@@ -14,9 +14,17 @@ import streamlit as st
 
 from stereolag import samples
 from stereolag.core.arrays import Vector
-from stereolag.figures.phasors import LONGEST_LAG, SIZE, Phasors, common_stretch, knock, noise, tone
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag
+from stereolag.signals.phasors import (
+    LONGEST_LAG,
+    SIZE,
+    Phasors,
+    common_stretch,
+    knock,
+    noise,
+    tone,
+)
 from stereolag.ui import prose
 from stereolag.ui.lag import sliding
 from stereolag.ui.lag.phasors.words import EXAMPLES, INTRODUCTION, WORDS, excerpt_in_words, own_in_words

@@ -5,7 +5,12 @@ from __future__ import annotations
 from typing import Any, Final
 
 from stereolag.core.typography import typeset
-from stereolag.figures.phasors import LAG, LENGTH, Phasors, correlation
+from stereolag.signals.phasors import (
+    LAG,
+    LENGTH,
+    Phasors,
+    correlation,
+)
 
 INTRODUCTION: Final = (
     "Two recordings have one arrow for each frequency: their cross-spectrum. A shift in time turns each arrow in "

@@ -14,7 +14,14 @@ import streamlit as st
 
 from stereolag import samples
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
-from stereolag.figures.sliding import Slide, excerpt, loud_stretch, noise, seven_numbers, tone
+from stereolag.signals.by_hand import (
+    Slide,
+    excerpt,
+    loud_stretch,
+    noise,
+    seven_numbers,
+    tone,
+)
 from stereolag.ui.lag.sliding.words import EXAMPLES, WORDS
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.recordings import example_recordings

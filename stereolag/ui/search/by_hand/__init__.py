@@ -11,10 +11,11 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereolag.figures.template_by_hand import packed_search, reduced_search
 from stereolag.templates import TemplateMatch
+from stereolag.templates.by_hand import reduced_search
 from stereolag.ui import prose
 from stereolag.ui.linked_pictures import source
+from stereolag.ui.packing import packed_search
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.results import remembered
 from stereolag.ui.search.by_hand.words import words_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from stereolag.figures.pictures import FRAME, VIRIDIS
-from stereolag.figures.template_by_hand import ReducedSearch
+from stereolag.templates.by_hand import ReducedSearch
 
 
 def words_of(search: ReducedSearch) -> dict[str, Any]:

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereolag.figures.funnel import anchors
 from stereolag.figures.pictures import FRAME, fitted, jpeg
 from stereolag.figures.templates import what_counts
+from stereolag.templates.by_hand import anchors
 from stereolag.ui import prose
 from stereolag.ui.linked_pictures import source
 from stereolag.ui.pictures import PictureAndTemplate

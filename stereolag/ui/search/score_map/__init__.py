@@ -7,10 +7,11 @@ from pathlib import Path
 
 import streamlit as st
 
-from stereolag.figures.block_scores import ScoreMap, packed_score_map
 from stereolag.figures.templates import score_map_png
 from stereolag.templates import TemplateMatch
+from stereolag.templates.by_hand import ScoreMap
 from stereolag.ui.linked_pictures import source
+from stereolag.ui.packing import packed_score_map
 from stereolag.ui.search.by_hand import HERE as BY_HAND
 from stereolag.ui.search.by_hand import NAME
 

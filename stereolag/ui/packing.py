@@ -1,4 +1,4 @@
-"""Pictures of one scene packed for the browser: their pixels, the readings at each pixel, and their legends."""
+"""Pictures, scores and readings packed for scripts in the browser: a JSON header, and the parts it points to."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ import hashlib
 import json
 import math
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.arrays import Rgb
+from stereolag.core.arrays import FloatMap, Rgb
+from stereolag.core.inputs import Image, as_eight_bit, as_grey
 from stereolag.core.typography import typeset
-from stereolag.figures.legends import Legend, hexadecimal
+from stereolag.figures.legends import Colours, Legend, hexadecimal
 from stereolag.figures.pictures import NO_ANSWER, jpeg, png
+from stereolag.templates.by_hand import ReducedSearch, ScoreMap, best_of_blocks, block_side
 
 WIDEST = 1600
 """Px; of wider pictures only every second, third … pixel is sent: no screen shows more side by side."""
@@ -27,7 +29,128 @@ NOTHING = -32768
 LONG = -128
 """The int8 code of a step that needs an int16, which is stored separately."""
 
-FASTEST_COMPRESSION = 1
+SCORE_STEPS = 30_000
+"""Steps of a score from 0 to 1; code 0 means no score."""
+
+TRUTH_SCALE = 64
+"""Steps of the ground truth per px."""
+
+TRUTH_ZERO = 512
+"""Offset added to the ground truth, px, to make it positive; values that do not fit count as unknown."""
+
+
+class _Body:
+    """Concatenated byte strings, each located by its start and length."""
+
+    def __init__(self) -> None:
+        self.bytes = bytearray()
+
+    def add(self, data: bytes) -> tuple[int, int]:
+        start = len(self.bytes)
+        self.bytes += data
+        return start, len(data)
+
+    def after(self, header: Mapping[str, Any]) -> bytes:
+        """Return the length of the header as JSON, in four bytes, little-endian, the header, and the strings."""
+        text = json.dumps(header).encode()
+        return len(text).to_bytes(4, "little") + text + bytes(self.bytes)
+
+
+def packed_pictures(header: Mapping[str, Any], pictures: Sequence[Rgb | bytes]) -> bytes:
+    """Return pictures as bytes: the length of a JSON header, the header, and a PNG for each.
+
+    Parameters
+    ----------
+    header
+        Further data for the browser. Added are `digest`, which identifies the content, `steps` (:data:`SCORE_STEPS`),
+        and `parts`: start and length of each PNG after the header.
+    pictures
+        (rows, cols, 3) uint8 RGB arrays, or PNGs.
+    """
+    body = _Body()
+    places = [body.add(picture if isinstance(picture, bytes) else png(picture)) for picture in pictures]
+    digest = hashlib.sha256(json.dumps(header).encode() + body.bytes).hexdigest()
+    return body.after({**header, "digest": digest, "steps": SCORE_STEPS, "parts": places})
+
+
+def scores_as_colours(scores: npt.NDArray[np.floating[Any]]) -> Rgb:
+    """Return scores of -1..1 as (rows, cols, 3) uint8: red and green are the high and the low byte of the code."""
+    return _in_two_bytes(np.where(np.isnan(scores), 0, np.rint((scores + 1) * SCORE_STEPS) + 1))
+
+
+def _in_two_bytes(codes: npt.NDArray[np.floating[Any]]) -> Rgb:
+    high, low = np.divmod(codes.astype(np.uint16), 256)
+    return np.stack([high, low, np.zeros_like(low)], axis=-1).astype(np.uint8)
+
+
+def packed_search(search: ReducedSearch, *, name: str, words: Mapping[str, Any]) -> bytes:
+    """Return a search as :func:`packed_pictures`: picture, template, opaque pixels, scores.
+
+    Parameters
+    ----------
+    search
+        The search to send.
+    name
+        Its name in the browser.
+    words
+        Texts beside it.
+    """
+    opaque = np.stack([search.opaque * np.uint8(255)] * 3, axis=-1)
+    header = {
+        "name": name,
+        "factor": search.factor,
+        "row": search.row,
+        "col": search.col,
+        "leaders": [{"row": row, "col": col, "score": score} for row, col, score in search.leaders()],
+        "words": dict(words),
+    }
+    return packed_pictures(header, (search.picture, search.template, opaque, scores_as_colours(search.score_map)))
+
+
+def packed_score_map(png: bytes, score_map: ScoreMap, *, name: str, words: Mapping[str, Any]) -> bytes:
+    """Return a map as :func:`packed_pictures`: picture, best scores and their offsets.
+
+    Parameters
+    ----------
+    png
+        The map as drawn by :func:`~stereolag.figures.templates.score_map_png`.
+    score_map
+        (rows, cols), NaN = no score.
+    name
+        Name of the search to which a clicked place is sent.
+    words
+        Texts below the map.
+    """
+    factor = block_side(score_map)
+    best, down, right = best_of_blocks(score_map, factor)
+    offsets = np.stack([down, right, np.zeros_like(down)], axis=-1).astype(np.uint8)
+    return packed_pictures(
+        {"name": name, "factor": factor, "words": dict(words)}, (png, scores_as_colours(best), offsets)
+    )
+
+
+def packed_grey_pair(left: Image, right: Image, truth: FloatMap | None, *, name: str, digest: str) -> bytes:
+    """Return a pair as bytes: the length of a JSON header, the header, and the PNGs it points to.
+
+    Parameters
+    ----------
+    left, right
+        (H, W), (H, W, 3) or (H, W, 4) checked images of the same size and dtype. 8-bit values are kept unchanged.
+    truth
+        (H, W) disparities, px, NaN = unknown; None if there is no ground truth. Sent as a PNG whose red and green are
+        the high and the low byte.
+    name, digest
+        Name of the place, and digest of the pair, in the browser.
+    """
+    grey = as_eight_bit(as_grey(left), as_grey(right))
+    body = _Body()
+    header: dict[str, Any] = {"name": name, "digest": digest, "rows": left.shape[0], "cols": left.shape[1]}
+    header |= {side: body.add(png(image)) for side, image in zip(("left", "right"), grey, strict=True)}
+    header["truth"] = None
+    if truth is not None:
+        codes = np.rint((truth.astype(np.float64) + TRUTH_ZERO) * TRUTH_SCALE)
+        header["truth"] = body.add(png(_in_two_bytes(np.where((codes > 0) & (codes < 2**16), codes, 0))))
+    return body.after(header)
 
 
 @dataclass(frozen=True)
@@ -113,19 +236,6 @@ class Picture:
     alternative: Callable[[], str] = str
 
 
-@dataclass(frozen=True, eq=False)
-class Colours:
-    """The colours all maps share, a (256, 3) uint8 palette from `low` to `high`, and the outlines over them.
-
-    `outlines` is an SVG path, px of the whole picture; "" = none. It is sent separately.
-    """
-
-    low: float
-    high: float
-    palette: Rgb
-    outlines: str = ""
-
-
 @dataclass(frozen=True)
 class PackedPicture:
     """The pixels and readings of a picture, encoded for the browser.
@@ -172,8 +282,7 @@ def packed(picture: Picture) -> PackedPicture:
         pixels = picture.pixels[::step, ::step]
         header["image"] = body.add(jpeg(pixels) if picture.photograph else png(pixels))
         header["type"] = "image/jpeg" if picture.photograph else "image/png"
-    text = json.dumps(header).encode()
-    content = len(text).to_bytes(4, "little") + text + bytes(body.bytes)
+    content = body.after(header)
     digest = hashlib.sha256(content).hexdigest()
     return PackedPicture(digest.encode() + content, digest, shape, step)
 
@@ -232,18 +341,6 @@ def described(
     }
 
 
-class _Body:
-    """Concatenated byte strings, each located by its start and length."""
-
-    def __init__(self) -> None:
-        self.bytes = bytearray()
-
-    def add(self, data: bytes) -> tuple[int, int]:
-        start = len(self.bytes)
-        self.bytes += data
-        return start, len(data)
-
-
 def _reading(reading: Reading, step: int, body: _Body) -> dict[str, Any]:
     values = reading.values[::step, ::step]
     quantum = 1.0
@@ -262,8 +359,8 @@ def _reading(reading: Reading, step: int, body: _Body) -> dict[str, Any]:
     long = (steps > 127) | (steps < -127)
     short = np.where(long, np.int16(LONG), steps).astype(np.int8)
     return {
-        "steps": body.add(zlib.compress(short.data, FASTEST_COMPRESSION)),
-        "long_steps": body.add(zlib.compress(steps[long].data, FASTEST_COMPRESSION)),
+        "steps": body.add(zlib.compress(short.data, zlib.Z_BEST_SPEED)),
+        "long_steps": body.add(zlib.compress(steps[long].data, zlib.Z_BEST_SPEED)),
         "rows": values.shape[0],
         "cols": values.shape[1],
         "quantum": quantum,

@@ -1,0 +1,301 @@
+"""A template search small enough to do by hand: reduced pictures, the best scores of blocks, and the search by anchors.
+
+For the browser, which lets people drag the template, read the score map and follow the "sampled" search step by step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.core.arrays import Mask, Rgb
+from stereolag.core.inputs import Image, as_image
+from stereolag.figures.pictures import as_rgb
+from stereolag.templates.correlation import scores_at
+from stereolag.templates.exact_pixels import AnchorStages, Indices, anchor_stages, rare_pixels
+from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of
+from stereolag.templates.search import match_template
+
+ScoreMap = npt.NDArray[np.float32]
+Offsets = npt.NDArray[np.intp]
+
+PIXELS = 250_000
+"""Pixels of the reduced picture: some hundred kilobytes to send, and one screen's width."""
+
+LEAST_SIDE = 12
+"""Px; a smaller template shows too little. To avoid that, only a part of the picture is sent."""
+
+LEAST_OPAQUE = 16
+"""With fewer fully opaque pixels, those that are at least half opaque count too."""
+
+RIVALS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedSearch:
+    """A picture, a template and the score of every place, reduced for the browser.
+
+    Attributes
+    ----------
+    picture
+        (rows, cols, 3) uint8 RGB; each pixel is the mean of factor × factor pixels of the image.
+    template
+        (height, width, 3) uint8 RGB.
+    opaque
+        (height, width), the pixels compared.
+    score_map
+        (rows - height + 1, cols - width + 1) float32, NaN where the window is flat.
+    factor
+        Image pixels along each side averaged into one.
+    row, col
+        Image pixel at which the picture begins.
+    part
+        Whether the picture shows only a part of the image.
+    """
+
+    picture: Rgb
+    template: Rgb
+    opaque: Mask
+    score_map: ScoreMap
+    factor: int
+    row: int
+    col: int
+    part: bool
+
+    def leaders(self) -> list[tuple[int, int, float]]:
+        """Return (row, col, score) of the best places, best first, each at least one template size from the others."""
+        left = np.where(np.isnan(self.score_map), -np.inf, self.score_map)
+        height, width = self.opaque.shape
+        best: list[tuple[int, int, float]] = []
+        while len(best) <= RIVALS and np.isfinite(left.max()):
+            row, col = (int(place) for place in np.unravel_index(int(left.argmax()), left.shape))
+            best.append((row, col, float(left[row, col])))
+            left[max(0, row - height + 1) : row + height, max(0, col - width + 1) : col + width] = -np.inf
+        return best
+
+
+def reduced_search(
+    image: Image, template: Image, mask: Image | None, *, near: tuple[int, int] | None = None, pixels: int = PIXELS
+) -> ReducedSearch:
+    """Reduce an image and a template by the same whole factor, and score the template at every place in the image.
+
+    Parameters
+    ----------
+    image, template, mask
+        As in :func:`stereolag.templates.match_template`.
+    near
+        (row, col) of a place to keep: it falls on a pixel of the reduced picture, and if only a part of the image is
+        kept, that part surrounds it.
+    pixels
+        Approximate number of pixels of the reduced picture.
+
+    Raises
+    ------
+    ValueError
+        If the template is constant, or becomes so when reduced.
+    """
+    whole, small = as_image(image, "image"), as_image(template, "template")
+    opaque = opaque_pixels(small, mask)
+    colours, sought = (as_rgb(one[:, :, 0] if one.shape[2] == 1 else one) for one in alike(whole, small))
+    wanted = math.ceil(math.sqrt(whole.shape[0] * whole.shape[1] / pixels))
+    factor = max(1, min(wanted, min(opaque.shape) // LEAST_SIDE))
+    place = near or (0, 0)
+    starts, sides = zip(
+        *(
+            _part(length, least, at, factor, math.sqrt(pixels / (whole.shape[0] * whole.shape[1])))
+            for length, least, at in zip(whole.shape[:2], opaque.shape, place, strict=True)
+        ),
+        strict=True,
+    )
+    ends = [start + side * factor for start, side in zip(starts, sides, strict=True)]
+    picture = _block_means(colours[starts[0] : ends[0], starts[1] : ends[1]], factor)
+    reduced, counts = _reduced_template(sought, opaque, factor)
+    scores = match_template(picture, reduced, mask=counts.astype(np.uint8), min_score=-1.0).score_map
+    assert scores is not None
+    part = any(side * factor < length - 2 * factor for side, length in zip(sides, whole.shape[:2], strict=True))
+    return ReducedSearch(picture, reduced, counts, scores, factor, starts[0], starts[1], part)
+
+
+def _part(length: int, least: int, at: int, factor: int, share: float) -> tuple[int, int]:
+    """Return the start of the picture along one side, and its number of reduced pixels.
+
+    A picture still far too large at this factor is cut to a part around the place `at`.
+    """
+    offset = at % factor
+    side = (length - offset) // factor
+    if share * factor > 1 / math.sqrt(2):
+        return offset, side
+    kept = min(side, max(round(length * share), 3 * (least // factor)))
+    first = min(max(0, (at - offset) // factor + least // factor // 2 - kept // 2), side - kept)
+    return offset + first * factor, kept
+
+
+def _block_means(colours: Rgb, factor: int) -> Rgb:
+    rows, cols = colours.shape[0] // factor, colours.shape[1] // factor
+    whole = np.ascontiguousarray(colours[: rows * factor, : cols * factor])
+    return np.asarray(cv2.resize(whole, (cols, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _reduced_template(colours: Rgb, opaque: Mask, factor: int) -> tuple[Rgb, Mask]:
+    """Return the mean of the opaque pixels of each block, and which blocks count."""
+    rows, cols = opaque.shape[0] // factor, opaque.shape[1] // factor
+    inner = np.s_[: rows * factor, : cols * factor]
+    blocks = opaque[inner].reshape(rows, factor, cols, factor)
+    filled = blocks.mean(axis=(1, 3))
+    sums = np.where(opaque[..., np.newaxis], colours, 0)[inner].reshape(rows, factor, cols, factor, 3)
+    means = sums.sum(axis=(1, 3)) / np.maximum(blocks.sum(axis=(1, 3)), 1)[..., np.newaxis]
+    counts = filled == 1
+    if np.count_nonzero(counts) < LEAST_OPAQUE:
+        counts = filled >= 0.5
+    return np.rint(means).astype(np.uint8), counts
+
+
+SCORE_MAP_WIDTH = 700
+
+BAND = 32
+"""Rows of blocks processed at a time, so that the map of a large image is never copied as a whole."""
+
+
+def block_side(score_map: ScoreMap) -> int:
+    """Return how many places along each side share one pixel of the map shown."""
+    return max(1, -(-int(score_map.shape[1]) // SCORE_MAP_WIDTH))
+
+
+def best_of_blocks(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets, Offsets]:
+    """Return the highest score of each block of factor × factor places, and its row and column offsets.
+
+    Offsets are from the block's top-left corner; a block without scores is NaN.
+    """
+    bands = [
+        _best_of_band(score_map[first : first + factor * BAND], factor)
+        for first in range(0, score_map.shape[0], factor * BAND)
+    ]
+    best, down, right = (np.concatenate(parts) for parts in zip(*bands, strict=True))
+    return best, down, right
+
+
+def _best_of_band(score_map: ScoreMap, factor: int) -> tuple[ScoreMap, Offsets, Offsets]:
+    rows, cols = (-(-side // factor) for side in score_map.shape)
+    padded = np.full((rows * factor, cols * factor), -np.inf, dtype=np.float32)
+    padded[: score_map.shape[0], : score_map.shape[1]] = np.nan_to_num(score_map, nan=-np.inf)
+    blocks = padded.reshape(rows, factor, cols, factor).swapaxes(1, 2).reshape(rows, cols, factor * factor)
+    down, right = np.divmod(blocks.argmax(axis=2), factor)
+    best = blocks.max(axis=2)
+    return np.where(np.isneginf(best), np.float32(np.nan), best), down, right
+
+
+MOST_ANCHORS = 24
+"""Most template pixels to choose from, each of a different colour."""
+
+FEWEST_ANCHORS = 8
+
+MOST_COMPARED = 100_000_000
+"""Limit on image pixels times anchors: in larger images fewer anchors are tried."""
+
+MOST_COLOURS = 4096
+"""Most colours of a template, the rarest, from which the anchors are taken."""
+
+MOST_DOTS = 600
+"""Most dots per stage; if there are more, only every second, third … is shown."""
+
+MOST_PRODUCTS = 30_000_000
+"""If scoring the remaining positions takes more pixel products, they are only counted."""
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """A pixel of the template, and the image positions left at each stage of the search for it.
+
+    Attributes
+    ----------
+    row, col
+        Position of the pixel in the template.
+    run
+        First and last column of the opaque run along its row.
+    colour
+        Its red, green and blue, 0..255.
+    counts
+        Pixels of the image, those of this value, positions where both ends of the run agree too, positions scored.
+    dots
+        For the last three stages, (row, col) of the anchor in the image; only some if there are many.
+    best
+        (row, col, score) of the best position; None if no positions are left, or too many to score.
+    """
+
+    row: int
+    col: int
+    run: tuple[int, int]
+    colour: tuple[int, int, int]
+    counts: tuple[int, int, int, int]
+    dots: tuple[list[tuple[int, int]], ...]
+    best: tuple[int, int, float] | None
+
+
+def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | None = 0) -> list[Anchor]:
+    """Return the stages for anchors of different colours, in the order in which "sampled" would try them.
+
+    Parameters
+    ----------
+    image, template, mask, seed
+        As in :func:`stereolag.templates.match_template`. If the template has many colours, the rarest are taken, and
+        then others evenly from the rest.
+
+    Raises
+    ------
+    ValueError
+        If the template is constant, or image and template differ in dtype.
+    """
+    large, small = as_image(image, "image"), as_image(template, "template")
+    searched, colours = alike(large, small)
+    if searched.dtype != colours.dtype:
+        raise ValueError(f"image holds {searched.dtype} and template {colours.dtype} pixels; both must be of one type.")
+    searched = np.ascontiguousarray(searched)
+    pattern = pattern_of(colours, opaque_pixels(small, mask))
+    shown = as_rgb(colours[:, :, 0] if colours.shape[2] == 1 else colours)
+    pixels = searched.shape[0] * searched.shape[1]
+    most = min(MOST_ANCHORS, max(FEWEST_ANCHORS, MOST_COMPARED // pixels))
+    chosen = rare_pixels(searched, pattern, seed, most=MOST_COLOURS)
+    if len(chosen) > most:
+        later = np.linspace(FEWEST_ANCHORS, len(chosen) - 1, most - FEWEST_ANCHORS).astype(int)
+        chosen = chosen[:FEWEST_ANCHORS] + [chosen[at] for at in later]
+    found = []
+    for row, col in chosen:
+        try:
+            stages = anchor_stages(searched, pattern, row, col)
+        except ValueError:  # too common to search
+            continue
+        kept = (stages.coloured, stages.agreeing, stages.scored)
+        coloured, agreeing, scored = (len(rows) for rows, _ in kept)
+        red, green, blue = (int(channel) for channel in shown[row, col])
+        found.append(
+            Anchor(
+                row,
+                col,
+                stages.run,
+                (red, green, blue),
+                (pixels, coloured, agreeing, scored),
+                tuple(_dots(rows + row, cols + col) for rows, cols in kept),
+                _best(searched, pattern, stages),
+            )
+        )
+    return found
+
+
+def _dots(rows: Indices, cols: Indices) -> list[tuple[int, int]]:
+    every = max(1, -(-len(rows) // MOST_DOTS))
+    return list(zip(rows[::every].tolist(), cols[::every].tolist(), strict=True))
+
+
+def _best(image: Image, pattern: Pattern, stages: AnchorStages) -> tuple[int, int, float] | None:
+    rows, cols = stages.scored
+    if len(rows) == 0 or len(rows) * pattern.deviations.size > MOST_PRODUCTS:
+        return None
+    scores = scores_at(image, pattern.deviations, pattern.opaque, rows, cols)
+    if np.isnan(scores).all():
+        return None
+    best = int(np.nanargmax(scores))
+    return int(rows[best]), int(cols[best]), float(scores[best])
