@@ -13,7 +13,7 @@ import numpy.typing as npt
 from benchmarks.pairs import DATA, true_pairs
 from stereolag.assess.diagnosis import Diagnosis, FindingCode, diagnose
 from stereolag.assess.features import Correspondences
-from stereolag.assess.orientation import find_correspondences, straightened
+from stereolag.assess.orientation import find_correspondences, best_rectification
 from stereolag.core.inputs import as_grey
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
@@ -45,11 +45,11 @@ def raw_rows() -> Iterator[dict[str, object]]:
         views = read_image(path), read_image(path.with_name(path.name.replace("left", "right")))
         diagnosis, row = examined(path.stem, *views)
         corners = board_corners(*views)
-        found = straightened(find_correspondences(*views))
+        found = best_rectification(find_correspondences(*views))
         swapped = diagnose(*views[::-1]).finding(FindingCode.SWAPPED)
         row["swapped is told"] = "yes" if swapped is not None and not swapped.healthy else "no"
         row["corners' rows off"] = f"{rms(corners.dy):.2f}"
-        row["after rectifying"] = "" if found is None else f"{rms(found.model.row_errors(corners)):.2f}"
+        row["after rectifying"] = "" if found is None else f"{rms(found.row_errors(corners)):.2f}"
         nearest = float(np.max(-corners.dx))
         row["nearest corner"] = f"{nearest:.0f} px, {'inside' if covered(diagnosis, -corners.dx) == 1 else 'OUTSIDE'}"
         yield row
@@ -77,9 +77,9 @@ def lens_rows() -> Iterator[dict[str, object]]:
             views = through_lens(left, k1), through_lens(right, k1)
             diagnosis, row = examined(f"{name}, k1 {k1:+.2f}", *views)
             true = true_matches(truth, k1)
-            found = straightened(find_correspondences(*views))
+            found = best_rectification(find_correspondences(*views))
             row["true spread"] = f"{float(np.std(true.dy)):.2f}"
-            errors = None if found is None else found.model.row_errors(true)
+            errors = None if found is None else found.row_errors(true)
             centre = (np.array(true.shape[::-1]) - 1) / 2
             outer = np.linalg.norm(true.left - centre, axis=1) > CORNER * np.hypot(*true.shape)
             row["after"] = "" if errors is None else f"{rms(errors):.2f}"

@@ -18,11 +18,11 @@ from stereolag.assess.features import FEWEST_MATCHES, Correspondences
 from stereolag.assess.orientation import (
     UncalibratedRectification,
     bend_of,
+    best_rectification,
     find_correspondences,
     match_noise,
     row_residuals,
     row_spread,
-    straightened,
     vertical_plane,
 )
 from stereolag.assess.remedies import Remedy, exposed_alike, exposure
@@ -412,7 +412,7 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
     turned = float(np.degrees(sine)), 1 + growth
     residuals, bend = row_residuals(points), bend_of(points)
     bent, noise, ends = row_spread(residuals), match_noise(points, residuals), np.percentile(residuals, (2, 98))
-    straight = straightened(points) if max(bent, float(np.std(bend))) * points.scale > DOUBTED_PX else None
+    straight = best_rectification(points) if max(bent, float(np.std(bend))) * points.scale > DOUBTED_PX else None
     if straight is not None and np.std(bend) > bent:
         bent, ends = float(np.std(bend)), np.percentile(bend, (2, 98))
     rows = judge_bent_rows(
@@ -420,13 +420,13 @@ def _judge_geometry(points: Correspondences) -> tuple[Finding, ...]:
         noise if straight is None else min(noise, straight.spread_px),
         (float(ends[0]), float(ends[1])),
         points.scale,
-        None if straight is None else (straight.spread_px, straight.model.lens),
+        None if straight is None else (straight.spread_px, straight.lens),
     )
     if straight is None or rows.remedy is None:
         sides = judge_sides(*disparities_of(points))
         return sides, judge_rows(offset, spread), judge_rotation(*turned), rows
     # The remedy for bent rows also corrects offset and rotation.
-    sides = _judge_raw_sides(straight.model, points)
+    sides = _judge_raw_sides(straight, points)
     return sides, judge_rows(offset, spread, remedy=None), judge_rotation(*turned, remedy=None), rows
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -14,6 +14,7 @@ from stereolag.core.inputs import Image, as_grey
 
 Points = npt.NDArray[np.float32]
 Eight = npt.NDArray[np.uint8]
+Codes = npt.NDArray[np.integer[Any] | np.floating[Any]]
 Chosen = npt.NDArray[np.bool_]
 
 FEWEST_MATCHES = 25
@@ -26,18 +27,18 @@ FEATURES = 2000
 FAST_THRESHOLD = 8
 LOWEST_CONTRAST = 0.02
 
-DISTINCT = 0.8
+LOWE_RATIO = 0.8
 """A SIFT feature is matched if its best candidate is closer than this share of the next one's distance (Lowe 2004)."""
 
-LONELY = 0.85
-"""A match is distinct if it is closer than this share of the distance to any other feature of its own image; on a
+DISTINCTIVE = 0.85
+"""A match is distinctive if it is closer than this share of the distance to any other feature of its own image; on a
 repeating pattern, where it may be one repetition off, it is not."""
 
 APART_PX = 5.0
 """Features closer together than this show the same point."""
 
-PATCH = 15
-"""Side of the optical-flow window that refines a match, px."""
+PATCH, FARTHEST_REFINED_PX = 15, 3
+"""Side of the optical-flow window that refines a match, and how far it may move a match, px."""
 
 
 @dataclass(frozen=True)
@@ -82,133 +83,119 @@ class Correspondences:
         return Correspondences(left, right, self.shape, self.scale)
 
 
-@dataclass(frozen=True)
-class ReducedPair:
-    """Both views in 8-bit grey, reduced to the size at which features are matched."""
+@dataclass(frozen=True, eq=False)
+class FeatureMatches:
+    """Feature matches of two views: mostly right on an easy pair, mostly wrong on a hard one.
 
-    left: Eight
-    right: Eight
+    Attributes
+    ----------
+    points
+        The matches, refined to sub-pixel precision by Lucas-Kanade flow.
+    places, codes
+        Positions and descriptors of all features, for the left and for the right view.
+    indices
+        (2, n) The matched features of the left and of the right view.
+    distances
+        (n,) The distances of their descriptors.
+    norm
+        The norm that compares descriptors.
+    """
+
+    points: Correspondences
+    places: Sequence[Points]
+    codes: Sequence[Codes]
+    indices: npt.NDArray[np.intp]
+    distances: npt.NDArray[np.float64]
+    norm: int
+
+    def distinctive(self) -> Correspondences:
+        """Return the matches whose features resemble no other feature of their own view."""
+        distinctive = np.ones(len(self.points), dtype=np.bool_)
+        for places, codes, which in zip(self.places, self.codes, self.indices, strict=True):
+            ranked = cv2.BFMatcher(self.norm).knnMatch(codes[which], codes, k=4) if len(which) else ()
+            for number, (own, near) in enumerate(zip(which, ranked, strict=True)):
+                others = (one.distance for one in near if np.abs(places[own] - places[one.trainIdx]).max() > APART_PX)
+                distinctive[number] &= self.distances[number] < DISTINCTIVE * next(others, np.inf)
+        return self.points.chosen(distinctive)
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedPair:
+    """Both views in 8-bit grey, reduced to the size at which features are matched.
+
+    Attributes
+    ----------
+    views
+        The left and the right view.
+    shape
+        (rows, cols) before they were reduced.
+    scale
+        Factor by which they were reduced.
+    """
+
+    views: tuple[Eight, Eight]
     shape: tuple[int, int]
     scale: float
 
+    @classmethod
+    def of(cls, left: Image, right: Image) -> ReducedPair:
+        """Return two checked images of one size, prepared for feature matching."""
+        shape = left.shape[0], left.shape[1]
+        scale = min(1.0, LARGEST_SIDE / max(shape))
+        return cls((_stretched(left, scale), _stretched(right, scale)), shape, scale)
 
-def reduced_pair(left: Image, right: Image) -> ReducedPair:
-    """Return two checked images of one size, prepared for feature matching."""
-    shape = left.shape[0], left.shape[1]
-    scale = min(1.0, LARGEST_SIDE / max(shape))
-    return ReducedPair(_stretched(left, scale), _stretched(right, scale), shape, scale)
+    def binary_matches(self) -> FeatureMatches:
+        """Return the mutual best matches of ORB features (Rublee et al. 2011): fast."""
+        detector = cv2.ORB.create(FEATURES, fastThreshold=FAST_THRESHOLD)
+        places, codes = self._features(detector, smallest=detector.getPatchSize())
+        matcher = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True)
+        found = matcher.match(*codes) if all(map(len, places)) else ()
+        return self._refined(places, codes, found, cv2.NORM_HAMMING, must_converge=True)
 
+    def gradient_matches(self) -> FeatureMatches:
+        """Return SIFT matches that pass the ratio test (Lowe 2004): several times slower, but more robust."""
+        detector = cv2.SIFT.create(FEATURES, contrastThreshold=LOWEST_CONTRAST)
+        places, codes = self._features(detector, smallest=PATCH)
+        enough = len(places[0]) and len(places[1]) > 1
+        ranked = cv2.BFMatcher(cv2.NORM_L2).knnMatch(*codes, k=2) if enough else ()
+        found = [best for best, second in ranked if best.distance < LOWE_RATIO * second.distance]
+        return self._refined(places, codes, found, cv2.NORM_L2, must_converge=False)
 
-@dataclass(frozen=True)
-class View:
-    """The features of one view: positions, descriptors, and the norm that compares descriptors."""
+    def _features(self, detector: cv2.Feature2D, *, smallest: int) -> tuple[list[Points], list[Codes]]:
+        """Return positions and descriptors of the features of both views; none if a side is below `smallest`."""
+        places, codes = [], []
+        for view in self.views:
+            keys, described = detector.detectAndCompute(view, None) if min(view.shape) >= smallest else ((), None)
+            places.append(np.array([key.pt for key in keys], dtype=np.float32).reshape(-1, 2))
+            codes.append(np.empty((0, 1), np.uint8) if described is None else described)
+        return places, codes
 
-    places: Points
-    codes: npt.NDArray[np.integer[Any] | np.floating[Any]]
-    norm: int
-
-    def __len__(self) -> int:
-        return len(self.places)
-
-    def lonely(self, which: npt.NDArray[np.intp], distances: npt.NDArray[np.float64]) -> Chosen:
-        """Return the mask of features whose match is closer than any other feature of this view."""
-        ranked = cv2.BFMatcher(self.norm).knnMatch(self.codes[which], self.codes, k=4)
-        others = np.full(len(which), np.inf)
-        for number, (own, near) in enumerate(zip(which, ranked, strict=True)):
-            apart = (one.distance for one in near if self._apart(own, one.trainIdx))
-            others[number] = next(apart, np.inf)
-        return np.asarray(distances < LONELY * others)
-
-    def _apart(self, one: int, other: int) -> bool:
-        return bool(np.abs(self.places[one] - self.places[other]).max() > APART_PX)
-
-
-@dataclass(frozen=True)
-class Candidates:
-    """Feature matches of a reduced pair: mostly right on an easy pair, mostly wrong on a hard one."""
-
-    pair: ReducedPair
-    left: View
-    right: View
-    found: tuple[cv2.DMatch, ...]
-    must_converge: bool = field(kw_only=True)
-    """Whether a match that optical flow cannot refine is dropped; otherwise it keeps its unrefined position."""
-
-    @cached_property
-    def points(self) -> Correspondences:
-        """Return the matches, refined to sub-pixel precision by Lucas-Kanade flow."""
-        return self._matched(np.ones(len(self.found), dtype=np.bool_))
-
-    @cached_property
-    def distinct(self) -> Correspondences:
-        """Return the matches whose features resemble no other feature of their own image."""
-        if not self.found:
-            return self.points
-        distances = np.array([match.distance for match in self.found])
-        left, right = (np.array(which) for which in zip(*((m.queryIdx, m.trainIdx) for m in self.found), strict=True))
-        return self._matched(self.left.lonely(left, distances) & self.right.lonely(right, distances))
-
-    def _matched(self, which: Chosen) -> Correspondences:
-        start, guess = self._places[0][which], self._places[1][which]
-        end, near = self._refined[0][which], self._refined[1][which]
-        if self.must_converge:
-            start, end = start[near], end[near]
-        else:
-            end = np.where(near[:, None], end, guess)
+    def _refined(
+        self,
+        places: list[Points],
+        codes: list[Codes],
+        found: Sequence[cv2.DMatch],
+        norm: int,
+        *,
+        must_converge: bool,
+    ) -> FeatureMatches:
+        """Refine matches by optical flow; one whose flow does not converge is dropped, or stays where it was."""
+        indices = np.array([(one.queryIdx, one.trainIdx) for one in found], dtype=np.intp).reshape(-1, 2).T
+        distances = np.array([one.distance for one in found])
+        start, end = places[0][indices[0]], places[1][indices[1]]
+        if len(start):
+            size, flags = (PATCH, PATCH), cv2.OPTFLOW_USE_INITIAL_FLOW
+            flow, ok, _ = cv2.calcOpticalFlowPyrLK(
+                *self.views, start, end.copy(), winSize=size, maxLevel=0, flags=flags
+            )
+            near = (ok.ravel() == 1) & (np.abs(flow - end).max(axis=1) < FARTHEST_REFINED_PX)
+            end = np.where(near[:, None], flow, end)
+            if must_converge:
+                start, end, indices, distances = start[near], end[near], indices[:, near], distances[near]
         # A pixel of the small image stands for the centre of a block of the large one.
-        ends = [np.asarray((points + 0.5) / self.pair.scale - 0.5, dtype=np.float32) for points in (start, end)]
-        return Correspondences(ends[0], ends[1], self.pair.shape, self.pair.scale)
-
-    @cached_property
-    def _places(self) -> tuple[Points, Points]:
-        left = self.left.places[[match.queryIdx for match in self.found]]
-        return left, self.right.places[[match.trainIdx for match in self.found]]
-
-    @cached_property
-    def _refined(self) -> tuple[Points, Chosen]:
-        """Return the refined end points, and the mask of those whose flow converged near the guess."""
-        start, guess = self._places
-        if not len(start):
-            return guess, np.zeros(0, dtype=np.bool_)
-        end, ok, _ = cv2.calcOpticalFlowPyrLK(
-            self.pair.left,
-            self.pair.right,
-            start,
-            guess.copy(),
-            winSize=(PATCH, PATCH),
-            maxLevel=0,
-            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        )
-        return np.asarray(end, np.float32), (ok.ravel() == 1) & (np.abs(end - guess).max(axis=1) < 3)
-
-
-def binary_candidates(pair: ReducedPair) -> Candidates:
-    """Return the mutual best matches of ORB features (Rublee et al. 2011): fast."""
-    detector = cv2.ORB.create(FEATURES, fastThreshold=FAST_THRESHOLD)
-    left, right = _views(pair, detector, cv2.NORM_HAMMING, smallest=detector.getPatchSize())
-    found = cv2.BFMatcher(left.norm, crossCheck=True).match(left.codes, right.codes) if len(left) and len(right) else ()
-    return Candidates(pair, left, right, tuple(found), must_converge=True)
-
-
-def gradient_candidates(pair: ReducedPair) -> Candidates:
-    """Return SIFT matches that pass the ratio test (Lowe 2004): several times slower, but robust to differing views."""
-    detector = cv2.SIFT.create(FEATURES, contrastThreshold=LOWEST_CONTRAST)
-    left, right = _views(pair, detector, cv2.NORM_L2, smallest=PATCH)
-    if not len(left) or len(right) < 2:
-        return Candidates(pair, left, right, (), must_converge=False)
-    ranked = cv2.BFMatcher(left.norm).knnMatch(left.codes, right.codes, k=2)
-    found = tuple(best for best, second in ranked if best.distance < DISTINCT * second.distance)
-    return Candidates(pair, left, right, found, must_converge=False)
-
-
-def _views(pair: ReducedPair, detector: cv2.Feature2D, norm: int, *, smallest: int) -> tuple[View, View]:
-    """Return the features of both views; none if a side of the image is below `smallest`."""
-    found = []
-    for image in (pair.left, pair.right):
-        keys, codes = detector.detectAndCompute(image, None) if min(image.shape) >= smallest else ((), None)
-        places = np.array([key.pt for key in keys], dtype=np.float32).reshape(-1, 2)
-        found.append(View(places, np.empty((0, 1), np.uint8) if codes is None else codes, norm))
-    return found[0], found[1]
+        left, right = (np.asarray((points + 0.5) / self.scale - 0.5, dtype=np.float32) for points in (start, end))
+        points = Correspondences(left, right, self.shape, self.scale)
+        return FeatureMatches(points, places, codes, indices, distances, norm)
 
 
 def _stretched(image: Image, scale: float) -> Eight:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -15,9 +15,7 @@ from stereolag.assess.features import (
     FEWEST_MATCHES,
     Chosen,
     Correspondences,
-    binary_candidates,
-    gradient_candidates,
-    reduced_pair,
+    ReducedPair,
 )
 from stereolag.core.arrays import DoubleMap
 from stereolag.core.inputs import Image
@@ -66,6 +64,8 @@ class UncalibratedRectification:
         (9, 9) covariance of the parameters.
     shape
         (rows, cols) of the images.
+    spread_px
+        Robust standard deviation of the row differences of matches it was not fitted to, px; NaN if not measured.
 
     Notes
     -----
@@ -76,6 +76,7 @@ class UncalibratedRectification:
     parameters: DoubleMap
     covariance: DoubleMap
     shape: tuple[int, int]
+    spread_px: float = np.nan
 
     @property
     def lens(self) -> float:
@@ -117,7 +118,7 @@ class UncalibratedRectification:
 
     def _sources(self, target: npt.NDArray[np.intp]) -> list[DoubleMap]:
         """Return the points of the left and right images that map to given points of the rectified ones."""
-        width, centre = self.shape[1], _centre(self.shape)
+        width, centre = self.shape[1], centre_of(self.shape)
         focal, cameras = _cameras(self.parameters)
         rays = np.column_stack([(target - self._shift - centre) / (width * focal), np.ones(len(target))])
         found = []
@@ -130,7 +131,7 @@ class UncalibratedRectification:
     @cached_property
     def _shift(self) -> DoubleMap:
         """Return the common (x, y) shift that centres both rectified images in the frame, px."""
-        centre = _centre(self.shape)[None]
+        centre = centre_of(self.shape)[None]
         left, right = _rectified(self.parameters, self.shape, centre, centre)
         return np.asarray((centre - (left + right) / 2)[0])
 
@@ -213,7 +214,8 @@ def _slopes(function: Callable[[DoubleMap], DoubleMap], at: DoubleMap, here: Dou
     return np.column_stack([(function(at + step) - here) / DIFFERENCE for step in steps])
 
 
-def _centre(shape: tuple[int, int]) -> DoubleMap:
+def centre_of(shape: tuple[int, int]) -> DoubleMap:
+    """Return the (x, y) of the centre of an image, px."""
     return (np.array(shape[::-1], dtype=np.float64) - 1) / 2
 
 
@@ -232,7 +234,7 @@ def _rectified(
     parameters: DoubleMap, shape: tuple[int, int], *views: npt.NDArray[np.floating]
 ) -> tuple[DoubleMap, DoubleMap]:
     """Return the rectified positions of points of the left and right images, before both are moved into the frame."""
-    width, centre = shape[1], _centre(shape)
+    width, centre = shape[1], centre_of(shape)
     focal, cameras = _cameras(parameters)
     done = []
     for points, (turn, length) in zip(views, cameras, strict=True):
@@ -285,27 +287,6 @@ RECTIFIED_GAIN = 0.6
 """Share of the original row residuals below which a rectification must bring held-out row errors to be worthwhile."""
 
 
-@dataclass(frozen=True)
-class Straightened:
-    """A rectification from the images alone, and its error on held-out matches.
-
-    Attributes
-    ----------
-    model
-        Fitted to all matches.
-    spread_px
-        Robust standard deviation of the held-out row differences, px.
-    """
-
-    model: UncalibratedRectification
-    spread_px: float
-
-
-def centre_of(points: Correspondences) -> DoubleMap:
-    """Return the (x, y) of the image centre, px."""
-    return (np.array(points.shape[::-1], dtype=np.float64) - 1) / 2
-
-
 def robust_fit(terms: DoubleMap, values: DoubleMap) -> DoubleMap:
     """Return the (k,) coefficients of ``values = terms @ coefficients`` by Cauchy-reweighted least squares.
 
@@ -329,7 +310,7 @@ def vertical_plane(points: Correspondences) -> tuple[float, float, float]:
 
     a is the row offset at the centre (px), b the sine of the rotation and c the difference in scale between the views.
     """
-    terms = np.column_stack([np.ones(len(points)), points.left - centre_of(points)])
+    terms = np.column_stack([np.ones(len(points)), points.left - centre_of(points.shape)])
     offset, rotation, growth = robust_fit(terms, points.dy.astype(np.float64))
     return float(offset), float(rotation), float(growth)
 
@@ -337,7 +318,9 @@ def vertical_plane(points: Correspondences) -> tuple[float, float, float]:
 def row_residuals(points: Correspondences) -> DoubleMap:
     """Return dy minus its best-fitting offset, rotation and scale, px."""
     offset, *slopes = vertical_plane(points)
-    return np.asarray(points.dy - (offset + (points.left - centre_of(points)) @ np.array(slopes)), dtype=np.float64)
+    return np.asarray(
+        points.dy - (offset + (points.left - centre_of(points.shape)) @ np.array(slopes)), dtype=np.float64
+    )
 
 
 def row_spread(residuals: DoubleMap) -> float:
@@ -355,7 +338,7 @@ def row_terms(points: Correspondences) -> DoubleMap:
     To first order: offset, rotation, scale; the yaws of the left and right cameras and their pitch; and radial
     distortion, which moves a point in proportion to the cube of its distance from the centre.
     """
-    width, centre = points.shape[1], centre_of(points)
+    width, centre = points.shape[1], centre_of(points.shape)
     left, right = ((places - centre) / width for places in (points.left, points.right))
     x, y = left.T
     lens = right[:, 1] * (right**2).sum(axis=1) - y * (left**2).sum(axis=1)
@@ -396,8 +379,8 @@ def match_noise(points: Correspondences, residuals: DoubleMap) -> float:
     return row_spread((left[near[:, 1:]] - left[:, None]).ravel() / np.sqrt(2))
 
 
-def straightened(points: Correspondences) -> Straightened | None:
-    """Return the rectification from matches alone that does best on held-out matches; None if none helps much.
+def best_rectification(points: Correspondences) -> UncalibratedRectification | None:
+    """Return the rectification fitted to matches that does best on held-out matches; None if none helps much.
 
     It includes a lens coefficient only if that helps.
     """
@@ -408,8 +391,9 @@ def straightened(points: Correspondences) -> Straightened | None:
     noise = max(LEAST_NOISE_PX, row_spread(freed_errors))
     gain = np.log1p((turned_errors / noise) ** 2).sum() - np.log1p((freed_errors / noise) ** 2).sum()
     model, errors = (freed, freed_errors) if gain > EVIDENCE else (turned, turned_errors)
-    found = Straightened(model, row_spread(errors))
-    return found if found.spread_px < RECTIFIED_GAIN * row_spread(row_residuals(points)) else None
+    spread = row_spread(errors)
+    helps = spread < RECTIFIED_GAIN * row_spread(row_residuals(points))
+    return replace(model, spread_px=spread) if helps else None
 
 
 EPIPOLAR_PX = 1.0
@@ -453,28 +437,28 @@ def find_correspondences(left: Image, right: Image) -> Correspondences:
     Correspondences
         Possibly empty: matches that could have arisen by chance are no evidence.
     """
-    pair = reduced_pair(left, right)
-    quick = binary_candidates(pair)
+    pair = ReducedPair.of(left, right)
+    quick = pair.binary_matches()
     easy = _nearly_rectified(quick.points)
     if len(easy) >= ENOUGH:
         return _followed(quick.points, easy) if np.std(bend_of(easy)) * pair.scale > UNBENT_PX else easy
-    thorough = gradient_candidates(pair)
-    every, distinct = quick.points.joined(thorough.points), quick.distinct.joined(thorough.distinct)
+    thorough = pair.gradient_matches()
+    every, distinct = quick.points.joined(thorough.points), quick.distinctive().joined(thorough.distinctive())
     models = [_settled(distinct, seed) for seed in (_epipolar(distinct), _on_a_plane(distinct))]
     best = min((model for model in models if model), key=lambda model: robust_cost(model, distinct), default=None)
     if best is None or _agreeing(best, distinct).sum() < CHANCE_SHARE * len(distinct):
-        return every.chosen(np.zeros(len(every), dtype=np.bool_))
+        return every.chosen(_none(every))
     return _followed(every, every.chosen(_agreeing(best, every)))
 
 
 def _epipolar(points: Correspondences) -> Chosen:
     """Return the mask of matches on the epipolar lines of the best fundamental matrix."""
     if len(points) < 8:
-        return np.zeros(len(points), dtype=np.bool_)
+        return _none(points)
     _, agreeing = cv2.findFundamentalMat(
         points.left, points.right, cv2.USAC_MAGSAC, EPIPOLAR_PX / points.scale, 0.999, 5000
     )
-    return np.zeros(len(points), dtype=np.bool_) if agreeing is None else np.asarray(agreeing.ravel() == 1)
+    return _none(points) if agreeing is None else np.asarray(agreeing.ravel() == 1)
 
 
 def _nearly_rectified(points: Correspondences) -> Correspondences:
@@ -482,13 +466,13 @@ def _nearly_rectified(points: Correspondences) -> Correspondences:
     agreeing = _epipolar(points)
     for _ in range(3):
         if agreeing.sum() < ENOUGH:
-            return points.chosen(np.zeros(len(points), dtype=np.bool_))
+            return points.chosen(_none(points))
         terms = row_terms(points)
         residuals = points.dy - terms @ robust_fit(terms[agreeing], points.dy[agreeing].astype(np.float64))
         spread = row_spread(residuals[agreeing]) * points.scale
         agreeing = np.abs(residuals) * points.scale < AGREEMENT * max(spread, NOISE_PX)
     easy = spread < EVEN_PX and agreeing.mean() > EASY_SHARE
-    return points.chosen(agreeing if easy else np.zeros(len(points), dtype=np.bool_))
+    return points.chosen(agreeing if easy else _none(points))
 
 
 def _on_a_plane(points: Correspondences) -> Chosen:
@@ -497,8 +481,8 @@ def _on_a_plane(points: Correspondences) -> Chosen:
     On a repeating pattern, more matches may agree on an epipolar geometry that such cameras cannot have.
     """
     if len(points) < 8:
-        return np.zeros(len(points), dtype=np.bool_)
-    places = np.column_stack([np.ones(len(points)), (points.left - centre_of(points)) / points.shape[1]])
+        return _none(points)
+    places = np.column_stack([np.ones(len(points)), (points.left - centre_of(points.shape)) / points.shape[1]])
     sample = np.random.default_rng(0).integers(0, len(points), (PLANES, 3))
     corners, heights = places[sample], points.dy[sample].astype(np.float64)
     wide = np.abs(np.linalg.det(corners)) > 0.01
@@ -506,7 +490,7 @@ def _on_a_plane(points: Correspondences) -> Chosen:
     slopes = np.abs(planes[:, 1:]).max(axis=1, initial=0) / points.shape[1]
     planes = planes[slopes < STEEPEST]
     if not len(planes):
-        return np.zeros(len(points), dtype=np.bool_)
+        return _none(points)
     near = np.abs(points.dy - planes @ places.T) < PLANE_SHARE * points.shape[0]
     return np.asarray(near[near.sum(axis=1).argmax()])
 
@@ -531,6 +515,10 @@ def _followed(every: Correspondences, agreeing: Correspondences) -> Corresponden
         tolerance = max(2 * NOISE_PX, AGREEMENT * 1.4826 * float(np.median(errors)))
         agreeing = every.chosen(np.abs(model.row_errors(every)) * every.scale < tolerance)
     return agreeing
+
+
+def _none(points: Correspondences) -> Chosen:
+    return np.zeros(len(points), dtype=np.bool_)
 
 
 def _agreeing(model: UncalibratedRectification, points: Correspondences) -> Chosen:

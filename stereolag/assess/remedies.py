@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.assess.features import FEWEST_MATCHES, Correspondences
-from stereolag.assess.orientation import centre_of, find_correspondences, robust_fit, straightened
+from stereolag.assess.orientation import best_rectification, centre_of, find_correspondences, robust_fit
 from stereolag.core.inputs import Image, as_grey, as_stereo_pair
 
 
@@ -92,7 +92,7 @@ def levelled(left: Image, right: Image) -> Image:
         If too few features are matched to find the geometry.
     """
     points = _enough_matches(left, right)
-    centre = centre_of(points)
+    centre = centre_of(points.shape)
     # The left image's rows as a plane over the right image: y_left = p * x + q * y + t about the centre.
     plane = np.column_stack([points.right - centre, np.ones(len(points))])
     p, q, t = robust_fit(plane, points.left[:, 1] - centre[1])
@@ -112,13 +112,13 @@ def rectified(left: Image, right: Image) -> tuple[Image, Image]:
     ValueError
         If too few features are matched, or the rows do not come much closer.
     """
-    found = straightened(_enough_matches(left, right))
+    found = best_rectification(_enough_matches(left, right))
     if found is None:
         raise ValueError(
             "Rotating the images and removing one lens distortion from both aligns their rows hardly better than "
             "moving, rotating and scaling one of them; calibrate the camera."
         )
-    return found.model.applied(left, right)
+    return found.applied(left, right)
 
 
 def _enough_matches(left: Image, right: Image) -> Correspondences:
