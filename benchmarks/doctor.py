@@ -13,7 +13,7 @@ import numpy.typing as npt
 from benchmarks.pairs import DATA, true_pairs
 from stereolag.assess.diagnosis import Diagnosis, FindingCode, diagnose
 from stereolag.assess.features import Correspondences
-from stereolag.assess.orientation import find_correspondences, best_rectification
+from stereolag.assess.orientation import best_rectification, find_correspondences
 from stereolag.core.inputs import as_grey
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image

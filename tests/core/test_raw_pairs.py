@@ -12,7 +12,7 @@ from raw_views import barrel, through_barrel, truth_points, turned_camera, turni
 
 from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode
 from stereolag.assess.features import Correspondences
-from stereolag.assess.orientation import find_correspondences, fit_rectification, robust_fit, best_rectification
+from stereolag.assess.orientation import best_rectification, find_correspondences, fit_rectification, robust_fit
 from stereolag.assess.remedies import Remedy, apply_remedy
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
@@ -97,7 +97,7 @@ def test_a_fit_is_not_led_by_outliers() -> None:
 
 
 @pytest.mark.parametrize(("name", "k1"), [("cube", -0.05), ("road", -0.3), ("cube", -0.3), ("giraffes", -0.3)])
-def test_bent_rows_are_measured_and_best_rectification_into_the_corners(name: str, k1: float) -> None:
+def test_bent_rows_are_measured_and_straightened_into_the_corners(name: str, k1: float) -> None:
     left, right, disparity = bundled(name)
     views, shape = (barrel(left, k1), barrel(right, k1)), left.shape[:2]
     true = matched(*(through_barrel(points, shape, k1) for points in truth_points(disparity)), shape)
