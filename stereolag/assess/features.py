@@ -149,7 +149,7 @@ class ReducedPair:
         detector = cv2.ORB.create(FEATURES, fastThreshold=FAST_THRESHOLD)
         places, codes = self._features(detector, smallest=detector.getPatchSize())
         matcher = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True)
-        found = matcher.match(*codes) if all(map(len, places)) else ()
+        found = matcher.match(codes[0], codes[1]) if all(map(len, places)) else ()
         return self._refined(places, codes, found, cv2.NORM_HAMMING, must_converge=True)
 
     def gradient_matches(self) -> FeatureMatches:
@@ -157,7 +157,7 @@ class ReducedPair:
         detector = cv2.SIFT.create(FEATURES, contrastThreshold=LOWEST_CONTRAST)
         places, codes = self._features(detector, smallest=PATCH)
         enough = len(places[0]) and len(places[1]) > 1
-        ranked = cv2.BFMatcher(cv2.NORM_L2).knnMatch(*codes, k=2) if enough else ()
+        ranked = cv2.BFMatcher(cv2.NORM_L2).knnMatch(codes[0], codes[1], k=2) if enough else ()
         found = [best for best, second in ranked if best.distance < LOWE_RATIO * second.distance]
         return self._refined(places, codes, found, cv2.NORM_L2, must_converge=False)
 
