@@ -119,8 +119,10 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
             print(f"stereolag cannot start: {fault}", file=sys.stderr)
             return 1
         sys.path.insert(0, str(APP.parent))  # as Streamlit will
+        from stereolag.io.guard import start_guard
         from stereolag.warming import warm
 
+        start_guard()
         warm()  # so that the first visitor neither waits for it nor takes its time for that of a map
         from streamlit.web import cli
 

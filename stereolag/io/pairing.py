@@ -283,9 +283,12 @@ def _folder(name: str) -> str:
 class PicturesOfFiles(Sequence[tuple[Image, Image]]):
     """Pairs of pictures that are decoded again on every access: all at once would take gigabytes."""
 
-    def __init__(self, files: Sequence[PairFiles], read: Callable[[str], bytes]) -> None:
+    def __init__(
+        self, files: Sequence[PairFiles], read: Callable[[str], bytes], decode: Callable[[bytes], Image] = read_image
+    ) -> None:
         self._files = files
         self._read = read
+        self._decode = decode
 
     def __len__(self) -> int:
         return len(self._files)
@@ -296,12 +299,12 @@ class PicturesOfFiles(Sequence[tuple[Image, Image]]):
     def __getitem__(self, number: slice) -> Sequence[tuple[Image, Image]]: ...
     def __getitem__(self, number: Any) -> Any:
         if isinstance(number, slice):
-            return PicturesOfFiles(self._files[number], self._read)
+            return PicturesOfFiles(self._files[number], self._read, self._decode)
         files = self._files[number]
         return self._picture(files.left), self._picture(files.right)
 
     def _picture(self, name: str) -> Image:
         try:
-            return read_image(self._read(name))
+            return self._decode(self._read(name))
         except ValueError as error:
             raise ValueError(f"{quoted(name)}: {error}") from error

@@ -15,6 +15,7 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.io.archives import Archive
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import read_disparity
+from stereolag.io.guard import Door, unguarded
 from stereolag.io.images import read_image
 from stereolag.io.settings import matcher_from, parsed_json, settings_document
 from stereolag.stereo.matcher import FARTHEST_FIRST, LARGEST_COUNT, StereoMatcher
@@ -93,8 +94,10 @@ def holds_session(archive: Archive) -> bool:
     return SESSION in archive.names
 
 
-def read_session(archive: Archive) -> Session:
+def read_session(archive: Archive, door: Door = unguarded) -> Session:
     """Read an archive saved on the depth page; values missing in the session get the page's defaults.
+
+    Its files are read through `door`: the guard, or none.
 
     Raises
     ------
@@ -110,13 +113,13 @@ def read_session(archive: Archive) -> Session:
     files = {what: name for what, name in _object(pair.get("files")).items() if isinstance(name, str)}
     if not {"left", "right"} <= set(files):
         raise ValueError(f"The {WHAT} does not name the left and the right image.")
-    left, right = as_stereo_pair(*(read_image(archive.read(files[side])) for side in ("left", "right")))
-    truth = read_disparity(archive.read(files["truth"])) if "truth" in files else None
-    visible = _mask(read_image(archive.read(files["visible"]))) if "visible" in files else None
+    left, right = as_stereo_pair(*(door(read_image)(archive.read(files[side])) for side in ("left", "right")))
+    truth = door(read_disparity)(archive.read(files["truth"])) if "truth" in files else None
+    visible = _mask(door(read_image)(archive.read(files["visible"]))) if "visible" in files else None
     for what, found in (("ground truth", truth), ("mask", visible)):
         if found is not None and found.shape != left.shape[:2]:
             raise ValueError(f"The {what} in the archive has another size than the left image.")
-    calibration = read_calibration(archive.read(files["calibration"])) if "calibration" in files else None
+    calibration = door(read_calibration)(archive.read(files["calibration"])) if "calibration" in files else None
     methods = document.get("methods")
     return Session(
         left,

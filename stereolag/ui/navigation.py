@@ -15,6 +15,7 @@ import streamlit as st
 from starlette.formparsers import MultiPartParser
 
 from stereolag.core.limits import set_defaults
+from stereolag.io.guard import start_guard
 from stereolag.ui import prose
 from stereolag.ui.persistence import run_of_page, run_of_part
 from stereolag.ui.states import show_failed, show_out_of_memory
@@ -84,6 +85,7 @@ def _prepare_process() -> None:
         max_frames=MAX_FRAMES,
         max_video_s=MAX_VIDEO_S,
     )
+    start_guard()
     warm()
     # By default, an upload above 1 MB is written to a temporary file on its way into memory.
     MultiPartParser.spool_max_size = st.get_option("server.maxUploadSize") * 2**20

@@ -8,6 +8,7 @@ import streamlit as st
 
 from stereolag import samples
 from stereolag.core.inputs import Image, as_image
+from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.ui.choices import OWN, choose, image_limits, own_or_example, show_limits
 from stereolag.ui.persistence import persistent
@@ -84,11 +85,11 @@ def _own_pictures() -> PictureAndTemplate | None:
     """Ask for two files and an optional mask; return the last ones that fit together."""
     columns = st.columns(3, gap="medium")
     with columns[0]:
-        picture = upload("Image", read_image, key=f"{KEY}.picture", types=PICTURE_TYPES)
+        picture = upload("Image", guarded(read_image), key=f"{KEY}.picture", types=PICTURE_TYPES)
     with columns[1]:
         template = upload(
             "Template",
-            read_image,
+            guarded(read_image),
             key=f"{KEY}.template",
             types=PICTURE_TYPES,
             note="The thing to find, cut from the image or at the same scale. Transparent parts do not count.",
@@ -96,7 +97,7 @@ def _own_pictures() -> PictureAndTemplate | None:
     with columns[2]:
         mask = upload(
             "Mask of the template (optional)",
-            read_image,
+            guarded(read_image),
             key=f"{KEY}.mask",
             types=PICTURE_TYPES,
             note="An image of the template’s size, black where the template does not count, as around a cursor or a "
@@ -111,7 +112,7 @@ def _own_pictures() -> PictureAndTemplate | None:
 
 def _own_cut() -> PictureAndTemplate | None:
     """Ask for an image file, and for a box in it."""
-    picture = upload("Image", read_image, key=f"{KEY}.picture", types=PICTURE_TYPES)
+    picture = upload("Image", guarded(read_image), key=f"{KEY}.picture", types=PICTURE_TYPES)
     show_limits(image_limits())
     if picture is None:
         return None

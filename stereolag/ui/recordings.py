@@ -11,6 +11,7 @@ import streamlit as st
 from stereolag import samples
 from stereolag.core.arrays import Vector
 from stereolag.core.inputs import as_signal
+from stereolag.io.guard import guarded
 from stereolag.io.recordings import Recording, at_one_rate, read_signal
 from stereolag.ui import prose
 from stereolag.ui.choices import choose, own_or_example, show_limits
@@ -62,14 +63,14 @@ def _own_recordings() -> RecordingPair | None:
     with columns[0]:
         first = upload(
             "Sensor 1",
-            read_signal,
+            guarded(read_signal),
             key=f"{KEY}.file_1",
             types=RECORDING_TYPES,
             note="A file of two channels is enough. Columns of numbers are channels too.",
         )
         channel_1 = _channel(first, 0, key=f"{KEY}.channel_1")
     with columns[1]:
-        second = upload("Sensor 2", read_signal, key=f"{KEY}.file_2", types=RECORDING_TYPES)
+        second = upload("Sensor 2", guarded(read_signal), key=f"{KEY}.file_2", types=RECORDING_TYPES)
         both_in_one = second is None and first is not None and len(_signals(first.content)) > 1
         holder = first if both_in_one else second
         channel_2 = _channel(holder, 1 if both_in_one else 0, key=f"{KEY}.channel_2")

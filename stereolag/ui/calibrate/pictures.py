@@ -11,6 +11,8 @@ from stereolag.core.estimates import Estimate
 from stereolag.core.limits import limits
 from stereolag.geometry.boards import MOST_PAIRS, Pairs
 from stereolag.io.archives import is_archive, read_archive
+from stereolag.io.guard import guarded
+from stereolag.io.images import read_image
 from stereolag.io.pairing import PicturesOfFiles, matched_pairs
 from stereolag.io.sources import MAX_BYTES, harmless
 from stereolag.ui.calibrate.examples import EXAMPLES, WRONG_PAIR, example_pairs
@@ -119,7 +121,7 @@ def _matched(files: Sequence[tuple[str, bytes]]) -> tuple[tuple[str, ...], Pairs
         )
     if len(pairs) > MOST_PAIRS:
         raise ValueError(f"These are {len(pairs)} pairs; at most {MOST_PAIRS} are accepted, and 8 to 40 are enough.")
-    pictures = PicturesOfFiles(pairs, lambda name: readers[name]())
+    pictures = PicturesOfFiles(pairs, lambda name: readers[name](), guarded(read_image))
     pixels = max(image.shape[0] * image.shape[1] for image in pictures[0])
     alone = len([name for name in readers if name.lower().endswith(PICTURE_TYPES)]) - 2 * len(pairs)
     return tuple(harmless(pair.name) for pair in pairs), pictures, pixels, max(0, alone)

@@ -11,6 +11,7 @@ from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.geometry.rectification import as_deep, calibration_for, cropped_alike, halves
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import read_stored_disparity
+from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PairFiles
 from stereolag.io.sessions import Session
@@ -38,7 +39,7 @@ class Pictures:
 
 def split_picture(data: bytes) -> Pictures:
     """Return both halves of a side-by-side image, without a digest; raise ValueError if it cannot be read or halved."""
-    both = read_image(data)
+    both = guarded(read_image)(data)
     left, right = halves(both)
     width = both.shape[1]
     odd = f" Its width of {width} px is odd: the middle column is left out." if width % 2 else ""
@@ -105,11 +106,11 @@ def named_pair(files: PairFiles, read: Callable[[str], bytes], digest: str) -> P
     ValueError
         If the images cannot be read or do not fit together, or the ground truth does not fit them.
     """
-    left, right = read_image(read(files.left)), read_image(read(files.right))
+    left, right = (guarded(read_image)(read(name)) for name in (files.left, files.right))
     changes: list[str] = []
     truth = None
     if files.truth is not None:
-        stored = read_stored_disparity(read(files.truth))
+        stored = guarded(read_stored_disparity)(read(files.truth))
         divisor = stored.divisor or float(likely_divisor(stored.divided(1.0), left, right))
         truth = Truth(stored.divided(divisor), "")
         if stored.divisor is None:
@@ -117,7 +118,7 @@ def named_pair(files: PairFiles, read: Callable[[str], bytes], digest: str) -> P
     calibration = None
     if files.calibrations:
         try:
-            calibration = Upload("", read_calibration(*map(read, files.calibrations)))
+            calibration = Upload("", guarded(read_calibration)(*map(read, files.calibrations)))
         except ValueError as error:
             changes.append(f"The pair’s calibration is not used. {error}")
     pair = together(Pictures(left, right, digest, tuple(changes)), truth, calibration)

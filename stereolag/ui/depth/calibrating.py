@@ -9,6 +9,7 @@ import streamlit as st
 
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import read_calibration
+from stereolag.io.guard import guarded
 from stereolag.pair import Pair
 from stereolag.ui.calibrate.kept import use_kept_calibration
 from stereolag.ui.persistence import persistent
@@ -27,7 +28,7 @@ def ask_calibration(key: str) -> Calibrated | None:
             unit = st.session_state.get(f"{key}.unit", "m")
             given = upload_together(
                 "Calibration files",
-                lambda contents: read_calibration(*contents, length_unit_m=UNITS[unit]),
+                lambda contents: guarded(read_calibration)(*contents, length_unit_m=UNITS[unit]),
                 key=f"{key}.calibration",
                 types=CALIBRATION_TYPES,
                 note="All files of one calibration, together or one by one. OpenCV’s YAML, XML or JSON, NPZ, ROS, "

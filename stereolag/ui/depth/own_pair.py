@@ -11,6 +11,7 @@ from stereolag.assess.disparities import DIVISORS, likely_divisor
 from stereolag.core.inputs import Image
 from stereolag.io.archives import is_archive
 from stereolag.io.disparities import StoredDisparity, read_stored_disparity
+from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.pair import Pair
 from stereolag.ui.choices import image_limits, show_limits
@@ -77,7 +78,7 @@ def _ask_two_pictures(key: str) -> Pictures | Upload[Bundle] | None:
     if left is not None and not isinstance(left.content, np.ndarray):
         return Upload(left.digest, left.content)
     with columns[1]:
-        right = upload("Right image", read_image, key=f"{key}.right", types=PICTURE_TYPES)
+        right = upload("Right image", guarded(read_image), key=f"{key}.right", types=PICTURE_TYPES)
     if left is None or right is None:
         return None
     assert isinstance(left.content, np.ndarray)
@@ -86,7 +87,7 @@ def _ask_two_pictures(key: str) -> Pictures | Upload[Bundle] | None:
 
 
 def _picture_or_bundle(data: bytes) -> Image | Bundle:
-    return read_bundle([("", data)]) if is_archive(data) else read_image(data)
+    return read_bundle([("", data)]) if is_archive(data) else guarded(read_image)(data)
 
 
 def _ask_one_picture(key: str) -> Pictures | None:
@@ -104,7 +105,7 @@ def _ask_truth(key: str, pictures: Pictures | None) -> Truth | None:
     """Ask for the ground truth of the left image; the default divisor of 8-bit values is the one that fits the pair."""
     given = upload(
         "Ground truth (optional)",
-        read_stored_disparity,
+        guarded(read_stored_disparity),
         key=f"{key}.truth",
         types=DISPARITY_TYPES,
         note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s) or of 8 bits, whose divisor is found from the pair.",

@@ -10,6 +10,7 @@ from typing import TypeAlias
 import streamlit as st
 
 from stereolag.io.archives import is_archive, read_archive
+from stereolag.io.guard import guarded
 from stereolag.io.pairing import PairFiles, matched_pairs
 from stereolag.io.sessions import Session, holds_session, read_session
 from stereolag.io.sources import MAX_BYTES, harmless
@@ -78,7 +79,7 @@ def read_bundle(files: Sequence[tuple[str, bytes]]) -> Bundle:
     if len(files) == 1 and is_archive(files[0][1]):
         archive = read_archive(files[0][1])
         if holds_session(archive):
-            return read_session(archive)
+            return read_session(archive, guarded)
         return _pair_set(archive.names, archive.read, digest)
     if sum(len(data) for _, data in files) > MAX_BYTES:
         raise ValueError(f"The files exceed {MAX_BYTES // 2**20} MB in total, the most that is accepted.")
