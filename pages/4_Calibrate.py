@@ -3,11 +3,16 @@
 import streamlit as st
 
 from stereolag.ui import prose
-from stereolag.ui.calibrate.board import ask_board
-from stereolag.ui.calibrate.pairs import ask_pairs, choose_shown, show_pair, show_rectified
 from stereolag.ui.calibrate.pictures import BoardPictures, choose_board_pictures
-from stereolag.ui.calibrate.result import show_coverage, show_downloads, show_figures
-from stereolag.ui.calibrate.work import calibrated, found_boards
+from stereolag.ui.calibrate.result import (
+    choose_shown,
+    show_coverage,
+    show_downloads,
+    show_figures,
+    show_pair,
+    show_rectified,
+)
+from stereolag.ui.calibrate.work import ask_board, ask_pairs, calibrated, found_boards
 from stereolag.ui.navigation import fragment, page
 
 

@@ -7,6 +7,7 @@ import math
 import threading
 import weakref
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar, cast
 
@@ -19,7 +20,7 @@ from stereolag.core.limits import limits
 from stereolag.core.progress import Progress, silent
 from stereolag.ui.elements import PATIENCE_S, shown_progress
 from stereolag.ui.jobs import Job, is_heavy
-from stereolag.ui.states import show_busy, show_cancelled
+from stereolag.ui.states import show_busy, show_cancelled, show_refused
 from stereolag.ui.visits import this_visit
 
 T = TypeVar("T")
@@ -236,6 +237,51 @@ def computed_in_turn(
     del jobs[task]
     result = job.result()
     _keep(results, key, result)
+    return result
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """The reason why a computation has no result, kept like one."""
+
+    reason: str
+
+
+def attempted(compute: Callable[[Progress], T]) -> Callable[[Progress], T | Refusal]:
+    """Return a computation whose ValueError is its result, so that it is kept and not tried again."""
+
+    def attempt(progress: Progress) -> T | Refusal:
+        try:
+            return compute(progress)
+        except ValueError as error:
+            return Refusal(str(error))
+
+    return attempt
+
+
+def computed_or_refused(
+    task: str,
+    compute: Callable[[Progress], T],
+    estimate: Estimate,
+    *,
+    inputs: str,
+    settings: str,
+    shared: bool,
+    label: str,
+) -> T | None:
+    """Return :func:`computed_in_turn`, or None with the reason shown if `compute` raises a ValueError.
+
+    Parameters
+    ----------
+    task, compute, estimate, inputs, settings, shared, label
+        As for :func:`computed_in_turn`.
+    """
+    result = computed_in_turn(
+        task, attempted(compute), estimate, inputs=inputs, settings=settings, shared=shared, label=label
+    )
+    if isinstance(result, Refusal):
+        show_refused(result.reason)
+        return None
     return result
 
 

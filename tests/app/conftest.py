@@ -25,7 +25,7 @@ from stereolag import samples
 from stereolag.figures.pictures import as_rgb, png
 from stereolag.io.images import read_image
 from stereolag.ui import uploads
-from stereolag.ui.calibrate import examples, result
+from stereolag.ui.calibrate import pictures, result
 from stereolag.ui.depth import maps
 from stereolag.ui.driving import frames
 from tests.app import keys
@@ -143,14 +143,14 @@ def open_unfolded(open_page: OpenPage) -> OpenPage:
 @pytest.fixture(scope="module")
 def small_boards() -> Iterator[None]:
     """Make the calibration page draw its example with fewer pairs and half the pixels."""
-    smaller, whole = np.diag([0.7, 0.7, 1.0]), examples.drawn_rig()
+    smaller, whole = np.diag([0.7, 0.7, 1.0]), pictures.drawn_rig()
     left, right = smaller @ whole.left_matrix, smaller @ whole.right_matrix
     rig = replace(whole, left_matrix=left, right_matrix=right, width=448, height=336)
     with pytest.MonkeyPatch.context() as patch:
-        for module in (examples, result):
+        for module in (pictures, result):
             patch.setattr(module, "drawn_rig", lambda: rig)
-        patch.setattr(examples, "PAIRS", 6)
-        patch.setattr(examples, "WRONG_PAIR", 3)
+        patch.setattr(pictures, "PAIRS", 6)
+        patch.setattr(pictures, "WRONG_PAIR", 3)
         st.cache_resource.clear()
         yield
         st.cache_resource.clear()

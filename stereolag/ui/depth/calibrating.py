@@ -11,7 +11,7 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.guard import guarded
 from stereolag.pair import Pair
-from stereolag.ui.calibrate.kept import use_kept_calibration
+from stereolag.ui.calibrate.result import use_kept_calibration
 from stereolag.ui.persistence import persistent
 from stereolag.ui.uploads import CALIBRATION_TYPES, Upload, upload_together
 
