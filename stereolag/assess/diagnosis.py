@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -26,9 +25,8 @@ from stereolag.assess.orientation import (
     vertical_plane,
 )
 from stereolag.assess.remedies import Remedy, exposed_alike, exposure
-from stereolag.core.estimates import OVERHEAD, Estimate, check_memory, kept_blocks
 from stereolag.core.inputs import Image, as_grey, as_stereo_pair, local_deviation
-from stereolag.stereo.estimates import fitting_pair
+from stereolag.core.jobs import COSTS, Estimate, check_memory
 
 ROW_OFFSET_PX = 0.75
 ROTATION_DEG = 0.15
@@ -238,11 +236,6 @@ TEXTURE_WINDOW = 11
 FLAT_DEVIATION = 0.01
 """A window has hardly any texture if its standard deviation is below this share of the image's grey-level range."""
 
-EXPOSED, TEXTURE = 9, 42
-"""Bytes per image value while the exposure is fitted, and per pixel while the texture is judged."""
-
-COARSE_SECONDS, VALUE_SECONDS = 0.4, 4e-8
-"""Seconds for the features and the coarse search, and per image value."""
 
 DOUBTED_PX = 0.5
 """Spread of the rows above which they are tested for bending, px at the size at which features were matched."""
@@ -339,10 +332,7 @@ def diagnose(
     """
     images = as_stereo_pair(left, right)
     shape, dtype = images[0].shape, images[0].dtype
-    check_memory(
-        estimate_diagnosis(shape, dtype),
-        partial(fitting_pair, shape=shape, of_shape=partial(estimate_diagnosis, dtype=dtype), of_disparities=None),
-    )
+    check_memory(estimate_diagnosis(shape, dtype))
     points = find_correspondences(*images)
     judged = len(points) >= FEWEST_MATCHES
     range_of_greys = _range_of_greys(images[0])
@@ -368,11 +358,9 @@ def estimate_diagnosis(shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) 
     Every channel of the right image is fitted to the left one's exposure in float64; measuring texture takes maps in
     float64. Features and coarse search cost the same at any size.
     """
-    pixels, values, pixel = shape[0] * shape[1], int(np.prod(shape)), np.dtype(dtype).itemsize
-    memory = max(EXPOSED * values, TEXTURE * pixels) + pixel * values
-    return Estimate(
-        memory + kept_blocks(4 * pixels, 2) + 2 * OVERHEAD, COARSE_SECONDS + VALUE_SECONDS * (values + pixels)
-    )
+    pixels, values = shape[0] * shape[1], int(np.prod(shape))
+    copy = values * np.dtype(dtype).itemsize
+    return COSTS["diagnosis"].estimate(pixels=pixels, values=values, copy=copy, searches=1)
 
 
 def judge_range(diagnosis: Diagnosis, min_disparity: int, num_disparities: int) -> Finding | None:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap, ReasonMap
 from stereolag.core.inputs import Image, as_grey, as_stereo_pair, of_ordinary_size
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import Progress, silent
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.engines import cheaper_engine, find_matches

@@ -10,10 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap, Mask
-from stereolag.core.estimates import Estimate
 from stereolag.core.inputs import Image, as_stereo_pair
-from stereolag.core.progress import Progress
-from stereolag.stereo.estimates import ANSWER
+from stereolag.core.jobs import Estimate, Progress
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import preset
 from stereolag.stereo.reasons import Reason
@@ -115,8 +113,8 @@ LEAST_MEASURED = 0.25
 """Smallest share of measured pixels for which a reference represents the pair: two unrelated images, or left and right
 exchanged, leave 2 to 12 %, rows 10 px off leave 22 %, sound pairs more than half."""
 
-JUDGEMENT_BYTES = 80
-"""Bytes per pixel while a map is compared with its reference, in float64."""
+JUDGEMENT_BYTES = 97
+"""Bytes per pixel of a map and its comparison with the reference, in float64."""
 
 JUDGEMENT_SECONDS = 5e-8
 """Seconds per pixel."""
@@ -246,9 +244,7 @@ class TuningPair:
         """Return the memory and time of :meth:`judge`."""
         once = matcher.estimate(self.left.shape, self.left.dtype)
         pixels = self.reference.size
-        return Estimate(
-            max(once.memory, (ANSWER + JUDGEMENT_BYTES) * pixels), once.seconds + JUDGEMENT_SECONDS * pixels
-        )
+        return Estimate(max(once.memory, JUDGEMENT_BYTES * pixels), once.seconds + JUDGEMENT_SECONDS * pixels)
 
     def map_of(self, matcher: StereoMatcher, *, progress: Progress | None = None) -> FloatMap:
         """Return the disparity map of a matcher, (H, W) px; NaN = none.

@@ -24,9 +24,8 @@ from stereolag.assess.judging import (
     judges_itself,
 )
 from stereolag.assess.sweep import parameters
-from stereolag.core.estimates import Estimate
 from stereolag.core.inputs import as_stereo_pair
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import Estimate, Progress, silent
 from stereolag.core.settings import FitsImage, Settings, changed, marker
 from stereolag.stereo.finishing.checks import LeftRightCheck
 from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter

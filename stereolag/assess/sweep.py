@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from stereolag.assess.judging import Criterion, Judgement, TuningPair, criterion_of, widest_range
 from stereolag.core.arrays import FloatMap
-from stereolag.core.estimates import Estimate
-from stereolag.core.progress import Progress, part, silent
+from stereolag.core.jobs import Estimate, Progress, part, silent
 from stereolag.core.settings import Bounds, Number, Settings, changed, setting
 from stereolag.stereo.matcher import StereoMatcher
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap, Rgb
 from stereolag.core.inputs import as_eight_bit, as_grey, as_image
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import Progress, silent
 
 Grey8 = npt.NDArray[np.uint8]
 """(rows, cols) uint8."""

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import DoubleMap
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.geometry.boards import Board, BoardViews, Corners, Pairs, find_boards
 from stereolag.geometry.calibration import Calibration, StereoRig, check_positive
 from stereolag.geometry.calibration_fit import (

@@ -29,7 +29,7 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Any, Generic, ParamSpec, Protocol, TypeVar
 
-from stereolag.core.limits import PREFIX, limits, machine_memory, set_defaults
+from stereolag.core.jobs import PREFIX, limits, machine_memory, set_defaults
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -14,8 +14,7 @@ import numpy.typing as npt
 import scipy  # loads scipy.signal on first use only, since that takes a second
 import soundfile
 
-from stereolag.core.estimates import Estimate, check_memory
-from stereolag.core.limits import limits
+from stereolag.core.jobs import Estimate, check_memory, limits
 from stereolag.io.npy import MAGIC as NPY_MAGIC
 from stereolag.io.npy import parse_npy
 from stereolag.io.number_columns import parse_columns
@@ -193,8 +192,7 @@ def _check_size(channels: int, samples: int) -> None:
             f"The {WHAT} holds {channels} × {samples} samples; at most {limits().max_samples:,} in all are accepted."
         )
     if channels * samples > LONGEST_DOUBLE:
-        needed = Estimate(channels * samples * np.dtype(np.float32).itemsize, 0.0)
-        check_memory(needed, "A shorter recording, or one of fewer channels, would fit.")
+        check_memory(Estimate(channels * samples * np.dtype(np.float32).itemsize, 0.0))
 
 
 def _float_type(samples: int) -> Literal["float32", "float64"]:

@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
-from stereolag.core.limits import limits
+from stereolag.core.jobs import limits
 
 Source: TypeAlias = str | PathLike[str] | bytes | bytearray | memoryview | BinaryIO
 """A path, the bytes themselves, or a binary file object such as a Streamlit upload."""

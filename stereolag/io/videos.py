@@ -18,7 +18,7 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from stereolag.core.inputs import Image
-from stereolag.core.limits import limits
+from stereolag.core.jobs import limits
 from stereolag.io.sources import Source, check_pixels, quoted, read_bytes
 
 ACCEPTED = "MP4, MOV, MKV, WebM and AVI"

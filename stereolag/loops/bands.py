@@ -8,7 +8,7 @@ from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from functools import cache
 from itertools import islice
 
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import Progress, silent
 
 
 def available_cores() -> int:

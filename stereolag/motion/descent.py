@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stereolag.core.arrays import FloatMap
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.motion.candidates import Candidates, best_of_neighbours, match_level
 from stereolag.motion.checks import return_error
 from stereolag.motion.pyramid import Flow, Frame, doubled

@@ -10,9 +10,8 @@ import numpy.typing as npt
 from pydantic import Field, field_validator
 
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
-from stereolag.core.estimates import OVERHEAD, Estimate, check_memory
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, of_ordinary_size
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
 from stereolag.motion.candidates import NO_SCORE
 from stereolag.motion.checks import ForwardBackwardCheck, MedianTest, median_residual
@@ -26,11 +25,6 @@ from stereolag.stereo.reasons import Reason
 
 WINDOW, SEARCH = 7, 128
 """Defaults, px."""
-
-BYTES_PER_PIXEL = 260
-"""Per pixel of the finest level: frames, matches with their neighbouring scores, both flows, planes of the mean."""
-
-SECONDS_PER_PIXEL = 5e-7
 
 
 class FlowMatcher(Settings):
@@ -122,8 +116,7 @@ class FlowMatcher(Settings):
                 f"window_size is {self.window_size} px and the frames are {cols} × {rows}; "
                 "the window must fit into them."
             )
-        estimate = self.estimate(images[0].shape, images[0].dtype)
-        check_memory(estimate, "Smaller frames would fit.")
+        check_memory(self.estimate(images[0].shape, images[0].dtype))
         start = time.perf_counter()
         flow, score, reason = self._match(*images, progress or silent)
         return FlowMap(flow[0], flow[1], score, reason, elapsed_s=time.perf_counter() - start, settings=self)
@@ -131,8 +124,7 @@ class FlowMatcher(Settings):
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
         """Return the memory and time of :meth:`compute` for frames of a shape, with or without channels, and dtype."""
         pixels = shape[0] * shape[1]
-        sums = 0 if np.dtype(dtype) == np.uint8 else 8 * np.dtype(np.float64).itemsize
-        return Estimate((BYTES_PER_PIXEL + sums) * pixels + OVERHEAD, SECONDS_PER_PIXEL * pixels)
+        return COSTS["flow"].estimate(pixels=pixels, doubles=pixels * (np.dtype(dtype) != np.uint8))
 
     def _match(self, first: Image, second: Image, progress: Progress) -> tuple[Flow, FloatMap, ReasonMap]:
         grey = of_ordinary_size(as_grey(first), as_grey(second))

@@ -12,7 +12,7 @@ import numpy as np
 
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_grey
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.disparities import KITTI_SCALE, read_stored_disparity
 from stereolag.io.sources import Source

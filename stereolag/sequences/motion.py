@@ -10,7 +10,7 @@ import numpy as np
 
 from stereolag.core.arrays import FloatMap, Rgb
 from stereolag.core.inputs import Image
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.figures.pictures import (
     NO_ANSWER,
     as_rgb,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path, PurePosixPath
 
-from stereolag.core.limits import limits
+from stereolag.core.jobs import limits
 from stereolag.io.archives import is_archive, read_archive
 from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
 from stereolag.io.sources import Source, quoted

@@ -13,7 +13,7 @@ from contextlib import ExitStack, contextmanager
 from itertools import islice
 from typing import Any, Protocol
 
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.loops.bands import available_cores
 from stereolag.sequences.matching import FrameTask, MatchedFrame, OwnFrame, encoded_frame, matched_frame, own_frame
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy import fft
 
 from stereolag.core.arrays import DoubleMap, Vector
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import Progress, silent
 from stereolag.loops.compilation import compiled
 from stereolag.signals.overlaps import FLAT, cross_spectrum, overlap_slices
 

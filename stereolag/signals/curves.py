@@ -11,7 +11,7 @@ import numpy as np
 from scipy import fft
 
 from stereolag.core.arrays import Vector
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.signals.overlaps import (
     Spectrum,
     cross_spectrum,

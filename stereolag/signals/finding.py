@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import Progress, silent
 from stereolag.core.searches import SignalMethod
 from stereolag.signals.blocks import CentredRecording, block_curve
 from stereolag.signals.curves import direct_curve, fft_curve, phat_curve

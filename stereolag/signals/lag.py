@@ -12,12 +12,11 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.estimates import check_memory
 from stereolag.core.inputs import checked_signal
-from stereolag.core.progress import Progress, Pulse, silent
+from stereolag.core.jobs import Progress, Pulse, check_memory, silent
 from stereolag.core.searches import SignalMethod
 from stereolag.signals.blocks import CentredRecording
-from stereolag.signals.estimates import estimate_lag, fitting_recordings, way_of
+from stereolag.signals.estimates import algorithm, estimate_lag
 from stereolag.signals.finding import normalised, search_blocks, search_votes, search_whole
 from stereolag.signals.long_pairs import LongPair
 from stereolag.signals.long_search import search_bands
@@ -203,18 +202,15 @@ def signal_lag(
         raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, get_args(SignalMethod)))}.")
     reach = _checked_reach(max_lag, max(given_1.size, given_2.size))
     report = progress or silent
-    check_memory(
-        estimate_lag(given_1.size, given_2.size, method=method, max_lag=max_lag),
-        partial(fitting_recordings, sampling_rate=rate, method=method, max_lag=max_lag),
-    )
+    check_memory(estimate_lag(given_1.size, given_2.size, method=method, max_lag=max_lag))
 
     started = time.perf_counter()
     pair: Pair
-    way = way_of(given_1.size, given_2.size, method, reach)
-    if way != "whole":
+    chosen = algorithm(given_1.size, given_2.size, method, reach)
+    if chosen != "whole":
         pulse = Pulse(report)
         long_1, long_2 = CentredRecording(given_1, pulse.again), CentredRecording(given_2, pulse.again)
-        search = search_blocks if way == "blocks" else search_bands
+        search = search_blocks if chosen == "blocks" else search_bands
         found = search(long_1, long_2, reach, lambda done: pulse(_SEARCHING * done))
         pair = LongPair(long_1, long_2)
     else:
@@ -254,7 +250,7 @@ def signal_lag(
             opposite_lag=found.opposite_lag,
         ),
     )
-    if way != "whole" or progress:
+    if chosen != "whole" or progress:
         _ = result.judgement
     report(1.0)
     return result

@@ -14,7 +14,7 @@ from threading import Lock
 import numpy as np
 
 from stereolag.core.arrays import DoubleMap, FloatMap, Vector
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.signals.blocks import CentredRecording, block_curve
 from stereolag.signals.finding import Found
 from stereolag.signals.overlaps import FLAT, overlap_length

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Vector
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.loops.compilation import compiled
 from stereolag.signals.overlaps import FLAT, running_sums
 

@@ -6,7 +6,6 @@ import os
 import time
 from abc import abstractmethod
 from dataclasses import dataclass
-from functools import partial
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -15,11 +14,9 @@ from annotated_types import MultipleOf
 from pydantic import Field
 
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
-from stereolag.core.estimates import OVERHEAD, Estimate, check_memory
 from stereolag.core.inputs import Image, as_stereo_pair
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import OfThePair, Pixels, Settings, Usual, changed, marker
-from stereolag.stereo.estimates import ANSWER, PIXEL_SECONDS, fitting_pair
 from stereolag.stereo.reasons import Reason
 
 FARTHEST_FIRST, LARGEST_COUNT = 512, 1024
@@ -118,7 +115,7 @@ class StereoMatcher(Settings):
             if isinstance(image, str | bytes | os.PathLike):
                 raise ValueError(f"{name} is a {type(image).__name__}; give an array, such as sl.read_image({name}).")
         left_image, right_image = as_stereo_pair(left, right)
-        self._check_memory(left_image)
+        check_memory(self.estimate(left_image.shape, left_image.dtype))
         start = time.perf_counter()
         found = self.match(left_image, right_image, progress or silent)
         return DisparityMap(*found, elapsed_s=time.perf_counter() - start, settings=self)
@@ -132,8 +129,7 @@ class StereoMatcher(Settings):
 
         A method that needs memory beyond its maps overrides this.
         """
-        pixels = shape[0] * shape[1]
-        return Estimate(3 * ANSWER * pixels + OVERHEAD, 3 * PIXEL_SECONDS * pixels)
+        return COSTS["stereo"].estimate(pixels=shape[0] * shape[1])
 
     def search_range(self) -> tuple[int, int] | None:
         """Return the first disparity searched and the number of disparities, px; None for an unlimited search."""
@@ -164,22 +160,12 @@ class StereoMatcher(Settings):
         count = min(-(-num_disparities // multiple) * multiple, LARGEST_COUNT)
         return changed(self, {"min_disparity": first, "num_disparities": count})
 
-    def _check_memory(self, image: Image) -> None:
-        searched = self.search_range()
 
-        def fewer(count: int) -> Estimate:
-            assert searched is not None
-            return self.with_search_range(searched[0], count).estimate(image.shape, image.dtype)
-
-        check_memory(
-            self.estimate(image.shape, image.dtype),
-            partial(
-                fitting_pair,
-                shape=image.shape,
-                of_shape=partial(self.estimate, dtype=image.dtype),
-                of_disparities=None if searched is None else fewer,
-            ),
-        )
+def grey_bytes(shape: tuple[int, ...], dtype: npt.DTypeLike) -> int:
+    """Return the bytes of both grey images, plus a contiguous copy of one's colours if there is an alpha channel."""
+    if len(shape) == 2:
+        return 0
+    return shape[0] * shape[1] * np.dtype(dtype).itemsize * (2 + 3 * (shape[2] == 4))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

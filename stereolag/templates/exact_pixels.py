@@ -10,9 +10,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.estimates import Estimate, check_memory
 from stereolag.core.inputs import Image
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Estimate, Progress, check_memory
 from stereolag.templates.correlation import scores_at
 from stereolag.templates.patterns import Pattern
 
@@ -176,7 +175,7 @@ def anchor_stages(image: Image, pattern: Pattern, row: int, col: int) -> AnchorS
     marks = cv2.inRange(image[row : row + places[0], col : col + places[1]], value, value)
     check_memory(
         Estimate(HIT_BYTES * cv2.countNonZero(marks), 0.0),
-        "No value of the template is rare in this image; the method 'fft' does not depend on that.",
+        hint="No value of the template is rare in this image; the method 'fft' does not depend on that.",
     )
     coloured = rows, cols = _nonzero(marks)
     for end in (run_start, run_end):

@@ -9,18 +9,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.estimates import OVERHEAD, Estimate, check_memory
 from stereolag.core.inputs import Image, as_image
+from stereolag.core.jobs import COSTS, Estimate, check_memory
 from stereolag.templates.patterns import alike, opaque_pixels, pattern_of
-
-FLOAT = 4
-"""Bytes of the numbers that OpenCV computes with."""
-
-COPIES = 9
-"""Float images that OpenCV allocates at one time, measured under a mask: the image, its squares, products."""
-
-PIXEL_SECONDS, MASKED_PIXEL_SECONDS = 1e-7, 4e-7
-"""Seconds per pixel of the image, all channels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +44,7 @@ def estimate_opencv(image_shape: tuple[int, ...], masked: bool) -> Estimate:
     """Return the memory and time that :func:`opencv_search` needs for an image of (rows, cols[, channels])."""
     pixels = image_shape[0] * image_shape[1]
     channels = min(image_shape[2], 3) if len(image_shape) == 3 else 1
-    seconds = (MASKED_PIXEL_SECONDS if masked else PIXEL_SECONDS) * pixels
-    return Estimate(COPIES * FLOAT * channels * pixels + OVERHEAD, seconds)
+    return COSTS["template by OpenCV"].estimate(values=channels * pixels, pixels=pixels, masked=pixels * masked)
 
 
 def is_masked(template: Image, mask: Image | None) -> bool:
@@ -85,7 +75,7 @@ def opencv_search(image: npt.ArrayLike, template: npt.ArrayLike, *, mask: npt.Ar
             f"{large.shape[0]}; the template must fit into the image."
         )
     opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
-    check_memory(estimate_opencv(large.shape, not opaque.all()), "A smaller image would fit.")
+    check_memory(estimate_opencv(large.shape, not opaque.all()))
     searched, colours = alike(large, small)
     pattern_of(colours, opaque)  # raises if no correlation is defined
     kind = np.dtype(np.uint8 if searched.dtype == colours.dtype == np.uint8 else np.float32)

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from stereolag.core.inputs import Image, as_grey
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import Progress, silent
 from stereolag.templates.correlation import scores_at
 from stereolag.templates.judging import Places
 from stereolag.templates.patterns import Pattern

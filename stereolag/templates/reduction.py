@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from stereolag.core.inputs import Image, as_grey
-from stereolag.core.progress import silent
+from stereolag.core.jobs import silent
 from stereolag.templates.correlation import scores_at
 from stereolag.templates.patterns import Pattern
 from stereolag.templates.peaks import Indices, Scores, elsewhere, peaks

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.inputs import Image
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.templates.correlation import fill_pearson, pearson, running_box_energy
 from stereolag.templates.patterns import Pattern
 

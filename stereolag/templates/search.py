@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from functools import partial
 from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.estimates import check_memory
 from stereolag.core.inputs import Image, as_image, as_images
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import Progress, check_memory, silent
 from stereolag.core.searches import TemplateMethod
-from stereolag.templates.estimates import estimate_search, fitting_image, has_alpha
+from stereolag.templates.estimates import estimate_search, has_alpha
 from stereolag.templates.exact_pixels import ExactPlacements, exact_positions
 from stereolag.templates.judging import Places, judged
 from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of
@@ -173,15 +171,16 @@ def _checked(
             f"template is {small.shape[1]} × {small.shape[0]} pixels and image {large.shape[1]} × "
             f"{large.shape[0]}; the template must fit into the image{resized}."
         )
-    fitting = partial(
-        estimate_search,
+    needed = estimate_search(
+        large.shape,
+        small.shape,
         dtype=large.dtype,
         method=method,
         masked=mask is not None or has_alpha(small.shape),
         scales=None if poses is None else poses.scales,
         rotations=None if poses is None else poses.rotations,
     )
-    check_memory(fitting(large.shape, small.shape), partial(fitting_image, fitting, large.shape, small.shape))
+    check_memory(needed)
     opaque = opaque_pixels(small, None if mask is None else as_image(mask, "mask"))
     large, colours = alike(large, small)
     return large, pattern_of(colours, opaque)

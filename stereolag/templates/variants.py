@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from stereolag.core.inputs import Image
-from stereolag.core.progress import silent
+from stereolag.core.jobs import silent
 from stereolag.templates.correlation import score_at
 from stereolag.templates.patterns import Pattern
 from stereolag.templates.result import TemplateMatch, TemplateSearch

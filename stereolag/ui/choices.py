@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 import streamlit as st
 
-from stereolag.core.limits import limits
+from stereolag.core.jobs import limits
 from stereolag.ui import prose
 from stereolag.ui.persistence import persistent
 from stereolag.ui.uploads import expect_uploads, refused, still_missing

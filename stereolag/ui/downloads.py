@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.core.estimates import spoken
-from stereolag.core.limits import limits
+from stereolag.core.jobs import format_bytes, limits
 from stereolag.io.archive_writing import bundle
 from stereolag.ui import prose
 from stereolag.ui.jobs import HEAVY_MEMORY, Turn, limiter
@@ -119,7 +118,7 @@ def too_large(memory: int) -> str:
     allowed = limits().job_memory
     if memory <= allowed:
         return ""
-    return f"Making it would take about {spoken(memory)} of memory; one job may take {spoken(allowed)}."
+    return f"Making it would take about {format_bytes(memory)} of memory; one job may take {format_bytes(allowed)}."
 
 
 def archive(files: Sequence[File], about: str) -> bytes:

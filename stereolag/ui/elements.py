@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import streamlit as st
 
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.core.typography import NO_BREAK, typeset
 
 PERCENT, PIXELS, SECONDS = (

@@ -9,8 +9,7 @@ from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
-from stereolag.core.estimates import Estimate
-from stereolag.core.limits import limits
+from stereolag.core.jobs import Estimate, limits
 from stereolag.loops.bands import available_cores
 
 T = TypeVar("T")

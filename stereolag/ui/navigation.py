@@ -14,7 +14,7 @@ from typing import ParamSpec, TypeVar
 import streamlit as st
 from starlette.formparsers import MultiPartParser
 
-from stereolag.core.limits import set_defaults
+from stereolag.core.jobs import set_defaults
 from stereolag.io.guard import start_guard
 from stereolag.ui import prose
 from stereolag.ui.persistence import run_of_page, run_of_part

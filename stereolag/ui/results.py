@@ -15,9 +15,7 @@ import numpy as np
 import streamlit as st
 from cachetools import LRUCache
 
-from stereolag.core.estimates import Estimate
-from stereolag.core.limits import limits
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import Estimate, Progress, limits, silent
 from stereolag.ui.elements import PATIENCE_S, shown_progress
 from stereolag.ui.jobs import Job, is_heavy
 from stereolag.ui.states import show_busy, show_cancelled, show_refused

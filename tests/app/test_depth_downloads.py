@@ -13,7 +13,7 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag import CorrelationMatcher, SearchArea, StereoBM, read_disparity, read_image, read_matcher
-from stereolag.core.estimates import Estimate
+from stereolag.core.jobs import Estimate
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.disparities import VERTEX
 from stereolag.io.settings import settings_json

@@ -74,7 +74,7 @@ def remedied() -> None:
     import streamlit as st
 
     from stereolag.assess.remedies import Remedy
-    from stereolag.core.estimates import Estimate
+    from stereolag.core.jobs import Estimate
     from stereolag.pair import PairId
     from stereolag.ui.depth.pair_jobs import begin_job, job_on
     from tests.app.depth_view import small_view

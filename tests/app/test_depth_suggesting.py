@@ -12,7 +12,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.assess.judging import Criterion, Unjudged
 from stereolag.assess.suggestion import Outcome, Suggestion, Trial
-from stereolag.core.estimates import Estimate
+from stereolag.core.jobs import Estimate
 from stereolag.core.typography import typeset
 from stereolag.io.settings import read_matcher
 from stereolag.stereo.finishing.filters import MedianFilter

@@ -9,7 +9,7 @@ from concurrent.futures import CancelledError
 
 import pytest
 
-from stereolag.core.estimates import Estimate
+from stereolag.core.jobs import Estimate
 from stereolag.ui import jobs
 from stereolag.ui.jobs import HEAVY_MEMORY, HEAVY_S, Job, Limiter, is_heavy, waiting_in_words
 

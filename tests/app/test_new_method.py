@@ -16,7 +16,7 @@ from benchmarks import accuracy
 from benchmarks.pairs import TruePair
 from stereolag.commands import main
 from stereolag.core.inputs import Image, as_grey
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.core.settings import Applies, FitsImage, OfThePair, Pixels
 from stereolag.io.programs import script
 from stereolag.io.settings import read_matcher, settings_json

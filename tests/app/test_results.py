@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stereolag.core.estimates import Estimate
+from stereolag.core.jobs import Estimate
 from stereolag.core.typography import typeset
 from stereolag.signals import SignalLag
 from stereolag.ui.lag.sentences import lag_in_words

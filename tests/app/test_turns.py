@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from stereolag.core.estimates import Estimate
+from stereolag.core.jobs import Estimate
 from stereolag.ui import jobs
 from stereolag.ui.jobs import HEAVY_MEMORY, Job, Limiter
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("empty_caches")
 def page() -> None:
     import streamlit as st
 
-    from stereolag.core.estimates import Estimate
+    from stereolag.core.jobs import Estimate
     from stereolag.ui.results import computed_in_turn
 
     gate, number = st.session_state["gate"], st.session_state["number"]

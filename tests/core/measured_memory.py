@@ -11,21 +11,32 @@ import numba
 import numpy as np
 
 from benchmarks.memory import peak_extra_memory
+from stereolag.assess.diagnosis import diagnose, estimate_diagnosis
+from stereolag.core.inputs import Image
+from stereolag.core.jobs import Progress
+from stereolag.motion.matcher import FlowMatcher
 from stereolag.signals import estimate_lag, signal_lag
+from stereolag.stereo.matcher import PixelMatches, StereoMatcher
 from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import estimate_search, match_template
+from stereolag.templates.opencv import estimate_opencv, opencv_search
 
 __all__ = [
     "CorrelationMatcher",
+    "FlowMatcher",
     "SearchArea",
     "StereoBM",
     "StereoSGBM",
+    "diagnose",
+    "estimate_diagnosis",
     "estimate_lag",
+    "estimate_opencv",
     "estimate_search",
     "match_template",
+    "opencv_search",
     "preset",
     "signal_lag",
 ]
@@ -33,8 +44,27 @@ __all__ = [
 random = np.random.default_rng(0)
 
 
+class Still(StereoMatcher):
+    """A method without an estimate of its own: each pixel is matched with itself."""
+
+    def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
+        apart = cv2.GaussianBlur(left.astype(np.float64) - right, (0, 0), 2)
+        disparity = np.where(np.abs(apart) < 99, np.float32(0), np.float32(np.nan))
+        return PixelMatches(disparity, np.isnan(disparity).astype(np.uint8), -np.abs(apart).astype(np.float32))
+
+
 def image(rows: int, cols: int) -> np.ndarray:
     return cv2.GaussianBlur(random.integers(0, 256, (rows, cols), dtype=np.uint8), (0, 0), 1)
+
+
+def colours(rows: int, cols: int) -> np.ndarray:
+    return np.dstack([image(rows, cols) for _ in range(3)])
+
+
+def masked(template: np.ndarray) -> np.ndarray:
+    alpha = np.full(template.shape[:2], 255, np.uint8)
+    alpha[:5, :5] = 0
+    return np.dstack([template, alpha])
 
 
 def pair(rows: int, cols: int) -> tuple[np.ndarray, np.ndarray]:

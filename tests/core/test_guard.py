@@ -16,8 +16,8 @@ import pytest
 from picture_bytes import by_pillow, noise
 
 from benchmarks.memory import peak_extra_memory
-from stereolag.core import limits as limits_module
-from stereolag.core.limits import limits
+from stereolag.core import jobs as limits_module
+from stereolag.core.jobs import limits
 from stereolag.io import guard
 from stereolag.io.guard import GuardedObject, guarded
 from stereolag.io.images import read_image

@@ -18,7 +18,7 @@ from hostile_files import hostile_files
 from measured_reading import Reading, answer_of
 from picture_bytes import by_pillow, noise, png
 
-from stereolag.core.limits import limits
+from stereolag.core.jobs import limits
 from stereolag.io import images
 from stereolag.io.images import read_image
 from stereolag.io.recordings import read_signal

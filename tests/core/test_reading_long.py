@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from stereolag.core.limits import Limits
+from stereolag.core.jobs import Limits
 from stereolag.io import recordings, sources
 from stereolag.io.recordings import read_signal
 
@@ -75,6 +75,6 @@ def test_a_damaged_file_on_disk_is_refused_as_its_bytes_are(tmp_path: Path) -> N
 def test_what_takes_more_than_a_job_may_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "sound.wav"
     soundfile.write(path, np.zeros((18_000_000, 1), np.int16), 8000, subtype="PCM_U8")
-    monkeypatch.setattr("stereolag.core.estimates.limits", lambda: Limits(job_memory_mb=64))
-    with pytest.raises(ValueError, match=r"needs about 72 MB of memory, and one job may take 67 MB\. A shorter"):
+    monkeypatch.setattr("stereolag.core.jobs.limits", lambda: Limits(job_memory_mb=64))
+    with pytest.raises(ValueError, match=r"needs about 72 MB of memory, and one job may take 67 MB\.$"):
         read_signal(path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereolag.core.limits import Limits
+from stereolag.core.jobs import Limits
 from stereolag.io.recordings import Recording
 from stereolag.signals import signal_lag
 

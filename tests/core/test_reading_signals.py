@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from stereolag.core.limits import limits
+from stereolag.core.jobs import limits
 from stereolag.io.recordings import Recording, read_signal
 from stereolag.signals import signal_lag
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from small_drives import number_in, numbered, video
 
-from stereolag.core import limits as limits_module
-from stereolag.core.limits import limits
+from stereolag.core import jobs as limits_module
+from stereolag.core.jobs import limits
 from stereolag.io.videos import VideoFile
 
 COUNT = 60

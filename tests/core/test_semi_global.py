@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from stereolag.core.progress import silent
+from stereolag.core.jobs import silent
 from stereolag.core.settings import SettingsError
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck
 from stereolag.stereo.reasons import Reason

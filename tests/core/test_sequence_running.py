@@ -20,7 +20,7 @@ from small_drives import COLS, DISPARITIES, ROWS, archive, numbered, video, writ
 
 from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
 from stereolag.core.inputs import Image
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.sequences import SequenceMemory, SequenceState, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.matching import FrameTask, MatchedFrame
 from stereolag.sequences.runners import in_order

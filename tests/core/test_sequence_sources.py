@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from small_drives import COLS, DISPARITIES, ROWS, archive, number_in, numbered, pairs_of, video, write_folders
 
-from stereolag.core import limits as limits_module
-from stereolag.core.limits import limits
+from stereolag.core import jobs as limits_module
+from stereolag.core.jobs import limits
 from stereolag.io.archives import Archive
 from stereolag.io.disparities import image_png, kitti_png
 from stereolag.io.pairing import matched_pairs

@@ -16,7 +16,7 @@ from pairs import texture
 from stereolag import StereoBM, StereoSGBM, evaluate, preset
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.core.settings import SettingsError
 from stereolag.io.disparities import image_png, kitti_png
 from stereolag.sequences import SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence

@@ -14,7 +14,7 @@ from scipy import signal as scipy_signal
 from stereolag.core.inputs import as_signal
 from stereolag.signals import blocks, estimate_lag, signal_lag
 from stereolag.signals.blocks import CentredRecording, block_curve, block_pearson, block_products
-from stereolag.signals.estimates import way_of
+from stereolag.signals.estimates import algorithm
 from stereolag.signals.overlaps import overlap_pearson, weighted_pearson_reference
 
 
@@ -70,9 +70,9 @@ def test_blocks_answer_as_the_whole_does(dtype: Any, lag: int, noise: float, mon
     first, second = sound[1000:], sound[1000 - lag : 301_000 - lag][:270_000]
     hiss = np.random.default_rng(5).normal(0, noise * np.std(sound), second.size)
     pair = [np.clip(np.round(signal), 0, 255).astype(dtype) for signal in (first, second + hiss)]
-    assert way_of(300_000, second.size, "fft", 1000) == "blocks"
+    assert algorithm(300_000, second.size, "fft", 1000) == "blocks"
     quick = signal_lag(*pair, max_lag=1000)
-    monkeypatch.setattr("stereolag.signals.lag.way_of", lambda *_: "whole")
+    monkeypatch.setattr("stereolag.signals.lag.algorithm", lambda *_: "whole")
     whole = signal_lag(*pair, max_lag=1000)
     assert quick.lag == whole.lag == lag
     assert quick.ties == whole.ties

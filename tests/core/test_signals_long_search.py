@@ -145,7 +145,7 @@ def test_no_correlation_is_above_its_bound(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_whoever_hears_the_progress_can_end_it_anywhere(both_ways: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stereolag.core.progress.time.monotonic", iter(range(10**6)).__next__)
+    monkeypatch.setattr("stereolag.core.jobs.time.monotonic", iter(range(10**6)).__next__)
     told: list[float] = []
     whole, bands = both_ways(*common(60_000, 700, 0), progress=told.append)
     check(whole, bands)

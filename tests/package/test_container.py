@@ -21,7 +21,7 @@ import pytest
 import yaml
 from packaging.specifiers import SpecifierSet
 
-from stereolag.core.limits import PREFIX, Limits
+from stereolag.core.jobs import PREFIX, Limits
 from stereolag.loops.compilation import FOLDER
 
 PROJECT = Path(__file__).resolve().parents[2]

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator, model_validator
 
-from stereolag.core.estimates import OVERHEAD, Estimate, kept_blocks
 from stereolag.core.inputs import Image, as_eight_bit, as_grey
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import COSTS, Estimate, Progress
 from stereolag.core.settings import FitsImage, OfThePair, Pixels, Usual
-from stereolag.stereo.estimates import ANSWER, PIXEL_SECONDS, grey_bytes
-from stereolag.stereo.matcher import MinDisparity, PixelMatches, StereoMatcher
+from stereolag.stereo.matcher import MinDisparity, PixelMatches, StereoMatcher, grey_bytes
 from stereolag.stereo.opencv.fields import (
     BlockSize,
     LeftRightTolerance,
@@ -65,23 +63,23 @@ class BlockMatcher(StereoMatcher):
         first, *others = name.split("_")
         return name.upper() if name in ("p1", "p2") else first + "".join(word.capitalize() for word in others)
 
-    def costs(self, rows: int, cols: int) -> Estimate:
-        """Return the memory of the rows kept at a time, and the time of all comparisons on two cores."""
-        kept = (self.block_size + 6) * cols * self.num_disparities * self.bytes_of_a_cost
-        return Estimate(kept, self.seconds_of_a_cost * rows * cols * self.num_disparities)
-
-    seconds_of_a_cost: ClassVar[float]
-    bytes_of_a_cost: ClassVar[int]
-
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
         """Return the memory and time of :meth:`compute` for images of a shape (rows, cols[, channels]) and dtype."""
         pixels = shape[0] * shape[1]
-        grey = grey_bytes(shape, dtype)
-        # Other types are stretched to 8 bits in float64, which is freed before the maps are made.
-        stretched = 0 if np.dtype(dtype) == np.uint8 else 20 * pixels
-        costs = self.costs(*shape[:2])
-        maps = max(stretched, 4 * pixels + costs.memory, (ANSWER + 3) * pixels)
-        return Estimate(grey + maps + kept_blocks(4 * pixels, 2) + OVERHEAD, PIXEL_SECONDS / 2 * pixels + costs.seconds)
+        cells = pixels * self.num_disparities
+        return COSTS[type(self).__name__].estimate(
+            grey=grey_bytes(shape, dtype),
+            pixels=pixels,
+            stretched=pixels * (np.dtype(dtype) != np.uint8),
+            rows=(self.block_size + 6) * shape[1] * self.num_disparities,
+            cells=cells,
+            volume=cells * self.keeps_all_costs,
+        )
+
+    @property
+    def keeps_all_costs(self) -> bool:
+        """Return whether OpenCV keeps the costs of the whole image."""
+        return False
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
         """Run OpenCV's matcher on the pair, converted to 8-bit grey."""
@@ -138,8 +136,6 @@ class StereoBM(BlockMatcher):
 
     short_name = "bm"
     first_shown = ("block_size", "num_disparities", "min_disparity", "uniqueness_ratio", "texture_threshold")
-    seconds_of_a_cost = 2.0e-10
-    bytes_of_a_cost = 1
 
     pre_filter_cap: int = Field(
         default=31,
@@ -180,9 +176,6 @@ class StereoBM(BlockMatcher):
 
 Mode = Literal["sgbm", "hh", "sgbm_3way", "hh4"]
 
-FULL_COSTS = ("hh", "hh4")
-"""Modes that keep the costs of the whole image and sum them in both directions along each path."""
-
 
 class StereoSGBM(BlockMatcher):
     """OpenCV's ``StereoSGBM``: semi-global matching (Hirschmüller 2008) over Birchfield-Tomasi costs.
@@ -202,8 +195,6 @@ class StereoSGBM(BlockMatcher):
 
     short_name = "sgbm"
     first_shown = ("block_size", "num_disparities", "min_disparity", "uniqueness_ratio", "p1", "p2")
-    seconds_of_a_cost = 2.0e-9
-    bytes_of_a_cost = 2
 
     block_size: BlockSize = 5
     mode: Mode = Field(
@@ -249,12 +240,10 @@ class StereoSGBM(BlockMatcher):
             raise ValueError(f"p2 is {self.p2} and p1 {self.p1}; OpenCV needs p2 > p1.")
         return self
 
-    def costs(self, rows: int, cols: int) -> Estimate:
-        """Return the base estimate; keeping all costs adds a volume of costs and one of sums, and doubles the time."""
-        few = super().costs(rows, cols)
-        if self.mode not in FULL_COSTS:
-            return few
-        return Estimate(few.memory + 4 * rows * cols * self.num_disparities, 2 * few.seconds)
+    @property
+    def keeps_all_costs(self) -> bool:
+        """Return whether OpenCV keeps the costs of the whole image: it sums them in both directions along each path."""
+        return self.mode in ("hh", "hh4")
 
     def opencv_arguments(self) -> dict[str, Any]:
         """Return the arguments of ``cv2.StereoSGBM.create``, under OpenCV's names."""

@@ -9,9 +9,8 @@ import numpy.typing as npt
 from pydantic import Field, field_validator
 
 from stereolag.core.arrays import ReasonMap
-from stereolag.core.estimates import Estimate
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, local_deviation, of_ordinary_size
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import COSTS, Estimate, Progress
 from stereolag.core.settings import FitsImage, Pixels
 from stereolag.stereo.finishing.checks import (
     AmbiguityTest,
@@ -22,12 +21,21 @@ from stereolag.stereo.finishing.checks import (
     left_right_disagree,
 )
 from stereolag.stereo.finishing.stages import Filling, Median, Speckle, Surfaces, finished
-from stereolag.stereo.matcher import MinDisparity, NumDisparities, PixelMatches, StereoMatcher
+from stereolag.stereo.matcher import MinDisparity, NumDisparities, PixelMatches, StereoMatcher, grey_bytes
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global.costs import MatchingCost
-from stereolag.stereo.semi_global.estimates import estimate_volume
-from stereolag.stereo.semi_global.matching import VolumeMatches, VolumeQuery, match_semi_global
+from stereolag.stereo.semi_global.matching import (
+    BYTES_OF_A_CELL,
+    OVERLAP,
+    VolumeMatches,
+    VolumeQuery,
+    match_semi_global,
+    strips,
+)
 from stereolag.stereo.semi_global.paths import PATHS, SemiGlobal
+
+FEATURES = 66
+"""Bytes per pixel while the features of both images are computed."""
 
 
 class SemiGlobalMatcher(StereoMatcher):
@@ -95,7 +103,20 @@ class SemiGlobalMatcher(StereoMatcher):
 
     def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
         """Return the memory and time of :meth:`compute` for images of a shape (rows, cols[, channels]) and dtype."""
-        return estimate_volume(shape, dtype, num_disparities=self.num_disparities)
+        (height, width), pixels = shape[:2], shape[0] * shape[1]
+        first = next(strips(height, width * self.num_disparities * BYTES_OF_A_CELL))
+        own, strip = first.end, min(height, first.end + 2 * OVERLAP)
+        lags = width * self.num_disparities
+        features = FEATURES * (width + self.num_disparities) + lags
+        return COSTS["semi-global"].estimate(
+            grey=grey_bytes(shape, dtype),
+            pixels=pixels,
+            # The matches of a strip, with the rows shared with its neighbours, are kept until all strips are joined.
+            matches=pixels * strip / own,
+            fronts=(width + 2) * (self.num_disparities + 2),
+            strip=strip * max(BYTES_OF_A_CELL * lags, features),
+            cells=lags * height * strip / own,
+        )
 
     def match(self, left: Image, right: Image, progress: Progress) -> PixelMatches:
         """Match the images as 8-bit grey, then check, filter and fill.

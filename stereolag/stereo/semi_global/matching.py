@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Progress
 from stereolag.stereo.semi_global.cost_volume import matching_cost
 from stereolag.stereo.semi_global.costs import MatchingCost
 from stereolag.stereo.semi_global.paths import SemiGlobal, optimise

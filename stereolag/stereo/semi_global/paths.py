@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from stereolag.core.arrays import Array
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import Progress, silent
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled

@@ -9,9 +9,8 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from stereolag.core.arrays import ReasonMap
-from stereolag.core.estimates import Estimate
 from stereolag.core.inputs import Image, as_grey, of_ordinary_size
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Estimate, Progress
 from stereolag.core.settings import Applies, FitsImage, Pixels, changed
 from stereolag.stereo.finishing.checks import (
     AmbiguityTest,

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import Array
-from stereolag.core.progress import Progress, silent
+from stereolag.core.jobs import Progress, silent
 from stereolag.loops.bands import over_bands
 from stereolag.loops.vector_lanes import LANES
 from stereolag.stereo.windows.matches import WindowMatches, WindowQuery

@@ -11,8 +11,7 @@ import cv2
 import numpy as np
 import streamlit as st
 
-from stereolag.core.estimates import Estimate
-from stereolag.core.limits import limits
+from stereolag.core.jobs import Estimate, limits
 from stereolag.geometry.boards import MOST_PAIRS, Board, Grey8, Markers, Pairs
 from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import streamlit as st
 
-from stereolag.core.estimates import Estimate
+from stereolag.core.jobs import Estimate
 from stereolag.geometry.boards import (
     FEWEST_CORNERS,
     GUESSED_FROM,

@@ -10,8 +10,7 @@ import pandas as pd
 import streamlit as st
 
 from stereolag.assess.judging import Criterion, Judgement, TuningPair, estimate_reference, widest_range
-from stereolag.core.estimates import Estimate
-from stereolag.core.progress import Progress
+from stereolag.core.jobs import Estimate, Progress
 from stereolag.io.sources import harmless
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher

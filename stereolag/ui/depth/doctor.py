@@ -11,7 +11,7 @@ import streamlit as st
 
 from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, diagnose, estimate_diagnosis, judge_range
 from stereolag.assess.remedies import Remedy, apply_remedy
-from stereolag.core.estimates import Estimate
+from stereolag.core.jobs import Estimate
 from stereolag.pair import Change, Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose

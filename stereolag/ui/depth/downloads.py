@@ -6,8 +6,7 @@ from functools import partial
 
 import streamlit as st
 
-from stereolag.core.estimates import spoken
-from stereolag.core.limits import limits
+from stereolag.core.jobs import format_bytes, limits
 from stereolag.core.settings import scaled_settings
 from stereolag.io.settings import read_matcher
 from stereolag.stereo.matcher import DisparityMap
@@ -77,8 +76,8 @@ def _compute_in_own_size(subject: Subject) -> None:
     size = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
     if subject.estimate.memory > limits().job_memory:
         prose.caption(
-            f"Computed at {size}, this map would need about {spoken(subject.estimate.memory)} of memory, and one job "
-            f"may take {spoken(limits().job_memory)}: the map in the files is the one shown, enlarged."
+            f"Computed at {size}, this map would need about {format_bytes(subject.estimate.memory)} of memory, and "
+            f"one job may take {format_bytes(limits().job_memory)}: the map in the files is the one shown, enlarged."
         )
         return
     if wanted not in st.session_state.get(WANTED, ()):

@@ -8,7 +8,7 @@ from typing import Any
 
 import streamlit as st
 
-from stereolag.core.estimates import Estimate
+from stereolag.core.jobs import Estimate
 from stereolag.pair import Pair
 from stereolag.ui.depth.pair_sets import Preparation, place_in_set
 from stereolag.ui.jobs import Job

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from stereolag.core.estimates import Estimate
-from stereolag.core.limits import limits
+from stereolag.core.jobs import Estimate, limits
 from stereolag.core.settings import scaled_settings
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.enlargement import enlarged

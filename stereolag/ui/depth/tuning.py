@@ -15,7 +15,7 @@ import streamlit as st
 from stereolag.assess.judging import Criterion, TuningPair, Unjudged, estimate_reference, judges_itself
 from stereolag.assess.suggestion import Outcome, Suggestion, estimate_suggestion, suggest_for_all
 from stereolag.assess.sweep import Parameter, estimate_sweep, parameters, range_of_sweep, sweep
-from stereolag.core.estimates import Estimate
+from stereolag.core.jobs import Estimate
 from stereolag.core.settings import Number, changed, title_of
 from stereolag.figures.maps import ContactSheet, sweep_bad, sweep_maps
 from stereolag.pair import Pair

@@ -8,7 +8,7 @@ import streamlit as st
 
 from stereolag.assess.diagnosis import diagnose
 from stereolag.core.inputs import as_stereo_pair
-from stereolag.core.limits import limits
+from stereolag.core.jobs import limits
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import calibration_for
 from stereolag.io.calibrations import read_calibration

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import streamlit as st
 from cachetools import LRUCache
 
-from stereolag.core.estimates import Estimate
+from stereolag.core.jobs import Estimate
 from stereolag.motion.matcher import FlowMatcher
 from stereolag.sequences import SequenceResult, SequenceState, run_sequence
 from stereolag.sequences.fragments import VideoPieces

@@ -10,9 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import streamlit as st
 
-from stereolag.core.estimates import Estimate
-from stereolag.core.limits import limits
-from stereolag.core.progress import Progress, part
+from stereolag.core.jobs import Estimate, Progress, limits, part
 from stereolag.core.searches import LagSearch, SignalMethod
 from stereolag.core.typography import typeset
 from stereolag.figures import recordings as figures

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import streamlit as st
 
-from stereolag.core.limits import limits
+from stereolag.core.jobs import limits
 from stereolag.core.searches import LagSearch
 from stereolag.io.recordings import Recording
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import streamlit as st
 
-from stereolag.core.estimates import Estimate
+from stereolag.core.jobs import Estimate
 from stereolag.figures.templates import trial_jpeg
 from stereolag.templates import TemplateSearch, estimate_search
 from stereolag.templates.degradation import Degradation, degraded_part, part_shape

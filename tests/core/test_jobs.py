@@ -1,0 +1,303 @@
+"""Limits in the environment; the cost table matches real costs; too large a job is refused before it allocates."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tracemalloc
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.memory import CLEAR_REFS
+from stereolag.assess.diagnosis import diagnose
+from stereolag.core import jobs
+from stereolag.core.jobs import COSTS, Estimate, check_memory, limits, machine_memory, set_defaults
+from stereolag.signals import estimate_lag, signal_lag
+from stereolag.signals.estimates import product_count
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import preset
+from stereolag.stereo.opencv import StereoBM, StereoSGBM
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+from stereolag.templates import estimate_search, match_template
+
+GB = 10**9
+
+SMALL = 64 * 10**6
+"""Bytes by which the estimate of a small job may be too large."""
+
+
+@pytest.fixture(autouse=True)
+def _as_found(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(jobs, "_defaults", {})
+    limits.cache_clear()
+    yield
+    limits.cache_clear()
+
+
+@pytest.fixture
+def limited(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    def limit(megabytes: int) -> None:
+        monkeypatch.setenv("STEREOLAG_JOB_MEMORY_MB", str(megabytes))
+        limits.cache_clear()
+
+    return limit
+
+
+def test_the_environment_comes_before_the_defaults_of_a_server(limited: Callable[[int], None]) -> None:
+    assert limits().job_memory == machine_memory() // 2
+    assert (limits().max_pixels, limits().max_samples) == (50_000_000, 320_000_000)
+    set_defaults(job_memory_mb=200)
+    assert limits().job_memory == 200 * 2**20
+    limited(100)
+    assert limits().job_memory == 100 * 2**20
+    limited(10**9)
+    assert limits().job_memory == machine_memory() // 2
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "allowed"),
+    [
+        ("STEREOLAG_MAX_MEGAPIXELS", "many", "from 4 to 1000"),
+        ("STEREOLAG_MAX_MEGAPIXELS", "3", "from 4 to 1000"),
+        ("STEREOLAG_MAX_MEGASAMPLES", "0", "from 1 to 10000"),
+        ("STEREOLAG_JOB_MEMORY_MB", "8", "from 64"),
+    ],
+)
+def test_a_bad_variable_is_named(monkeypatch: pytest.MonkeyPatch, variable: str, value: str, allowed: str) -> None:
+    monkeypatch.setenv(variable, value)
+    limits.cache_clear()
+    with pytest.raises(ValueError, match=f"{variable} is '{value}'; allowed are whole numbers {allowed}"):
+        limits()
+
+
+@pytest.mark.parametrize(
+    ("joined", "files", "megabytes"),
+    [
+        ("0::/\n", {"memory.max": "268435456\n"}, 256),  # a container
+        ("4:cpu:/\n3:memory:/docker/b7\n", {"memory/memory.limit_in_bytes": "268435456\n"}, 256),  # cgroup version 1
+        ("0::/system.slice/app.service\n", {"system.slice/app.service/memory.max": "268435456\n"}, 256),
+        (
+            "0::/system.slice/app.service\n",
+            {"system.slice/app.service/memory.max": "max\n", "system.slice/memory.max": "134217728\n"},
+            128,
+        ),
+        ("0::/app.service\n", {"app.service/memory.max": "max\n", "other.service/memory.max": "1\n"}, None),
+        ("1:name=systemd:/app.service\n", {"app.service/memory.max": "1\n"}, None),
+        (None, {"memory.max": "1\n"}, None),  # not Linux
+    ],
+)
+def test_a_container_and_a_service_have_the_memory_of_their_groups(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, joined: str | None, files: dict[str, str], megabytes: int | None
+) -> None:
+    for name, limit in files.items():
+        file = tmp_path / "groups" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(limit)
+    if joined is not None:
+        (tmp_path / "joined").write_text(joined)
+    monkeypatch.setattr(jobs, "_MOUNTED", tmp_path / "groups")
+    monkeypatch.setattr(jobs, "_JOINED", tmp_path / "joined")
+    machine_memory.cache_clear()
+    try:
+        whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        assert machine_memory() == (whole if megabytes is None else megabytes * 2**20)
+        assert limits().job_memory == machine_memory() // 2
+    finally:
+        machine_memory.cache_clear()
+
+
+def _lag(size: int, warm: int = 9000, **options: object) -> tuple[str, str, str, str]:
+    given = "".join(f", {name}={value!r}" for name, value in options.items())
+    return (
+        f"a, b = noise({size}), noise({size})",
+        f"signal_lag(a[:{warm}], a[100:{warm}]{given})",
+        f"signal_lag(a, b{given})",
+        f"estimate_lag({size}, {size}{given})",
+    )
+
+
+def _search(setup: str, options: str = "") -> tuple[str, str, str, str]:
+    return (
+        setup,
+        f"match_template(a[:200, :200], a[:20, :20]{options})",
+        f"match_template(a, t{options})",
+        f"estimate_search(a.shape, t.shape, dtype=a.dtype{options})",
+    )
+
+
+def _match(matcher: str, rows: int, cols: int) -> tuple[str, str, str, str]:
+    return (
+        f"m = {matcher}; l, r = pair({rows}, {cols})",
+        "m.compute(l[:200, :600], r[:200, :600])",
+        "m.compute(l, r)",
+        "m.estimate(l.shape, l.dtype)",
+    )
+
+
+JOBS = {
+    "lag by fft": _lag(2_000_000),
+    "lag by fft, whitened": _lag(1_500_000, method="phat"),
+    "lag by blocks": _lag(8_000_000, warm=900_000, max_lag=100_000),
+    "lag by bands": _lag(9_000_000),
+    "lag by products": _lag(2_000_000, method="direct", max_lag=40),
+    "lag by votes": _lag(2_000_000, method="sampled"),
+    "template by fft": _search("a = image(1500, 2000); t = a[200:900, 300:1100]"),
+    "template by fft, masked": _search("a = colours(900, 1200); t = masked(a[200:500, 300:700])"),
+    "template by poses": _search(
+        "a = image(900, 1200); t = a[200:300, 300:400]", ", scales=(0.7, 1.4), rotations=(0, 10)"
+    ),
+    "template by products": _search("a = image(2000, 2000); t = a[9:12, 9:12]", ", method='direct'"),
+    "template by pixels": (
+        "a = image(3000, 4000); t = a[200:230, 300:330]",
+        "match_template(a[:400, :400], t, method='sampled')",
+        "match_template(a, t, method='sampled', seed=0)",
+        "estimate_search(a.shape, t.shape, method='sampled')",
+    ),
+    "template by OpenCV": (
+        "a = colours(1500, 2000); t = masked(a[20:50, 20:50])",
+        "opencv_search(a[:200, :200], t)",
+        "opencv_search(a, t)",
+        "estimate_opencv(a.shape, True)",
+    ),
+    "stereo": _match("Still()", 2500, 3500),
+    "windows": _match("preset('fast')", 2000, 2000),
+    "windows, FFT": _match("CorrelationMatcher(overlap=0.5, search=SearchArea.centred(30), engine='fft')", 1000, 1000),
+    "windows, phase": _match("CorrelationMatcher(window_size=32, overlap=0.5, score='phase')", 1000, 1000),
+    "semi-global": _match("preset('accurate')", 900, 1200),
+    "StereoBM": _match("StereoBM()", 2500, 3500),
+    "StereoSGBM": _match("StereoSGBM(mode='hh')", 900, 1200),
+    "StereoSGBM, HH4": _match("StereoSGBM(mode='hh4', block_size=9)", 900, 1200),
+    "flow": _match("FlowMatcher(search=16, levels=3)", 700, 900),
+    "diagnosis": (
+        "l = colours(1500, 2000); r = np.roll(l, -8, axis=1)",
+        "diagnose(l[:200, :300], r[:200, :300])",
+        "diagnose(l, r)",
+        "estimate_diagnosis(l.shape, l.dtype)",
+    ),
+}
+"""Setup, warm-up, job and estimate of at least one job for each row of the table, as run by ``measured_memory``."""
+
+
+@pytest.fixture(scope="module")
+def memory() -> dict[str, tuple[int, int]]:
+    """Return the bytes that each job takes, and the bytes of its estimate."""
+    here = Path(__file__).parent
+    answer = subprocess.run(
+        [sys.executable, str(here / "measured_memory.py")],
+        input=json.dumps(JOBS),
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"PYTHONPATH": str(here.parents[1])},
+    )
+    rows = (json.loads(line) for line in answer.stdout.splitlines())
+    return {name: (measured, estimated) for name, measured, estimated in rows}
+
+
+def test_every_row_of_the_table_is_measured() -> None:
+    assert {name.partition(",")[0] for name in JOBS} == set(COSTS)
+
+
+@pytest.mark.skipif(not os.access(CLEAR_REFS, os.W_OK), reason="memory is measured where Linux tells it")
+@pytest.mark.parametrize("job", JOBS)
+def test_an_estimate_is_at_least_what_is_measured_and_at_most_twice_that(
+    job: str, memory: dict[str, tuple[int, int]]
+) -> None:
+    measured, estimated = memory[job]
+    assert measured <= estimated <= 2 * measured + SMALL
+
+
+MATCHERS: list[StereoMatcher] = [
+    *(preset(name) for name in ("report", "fast", "accurate")),
+    CorrelationMatcher(engine="fft", overlap=0.5),
+    CorrelationMatcher(search=SearchArea.centred(20)),
+    StereoBM(),
+    StereoSGBM(),
+]
+
+GROWING: dict[str, Callable[[int], Estimate]] = {
+    **{f"lag {method}": lambda n, m=method: estimate_lag(n * n, n * n, method=m) for method in ("fft", "phat")},
+    **{f"lag {method}": lambda n, m=method: estimate_lag(n * n, n * n, method=m) for method in ("sampled", "direct")},
+    **{
+        f"template {method}": lambda n, m=method: estimate_search((n, n, 3), (100, 200, 3), method=m)
+        for method in ("fft", "direct", "sampled")
+    },
+    **{
+        f"{number} {type(matcher).__name__}": lambda n, m=matcher: m.estimate((n, 2 * n, 3))
+        for number, matcher in enumerate(MATCHERS)
+    },
+}
+
+
+@pytest.mark.parametrize("job", GROWING)
+def test_larger_inputs_take_more(job: str) -> None:
+    estimates = [GROWING[job](size) for size in (500, 1000, 2000, 2800)]
+    assert all(a.memory < b.memory and a.seconds < b.seconds for a, b in pairwise(estimates))
+
+
+def test_a_shorter_reach_of_the_direct_method_is_as_much_faster_as_it_has_fewer_products() -> None:
+    every = estimate_lag(10**6, 10**6, method="direct").seconds
+    few = estimate_lag(10**6, 10**6, method="direct", max_lag=100).seconds
+    assert every > 100  # 10**12 products
+    assert few < every / 1000
+
+
+@pytest.mark.parametrize(("size_1", "size_2", "reach"), [(5, 9, 3), (9, 5, 8), (4, 4, 3), (2, 30, 29), (7, 8, 0)])
+def test_products_are_the_pairs_of_samples_within_the_reach(size_1: int, size_2: int, reach: int) -> None:
+    pairs = sum(abs(i - j) <= reach for i in range(size_1) for j in range(size_2))
+    assert product_count(size_1, size_2, reach) == pairs
+
+
+def test_every_lag_of_two_hours_fits_beside_them_into_two_gigabytes() -> None:
+    hour = 3600 * 44_100
+    assert estimate_lag(hour, hour).memory + 2 * hour * np.dtype(np.float32).itemsize < 2 * GB
+    assert estimate_lag(hour, hour, max_lag=100_000).memory < 0.3 * GB
+
+
+def test_a_refusal_names_the_estimate_and_the_limit(limited: Callable[[int], None]) -> None:
+    limited(1000)
+    check_memory(Estimate(1000 * 2**20, 1.0))
+    with pytest.raises(ValueError, match=r"^This needs about 2\.5 GB of memory, and one job may take 1\.0 GB\.$"):
+        check_memory(Estimate(5 * GB // 2, 1.0))
+
+
+def _rejected(shape: tuple[int, ...], job: Callable[[Any], object]) -> None:
+    """Check that a job is refused before it makes a copy of its input."""
+    given = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=r"needs about \d.* of memory, and one job may take 67 MB\.$"):
+            job(given)
+        assert tracemalloc.get_traced_memory()[1] < given.nbytes
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_job_too_large_is_refused_before_anything_is_allocated(limited: Callable[[int], None]) -> None:
+    limited(64)
+    _rejected((8_000_000,), lambda given: signal_lag(given.view(np.int64), given.view(np.int64)))
+    _rejected((2000, 2000), lambda image: match_template(image, image[:300, :300]))
+    _rejected((2000, 3000, 3), lambda left: diagnose(left, left))
+
+
+@pytest.mark.parametrize("matcher", MATCHERS, ids=lambda matcher: type(matcher).__name__)
+def test_a_pair_too_large_is_refused_before_it_is_matched(
+    matcher: StereoMatcher, limited: Callable[[int], None]
+) -> None:
+    limited(64)
+    _rejected((2000, 3000), lambda left: matcher.compute(left, left))
+
+
+def test_a_sampled_search_without_a_rare_value_names_another_method(limited: Callable[[int], None]) -> None:
+    limited(64)
+    image = np.random.default_rng(0).integers(0, 2, (2000, 2000), dtype=np.uint8)
+    with pytest.raises(ValueError, match=r"No value of the template is rare in this image; the method 'fft'"):
+        match_template(image, image[:20, :20], method="sampled")
