@@ -1,4 +1,9 @@
-"""Calibrations in the formats of Middlebury, KITTI, OpenCV, ROS, Kalibr, stereodemo and this project."""
+"""Calibrations of stereo cameras in the formats of Middlebury, KITTI, OpenCV, ROS, Kalibr, stereodemo and this project.
+
+They are written in those of OpenCV, ROS and this project. The names in a file are split into words, since
+``leftCameraMatrix``, ``camera_matrix_left``, ``K1`` and ``mtxL`` mean one part: a word may give the side (left, L, 0,
+1, …), words such as "camera" are ignored, and the rest names the part.
+"""
 
 from __future__ import annotations
 
@@ -8,26 +13,14 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 from enum import StrEnum
-from typing import NamedTuple
+from typing import TypeAlias
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
 from stereolag.geometry.rectification import rectification, rectified_calibration
-from stereolag.io.notations import (
-    Entries,
-    Matrix,
-    counted,
-    matrix,
-    names_found,
-    optional_count,
-    optional_number,
-    parse_entries,
-    required_number,
-    vector,
-)
+from stereolag.io.notations import Entries, Entry, Matrix, names_found, parse_entries
 from stereolag.io.sources import Source, quoted, read_bytes
 from stereolag.version import VERSION
 
@@ -56,15 +49,8 @@ class Side(StrEnum):
     BOTH = "both"
 
 
-class Part(NamedTuple):
-    """The meaning of a name."""
-
-    role: Role
-    side: Side
-
-
-Parts = dict[Part, tuple[str, Matrix | str]]
-"""The name under which each part was found, and its value."""
+Part: TypeAlias = tuple[Role, Side]
+Parts: TypeAlias = dict[Part, Entry]
 
 _OF_ONE_CAMERA = {
     Role.MATRIX: "k m a mtx mat cm matrix cammatrix intrinsic intrinsics intrinsicmatrix intrinsicsmatrix",
@@ -86,278 +72,24 @@ _ROLES = {
     of: {name: role for role, names in roles.items() for name in names.split()}
     for of, roles in (("one", _OF_ONE_CAMERA), ("both", _OF_BOTH))
 }
-_LEFT, _RIGHT = ("left", "l"), ("right", "r")
 _SAYING_NOTHING = {"", "s", "cam", "cams", "stereo", "calibration", "calib", "parameters", "params"}
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
+_SIDE_WORDS = {"left": Side.LEFT, "l": Side.LEFT, "right": Side.RIGHT, "r": Side.RIGHT}
 
-
-def stereo_parts(entries: Entries) -> Parts:
-    """Return the parts meant by the names in a file; of two names for one part, the first counts."""
-    numbered = [(name, *meaning) for name in entries if (meaning := _meaning(name)) is not None]
-    from_zero = any(side == "0" for _, role, side in numbered if role in _OF_ONE_CAMERA)
-    sides = {"0": Side.LEFT, "1": Side.RIGHT} if from_zero else {"1": Side.LEFT, "2": Side.RIGHT}
-    sides |= {"left": Side.LEFT, "right": Side.RIGHT, "": Side.LONE, "both": Side.BOTH}
-    parts: Parts = {}
-    for name, role, side in numbered:
-        if side in sides:
-            parts.setdefault(Part(role, sides[side]), (name, entries[name]))
-    return _of_a_lone_camera(parts)
-
-
-def _meaning(name: str) -> tuple[Role, str] | None:
-    """Return the role that a name means and its side: "left", "right", a number, "" or "both"; None if unknown."""
-    words = [word.lower().replace("camera", "") for word in _words(name)]
-    telling = [word for word in words if word not in _SAYING_NOTHING]
-    rest = "".join(telling)
-    if rest in _ROLES["both"]:
-        return _ROLES["both"][rest], "both"
-    for place, word in enumerate(telling):
-        side = "left" if word in _LEFT else "right" if word in _RIGHT else word.lstrip("0") or "0"
-        others = "".join(telling[:place] + telling[place + 1 :])
-        if (side in ("left", "right") or side.isdecimal()) and others in _ROLES["one"]:
-            return _ROLES["one"][others], side
-    return (_ROLES["one"][rest], "") if rest in _ROLES["one"] else None
-
-
-def _words(name: str) -> Iterable[str]:
-    """Yield the words of a name; two capitals such as KL and DR are a part and its side."""
-    for word in _WORDS.findall(name[:80]):
-        yield from word if re.fullmatch("[KMADPR][LR]", word) else (word,)
-
-
-def _of_a_lone_camera(parts: Parts) -> Parts:
-    """Return the parts with R as the camera's rectification if K and P of a single camera accompany it (ROS)."""
-    rotation = Part(Role.ROTATION, Side.BOTH)
-    alone = {Part(Role.MATRIX, Side.LONE), Part(Role.PROJECTION, Side.LONE)} <= set(parts)
-    if alone and rotation in parts and Part(Role.TRANSLATION, Side.BOTH) not in parts:
-        parts.setdefault(Part(Role.RECTIFICATION, Side.LONE), parts.pop(rotation))
-    return parts
-
+_ROTATION, _TRANSLATION = (Role.ROTATION, Side.BOTH), (Role.TRANSLATION, Side.BOTH)
+_REPROJECTION = (Role.REPROJECTION, Side.BOTH)
+_MATRICES, _PROJECTIONS, _RECTIFICATIONS = (
+    ((role, Side.LEFT), (role, Side.RIGHT)) for role in (Role.MATRIX, Role.PROJECTION, Role.RECTIFICATION)
+)
+_LONE_MATRIX, _LONE_PROJECTION = (Role.MATRIX, Side.LONE), (Role.PROJECTION, Side.LONE)
+_USUAL_NAMES = dict(zip((*_MATRICES, _ROTATION, _TRANSLATION), ("M1", "M2", "R", "T"), strict=True))
 
 _KALIBR_POSE = "cam1.T_cn_cnm1"
 _MODELS = {
     "distortion_model": ("plumb_bob", "rational_polynomial", "radtan", "radial-tangential", "none"),
     "camera_model": ("pinhole",),
 }
-_USUAL_NAMES = {
-    Part(Role.MATRIX, Side.LEFT): "M1",
-    Part(Role.MATRIX, Side.RIGHT): "M2",
-    Part(Role.ROTATION, Side.BOTH): "R",
-    Part(Role.TRANSLATION, Side.BOTH): "T",
-}
-ROTATION, TRANSLATION = Part(Role.ROTATION, Side.BOTH), Part(Role.TRANSLATION, Side.BOTH)
-REPROJECTION = Part(Role.REPROJECTION, Side.BOTH)
-_MATRICES = Part(Role.MATRIX, Side.LEFT), Part(Role.MATRIX, Side.RIGHT)
-PROJECTIONS = Part(Role.PROJECTION, Side.LEFT), Part(Role.PROJECTION, Side.RIGHT)
-_RECTIFICATIONS = Part(Role.RECTIFICATION, Side.LEFT), Part(Role.RECTIFICATION, Side.RIGHT)
-_LONE_PROJECTION, _LONE_MATRIX = Part(Role.PROJECTION, Side.LONE), Part(Role.MATRIX, Side.LONE)
-
-
-def parts_together(files: list[Entries]) -> tuple[Parts, bool]:
-    """Return the combined parts of files that belong together, and whether their lengths are always in metres.
-
-    Two files with one camera each are the left and the right one: by their projections (ROS), by the cameras' names, or
-    in the given order. ROS and Kalibr write metres.
-
-    Raises
-    ------
-    ValueError
-        More than two files with one camera each, or a single one that does not describe the pair.
-    """
-    found = [stereo_parts(entries) for entries in files]
-    lone = [index for index, parts in enumerate(found) if _LONE_PROJECTION in parts or _LONE_MATRIX in parts]
-    lone = [index for index in lone if not set(_MATRICES) & set(found[index])]
-    if len(lone) > 2:
-        raise ValueError(f"{len(lone)} files hold the calibration of one camera each; a stereo camera has two.")
-    metric = bool(lone) and all(_LONE_PROJECTION in found[index] for index in lone)
-    sides: tuple[Side, ...] = (Side.LEFT, Side.RIGHT)
-    if len(lone) == 1 and metric:
-        sides = (Side.LEFT,) if _shift(found[lone[0]]) >= 0 else (Side.RIGHT,)
-    elif len(lone) == 2 and _is_right(files[lone[0]], found[lone[0]], found[lone[1]]):
-        lone.reverse()
-    for index, side in zip(lone, sides, strict=False):
-        found[index] = {Part(role, side if of is Side.LONE else of): it for (role, of), it in found[index].items()}
-    together: Parts = {}
-    for entries, parts in zip(files, found, strict=True):
-        together = parts | together
-        if _KALIBR_POSE in entries:
-            pose = matrix(entries, _KALIBR_POSE, (4, 4))
-            together |= {ROTATION: (_KALIBR_POSE, pose[:3, :3]), TRANSLATION: (_KALIBR_POSE, pose[:3, 3])}
-            metric = True
-    if len(lone) == 1:
-        _complete_projections(together, files[lone[0]])
-    return together, metric
-
-
-def stereo_rig(files: list[Entries], parts: Parts, length_unit_m: float) -> StereoRig | None:
-    """Return both cameras; None if there are none, or some are missing but the rectified projection is known.
-
-    Raises
-    ------
-    ValueError
-        Parts that are missing or do not fit together, or an unsupported lens model.
-    """
-    if not set(_MATRICES) & set(parts):
-        return None
-    rectification = _rectification(parts, length_unit_m)
-    missing = [part for part in _MATRICES if part not in parts]
-    if rectification is None:
-        missing += [part for part in (ROTATION, TRANSLATION) if part not in parts]
-    if missing:
-        if REPROJECTION in parts or set(PROJECTIONS) <= set(parts):
-            return None
-        lacking = ", ".join(_in_words(part) for part in missing)
-        raise ValueError(
-            f"The calibration has {names_found(dict(parts.values()))}, but lacks {lacking}; give the file that holds "
-            "it, often extrinsics.yml, together with this one."
-        )
-    _check_models(files)
-    rotation, translation = _pose(parts, rectification, length_unit_m)
-    width, height = image_size(parts)
-    return StereoRig(
-        _camera_matrix(parts, Side.LEFT),
-        _distortion(parts, Side.LEFT),
-        _camera_matrix(parts, Side.RIGHT),
-        _distortion(parts, Side.RIGHT),
-        rotation,
-        translation,
-        width,
-        height,
-        rectification,
-    )
-
-
-def image_size(parts: Parts) -> tuple[int | None, int | None]:
-    """Return the width and the height of the images, px, from whichever camera states them."""
-    for side in (Side.LONE, Side.LEFT, Side.RIGHT):
-        size, width, height = (parts.get(Part(role, side)) for role in (Role.SIZE, Role.WIDTH, Role.HEIGHT))
-        if size is not None:
-            cols, rows = vector(dict([size]), size[0], 2)
-            return counted(cols, size[0]), counted(rows, size[0])
-        if width is not None and height is not None:
-            (cols,), (rows,) = vector(dict([width]), width[0], 1), vector(dict([height]), height[0], 1)
-            return counted(cols, width[0]), counted(rows, height[0])
-    return None, None
-
-
-def projection(parts: Parts, part: Part) -> Matrix:
-    """Return a (3, 4) projection, whose focal length must be above 0."""
-    name, value = parts[part]
-    found = matrix({name: value}, name, (3, 4))
-    if found[0, 0] <= 0:
-        raise ValueError(
-            f"{quoted(name)} in the calibration has the focal length {found[0, 0]:g} px; it must be above 0."
-        )
-    return found
-
-
-def _in_words(part: Part) -> str:
-    side = "" if part.side is Side.BOTH else f"{part.side} "
-    return f"{side}{part.role} ({_USUAL_NAMES[part]})"
-
-
-def _shift(parts: Parts) -> float:
-    return float(projection(parts, _LONE_PROJECTION)[0, 3])
-
-
-def _is_right(entries: Entries, parts: Parts, others: Parts) -> bool:
-    """Return whether the first of two cameras is the right one."""
-    if _LONE_PROJECTION in parts and _LONE_PROJECTION in others and _shift(parts) != _shift(others):
-        return _shift(parts) < _shift(others)
-    return "right" in str(entries.get("camera_name", "")).lower()
-
-
-def _complete_projections(parts: Parts, entries: Entries) -> None:
-    """Derive the projection of the left camera if only that of the right one is given (ROS)."""
-    left, right = PROJECTIONS
-    if right in parts and left not in parts:
-        name = parts[right][0]
-        parts[left] = name, projection(parts, right) * [[1, 1, 1, 0]]
-        parts.pop(Part(Role.MATRIX, Side.RIGHT), None)
-        return
-    if set(_MATRICES) <= set(parts) or REPROJECTION in parts:
-        return
-    if left in parts:
-        raise ValueError(
-            f"The calibration (ROS) is of the left camera alone: {quoted(parts[left][0])} has no baseline; give the "
-            "file of the right camera, or both."
-        )
-    raise ValueError(
-        f"The calibration is of one camera alone ({names_found(entries)}); give the file of the other camera, and of "
-        "the rotation (R) and translation (T) between them, together with it."
-    )
-
-
-def _rectification(parts: Parts, length_unit_m: float) -> Rectification | None:
-    """Return the rectification stated in the file; None if it is incomplete."""
-    if not set(_RECTIFICATIONS) <= set(parts):
-        return None
-    if set(PROJECTIONS) <= set(parts):
-        left, right = (projection(parts, part).copy() for part in PROJECTIONS)
-    elif REPROJECTION in parts:
-        left, right = _projections_of(*parts[REPROJECTION])
-    else:
-        return None
-    for one in (left, right):
-        one[:, 3] *= length_unit_m
-    rotations = [matrix(dict([parts[part]]), parts[part][0], (3, 3)) for part in _RECTIFICATIONS]
-    return Rectification(rotations[0], rotations[1], left, right)
-
-
-def _projections_of(name: str, value: Matrix | str) -> tuple[Matrix, Matrix]:
-    """Return the projections of both cameras from the reprojection matrix Q."""
-    q = matrix({name: value}, name, (4, 4))
-    if q[3, 2] == 0:
-        raise ValueError(
-            f"{quoted(name)} in the calibration has 0 at row 3, column 2, which would be an infinite baseline."
-        )
-    focal, baseline, doffs = q[2, 3], 1 / q[3, 2], q[3, 3] / q[3, 2]
-    left = np.array([[focal, 0, -q[0, 3], 0], [0, focal, -q[1, 3], 0], [0, 0, 1, 0]])
-    right = left + np.array([[0, 0, doffs, -focal * baseline], [0, 0, 0, 0], [0, 0, 0, 0]])
-    return left, right
-
-
-def _pose(parts: Parts, rectification: Rectification | None, length_unit_m: float) -> tuple[Matrix, Matrix]:
-    """Return rotation and translation, derived from the rectification of both cameras if they are missing."""
-    if rectification is not None and not {ROTATION, TRANSLATION} <= set(parts):
-        back = rectification.right_rotation.T
-        along_rows = np.array([-rectification.baseline_m, 0.0, 0.0])
-        return back @ rectification.left_rotation, back @ along_rows
-    name, value = parts[ROTATION]
-    rotation = vector({name: value}, name)
-    if rotation.size == 3:
-        rotation = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
-    name, value = parts[TRANSLATION]
-    return rotation, vector({name: value}, name) * length_unit_m
-
-
-def _camera_matrix(parts: Parts, side: Side) -> Matrix:
-    """Return the (3, 3) matrix; four numbers are the focal lengths and the centre (Kalibr)."""
-    name, value = parts[Part(Role.MATRIX, side)]
-    numbers = vector({name: value}, name)
-    if numbers.size == 4:
-        return np.array([[numbers[0], 0, numbers[2]], [0, numbers[1], numbers[3]], [0, 0, 1]])
-    return matrix({name: value}, name, (3, 3))
-
-
-def _distortion(parts: Parts, side: Side) -> Matrix:
-    name, value = parts.get(Part(Role.DISTORTION, side), ("", np.zeros(0)))
-    return vector({name: value}, name)
-
-
-def _check_models(files: list[Entries]) -> None:
-    """Refuse lens models that OpenCV's ``stereoRectify`` does not support: fisheyes above all."""
-    for entries in files:
-        for name, value in entries.items():
-            allowed = _MODELS.get(name.rsplit(".", 1)[-1])
-            if allowed and str(value).lower() not in allowed:
-                raise ValueError(
-                    f"The calibration has {quoted(str(value))} for {quoted(name)}, which is not known here; allowed "
-                    f"are {', '.join(allowed)}."
-                )
-
-
-ACCEPTED = "files of Middlebury, KITTI, OpenCV, ROS, Kalibr, NPZ, or JSON with focal_px and baseline_m"
+"""The models of lenses that OpenCV's ``stereoRectify`` supports: no fisheyes."""
 
 _KITTI_PAIRS = (("P_rect_02", "P_rect_03"), ("P2", "P3"), ("P_rect_00", "P_rect_01"), ("row0", "row1"))
 _FOCAL = ("focal_px", "fx", "focal_length_px")
@@ -407,78 +139,61 @@ def read_calibration(*sources: Source, length_unit_m: float = 1.0) -> Calibratio
     if not (length_unit_m > 0 and math.isfinite(length_unit_m)):
         raise ValueError(f"length_unit_m is {length_unit_m}; allowed are numbers above 0.")
     files = [parse_entries(read_bytes(source, "calibration")) for source in sources]
-    merged = {name: value for entries in files for name, value in entries.items()}
-    return _of_rectified_pair(merged) or _of_two_cameras(files, merged, length_unit_m)
-
-
-def _of_rectified_pair(entries: Entries) -> Calibration | None:
-    """Return the calibration from a format for rectified pairs only, None if the file is in none of these."""
+    entries = Entries({name: entry for one in files for name, entry in one.items()})
     if any(name in entries for name in _FOCAL):
         return _from_plain_numbers(entries)
     if "cam0" in entries:
         return _from_middlebury(entries)
     for left, right in _KITTI_PAIRS:
         if left in entries and right in entries:
-            pair = {PROJECTIONS[0]: (left, entries[left]), PROJECTIONS[1]: (right, entries[right])}
-            return _from_projections(pair, *_size(entries))
-    return None
+            return _from_projections(entries[left], entries[right], *_size(entries))
+    return _from_cameras(files, entries, length_unit_m)
 
 
-def _of_two_cameras(files: list[Entries], entries: Entries, length_unit_m: float) -> Calibration:
-    """Return the calibration from the cameras' matrices, before or after rectification."""
-    parts, metric = parts_together(files)
-    unit = 1.0 if metric or entries.get("length_unit") == "m" else length_unit_m
-    rig = stereo_rig(files, parts, unit)
-    if rig is not None:
-        return replace(_forecast(rig), num_disparities=optional_count(entries, "num_disparities"))
-    if REPROJECTION in parts:
-        return _from_reprojection(parts, unit)
-    if set(PROJECTIONS) <= set(parts):
-        return _from_projections(parts, *image_size(parts), unit)
-    raise ValueError(
-        f"The calibration holds {names_found(entries)}: it is in no known format, or lacks both cameras; accepted are "
-        f"{ACCEPTED}."
-    )
+def _size(entries: Entries) -> tuple[int | None, int | None]:
+    return entries.count("width", "image_width"), entries.count("height", "image_height")
 
 
 def _from_plain_numbers(entries: Entries) -> Calibration:
     """Read single numbers by name; stereodemo calls them ``fx``, ``baseline_meters``, ``cx0`` and ``cx1``."""
     width, height = _size(entries)
-    cx, right_cx = optional_number(entries, "cx", "cx0"), optional_number(entries, "cx1")
-    doffs = optional_number(entries, "doffs_px", "doffs")
+    cx, right_cx = entries.number("cx", "cx0"), entries.number("cx1")
+    doffs = entries.number("doffs_px", "doffs")
     if doffs is None:
         doffs = 0.0 if cx is None or right_cx is None else right_cx - cx
     return Calibration(
-        required_number(entries, *_FOCAL),
-        required_number(entries, *_BASELINE),
+        entries.required_number(*_FOCAL),
+        entries.required_number(*_BASELINE),
         doffs,
         cx,
-        optional_number(entries, "cy"),
+        entries.number("cy"),
         width=width,
         height=height,
-        num_disparities=optional_count(entries, "num_disparities", "max_disparity"),
+        num_disparities=entries.count("num_disparities", "max_disparity"),
     )
 
 
 def _from_middlebury(entries: Entries) -> Calibration:
     """Read lengths in mm and ``doffs = cx1 - cx0`` (https://vision.middlebury.edu/stereo/data/scenes2014/)."""
-    left = matrix(entries, "cam0", (3, 3))
+    left = entries["cam0"].matrix(3, 3)
     width, height = _size(entries)
     return Calibration(
         float(left[0, 0]),
-        required_number(entries, "baseline") / 1000,
-        optional_number(entries, "doffs") or 0.0,
+        entries.required_number("baseline") / 1000,
+        entries.number("doffs") or 0.0,
         float(left[0, 2]),
         float(left[1, 2]),
         width=width,
         height=height,
-        num_disparities=optional_count(entries, "ndisp"),
+        num_disparities=entries.count("ndisp"),
     )
 
 
-def _from_projections(parts: Parts, width: int | None, height: int | None, length_unit_m: float = 1.0) -> Calibration:
+def _from_projections(
+    left_entry: Entry, right_entry: Entry, width: int | None, height: int | None, length_unit_m: float = 1.0
+) -> Calibration:
     """Read the (3, 4) projections of a rectified pair, ``P[0, 3] = -focal * baseline`` (Geiger et al., IJRR 2013)."""
-    left, right = (projection(parts, part) for part in PROJECTIONS)
+    left, right = _projection(left_entry), _projection(right_entry)
     focal = float(left[0, 0])
     return Calibration(
         focal,
@@ -491,27 +206,27 @@ def _from_projections(parts: Parts, width: int | None, height: int | None, lengt
     )
 
 
-def _from_reprojection(parts: Parts, length_unit_m: float) -> Calibration:
-    """Read the matrix Q of OpenCV's ``stereoRectify``: Q[3, 2] is 1 / baseline and Q[3, 3] is doffs / baseline."""
-    name, value = parts[REPROJECTION]
-    q: Matrix = matrix({name: value}, name, (4, 4))
-    if q[3, 2] == 0:
-        raise ValueError(
-            f"{quoted(name)} in the calibration has 0 at row 3, column 2, which would be an infinite baseline."
-        )
-    width, height = image_size(parts)
-    return Calibration(
-        float(q[2, 3]),
-        length_unit_m / float(q[3, 2]),
-        float(q[3, 3]) / float(q[3, 2]),
-        -float(q[0, 3]),
-        -float(q[1, 3]),
-        width=width,
-        height=height,
+def _from_cameras(files: list[Entries], entries: Entries, length_unit_m: float) -> Calibration:
+    """Return the calibration from the cameras' matrices, before or after rectification."""
+    parts, metric = _parts_together(files)
+    unit = 1.0 if metric or _text(entries, "length_unit") == "m" else length_unit_m
+    rig = _stereo_rig(files, parts, unit)
+    width, height = _image_size(parts)
+    if rig is not None:
+        return _predicted(rig, entries.count("num_disparities"))
+    if _REPROJECTION in parts:
+        focal, back, doffs, cx, cy = _reprojected(parts[_REPROJECTION])
+        return Calibration(focal, unit / back, doffs / back, cx, cy, width=width, height=height)
+    if set(_PROJECTIONS) <= set(parts):
+        left, right = (parts[part] for part in _PROJECTIONS)
+        return _from_projections(left, right, width, height, unit)
+    raise ValueError(
+        f"The calibration holds {names_found(entries)}: it is in no known format, or lacks both cameras; accepted are "
+        "files of Middlebury, KITTI, OpenCV, ROS, Kalibr, NPZ, or JSON with focal_px and baseline_m."
     )
 
 
-def _forecast(rig: StereoRig) -> Calibration:
+def _predicted(rig: StereoRig, num_disparities: int | None) -> Calibration:
     """Return the calibration to expect after rectification, with the rig; a missing size is guessed from the centre."""
     width = rig.width or max(1, round(2 * rig.left_matrix[0, 2] + 1))
     height = rig.height or max(1, round(2 * rig.left_matrix[1, 2] + 1))
@@ -519,11 +234,209 @@ def _forecast(rig: StereoRig) -> Calibration:
         rectified = rectified_calibration(rig, (width, height))
     except ZeroDivisionError as error:
         raise ValueError("The calibration is of cameras that cannot be rectified: no focal length is left.") from error
-    return replace(rectified, width=rig.width, height=rig.height, rig=rig)
+    return replace(rectified, width=rig.width, height=rig.height, rig=rig, num_disparities=num_disparities)
 
 
-def _size(entries: Entries) -> tuple[int | None, int | None]:
-    return optional_count(entries, "width", "image_width"), optional_count(entries, "height", "image_height")
+def _stereo_parts(entries: Entries) -> Parts:
+    """Return the parts meant by the names in a file; of two names for one part, the first counts."""
+    numbered = [(entry, *meaning) for name, entry in entries.items() if (meaning := _meaning(name)) is not None]
+    from_zero = any(side == "0" for _, _, side in numbered)
+    sides: dict[str, Side] = dict(zip("01" if from_zero else "12", (Side.LEFT, Side.RIGHT), strict=True))
+    parts: Parts = {}
+    for entry, role, side in numbered:
+        if isinstance(side, Side) or side in sides:
+            parts.setdefault((role, side if isinstance(side, Side) else sides[side]), entry)
+    if {_LONE_MATRIX, _LONE_PROJECTION, _ROTATION} <= set(parts) and _TRANSLATION not in parts:
+        # Beside K and P of a single camera, R is its rectification (ROS).
+        parts.setdefault((Role.RECTIFICATION, Side.LONE), parts.pop(_ROTATION))
+    return parts
+
+
+def _meaning(name: str) -> tuple[Role, Side | str] | None:
+    """Return the role that a name means and its side, or the number of its camera; None if unknown."""
+    words = [word.lower().replace("camera", "") for word in _words(name)]
+    telling = [word for word in words if word not in _SAYING_NOTHING]
+    rest = "".join(telling)
+    if rest in _ROLES["both"]:
+        return _ROLES["both"][rest], Side.BOTH
+    for place, word in enumerate(telling):
+        others = "".join(telling[:place] + telling[place + 1 :])
+        if (word in _SIDE_WORDS or word.isdecimal()) and others in _ROLES["one"]:
+            return _ROLES["one"][others], _SIDE_WORDS.get(word, word.lstrip("0") or "0")
+    return (_ROLES["one"][rest], Side.LONE) if rest in _ROLES["one"] else None
+
+
+def _words(name: str) -> Iterable[str]:
+    """Yield the words of a name; two capitals such as KL and DR are a part and its side."""
+    for word in _WORDS.findall(name[:80]):
+        yield from word if re.fullmatch("[KMADPR][LR]", word) else (word,)
+
+
+def _text(entries: Entries, name: str) -> str:
+    return str(entries[name].value) if name in entries else ""
+
+
+def _parts_together(files: list[Entries]) -> tuple[Parts, bool]:
+    """Return the combined parts of files that belong together, and whether their lengths are always in metres.
+
+    Two files with one camera each are the left and the right one: by their projections (ROS), by the cameras' names, or
+    in the given order. ROS and Kalibr write metres.
+    """
+    found = [_stereo_parts(entries) for entries in files]
+    lone = [
+        index
+        for index, parts in enumerate(found)
+        if {_LONE_PROJECTION, _LONE_MATRIX} & set(parts) and not set(_MATRICES) & set(parts)
+    ]
+    if len(lone) > 2:
+        raise ValueError(f"{len(lone)} files hold the calibration of one camera each; a stereo camera has two.")
+    metric = bool(lone) and all(_LONE_PROJECTION in found[index] for index in lone)
+    sides = [Side.LEFT, Side.RIGHT]
+    if len(lone) == 1 and metric:
+        sides = [Side.LEFT if _shift(found[lone[0]]) >= 0 else Side.RIGHT]
+    elif len(lone) == 2 and _is_right(files[lone[0]], found[lone[0]], found[lone[1]]):
+        lone.reverse()
+    for index, side in zip(lone, sides, strict=False):
+        found[index] = {(role, side if of is Side.LONE else of): it for (role, of), it in found[index].items()}
+    together: Parts = {}
+    for entries, parts in zip(files, found, strict=True):
+        together = parts | together
+        if _KALIBR_POSE in entries:
+            pose = entries[_KALIBR_POSE].matrix(4, 4)
+            together |= {_ROTATION: Entry(_KALIBR_POSE, pose[:3, :3]), _TRANSLATION: Entry(_KALIBR_POSE, pose[:3, 3])}
+            metric = True
+    if len(lone) == 1:
+        _complete_projections(together, files[lone[0]])
+    return together, metric
+
+
+def _shift(parts: Parts) -> float:
+    return float(_projection(parts[_LONE_PROJECTION])[0, 3])
+
+
+def _is_right(entries: Entries, parts: Parts, others: Parts) -> bool:
+    """Return whether the first of two cameras is the right one."""
+    if _LONE_PROJECTION in parts and _LONE_PROJECTION in others and _shift(parts) != _shift(others):
+        return _shift(parts) < _shift(others)
+    return "right" in _text(entries, "camera_name").lower()
+
+
+def _complete_projections(parts: Parts, entries: Entries) -> None:
+    """Derive the projection of the left camera if only that of the right one is given (ROS)."""
+    left, right = _PROJECTIONS
+    if right in parts and left not in parts:
+        parts[left] = Entry(parts[right].name, _projection(parts[right]) * [[1, 1, 1, 0]])
+    elif left in parts:
+        raise ValueError(
+            f"The calibration (ROS) is of the left camera alone: {quoted(parts[left].name)} has no baseline; give the "
+            "file of the right camera, or both."
+        )
+    else:
+        raise ValueError(
+            f"The calibration is of one camera alone ({names_found(entries)}); give the file of the other camera, and "
+            "of the rotation (R) and translation (T) between them, together with it."
+        )
+
+
+def _image_size(parts: Parts) -> tuple[int | None, int | None]:
+    """Return the width and the height of the images, px, from whichever camera states them."""
+    for side in (Side.LONE, Side.LEFT, Side.RIGHT):
+        size, width, height = (parts.get((role, side)) for role in (Role.SIZE, Role.WIDTH, Role.HEIGHT))
+        if size is not None:
+            cols, rows = size.counts(2)
+            return cols, rows
+        if width is not None and height is not None:
+            return width.counts(1)[0], height.counts(1)[0]
+    return None, None
+
+
+def _projection(entry: Entry) -> Matrix:
+    """Return a (3, 4) projection, whose focal length must be above 0."""
+    found = entry.matrix(3, 4)
+    if found[0, 0] <= 0:
+        raise ValueError(
+            f"{quoted(entry.name)} in the calibration has the focal length {found[0, 0]:g} px; it must be above 0."
+        )
+    return found
+
+
+def _reprojected(entry: Entry) -> tuple[float, float, float, float, float]:
+    """Return the focal length, 1 / baseline, doffs / baseline and the centre from Q of OpenCV's ``stereoRectify``."""
+    q = entry.matrix(4, 4)
+    if q[3, 2] == 0:
+        raise ValueError(
+            f"{quoted(entry.name)} in the calibration has 0 at row 3, column 2, which would be an infinite baseline."
+        )
+    return float(q[2, 3]), float(q[3, 2]), float(q[3, 3]), -float(q[0, 3]), -float(q[1, 3])
+
+
+def _stereo_rig(files: list[Entries], parts: Parts, length_unit_m: float) -> StereoRig | None:
+    """Return both cameras; None if there are none, or some are missing but the rectified projection is known."""
+    if not set(_MATRICES) & set(parts):
+        return None
+    how = _rectification(parts, length_unit_m)
+    missing = [part for part in _USUAL_NAMES if part not in parts and (how is None or part in _MATRICES)]
+    if missing:
+        if _REPROJECTION in parts or set(_PROJECTIONS) <= set(parts):
+            return None
+        lacking = ", ".join(
+            f"{'' if side is Side.BOTH else f'{side} '}{role} ({_USUAL_NAMES[role, side]})" for role, side in missing
+        )
+        raise ValueError(
+            f"The calibration has {names_found(entry.name for entry in parts.values())}, but lacks {lacking}; give the "
+            "file that holds it, often extrinsics.yml, together with this one."
+        )
+    _check_models(files)
+    if how is not None and not {_ROTATION, _TRANSLATION} <= set(parts):
+        back = how.right_rotation.T
+        rotation, translation = back @ how.left_rotation, back @ np.array([-how.baseline_m, 0.0, 0.0])
+    else:
+        rotation, translation = parts[_ROTATION].numbers(), parts[_TRANSLATION].numbers() * length_unit_m
+        if rotation.size == 3:
+            rotation = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
+    (left, left_lens), (right, right_lens) = (
+        (_camera_matrix(parts[Role.MATRIX, side]), parts.get((Role.DISTORTION, side), Entry("", np.zeros(0))).numbers())
+        for side in (Side.LEFT, Side.RIGHT)
+    )
+    return StereoRig(left, left_lens, right, right_lens, rotation, translation, *_image_size(parts), how)
+
+
+def _rectification(parts: Parts, length_unit_m: float) -> Rectification | None:
+    """Return the rectification stated in the file; None if it is incomplete."""
+    if not set(_RECTIFICATIONS) <= set(parts):
+        return None
+    if set(_PROJECTIONS) <= set(parts):
+        left, right = (_projection(parts[part]).copy() for part in _PROJECTIONS)
+    elif _REPROJECTION in parts:
+        focal, back, doffs, cx, cy = _reprojected(parts[_REPROJECTION])
+        left = np.array([[focal, 0, cx, 0], [0, focal, cy, 0], [0, 0, 1, 0]])
+        right = left.copy()
+        right[0, 2:] += doffs / back, -focal * (1 / back)
+    else:
+        return None
+    for one in (left, right):
+        one[:, 3] *= length_unit_m
+    left_turn, right_turn = (parts[part].matrix(3, 3) for part in _RECTIFICATIONS)
+    return Rectification(left_turn, right_turn, left, right)
+
+
+def _camera_matrix(entry: Entry) -> Matrix:
+    """Return the (3, 3) matrix; four numbers are the focal lengths and the centre (Kalibr)."""
+    numbers = entry.numbers()
+    if numbers.size == 4:
+        return np.array([[numbers[0], 0, numbers[2]], [0, numbers[1], numbers[3]], [0, 0, 1]])
+    return entry.matrix(3, 3)
+
+
+def _check_models(files: list[Entries]) -> None:
+    for entries in files:
+        for name, entry in entries.items():
+            allowed = _MODELS.get(name.rsplit(".", 1)[-1])
+            if allowed and str(entry.value).lower() not in allowed:
+                raise ValueError(
+                    f"The calibration has {quoted(str(entry.value))} for {quoted(name)}, which is not known here; "
+                    f"allowed are {', '.join(allowed)}."
+                )
 
 
 _COEFFICIENTS = {"plumb_bob": 5, "rational_polynomial": 8}
@@ -596,7 +509,7 @@ def _rig(calibration: Calibration) -> tuple[StereoRig, tuple[int, int]]:
     return rig, (rig.width, rig.height)
 
 
-def _matrices(rig: StereoRig, size: tuple[int, int]) -> dict[str, npt.NDArray[np.float64]]:
+def _matrices(rig: StereoRig, size: tuple[int, int]) -> dict[str, Matrix]:
     how = rectification(rig, size)
     return {
         "M1": rig.left_matrix,
@@ -613,7 +526,7 @@ def _matrices(rig: StereoRig, size: tuple[int, int]) -> dict[str, npt.NDArray[np
     }
 
 
-def _reprojection(left: npt.NDArray[np.float64], right: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _reprojection(left: Matrix, right: Matrix) -> Matrix:
     """Return the (4, 4) matrix Q of OpenCV's ``stereoRectify`` for two projections."""
     focal, baseline = left[0, 0], -right[0, 3] / right[0, 0]
     q = np.eye(4)
@@ -622,7 +535,7 @@ def _reprojection(left: npt.NDArray[np.float64], right: npt.NDArray[np.float64])
     return q
 
 
-def _camera_info(name: str, size: tuple[int, int], number: int, matrices: dict[str, npt.NDArray[np.float64]]) -> str:
+def _camera_info(name: str, size: tuple[int, int], number: int, matrices: dict[str, Matrix]) -> str:
     distortion = matrices[f"D{number}"].ravel()
     used = int(np.flatnonzero(distortion).max(initial=-1)) + 1
     model = next((model for model, count in _COEFFICIENTS.items() if used <= count), None)
@@ -639,7 +552,7 @@ def _camera_info(name: str, size: tuple[int, int], number: int, matrices: dict[s
     return "\n".join(lines) + "\n"
 
 
-def _ros_matrix(name: str, matrix: npt.NDArray[np.float64]) -> list[str]:
+def _ros_matrix(name: str, matrix: Matrix) -> list[str]:
     rows, cols = matrix.shape
     numbers = ", ".join(repr(float(number)) for number in matrix.flat)
     return [f"{name}:", f"  rows: {rows}", f"  cols: {cols}", f"  data: [{numbers}]"]

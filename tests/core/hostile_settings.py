@@ -139,7 +139,7 @@ def trees() -> dict[str, tuple[object, str]]:
             "defines types or entities",
         ),
         "XML, 140,000 elements within each other": (lambda: xml("<a>" * 300_000), "more than 16 levels deep"),
-        "XML, 200,000 elements": (lambda: xml("<a/>" * 200_000), "more than 20,000 elements"),
+        "XML, 200,000 elements": (lambda: xml("<a/>" * 200_000), "holds no names with values"),
         "XML, 60,000 attributes": (
             lambda: xml("<a " + " ".join(f'a{n}="1"' for n in range(60_000)) + "/>"),
             "no known format",
