@@ -82,7 +82,7 @@ def _figures(pair: DepthPair, result: DisparityMap) -> dict[str, Any]:
         "elapsed_s": result.elapsed_s,
     }
     if pair.truth is not None:
-        from stereolag.io.tables import figures_of
+        from stereolag.io.results import figures_of
 
         judged = figures_of(sl.evaluate(result.disparity, pair.truth))
         figures |= {name: judged[name] for name in FIGURES}

@@ -26,7 +26,7 @@ def run(arguments: Sequence[str]) -> int:
     flags = SettingsFlags(parser, TemplateQuery())
     options, query = flags.parsed(arguments)
 
-    from stereolag.io.tables import search_figures
+    from stereolag.io.results import search_figures
 
     mask = None if options.mask is None else read(sl.read_image, options.mask)
     if mask is not None and mask.ndim == 3:

@@ -32,7 +32,7 @@ def run(arguments: Sequence[str]) -> int:
 
     from stereolag.core.inputs import checked_signal
     from stereolag.io.recordings import at_one_rate
-    from stereolag.io.tables import lag_figures
+    from stereolag.io.results import lag_figures
 
     first = read(sl.read_signal, options.first)
     second = first if options.second is None else read(sl.read_signal, options.second)

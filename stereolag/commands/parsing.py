@@ -98,7 +98,7 @@ def add_output(parser: argparse.ArgumentParser) -> None:
 def tell(figures: Mapping[str, Any], sentences: str, *, as_json: bool) -> None:
     """Print the figures as one line of JSON, with NaN and infinity as null, or else the sentences."""
     if as_json:
-        from stereolag.io.tables import figures_json
+        from stereolag.io.results import figures_json
 
         print(figures_json(figures))
     else:

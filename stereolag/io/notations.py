@@ -218,7 +218,10 @@ def _yaml(text: str) -> Any:
 
 
 def _check_yaml(text: str) -> None:
-    """Refuse a text that is too large once its aliases are followed, before anything is built from it."""
+    """Refuse a text that is too large once its aliases are followed, before anything is built from it.
+
+    The loader in C would overflow the stack of its process at a few 10,000 levels.
+    """
     nodes = 0
     opened: list[tuple[str | None, int]] = []
     sizes: dict[str | None, int] = {}
@@ -250,13 +253,15 @@ def _check_yaml(text: str) -> None:
 def _xml(data: bytes) -> Any:
     """Return the content of the root element of OpenCV's XML, without entities or type definitions."""
     try:
-        events = iterparse(io.BytesIO(data), events=("start", "end"), forbid_dtd=True)
-        depth = 0
-        for event, _ in events:
-            depth += 1 if event == "start" else -1
-            if depth > MAX_DEPTH:
+        opened: list[Element] = []
+        for event, element in iterparse(io.BytesIO(data), events=("start", "end"), forbid_dtd=True):
+            if event == "start":
+                opened.append(element)
+            elif len(opened) > 1:
+                opened.pop()
+            if len(opened) > MAX_DEPTH:
                 raise ValueError(f"The calibration (XML) is nested more than {MAX_DEPTH} levels deep.")
-        return _xml_tree(events.root)
+        return _xml_tree(opened[0])
     except DefusedXmlException as error:
         raise ValueError(
             "The calibration (XML) defines types or entities, which are not accepted; save it as OpenCV does, without "

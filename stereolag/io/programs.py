@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, get_args, get_origin
@@ -15,9 +14,9 @@ from stereolag.stereo.opencv import SUBPIXEL, BlockMatcher, StereoSGBM
 from stereolag.version import VERSION
 
 _PROGRAM = '''\
-"""Measure the disparity of a stereo pair, px: positive in front of infinity, NaN where there is none.
+"""{purpose}
 
-Written by stereolag {version}, which it needs. The images lie beside this file, and so will the results.
+Written by stereolag {version}, which it {needs}. {files}
 """
 
 from pathlib import Path
@@ -25,8 +24,11 @@ from pathlib import Path
 {imports}
 
 FOLDER = Path(__file__).resolve().parent
+{steps}'''
 
-{images}
+_DISPARITY = """
+left = sl.read_image(FOLDER / {left})
+right = sl.read_image(FOLDER / {right})
 
 {matcher}
 result = matcher.compute(left, right)
@@ -34,17 +36,62 @@ result = matcher.compute(left, right)
 np.save(FOLDER / "disparity.npy", result.disparity)
 sl.write_disparity(FOLDER / "disparity.pfm", result.disparity)
 print(f"{{result.coverage:.1%}} of the pixels have a disparity; it took {{result.elapsed_s:.2f}} s")
-'''
+"""
+
+_OPENCV = """
+
+def grey_image(name):
+    image = cv2.imread(str(FOLDER / name), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise SystemExit(f"{{name}} is not beside this file, or it is no image.")
+    return image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2GRAY)
 
 
-def script(
-    matcher: StereoMatcher,
-    left_name: str,
-    right_name: str,
-    *,
-    crop: tuple[int, int] | None = None,
-    scale: float = 1.0,
-) -> str:
+left, right = grey_image({left}), grey_image({right})
+if left.dtype != np.uint8:  # OpenCV matches 8 bits: the common range, less 0.1 % at each end, spread over 0..255
+    low, high = np.percentile(np.stack([left, right]), (0.1, 99.9))
+    scale = 255 / max(float(high) - float(low), 1e-30)
+    left, right = (
+        np.clip(np.rint((image.astype(np.float64) - low) * scale), 0, 255).astype(np.uint8) for image in (left, right)
+    )
+
+{matcher}
+raw = matcher.compute(left, right)  # the disparity × {subpixel}; (minDisparity - 1) * {subpixel} where there is none
+disparity = np.where(raw > {none}, raw.astype(np.float32) / {subpixel}, np.float32(np.nan))
+
+np.save(FOLDER / "disparity.npy", disparity)
+print(f"{{np.isfinite(disparity).mean():.1%}} of the pixels have a disparity")
+"""
+
+_LAG = """
+signal_1 = sl.read_signal(FOLDER / {first}).channels[0]
+signal_2 = sl.read_signal(FOLDER / {second}).channels[0]
+
+result = sl.signal_lag(
+    signal_1,
+    signal_2,
+{settings}
+)
+print(f"lag {{result.lag}} samples, {{result.time_s:.6g}} s, score {{result.score:.3f}}: {{result.verdict}}")
+"""
+
+_FIND = """
+image = sl.read_image(FOLDER / {image})
+template = sl.read_image(FOLDER / {template})
+{mask}
+result = sl.match_template(
+    image,
+    template,
+{settings}
+)
+for match in result.matches[: result.clear]:
+    print(f"row {{match.row}}, column {{match.col}}, score {{match.score:.3f}}")
+if not result.found:
+    print(f"Not found: {{result.reason}}")
+"""
+
+
+def script(matcher: StereoMatcher, left_name: str, right_name: str) -> str:
     """Return a Python program that measures the same disparities again, bit for bit.
 
     The program reads the two images beside it, and writes ``disparity.npy`` and ``disparity.pfm`` there.
@@ -55,55 +102,144 @@ def script(
         Every setting is written out, so that a later release with other defaults gives the same result.
     left_name, right_name
         The names of the two files, for example ``left.png``; folders in them are dropped.
-    crop
-        (rows, cols) kept of both images, from the top left; None: all.
-    scale
-        The factor by which the images were resized after that, by ``cv2.resize`` with ``INTER_AREA``.
-
-    Raises
-    ------
-    ValueError
-        A scale that is not above 0, or a crop that keeps nothing.
     """
-    if not (scale > 0 and math.isfinite(scale)):
-        raise ValueError(f"scale is {scale}; allowed are finite numbers above 0.")
-    if crop is not None and min(crop) < 1:
-        raise ValueError(f"crop is {crop}; allowed are whole numbers of rows and columns from 1.")
-    return _PROGRAM.format(
-        version=VERSION,
-        imports="\n".join(_imports(matcher, resized=scale != 1)),
-        images="\n".join(_images(left_name, right_name, crop, scale)),
-        matcher=constructor(matcher, before="matcher = "),
+    return _program(
+        "Measure the disparity of a stereo pair, px: positive in front of infinity, NaN where there is none.",
+        "The images lie beside this file, and so will the results.",
+        ["import numpy as np", "", "import stereolag as sl", *imports(matcher)],
+        _DISPARITY.format(
+            left=_file_literal(left_name),
+            right=_file_literal(right_name),
+            matcher=constructor(matcher, before="matcher = "),
+        ),
     )
 
 
-def _imports(matcher: StereoMatcher, *, resized: bool) -> list[str]:
-    return [
-        *(["import cv2"] if resized else []),
-        "import numpy as np",
-        "",
-        "import stereolag as sl",
-        *imports(matcher),
-    ]
+def opencv_script(matcher: BlockMatcher, left_name: str, right_name: str) -> str:
+    """Return a Python program that measures the same disparities with ``cv2`` and ``numpy`` alone, bit for bit.
+
+    The program reads the two images beside it, and writes ``disparity.npy`` there.
+
+    Parameters
+    ----------
+    matcher
+        StereoBM or StereoSGBM; every setting is written out under OpenCV's name.
+    left_name, right_name
+        The names of the two files, PNG, or TIFF with grey floats; folders in them are dropped.
+    """
+    if isinstance(matcher, StereoSGBM):
+        arguments = matcher.opencv_arguments() | {"mode": f"cv2.{matcher.opencv_mode}"}
+        lines = ["matcher = cv2.StereoSGBM.create(", *(f"    {name}={arguments[name]}," for name in arguments), ")"]
+    else:  # StereoBM takes most of its settings one by one
+        size = f"numDisparities={matcher.num_disparities}, blockSize={matcher.block_size}"
+        others = {matcher.other_name(name): value for name, value in matcher}
+        others = {name: value for name, value in others.items() if name not in ("numDisparities", "blockSize")}
+        lines = [f"matcher = cv2.StereoBM.create({size})"]
+        lines += [f"matcher.set{name[0].upper()}{name[1:]}({value})" for name, value in others.items()]
+    return _program(
+        "Measure the disparity of a stereo pair with OpenCV alone, px: positive in front of infinity, NaN where there "
+        "is none.",
+        "The images lie beside this file, and so will the result.",
+        ["import cv2", "import numpy as np"],
+        _OPENCV.format(
+            left=_file_literal(left_name),
+            right=_file_literal(right_name),
+            matcher="\n".join(lines),
+            none=(matcher.min_disparity - 1) * SUBPIXEL,
+            subpixel=SUBPIXEL,
+        ),
+        needs="does not need",
+    )
 
 
-def _images(left_name: str, right_name: str, crop: tuple[int, int] | None, scale: float) -> list[str]:
-    lines = [
-        f"left = sl.read_image(FOLDER / {file_literal(left_name)})",
-        f"right = sl.read_image(FOLDER / {file_literal(right_name)})",
-    ]
-    if crop is not None:
-        kept = f"[:{crop[0]}, :{crop[1]}]"
-        lines.append(f"left, right = left{kept}, right{kept}")
-    if scale != 1:
-        size = f"fx={scale!r}, fy={scale!r}, interpolation=cv2.INTER_AREA"
-        lines += [f"left = cv2.resize(left, None, {size})", f"right = cv2.resize(right, None, {size})"]
-    return lines
+def lag_command(search: LagSearch, first: str, second: str) -> str:
+    """Return the command that measures the same lag, for two files with one recording each."""
+    return _command("lag", [first, second], search)
 
 
-def file_literal(name: str) -> str:
+def lag_script(search: LagSearch, first: str, second: str) -> str:
+    """Return a Python program that measures the same lag; every setting is written out.
+
+    Parameters
+    ----------
+    search
+        The settings.
+    first, second
+        The names of the two files beside the program; folders in them are dropped.
+    """
+    return _program(
+        "Measure the lag between two recordings: positive where the second hears the event later.",
+        "The recordings lie beside this file.",
+        ["import stereolag as sl"],
+        _LAG.format(first=_file_literal(first), second=_file_literal(second), settings=_arguments(search.model_dump())),
+    )
+
+
+def find_command(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
+    """Return the command that finds the same places."""
+    return _command("find", [image, template, *([] if mask is None else ["--mask", mask])], query)
+
+
+def find_script(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
+    """Return a Python program that finds the same places; every setting is written out.
+
+    Parameters
+    ----------
+    query
+        The settings.
+    image, template, mask
+        The names of the files beside the program; folders in them are dropped. A mask is above 0 where the template
+        counts; None for no mask.
+    """
+    settings = _arguments(query.arguments)
+    return _program(
+        "Find a template in an image: row and column of its top-left pixel.",
+        "The images lie beside this file.",
+        ["import stereolag as sl"],
+        _FIND.format(
+            image=_file_literal(image),
+            template=_file_literal(template),
+            mask="" if mask is None else f"mask = sl.read_image(FOLDER / {_file_literal(mask)})\n",
+            settings=settings if mask is None else f"    mask=mask,\n{settings}",
+        ),
+    )
+
+
+def _program(purpose: str, files: str, imports: Sequence[str], steps: str, needs: str = "needs") -> str:
+    return _PROGRAM.format(
+        purpose=purpose, version=VERSION, needs=needs, files=files, imports="\n".join(imports), steps=steps
+    )
+
+
+def _file_literal(name: str) -> str:
     """Return a file's name without folders as a string literal, safe for any name."""
-    return text_literal(re.split(r"[/\\]", name)[-1])
+    return _text_literal(re.split(r"[/\\]", name)[-1])
+
+
+def _text_literal(text: str) -> str:
+    """Return a text as a Python literal, in double quotes if these need no escapes."""
+    literal = repr(text)
+    return literal if '"' in literal else f'"{literal[1:-1]}"'
+
+
+def _arguments(arguments: Mapping[str, object]) -> str:
+    """Return the arguments of a call, and the seed, one per line."""
+    return "\n".join(f"    {name}={_on_one_line(value)}," for name, value in [*arguments.items(), ("seed", 0)])
+
+
+def _command(name: str, files: Sequence[str], settings: Settings) -> str:
+    """Return a command with flags for all settings that have a value."""
+    flags = [_flag(field.replace("_", "-"), value) for field, value in settings if value is not None]
+    return " ".join(["stereolag", name, *files, *flags])
+
+
+def _flag(name: str, value: object) -> str:
+    if isinstance(value, bool):
+        return f"--{name}" if value else f"--no-{name}"
+    if isinstance(value, list | tuple):
+        return f"--{name} {','.join(map(str, value))}"
+    exact = isinstance(value, float) and float(f"{value:.12g}") == value
+    return f"--{name} {value:.12g}" if exact else f"--{name} {value}"
 
 
 LINE_LENGTH = 88
@@ -135,12 +271,6 @@ def imports(settings: Settings) -> list[str]:
     return [f"from {module} import {', '.join(sorted(names))}" for module, names in sorted(modules.items())]
 
 
-def text_literal(text: str) -> str:
-    """Return a text as a Python literal, in double quotes if these need no escapes."""
-    literal = repr(text)
-    return literal if '"' in literal else f'"{literal[1:-1]}"'
-
-
 def _written(value: Any, before: str, column: int) -> str:
     """Return `before` and the value on one line, or on several if that is too long from `column` on."""
     line = before + _on_one_line(value)
@@ -154,7 +284,7 @@ def _written(value: Any, before: str, column: int) -> str:
 
 def _on_one_line(value: Any) -> str:
     if isinstance(value, str):
-        return text_literal(value)
+        return _text_literal(value)
     start, arguments, end = _parts(value)
     if not start:
         return repr(value)
@@ -199,208 +329,3 @@ def _classes(value: Any) -> Iterator[type[Settings]]:
 
 def _is_public(kind: type[Settings]) -> bool:
     return getattr(stereolag, kind.__name__, None) is kind
-
-
-_OPENCV_PROGRAM = '''\
-"""Measure the disparity of a stereo pair with OpenCV alone, px: positive in front of infinity, NaN where there is none.
-
-Written by stereolag {version}, which it does not need. The images lie beside this file, and so will the result.
-"""
-
-from pathlib import Path
-
-import cv2
-import numpy as np
-
-FOLDER = Path(__file__).resolve().parent
-
-
-def grey_image(name):
-    image = cv2.imread(str(FOLDER / name), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise SystemExit(f"{{name}} is not beside this file, or it is no image.")
-    return image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2GRAY)
-
-
-left, right = grey_image({left}), grey_image({right})
-if left.dtype != np.uint8:  # OpenCV matches 8 bits: the common range, less 0.1 % at each end, spread over 0..255
-    low, high = np.percentile(np.stack([left, right]), (0.1, 99.9))
-    scale = 255 / max(float(high) - float(low), 1e-30)
-    left, right = (
-        np.clip(np.rint((image.astype(np.float64) - low) * scale), 0, 255).astype(np.uint8) for image in (left, right)
-    )
-
-{matcher}
-raw = matcher.compute(left, right)  # the disparity × {subpixel}; (minDisparity - 1) * {subpixel} where there is none
-disparity = np.where(raw > {none}, raw.astype(np.float32) / {subpixel}, np.float32(np.nan))
-
-np.save(FOLDER / "disparity.npy", disparity)
-print(f"{{np.isfinite(disparity).mean():.1%}} of the pixels have a disparity")
-'''
-
-
-def opencv_script(matcher: BlockMatcher, left_name: str, right_name: str) -> str:
-    """Return a Python program that measures the same disparities with ``cv2`` and ``numpy`` alone, bit for bit.
-
-    The program reads the two images beside it, and writes ``disparity.npy`` there.
-
-    Parameters
-    ----------
-    matcher
-        StereoBM or StereoSGBM; every setting is written out under OpenCV's name.
-    left_name, right_name
-        The names of the two files, PNG, or TIFF with grey floats; folders in them are dropped.
-    """
-    return _OPENCV_PROGRAM.format(
-        version=VERSION,
-        left=file_literal(left_name),
-        right=file_literal(right_name),
-        matcher=_semi_global(matcher) if isinstance(matcher, StereoSGBM) else _block_matching(matcher),
-        none=(matcher.min_disparity - 1) * SUBPIXEL,
-        subpixel=SUBPIXEL,
-    )
-
-
-def _block_matching(matcher: BlockMatcher) -> str:
-    """Return the lines that make OpenCV's StereoBM, which takes most of its settings one by one."""
-    lines = [f"matcher = cv2.StereoBM.create(numDisparities={matcher.num_disparities}, blockSize={matcher.block_size})"]
-    for name, value in matcher:
-        if name not in ("num_disparities", "block_size"):
-            other = matcher.other_name(name)
-            lines.append(f"matcher.set{other[0].upper()}{other[1:]}({value})")
-    return "\n".join(lines)
-
-
-def _semi_global(matcher: StereoSGBM) -> str:
-    arguments = matcher.opencv_arguments() | {"mode": f"cv2.{matcher.opencv_mode}"}
-    return "\n".join(
-        ["matcher = cv2.StereoSGBM.create(", *(f"    {name}={arguments[name]}," for name in arguments), ")"]
-    )
-
-
-_LAG = '''\
-"""Measure the lag between two recordings: positive where the second hears the event later.
-
-Written by stereolag {version}, which it needs. The recordings lie beside this file.
-"""
-
-from pathlib import Path
-
-import stereolag as sl
-
-FOLDER = Path(__file__).resolve().parent
-
-signal_1 = sl.read_signal(FOLDER / {first}).channels[0]
-signal_2 = sl.read_signal(FOLDER / {second}).channels[0]
-
-result = sl.signal_lag(
-    signal_1,
-    signal_2,
-{settings}
-)
-print(f"lag {{result.lag}} samples, {{result.time_s:.6g}} s, score {{result.score:.3f}}: {{result.verdict}}")
-'''
-
-_FIND = '''\
-"""Find a template in an image: row and column of its top-left pixel.
-
-Written by stereolag {version}, which it needs. The images lie beside this file.
-"""
-
-from pathlib import Path
-
-import stereolag as sl
-
-FOLDER = Path(__file__).resolve().parent
-
-image = sl.read_image(FOLDER / {image})
-template = sl.read_image(FOLDER / {template})
-{mask}
-result = sl.match_template(
-    image,
-    template,
-{settings}
-)
-for match in result.matches[: result.clear]:
-    print(f"row {{match.row}}, column {{match.col}}, score {{match.score:.3f}}")
-if not result.found:
-    print(f"Not found: {{result.reason}}")
-'''
-
-
-def lag_command(search: LagSearch, first: str, second: str) -> str:
-    """Return the command that measures the same lag, for two files with one recording each."""
-    return _command("lag", [first, second], search)
-
-
-def lag_script(search: LagSearch, first: str, second: str) -> str:
-    """Return a Python program that measures the same lag; every setting is written out.
-
-    Parameters
-    ----------
-    search
-        The settings.
-    first, second
-        The names of the two files beside the program; folders in them are dropped.
-    """
-    return _LAG.format(
-        version=VERSION,
-        first=file_literal(first),
-        second=file_literal(second),
-        settings=_arguments(search.model_dump()),
-    )
-
-
-def find_command(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
-    """Return the command that finds the same places."""
-    return _command("find", [image, template, *([] if mask is None else ["--mask", mask])], query)
-
-
-def find_script(query: TemplateQuery, image: str, template: str, mask: str | None = None) -> str:
-    """Return a Python program that finds the same places; every setting is written out.
-
-    Parameters
-    ----------
-    query
-        The settings.
-    image, template, mask
-        The names of the files beside the program; folders in them are dropped. A mask is above 0 where the template
-        counts; None for no mask.
-    """
-    masked = "" if mask is None else f"mask = sl.read_image(FOLDER / {file_literal(mask)})\n"
-    settings = _arguments(query.arguments)
-    return _FIND.format(
-        version=VERSION,
-        image=file_literal(image),
-        template=file_literal(template),
-        mask=masked,
-        settings=settings if mask is None else f"    mask=mask,\n{settings}",
-    )
-
-
-def _command(name: str, files: Sequence[str], settings: Settings) -> str:
-    """Return a command with flags for all settings that have a value."""
-    flags = [
-        _flag(field.replace("_", "-"), getattr(settings, field))
-        for field in type(settings).model_fields
-        if getattr(settings, field) is not None
-    ]
-    return " ".join(["stereolag", name, *files, *flags])
-
-
-def _flag(name: str, value: object) -> str:
-    if isinstance(value, bool):
-        return f"--{name}" if value else f"--no-{name}"
-    if isinstance(value, list | tuple):
-        return f"--{name} {','.join(map(str, value))}"
-    exact = isinstance(value, float) and float(f"{value:.12g}") == value
-    return f"--{name} {value:.12g}" if exact else f"--{name} {value}"
-
-
-def _arguments(arguments: Mapping[str, object]) -> str:
-    """Return the arguments of a call, and the seed, one per line."""
-    return "\n".join(f"    {name}={_literal(value)}," for name, value in [*arguments.items(), ("seed", 0)])
-
-
-def _literal(value: object) -> str:
-    return text_literal(value) if isinstance(value, str) else repr(value)

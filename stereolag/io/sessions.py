@@ -1,13 +1,25 @@
-"""The settings of the depth page and its pair, saved in its section "Take it away" and read back."""
+"""Sessions of the depth page, from its section "Take it away": settings as JSON, beside the files of the pair."""
 
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_validator,
+)
 
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_stereo_pair
@@ -34,18 +46,88 @@ _ACTIVE = re.compile(r"[^\w\s.,:;'’“”%°×÷–/+=?()-]|_")
 _ADDRESS = re.compile(r":/+|www\.|(?<=\w)[:@](?=\w)")
 
 
-@dataclass(frozen=True)
-class Colours:
-    """The colours of the maps: the range, px, None if the page chooses it; the palette's name, "" if none is named.
+def _line(value: object) -> str:
+    """Return a text as one harmless line, without addresses and without characters active in Markdown or HTML."""
+    if not isinstance(value, str):
+        return ""
+    plain = _ACTIVE.sub("", value[:LONGEST_TEXT])
+    return " ".join(_ADDRESS.sub(" ", plain).split())
+
+
+Line = Annotated[str, BeforeValidator(_line)]
+Colour = Annotated[float | None, Field(ge=-LARGEST_COLOUR, le=LARGEST_COLOUR, allow_inf_nan=False)]
+
+
+class _Saved(BaseModel):
+    """A part of a session file; values that are missing or not allowed become the page's defaults."""
+
+    model_config = ConfigDict(strict=True)
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _allowed_or_default(cls, value: object, check: ValidatorFunctionWrapHandler, field: ValidationInfo) -> Any:
+        try:
+            return check(value)
+        except ValidationError:
+            return cls.model_fields[field.field_name or ""].get_default()
+
+
+class Colours(_Saved):
+    """The colours of the maps: the palette's name, "" if none is named; the range, px, None if the page chooses it.
 
     `outlined`: whether the outlines of the left image are drawn over the maps.
     """
 
-    low: float | None = None
-    high: float | None = None
-    palette: str = ""
+    palette: Line = ""
     inverted: bool = False
     outlined: bool = False
+    low: Colour = None
+    high: Colour = None
+
+    @model_validator(mode="after")
+    def _has_both_ends_or_none(self) -> Self:
+        if self.low is None or self.high is None or not self.low < self.high:
+            self.low = self.high = None
+        return self
+
+
+class SavedPair(_Saved):
+    """The pair of a session: the names of its files by role, its description, and the range that it needs, px."""
+
+    files: dict[str, str] = {}
+    description: Line = ""
+    history: Annotated[list[Line], AfterValidator(lambda lines: [*filter(None, lines[:MOST_SENTENCES])])] = []
+    num_disparities: Annotated[int | None, Field(ge=1, le=LARGEST_COUNT)] = None
+    min_disparity: Annotated[int, Field(ge=-FARTHEST_FIRST, le=FARTHEST_FIRST)] = 0
+
+
+class SessionDocument(_Saved):
+    """The content of a session file.
+
+    Attributes
+    ----------
+    stereolag
+        Version that wrote it.
+    pair
+        The pair.
+    methods
+        The settings of all methods, for images of the pair's own size; not checked yet.
+    shown
+        The short names of the methods shown, in the page's order.
+    size
+        Name of the size at which the pair was shown on the page; untrusted.
+    colours
+        The colours of the maps.
+    """
+
+    stereolag: Line = ""
+    pair: SavedPair = SavedPair()
+    methods: Annotated[list[Any], AfterValidator(lambda methods: methods[: len(METHODS)])] = []
+    shown: Annotated[
+        list[Any], AfterValidator(lambda names: [it.short_name for it in METHODS if it.short_name in names])
+    ] = []
+    size: Line = ""
+    colours: Colours = Colours()
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,18 +142,10 @@ class Session:
         (H, W) px and bool; None if missing in the archive.
     calibration
         Calibration of the pair; None if missing in the archive.
-    description, history
-        Description of the pair and of its processing, without any active Markdown.
-    num_disparities, min_disparity
-        The range that the pair needs, px.
     matchers
         The settings of all methods, for images of that size.
-    shown
-        The short names of the methods shown.
-    size
-        Name of the size at which it was shown on the page; untrusted.
-    colours
-        Colours of the maps.
+    document
+        Everything else that the session file says, without any active Markdown.
     """
 
     left: Image
@@ -79,101 +153,8 @@ class Session:
     truth: FloatMap | None
     visible: Mask | None
     calibration: Calibration | None
-    description: str
-    history: tuple[str, ...]
-    num_disparities: int | None
-    min_disparity: int
     matchers: tuple[StereoMatcher, ...]
-    shown: tuple[str, ...]
-    size: str
-    colours: Colours
-
-
-def holds_session(archive: Archive) -> bool:
-    """Return whether an archive was saved on the depth page."""
-    return SESSION in archive.names
-
-
-def read_session(archive: Archive, door: Door = unguarded) -> Session:
-    """Read an archive saved on the depth page; values missing in the session get the page's defaults.
-
-    Its files are read through `door`: the guard, or none.
-
-    Raises
-    ------
-    ValueError
-        No session in the archive, a damaged one, images that are missing or do not fit together, or settings that are
-        refused.
-    """
-    data = archive.read(SESSION)
-    if len(data) > MAX_BYTES:
-        raise ValueError(f"The {WHAT} has {len(data):,} bytes; at most {MAX_BYTES:,} are accepted.")
-    document = _object(parsed_json(data, WHAT))
-    pair = _object(document.get("pair"))
-    files = {what: name for what, name in _object(pair.get("files")).items() if isinstance(name, str)}
-    if not {"left", "right"} <= set(files):
-        raise ValueError(f"The {WHAT} does not name the left and the right image.")
-    left, right = as_stereo_pair(*(door(read_image)(archive.read(files[side])) for side in ("left", "right")))
-    truth = door(read_disparity)(archive.read(files["truth"])) if "truth" in files else None
-    visible = _mask(door(read_image)(archive.read(files["visible"]))) if "visible" in files else None
-    for what, found in (("ground truth", truth), ("mask", visible)):
-        if found is not None and found.shape != left.shape[:2]:
-            raise ValueError(f"The {what} in the archive has another size than the left image.")
-    calibration = door(read_calibration)(archive.read(files["calibration"])) if "calibration" in files else None
-    methods = document.get("methods")
-    return Session(
-        left,
-        right,
-        truth,
-        visible,
-        calibration,
-        _text(pair.get("description")),
-        tuple(filter(None, map(_text, _list(pair.get("history"))[:MOST_SENTENCES]))),
-        _whole(pair.get("num_disparities"), 1, LARGEST_COUNT),
-        _whole(pair.get("min_disparity"), -FARTHEST_FIRST, FARTHEST_FIRST) or 0,
-        tuple(matcher_from(one, WHAT) for one in _list(methods)[: len(METHODS)]),
-        tuple(kind.short_name for kind in METHODS if kind.short_name in _list(document.get("shown"))),
-        _text(document.get("size")),
-        _colours(_object(document.get("colours"))),
-    )
-
-
-def _colours(document: dict[str, Any]) -> Colours:
-    low, high = (_number(document.get(end)) for end in ("low", "high"))
-    if low is None or high is None or not low < high:
-        low = high = None
-    inverted, outlined = (document.get(name) is True for name in ("inverted", "outlined"))
-    return Colours(low, high, _text(document.get("palette")), inverted, outlined)
-
-
-def _mask(image: Image) -> Mask:
-    return (image if image.ndim == 2 else image[:, :, 0]) > 0
-
-
-def _object(value: object) -> dict[str, Any]:
-    return value if isinstance(value, dict) else {}
-
-
-def _list(value: object) -> list[Any]:
-    return value if isinstance(value, list) else []
-
-
-def _text(value: object) -> str:
-    """Return a text as one harmless line, without addresses and without characters active in Markdown or HTML."""
-    if not isinstance(value, str):
-        return ""
-    plain = _ACTIVE.sub("", value[:LONGEST_TEXT])
-    return " ".join(_ADDRESS.sub(" ", plain).split())
-
-
-def _number(value: object) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if math.isfinite(value) and abs(value) <= LARGEST_COLOUR else None
-
-
-def _whole(value: object, low: int, high: int) -> int | None:
-    return value if isinstance(value, int) and not isinstance(value, bool) and low <= value <= high else None
+    document: SessionDocument
 
 
 def session_json(
@@ -202,25 +183,62 @@ def session_json(
     size
         Size at which the pair is shown: a name in :data:`stereolag.ui.pairs.SIZES`.
     colours
-        "low" and "high", px of disparity in these images, or neither if the page chooses them; "palette", its name;
-        "inverted"; "outlined".
+        The fields of :class:`Colours`; "low" and "high", px of disparity in these images, only if the visitor chose
+        them.
     description, history
         Description of the pair and of its processing.
     num_disparities, min_disparity
         The range that the pair needs, px, if known.
     """
-    document = {
-        "stereolag": VERSION,
-        "pair": {
-            "files": dict(files),
-            "description": description,
-            "history": list(history),
-            "num_disparities": num_disparities,
-            "min_disparity": min_disparity,
-        },
-        "methods": [settings_document(matcher) for matcher in matchers],
-        "shown": list(shown),
-        "size": size,
-        "colours": dict(colours),
-    }
-    return json.dumps(document, indent=2) + "\n"
+    document = SessionDocument.model_construct(
+        stereolag=VERSION,
+        pair=SavedPair.model_construct(
+            files=dict(files),
+            description=description,
+            history=list(history),
+            num_disparities=num_disparities,
+            min_disparity=min_disparity,
+        ),
+        methods=[settings_document(matcher) for matcher in matchers],
+        shown=list(shown),
+        size=size,
+        colours=Colours.model_construct(**colours),
+    )
+    return json.dumps(document.model_dump(exclude_unset=True), indent=2) + "\n"
+
+
+def holds_session(archive: Archive) -> bool:
+    """Return whether an archive was saved on the depth page."""
+    return SESSION in archive.names
+
+
+def read_session(archive: Archive, door: Door = unguarded) -> Session:
+    """Read an archive saved on the depth page; its files are read through `door`: the guard, or none.
+
+    Raises
+    ------
+    ValueError
+        No session in the archive, a damaged one, images that are missing or do not fit together, or settings that are
+        refused.
+    """
+    data = archive.read(SESSION)
+    if len(data) > MAX_BYTES:
+        raise ValueError(f"The {WHAT} has {len(data):,} bytes; at most {MAX_BYTES:,} are accepted.")
+    parsed = parsed_json(data, WHAT)
+    document = SessionDocument.model_validate(parsed if isinstance(parsed, dict) else {})
+    files = document.pair.files
+    if not {"left", "right"} <= set(files):
+        raise ValueError(f"The {WHAT} does not name the left and the right image.")
+    left, right = as_stereo_pair(*(door(read_image)(archive.read(files[side])) for side in ("left", "right")))
+    truth = door(read_disparity)(archive.read(files["truth"])) if "truth" in files else None
+    visible = _mask(door(read_image)(archive.read(files["visible"]))) if "visible" in files else None
+    for what, found in (("ground truth", truth), ("mask", visible)):
+        if found is not None and found.shape != left.shape[:2]:
+            raise ValueError(f"The {what} in the archive has another size than the left image.")
+    calibration = door(read_calibration)(archive.read(files["calibration"])) if "calibration" in files else None
+    matchers = tuple(matcher_from(one, WHAT) for one in document.methods)
+    return Session(left, right, truth, visible, calibration, matchers, document)
+
+
+def _mask(image: Image) -> Mask:
+    return (image if image.ndim == 2 else image[:, :, 0]) > 0

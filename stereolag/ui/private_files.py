@@ -19,7 +19,7 @@ import numpy.typing as npt
 import streamlit as st
 from streamlit import runtime
 
-from stereolag.io.tables import wav
+from stereolag.io.results import wav
 
 SECRET_KEY = "private_files.secret"
 

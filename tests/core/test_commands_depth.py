@@ -17,8 +17,8 @@ from stereolag import samples
 from stereolag.figures.maps import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.disparities import image_png, kitti_png, npy, pfm
+from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
-from stereolag.io.tables import figures_of
 
 SHIFT = 7
 MAP_FILES = ["disparity.npy", "disparity.pfm", "disparity_coloured.png", "disparity_kitti.png", "settings.json"]

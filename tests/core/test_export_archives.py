@@ -16,7 +16,7 @@ from PIL import Image
 from stereolag import Evaluation, StereoBM, evaluate, read_disparity
 from stereolag.io.archive_writing import bundle, file_name
 from stereolag.io.disparities import image_png, kitti_png, pfm
-from stereolag.io.tables import metrics_csv
+from stereolag.io.results import metrics_csv
 
 names = st.dictionaries(st.text(max_size=300), st.binary(max_size=50), min_size=1, max_size=4)
 

@@ -24,7 +24,7 @@ from stereolag.commands.parsing import CommandParser
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.io.disparities import image_png, npy
 from stereolag.io.programs import find_command, find_script, lag_command, lag_script
-from stereolag.io.tables import (
+from stereolag.io.results import (
     BLOCK,
     aligned_wav,
     check_aligned_wav,
@@ -116,7 +116,7 @@ def test_any_part_of_the_aligned_recordings_is_that_of_the_whole(
 def test_the_wav_holds_all_of_both_and_their_lag_is_0(
     lag: int, gain: float, offset: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("stereolag.io.tables.BLOCK", 777)
+    monkeypatch.setattr("stereolag.io.results.BLOCK", 777)
     first, second = (gain * signal + offset for signal in apart(lag))
     assert sl.signal_lag(first, second).lag == lag
     back = sl.read_signal(aligned_wav(first, second, lag, 8000.0))

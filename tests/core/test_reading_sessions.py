@@ -66,11 +66,12 @@ def test_all_comes_back_bit_for_bit() -> None:
     np.testing.assert_array_equal(found.visible, LEFT[:, :, 1] > 9_000)
     assert found.calibration == CALIBRATION
     assert found.matchers == tuple(method() for method in METHODS)
-    assert found.shown == ("bm", "sgm")
-    assert (found.size, found.description) == ("1/2", "A desk.")
-    assert found.history == ("It was rectified.", "Rows were aligned.")
-    assert (found.min_disparity, found.num_disparities) == (-16, 48)
-    assert found.colours == Colours(-3.5, 40.25, "turbo", True, True)
+    saved = found.document
+    assert saved.shown == ["bm", "sgm"]
+    assert (saved.size, saved.pair.description) == ("1/2", "A desk.")
+    assert saved.pair.history == ["It was rectified.", "Rows were aligned."]
+    assert (saved.pair.min_disparity, saved.pair.num_disparities) == (-16, 48)
+    assert saved.colours == Colours(low=-3.5, high=40.25, palette="turbo", inverted=True, outlined=True)
 
 
 @pytest.mark.parametrize(
@@ -82,11 +83,11 @@ def test_all_comes_back_bit_for_bit() -> None:
         ({"low": float("nan"), "high": 5}, Colours()),
         ({"low": "0", "high": 5, "palette": 7}, Colours()),
         ({"low": 1, "high": 1e300, "inverted": 1, "outlined": "yes"}, Colours()),
-        ({"low": 0, "high": 5, "palette": "viridis"}, Colours(0.0, 5.0, "viridis")),
+        ({"low": 0, "high": 5, "palette": "viridis"}, Colours(low=0.0, high=5.0, palette="viridis")),
     ],
 )
 def test_odd_colours_are_left_to_the_page(colours: object, expected: Colours) -> None:
-    assert read(colours=colours).colours == expected
+    assert read(colours=colours).document.colours == expected
 
 
 def test_no_text_is_a_command() -> None:
@@ -94,13 +95,13 @@ def test_no_text_is_a_command() -> None:
         "A ![x](http://e.org/x.png) <b>b</b> `c` $d$ :red[e] www.e.org https://e.org a@e.org\n\n# f * g _h_ "
         + "i" * 9999
     )
-    found = read(pair={"description": evil, "history": [evil, 5, None, *["x"] * 50]}, size=evil)
-    for text in (found.description, found.history[0], found.size):
+    saved = read(pair={"description": evil, "history": [evil, 5, None, *["x"] * 50]}, size=evil).document
+    for text in (saved.pair.description, saved.pair.history[0], saved.size):
         assert not set(text) & set("![]<>`$#*_@\\\n")
         assert "://" not in text
         assert "www." not in text
         assert len(text) <= 500
-    assert len(found.history) <= 20
+    assert len(saved.pair.history) <= 20
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,8 @@ def named_pair(files: PairFiles, read: Callable[[str], bytes], digest: str) -> P
 def session_pair(session: Session, digest: str) -> Pair:
     """Return the pair of a saved session; its range is known and need not be found again."""
     ranges = [found for matcher in session.matchers if (found := matcher.search_range()) is not None]
-    first, count = session.min_disparity, session.num_disparities
+    saved = session.document.pair
+    first, count = saved.min_disparity, saved.num_disparities
     if count is None and ranges:
         first, count = ranges[0]
     return Pair(
@@ -140,6 +141,6 @@ def session_pair(session: Session, digest: str) -> Pair:
         calibration=session.calibration,
         min_disparity=first,
         num_disparities=count,
-        description=session.description or "Your own pair.",
-        changes=tuple(Change(ChangeCode.ASSEMBLED, sentence) for sentence in session.history),
+        description=saved.description or "Your own pair.",
+        changes=tuple(Change(ChangeCode.ASSEMBLED, sentence) for sentence in saved.history),
     )

@@ -35,7 +35,7 @@ from stereolag.figures.maps import (
     error_over_coverage,
     error_png,
 )
-from stereolag.io.tables import metrics_csv
+from stereolag.io.results import metrics_csv
 from stereolag.pair import Pair
 from stereolag.stereo.evaluation import CoverageCurve, Evaluation, consensus, error_against_coverage, evaluate
 from stereolag.stereo.matcher import DisparityMap

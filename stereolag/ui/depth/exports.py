@@ -10,8 +10,8 @@ from stereolag.figures.maps import cloud_ply, coloured_png
 from stereolag.io.confidence import confidence, confidence_png, has_scores, measured_mask_png
 from stereolag.io.disparities import check_kitti, kitti_png, npy, pfm, valid_mask_png
 from stereolag.io.programs import opencv_script, script
+from stereolag.io.results import metrics_csv
 from stereolag.io.settings import opencv_yaml, settings_json
-from stereolag.io.tables import metrics_csv
 from stereolag.stereo.evaluation import Evaluation
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher

@@ -48,15 +48,16 @@ def page_state(pair: Pair, factor: float) -> PageState:
 
 def restore(session: Session) -> None:
     """Set the page to a session whose pair is in use; none of these controls must have been drawn yet in this run."""
-    st.session_state[keys.SIZE] = session.size if session.size in SIZES else "Automatic"
-    if session.shown:
-        st.session_state[keys.SHOWN] = [*session.shown]
-        st.session_state[keys.TAB] = session.shown[0]
-    if session.colours.palette in PALETTES:
-        st.session_state[PALETTE] = session.colours.palette
-    st.session_state[INVERTED] = session.colours.inverted
-    st.session_state[OUTLINED] = session.colours.outlined
-    st.session_state[RESTORED] = session.left.shape[1], session.matchers, session.colours
+    saved = session.document
+    st.session_state[keys.SIZE] = saved.size if saved.size in SIZES else "Automatic"
+    if saved.shown:
+        st.session_state[keys.SHOWN] = [*saved.shown]
+        st.session_state[keys.TAB] = saved.shown[0]
+    if saved.colours.palette in PALETTES:
+        st.session_state[PALETTE] = saved.colours.palette
+    st.session_state[INVERTED] = saved.colours.inverted
+    st.session_state[OUTLINED] = saved.colours.outlined
+    st.session_state[RESTORED] = session.left.shape[1], session.matchers, saved.colours
 
 
 def restore_settings(pair: Pair) -> None:

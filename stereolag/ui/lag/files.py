@@ -10,7 +10,7 @@ import streamlit as st
 from stereolag.core.searches import LagSearch
 from stereolag.io.disparities import npy
 from stereolag.io.programs import lag_command, lag_script
-from stereolag.io.tables import aligned_wav, check_aligned_wav, curve_csv, lag_json
+from stereolag.io.results import aligned_wav, check_aligned_wav, curve_csv, lag_json
 from stereolag.signals import SignalLag
 from stereolag.signals.alignment import aligned_length, together
 from stereolag.ui import prose

@@ -11,7 +11,7 @@ from stereolag.core.searches import TemplateQuery
 from stereolag.figures.templates import framed
 from stereolag.io.disparities import image_png, image_tiff
 from stereolag.io.programs import find_command, find_script
-from stereolag.io.tables import matches_csv, matches_json
+from stereolag.io.results import matches_csv, matches_json
 from stereolag.templates import TemplateSearch
 from stereolag.ui.downloads import File, archive, show_reproduction, show_taken
 from stereolag.ui.pictures import PictureAndTemplate

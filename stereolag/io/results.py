@@ -1,4 +1,4 @@
-"""Results as tables and documents: lags, template searches and the figures of disparity maps; recordings as WAV."""
+"""Results as files: tables and documents about lags, template searches and disparity maps, and recordings as WAV."""
 
 from __future__ import annotations
 
@@ -6,21 +6,31 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import soundfile
 
-from stereolag.core.searches import LagSearch, TemplateQuery
-from stereolag.signals import SignalLag
-from stereolag.signals.alignment import aligned, aligned_length
-from stereolag.stereo.evaluation import Evaluation
-from stereolag.stereo.matcher import DisparityMap
-from stereolag.templates import TemplateMatch, TemplateSearch
+if TYPE_CHECKING:  # a command loads only what it measures with
+    from stereolag.core.searches import LagSearch, TemplateQuery
+    from stereolag.signals import SignalLag
+    from stereolag.stereo.evaluation import Evaluation
+    from stereolag.stereo.matcher import DisparityMap
+    from stereolag.templates import TemplateSearch
+
+
+BLOCK = 2**20
+"""Samples aligned and written at a time."""
+
+WAV_BYTES = 2**32
+"""A WAV file counts its bytes in 32 bits; two channels of 32-bit floats take 8 bytes per sample."""
+
+WAV_RATES = (1, 500_000_000)
+"""Whole sampling rates, Hz, for which a WAV file can also store its bytes per second."""
 
 
 def figures_json(figures: Mapping[str, Any], *, indent: int | None = None) -> str:
@@ -29,6 +39,8 @@ def figures_json(figures: Mapping[str, Any], *, indent: int | None = None) -> st
 
 
 def _plain(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
     if isinstance(value, Mapping):
         return {str(name): _plain(one) for name, one in value.items()}
     if isinstance(value, list | tuple):
@@ -36,6 +48,14 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _csv(names: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(names)
+    table.writerows(rows)
+    return text.getvalue()
 
 
 def metrics_csv(
@@ -62,9 +82,7 @@ def metrics_csv(
     columns += [f"bad_measured_{threshold:g}_percent" for threshold in thresholds]
     columns += ["coverage", "measured", "elapsed_s"] if maps else []
     columns += ["estimated_bad_2_percent"] if estimated else []
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["method", *columns])
+    rows = []
     for name in dict.fromkeys([*evaluations, *maps, *estimated]):
         figures: dict[str, float] = {}
         if name in evaluations:
@@ -76,8 +94,8 @@ def metrics_csv(
         if name in estimated:
             figures["estimated_bad_2_percent"] = estimated[name]
         values = [figures.get(column, math.nan) for column in columns]
-        table.writerow([name, *("" if math.isnan(figure) else figure for figure in values)])
-    return text.getvalue()
+        rows.append([name, *("" if math.isnan(figure) else figure for figure in values)])
+    return _csv(["method", *columns], rows)
 
 
 def figures_of(evaluation: Evaluation) -> dict[str, float]:
@@ -94,28 +112,9 @@ def figures_of(evaluation: Evaluation) -> dict[str, float]:
     }
 
 
-def wav(signal: npt.ArrayLike, sampling_rate: float) -> bytes:
-    """Return a recording as a 16-bit WAV file, as loud as it can be without clipping.
-
-    Parameters
-    ----------
-    signal
-        (samples,) finite numbers.
-    sampling_rate
-        Samples per second, rounded, since a WAV file stores a whole number.
-    """
-    samples = np.asarray(signal, dtype=np.float64)
-    loudest = float(np.abs(samples).max(initial=0.0)) or 1.0
-    stream = io.BytesIO()
-    soundfile.write(stream, (samples / loudest * 32767).astype(np.int16), round(sampling_rate), format="WAV")
-    return stream.getvalue()
-
-
 def search_figures(result: TemplateSearch, query: TemplateQuery) -> dict[str, Any]:
     """Return the figures printed by ``stereolag find --json``: all results but the score map, and the settings."""
-    found = {field.name: getattr(result, field.name) for field in fields(result)}
-    figures = {name: _figures_of(value) for name, value in found.items() if not isinstance(value, np.ndarray)}
-    figures.pop("score_map", None)
+    figures = {field.name: getattr(result, field.name) for field in fields(result) if field.name != "score_map"}
     return {"command": "find", "found": result.found} | figures | {"settings": query.model_dump()}
 
 
@@ -129,31 +128,11 @@ def matches_csv(result: TemplateSearch) -> str:
 
     The last field is ``clear``: 1 if a match fits clearly better than every other place and can be relied on, else 0.
     """
-    text = io.StringIO()
-    table = csv.DictWriter(text, [*(field.name for field in fields(TemplateMatch)), "clear"], lineterminator="\n")
-    table.writeheader()
-    for number, match in enumerate(result.matches):
-        table.writerow(asdict(match) | {"clear": int(number < result.clear)})
-    return text.getvalue()
+    from stereolag.templates import TemplateMatch
 
-
-def _figures_of(value: Any) -> Any:
-    """Return a value with dictionaries in place of matches, also inside lists and tuples."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return asdict(value)
-    if isinstance(value, list | tuple):
-        return [_figures_of(one) for one in value]
-    return value
-
-
-BLOCK = 2**20
-"""Samples aligned and written at a time."""
-
-WAV_BYTES = 2**32
-"""A WAV file counts its bytes in 32 bits; two channels of 32-bit floats take 8 bytes per sample."""
-
-WAV_RATES = (1, 500_000_000)
-"""Whole sampling rates, Hz, for which a WAV file can also store its bytes per second."""
+    names = [field.name for field in fields(TemplateMatch)]
+    rows = [[*asdict(match).values(), int(number < result.clear)] for number, match in enumerate(result.matches)]
+    return _csv([*names, "clear"], rows)
 
 
 def lag_figures(result: SignalLag, search: LagSearch) -> dict[str, Any]:
@@ -208,11 +187,25 @@ def curve_csv(result: SignalLag, sampling_rate: float, most: int | None = None) 
     if most is not None and lags.size > most:
         first = min(max(0, int(np.searchsorted(lags, result.lag)) - most // 2), lags.size - most)
         lags, heights = lags[first : first + most], heights[first : first + most]
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["lag_samples", "time_s", name])
-    table.writerows(zip(lags.tolist(), (lags / sampling_rate).tolist(), heights.tolist(), strict=True))
-    return text.getvalue()
+    rows = zip(lags.tolist(), (lags / sampling_rate).tolist(), heights.tolist(), strict=True)
+    return _csv(["lag_samples", "time_s", name], rows)
+
+
+def wav(signal: npt.ArrayLike, sampling_rate: float) -> bytes:
+    """Return a recording as a 16-bit WAV file, as loud as it can be without clipping.
+
+    Parameters
+    ----------
+    signal
+        (samples,) finite numbers.
+    sampling_rate
+        Samples per second, rounded, since a WAV file stores a whole number.
+    """
+    samples = np.asarray(signal, dtype=np.float64)
+    loudest = float(np.abs(samples).max(initial=0.0)) or 1.0
+    stream = io.BytesIO()
+    soundfile.write(stream, (samples / loudest * 32767).astype(np.int16), round(sampling_rate), format="WAV")
+    return stream.getvalue()
 
 
 def aligned_wav(signal_1: npt.ArrayLike, signal_2: npt.ArrayLike, lag: int, sampling_rate: float) -> bytes:
@@ -235,6 +228,8 @@ def aligned_wav(signal_1: npt.ArrayLike, signal_2: npt.ArrayLike, lag: int, samp
     ValueError
         As :func:`check_aligned_wav` does.
     """
+    from stereolag.signals.alignment import aligned, aligned_length
+
     # They keep their type: a converted copy of an hour would take a gigabyte.
     first, second = np.asarray(signal_1), np.asarray(signal_2)
     check_aligned_wav(first.size, second.size, lag, sampling_rate)
@@ -257,6 +252,8 @@ def check_aligned_wav(size_1: int, size_2: int, lag: int, sampling_rate: float) 
     ValueError
         A sampling rate that a WAV file cannot store, or recordings too long for one.
     """
+    from stereolag.signals.alignment import aligned_length
+
     lowest, highest = WAV_RATES
     if not lowest <= sampling_rate <= highest:
         raise ValueError(
