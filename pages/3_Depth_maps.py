@@ -51,7 +51,8 @@ PARTS = {
 @fragment
 def workspace(pair: Pair) -> None:
     """Draw the controls, compute and show; moving a control reruns only this fragment, and the maps come first."""
-    matchers = {method: matcher_as_set(method, pair) for method in METHODS}
+    as_set = {method: matcher_as_set(method, pair) for method in METHODS}
+    matchers = {method: found.matcher for method, found in as_set.items()}
     shown = shown_methods()
     sent = send_ahead(pair, [matchers[method] for method in shown])
     controls, maps = bench()
@@ -66,6 +67,8 @@ def workspace(pair: Pair) -> None:
             results |= measured(pair, matchers[method], waiting)
         with colours:
             view = coloured_alike(pair, results)
+            late = {one.settings.title for one in results.values() if one.settings != matchers[type(one.settings)]}
+            view = replace(view, late=late)
         if results:
             show_maps(view, sent)
             offer_fit(view)
@@ -73,7 +76,7 @@ def workspace(pair: Pair) -> None:
             prose.info("No map is chosen. Choose one above.", icon=":material/touch_app:")
     with controls:
         show_presets(pair)
-        show_controls(pair)
+        show_controls(pair, as_set)
     write_address(pair, matchers.values())
     prose.header("Look closer", anchor="look-closer")
     part = st.segmented_control(

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 import streamlit as st
-from pydantic.fields import FieldInfo
 
 from stereolag.core.settings import Settings
 from stereolag.core.settings.fields import Bounds, Number, choices
@@ -18,8 +17,6 @@ from stereolag.ui.persistence import drawn_anew, persistent
 from stereolag.ui.states import show_refused
 
 T = TypeVar("T")
-
-NOT_ADOPTED = object()
 
 
 def control(
@@ -34,7 +31,6 @@ def control(
     when_empty: str | None = None,
     beside: str = "",
     disabled: bool = False,
-    drawn: bool = True,
 ) -> Any:
     """Draw the control of one field and return its value.
 
@@ -59,16 +55,10 @@ def control(
         Another name of the field, shown beside its title.
     disabled
         Whether the control is inactive, because changing it would have no effect.
-    drawn
-        False if the control is folded away: it is not drawn, to save time, and keeps its value.
     """
     field = settings.model_fields[name]
-    found = st.session_state.get(_adopted_key(key), NOT_ADOPTED)
-    adopted = found is not NOT_ADOPTED
-    at_first = found if adopted else field.default if value is None else value
-    if not drawn:
-        kept = st.session_state.get(key, at_first)
-        return kept if adopted else _within(field, kept, low, high)
+    adopted = key in _adopted()
+    at_first = _adopted()[key] if adopted else field.default if value is None else value
     title = field.title or name
     widget: dict[str, Any] = {
         "label": f"{title} `{beside}`" if beside else title,
@@ -101,6 +91,20 @@ def control(
     return _slider_and_box(widget, Bounds.of(field))
 
 
+def kept_value(
+    settings: type[Settings], name: str, key: str, value: Any, low: Number | None = None, high: Number | None = None
+) -> Any:
+    """Return the value that :func:`control` would return with the same arguments, without drawing it."""
+    adopted = _adopted()
+    if key in adopted:
+        return st.session_state.get(key, adopted[key])
+    field = settings.model_fields[name]
+    kept = st.session_state.get(key, field.default if value is None else value)
+    if isinstance(kept, bool) or not isinstance(kept, int | float):
+        return kept
+    return Bounds.of(field).narrowed(low, high).nearest(kept)
+
+
 EXACT_WIDTH = 76
 """Width of the box beside a slider, px; too narrow for step buttons."""
 
@@ -112,9 +116,10 @@ def _slider_and_box(widget: dict[str, Any], allowed: Bounds) -> Any:
         value = st.slider(**widget)
         if drawn_anew(exact) or st.session_state.get(exact) != value:  # assigning it makes the browser redraw it
             st.session_state[exact] = value
-        if (before := st.session_state.get(_drawn_key(key))) != value:
-            st.session_state[_drawn_key(key)] = value
-            _replaced(key)[before] = time.monotonic()
+        box = _boxes().setdefault(key, _Box())
+        if box.value != value:
+            box.replaced[box.value] = time.monotonic()
+            box.value = value
         st.number_input(
             widget["label"],
             min_value=allowed.low,
@@ -135,38 +140,35 @@ LATE_S = 2.0
 """How long after a box was set to a new value the browser may still send the previous one, s."""
 
 
+class _Box:
+    """The box beside a slider: the value drawn in it last, and the times at which earlier ones were replaced."""
+
+    def __init__(self) -> None:
+        self.value: Any = None
+        self.replaced: dict[Any, float] = {}
+
+
+def _boxes() -> dict[str, _Box]:
+    """Return the boxes by the keys of their sliders; in one entry, since Streamlit walks over all in every run."""
+    boxes: dict[str, _Box] = st.session_state.setdefault("controls.boxes", {})
+    return boxes
+
+
 def _take_exact(key: str) -> None:
     """Set a slider to the value typed beside it, which may be outside its range or between its steps.
 
     If the slider has just moved, the box value was not typed: the browser has not drawn the new value yet.
     """
-    typed = st.session_state[exact_key(key)]
-    moved = st.session_state[key] != st.session_state.get(_drawn_key(key))
-    late = time.monotonic() - _replaced(key).get(typed, -math.inf) < LATE_S
+    typed, box = st.session_state[exact_key(key)], _boxes()[key]
+    moved = st.session_state[key] != box.value
+    late = time.monotonic() - box.replaced.get(typed, -math.inf) < LATE_S
     if not moved and not late:
         adopt_value(key, typed)
 
 
-def _replaced(key: str) -> dict[Any, float]:
-    """Return the times at which values drawn in a box were last replaced, by value."""
-    times: dict[Any, float] = st.session_state.setdefault(f"{exact_key(key)}.replaced", {})
-    return times
-
-
-def _drawn_key(key: str) -> str:
-    return f"{key}.drawn"
-
-
-def _within(field: FieldInfo, value: Any, low: Number | None, high: Number | None) -> Any:
-    """Return a value clamped to the bounds its control would have."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return value
-    return Bounds.of(field).narrowed(low, high).nearest(value)
-
-
 def adopt_value(key: str, value: Any) -> None:
     """Set a control not yet drawn in this run; its bounds widen if needed to include the value."""
-    st.session_state[key] = st.session_state[_adopted_key(key)] = value
+    st.session_state[key] = _adopted()[key] = value
 
 
 def last_valid(make: Callable[[], T], key: str) -> T | None:
@@ -180,5 +182,7 @@ def last_valid(make: Callable[[], T], key: str) -> T | None:
     return settings
 
 
-def _adopted_key(key: str) -> str:
-    return f"{key}.adopted"
+def _adopted() -> dict[str, Any]:
+    """Return the values that controls were set to, by key; in one entry, as the boxes are."""
+    adopted: dict[str, Any] = st.session_state.setdefault("controls.adopted", {})
+    return adopted

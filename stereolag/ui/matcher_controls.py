@@ -2,38 +2,91 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+import functools
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, cast
 
 import streamlit as st
+from pydantic.fields import FieldInfo
 from streamlit.elements.lib.mutable_expander_container import ExpanderContainer
 
-from stereolag.core.settings import FitsImage, OfThePair, Settings, SettingsError, Usual, marker
+from stereolag.core.settings import Applies, FitsImage, OfThePair, Settings, SettingsError, Usual, marker
 from stereolag.core.settings.fields import Number, choices, nested
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
-from stereolag.ui.controls import adopt_value, control, last_valid
+from stereolag.ui.controls import adopt_value, control, kept_value
 from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
-from stereolag.ui.keys import method_key, more_key, setting_key
+from stereolag.ui.keys import more_key, setting_key
 from stereolag.ui.persistence import persistent
 from stereolag.ui.sentences import CHOICE_NAMES
+from stereolag.ui.states import show_refused
 
 LARGEST_WINDOW = 101
 
 KIND = "kind"
 """The discriminator field of settings that come in several kinds."""
 
-Matcher = TypeVar("Matcher", bound=StereoMatcher)
 Values = dict[str, Any]
+
+
+class AsSet(NamedTuple):
+    """The settings of a method as its controls are set.
+
+    Attributes
+    ----------
+    matcher
+        The settings; the last valid ones if these are refused, None if there are none.
+    refusal
+        Why they are refused.
+    values
+        The values of the controls.
+    """
+
+    matcher: StereoMatcher | None
+    refusal: SettingsError | None
+    values: Values
+
+
+class _Field(NamedTuple):
+    """A field of a settings class, with everything its control needs; looked up once."""
+
+    info: FieldInfo
+    kinds: tuple[type[Settings], ...]
+    conditional: bool
+    of_the_pair: bool
+    fits_image: bool
+    usual: Usual
+
+
+@functools.cache
+def _fields(kind: type[Settings]) -> Mapping[str, _Field]:
+    return {
+        name: _Field(
+            info,
+            cast(tuple[type[Settings], ...], nested(info)),
+            marker(info, Applies) is not None,
+            marker(info, OfThePair) is not None,
+            marker(info, FitsImage) is not None,
+            marker(info, Usual) or Usual(),
+        )
+        for name, info in kind.model_fields.items()
+        if name != KIND
+    }
+
+
+def _first_shown(kind: type[Settings]) -> Iterable[str]:
+    """Return the settings that are not folded away, in the order of their controls."""
+    first_shown: tuple[str, ...] = getattr(kind, "first_shown", ())
+    return first_shown or _fields(kind)
 
 
 @dataclass(frozen=True)
 class _Place:
-    """The context in which the controls of one settings class are drawn.
+    """One settings class of a method, its initial values, and where its controls keep theirs.
 
     Attributes
     ----------
@@ -43,10 +96,6 @@ class _Place:
         The method, and the names leading to these settings, each followed by a dot.
     pair
         The pair the matcher will work on.
-    more, more_drawn
-        Container for the settings that are folded away, and whether they are drawn in it.
-    drawn, disabled
-        Whether the other settings are drawn, and whether all of them are disabled.
     refused
         Called with the error if nested settings conflict.
     """
@@ -56,22 +105,78 @@ class _Place:
     method: type[StereoMatcher]
     path: str
     pair: Pair
-    more: AbstractContextManager[Any]
-    more_drawn: bool
-    drawn: bool
-    disabled: bool
     refused: Callable[[SettingsError], None]
 
     def key(self, name: str) -> str:
-        return _key(self.method, self.kind, self.path, name, self.pair)
+        of_the_pair = _fields(self.kind)[name].of_the_pair
+        return setting_key(self.method.short_name, self.path + name, self.pair.id.searched if of_the_pair else None)
 
-    def folded(self) -> _Place:
-        """Return this place for settings that are folded away."""
-        return replace(self, more=nullcontext(), drawn=self.more_drawn)
+    def within(self, name: str) -> _Place | None:
+        """Return the place of nested settings, of the kind chosen; None for an optional stage that is off."""
+        field, first = _fields(self.kind)[name], getattr(self.first, name)
+        if len(field.kinds) > 1:
+            by_name = {str(kind.model_fields[KIND].default): kind for kind in field.kinds}
+            chosen: str = st.session_state.get(f"{self.key(name)}.{KIND}", getattr(first, KIND))
+            kind = by_name[chosen]
+            first = first if isinstance(first, kind) else _alternative(kind, self.pair)
+            return replace(self, kind=kind, first=first, path=f"{self.path}{name}.{chosen}.")
+        if field.info.default is None and not st.session_state.get(self.key(name), first is not None):
+            return None
+        kind = field.kinds[0]
+        return replace(self, kind=kind, first=first or kind(), path=f"{self.path}{name}.")
+
+    def applies(self, name: str, values: Any) -> bool:
+        """Return whether a setting has an effect with these values of the others."""
+        if not _fields(self.kind)[name].conditional:
+            return True
+        try:
+            return self.kind.obstacle(name, values) is None
+        except ValueError:  # the other settings conflict, which is reported elsewhere
+            return True
+
+    def ends(self, name: str) -> tuple[Number | None, Number | None]:
+        """Return the bounds of a slider where the field allows more than the inputs can use."""
+        field = _fields(self.kind)[name]
+        if field.fits_image:
+            return field.usual.low, min(LARGEST_WINDOW, *(int(side) - 1 for side in self.pair.left.shape[:2]))
+        return field.usual.low, field.usual.high
+
+    def values(self) -> Values:
+        """Return the values of all controls, drawn or not; a setting that does not apply has its default."""
+        values = SimpleNamespace(**dict(self.first))
+        for name, field in _fields(self.kind).items():
+            if field.kinds:
+                place = self.within(name)
+                found = place and place.settings()
+            else:
+                found = kept_value(self.kind, name, self.key(name), getattr(self.first, name), *self.ends(name))
+            setattr(values, name, found if self.applies(name, values) else field.info.default)
+        return {name: getattr(values, name) for name in _fields(self.kind)}
+
+    def settings(self) -> Settings:
+        """Return these settings; the initial ones if they are refused."""
+        try:
+            return self.kind(**self.values())
+        except SettingsError as error:
+            self.refused(error)
+            return self.first
 
 
-def ask_matcher(kind: type[Matcher], pair: Pair, *, drawn: bool = True) -> Matcher | None:
-    """Return the settings of a method as the visitor set them; the last valid ones if they are refused.
+def matcher_as_set(kind: type[StereoMatcher], pair: Pair) -> AsSet:
+    """Return the settings of a method as its controls are set, without drawing them; the visitor may have moved one."""
+    refusals: list[SettingsError] = []
+    values = _place(kind, pair, refusals.append).values()
+    if not refusals:
+        try:
+            matcher = _in_use()[kind.short_name] = kind(**values)
+            return AsSet(matcher, None, values)
+        except SettingsError as error:
+            refusals.append(error)
+    return AsSet(_in_use().get(kind.short_name), refusals[0], values)
+
+
+def ask_matcher(kind: type[StereoMatcher], pair: Pair, as_set: AsSet | None = None) -> StereoMatcher | None:
+    """Draw the controls of a method, and return its settings; the last valid ones if they are refused.
 
     Parameters
     ----------
@@ -79,46 +184,24 @@ def ask_matcher(kind: type[Matcher], pair: Pair, *, drawn: bool = True) -> Match
         The method.
     pair
         The pair it will work on.
-    drawn
-        False if its controls are folded away: they are not drawn, to save time, and keep their values.
+    as_set
+        The settings of :func:`matcher_as_set`, if already known in this run.
     """
-    return last_valid(_asked(kind, pair, drawn=drawn), _in_use_key(kind))
+    as_set = as_set or matcher_as_set(kind, pair)
+    top = st.container()
+    folds = _fields(kind).keys() > set(_first_shown(kind))
+    more = _more_settings(more_key(kind.short_name)) if folds else None
+    with top:
+        _draw(_place(kind, pair), SimpleNamespace(**as_set.values), more)
+    if as_set.refusal is not None:
+        show_refused(as_set.refusal)
+    return as_set.matcher
 
 
-def matcher_as_set(kind: type[Matcher], pair: Pair) -> Matcher | None:
-    """Return the settings that :func:`ask_matcher` is about to return, for work done before the controls are drawn."""
-    try:
-        return _asked(kind, pair, drawn=False)()
-    except SettingsError:
-        return cast(Matcher | None, st.session_state.get(_in_use_key(kind)))
-
-
-def _asked(kind: type[Matcher], pair: Pair, *, drawn: bool) -> Callable[[], Matcher]:
-    """Draw the controls of a method if `drawn`, and return a function that makes its settings from them."""
-    refusals: list[SettingsError] = []
-    top = st.container() if drawn else nullcontext()
-    folds = drawn and set(kind.model_fields) > set(_first_shown(kind))
-    expander = _more_settings(more_key(kind.short_name)) if folds else None
-    place = _Place(
-        kind,
-        first_settings(kind, pair),
-        kind,
-        "",
-        pair,
-        expander or nullcontext(),
-        bool(expander and expander.open),
-        drawn,
-        False,
-        refusals.append,
-    )
-    values = _ask_all(place, top)
-
-    def make() -> Matcher:
-        for refusal in refusals:
-            raise refusal
-        return kind(**values)
-
-    return make
+def _place(
+    kind: type[StereoMatcher], pair: Pair, refused: Callable[[SettingsError], None] = lambda error: None
+) -> _Place:
+    return _Place(kind, first_settings(kind, pair), kind, "", pair, refused)
 
 
 def _more_settings(key: str) -> ExpanderContainer:
@@ -135,118 +218,67 @@ def _more_settings(key: str) -> ExpanderContainer:
 
 def set_controls(matcher: StereoMatcher, pair: Pair) -> None:
     """Set the controls of a method to these settings; they must not have been drawn yet in this run."""
-    _set(matcher, type(matcher), "", pair)
-    st.session_state[_in_use_key(type(matcher))] = matcher
+    _set(_place(type(matcher), pair), matcher)
+    _in_use()[matcher.short_name] = matcher
 
 
 def matchers_in_use() -> list[StereoMatcher]:
     """Return the settings of all methods whose controls were drawn or set before."""
-    kept = (st.session_state.get(_in_use_key(kind)) for kind in METHODS)
-    return [matcher for matcher in kept if isinstance(matcher, StereoMatcher)]
+    return [_in_use()[kind.short_name] for kind in METHODS if kind.short_name in _in_use()]
 
 
-def _in_use_key(kind: type[StereoMatcher]) -> str:
-    return f"{method_key(kind.short_name)}.valid"
+def _in_use() -> dict[str, StereoMatcher]:
+    """Return the last valid settings of the methods."""
+    matchers: dict[str, StereoMatcher] = st.session_state.setdefault("depth.matchers", {})
+    return matchers
 
 
-def _first_shown(kind: type[Settings]) -> tuple[str, ...]:
-    shown: tuple[str, ...] = getattr(kind, "first_shown", ())
-    return shown or tuple(kind.model_fields)
-
-
-def _ask_all(place: _Place, top: AbstractContextManager[Any]) -> Values:
-    """Draw the controls of all settings of a place, those shown first in `top`; return their values."""
-    values: Values = {}
+def _draw(place: _Place, values: Any, more: ExpanderContainer | None, *, disabled: bool = False) -> None:
+    """Draw the controls of the settings of a place: those shown first here, the others in `more` while it is open."""
     shown = _first_shown(place.kind)
-    folded = [name for name in place.kind.model_fields if name not in shown and name != KIND]
-    with top:
-        for name in shown:
-            if name != KIND:
-                _ask(place, name, values)
-    with place.more:
-        for name in folded:
-            _ask(place.folded(), name, values)
-    return values
+    for name in shown:
+        _draw_setting(place, name, values, more, disabled=disabled)
+    if more is None or more.open:
+        with more or nullcontext():
+            for name in _fields(place.kind):
+                if name not in shown:
+                    _draw_setting(place, name, values, None, disabled=disabled)
 
 
-def _ask(place: _Place, name: str, values: Values) -> None:
-    """Draw the control of one setting, and store its value in `values`.
+def _draw_setting(place: _Place, name: str, values: Any, more: ExpanderContainer | None, *, disabled: bool) -> None:
+    """Draw the control of one setting.
 
     An optional stage is a switch with the controls of the stage below it; a choice of kinds is a row of buttons with
-    the controls of the chosen kind. A setting that does not apply is disabled and takes its default.
+    the controls of the chosen kind. A setting that does not apply is disabled.
     """
-    field = place.kind.model_fields[name]
-    kinds = cast(tuple[type[Settings], ...], nested(field))
-    others = SimpleNamespace(**{**dict(place.first), **values})
-    try:
-        applies = place.kind.obstacle(name, others) is None
-    except ValueError:  # the other settings conflict, which is reported elsewhere
-        applies = True
-    disabled = place.disabled or not applies
-    value = getattr(place.first, name)
-    if not kinds:
-        found: Any = control(
-            place.kind,
-            name,
-            key=place.key(name),
-            value=value,
-            beside=place.method.other_name(name) if place.kind is place.method else "",
-            names=CHOICE_NAMES if choices(field) else None,
-            disabled=disabled,
-            drawn=place.drawn,
-            **_ends(place, name),
+    field, key, first = _fields(place.kind)[name], place.key(name), getattr(place.first, name)
+    title, meaning = field.info.title or name, field.info.description
+    disabled = disabled or not place.applies(name, values)
+    if not field.kinds:
+        low, high = place.ends(name)
+        beside = place.method.other_name(name) if place.kind is place.method else ""
+        named = CHOICE_NAMES if choices(field.info) else None
+        control(
+            place.kind, name, key=key, value=first, low=low, high=high, names=named, beside=beside, disabled=disabled
         )
-    elif len(kinds) > 1:
-        found = _ask_kind(place, name, value, kinds)
-    elif field.default is not None:
-        found = _ask_within(place, name, value, kinds[0], disabled=disabled)
-    elif _switched_on(place, name, disabled=disabled):
-        found = _ask_within(place, name, value or kinds[0](), kinds[0], disabled=disabled)
-    else:
-        found = None
-    values[name] = found if applies else field.default
-
-
-def _switched_on(place: _Place, name: str, *, disabled: bool) -> bool:
-    """Draw the switch of an optional stage, and return whether it is on."""
-    field, key = place.kind.model_fields[name], place.key(name)
-    at_first = getattr(place.first, name) is not None
-    if not place.drawn:
-        return bool(st.session_state.get(key, at_first))
-    return st.toggle(field.title or name, at_first, help=field.description, **persistent(key), disabled=disabled)
-
-
-def _ask_kind(place: _Place, name: str, value: Settings, kinds: tuple[type[Settings], ...]) -> Settings:
-    """Ask for the kind of settings, and draw the controls of that kind."""
-    by_name = {str(kind.model_fields[KIND].default): kind for kind in kinds}
-    usual = str(getattr(value, KIND))
-    key = f"{place.key(name)}.{KIND}"
-    chosen: str = st.session_state.get(key, usual)
-    if place.drawn:
-        field = place.kind.model_fields[name]
-        chosen = st.segmented_control(
-            field.title or name,
+        return
+    if len(field.kinds) > 1:
+        by_name = {str(kind.model_fields[KIND].default): kind for kind in field.kinds}
+        st.segmented_control(
+            title,
             [*by_name],
-            default=usual,
+            default=str(getattr(first, KIND)),
             format_func=lambda one: str(getattr(by_name[one], "title", one)),
             required=True,
-            **persistent(key),
-            help=field.description,
+            **persistent(f"{key}.{KIND}"),
+            help=meaning,
         )
-    kind = by_name[chosen]
-    at_first = value if isinstance(value, kind) else _alternative(kind, place.pair)
-    return _ask_within(place, f"{name}.{chosen}", at_first, kind)
-
-
-def _ask_within(place: _Place, name: str, first: Settings, kind: type[Settings], *, disabled: bool = False) -> Settings:
-    """Draw the controls of nested settings, and return them; the initial ones if they are refused."""
-    within = replace(place, kind=kind, first=first, path=f"{place.path}{name}.", disabled=disabled)
-    values = _ask_all(within, nullcontext())
-    try:
-        return kind(**values)
-    except SettingsError as error:
-        place.refused(error)
-        return first
+    elif field.info.default is None:
+        st.toggle(title, first is not None, help=meaning, **persistent(key), disabled=disabled)
+    within = place.within(name)
+    if within is not None:
+        found = getattr(values, name)
+        _draw(within, found if isinstance(found, within.kind) else within.first, more, disabled=disabled)
 
 
 def _alternative(kind: type[Settings], pair: Pair) -> Settings:
@@ -255,34 +287,17 @@ def _alternative(kind: type[Settings], pair: Pair) -> Settings:
     return kind() if reaching is None else cast(Settings, reaching(pair.num_disparities or DISPARITIES_AT_FIRST))
 
 
-def _ends(place: _Place, name: str) -> dict[str, Any]:
-    """Return the bounds of a slider where the field allows more than the inputs can use."""
-    field = place.kind.model_fields[name]
-    usual = marker(field, Usual) or Usual()
-    ends: dict[str, Number | None] = {"low": usual.low, "high": usual.high}
-    if marker(field, FitsImage):
-        ends["high"] = min(LARGEST_WINDOW, *(int(side) - 1 for side in place.pair.left.shape[:2]))
-    return {end: value for end, value in ends.items() if value is not None}
-
-
-def _key(method: type[StereoMatcher], kind: type[Settings], path: str, name: str, pair: Pair) -> str:
-    of_the_pair = marker(kind.model_fields[name], OfThePair) is not None
-    return setting_key(method.short_name, f"{path}{name}", pair.id.searched if of_the_pair else None)
-
-
-def _set(settings: Settings, method: type[StereoMatcher], path: str, pair: Pair) -> None:
-    kind = type(settings)
-    for name, field in kind.model_fields.items():
-        if name == KIND:
-            continue
-        value, key, kinds = getattr(settings, name), _key(method, kind, path, name, pair), nested(field)
-        if not kinds:
+def _set(place: _Place, settings: Settings) -> None:
+    """Set the controls of a place."""
+    for name, field in _fields(place.kind).items():
+        key, value = place.key(name), getattr(settings, name)
+        if not field.kinds:
             adopt_value(key, value)
-        elif len(kinds) > 1:
+            continue
+        if len(field.kinds) > 1:
             st.session_state[f"{key}.{KIND}"] = getattr(value, KIND)
-            _set(value, method, f"{path}{name}.{getattr(value, KIND)}.", pair)
-        else:
-            if field.default is None:
-                st.session_state[key] = value is not None
-            if value is not None:
-                _set(value, method, f"{path}{name}.", pair)
+        elif field.info.default is None:
+            st.session_state[key] = value is not None
+        within = place.within(name)
+        if within is not None:
+            _set(within, value)

@@ -303,9 +303,8 @@ def test_folding_settings_away_changes_nothing(open_unfolded: OpenPage, shown: S
 
 def test_an_adopted_value_beyond_the_page_s_own_bounds_is_kept_when_folded_away(open_page: OpenPage) -> None:
     app = open_page(DEPTH)
+    app.number_input(key=keys.exact_key(keys.SMALLEST)).set_value(-100).run()
     app.button_group(key=keys.TAB).set_value("bm").run()
-    app.session_state[keys.SMALLEST] = app.session_state[f"{keys.SMALLEST}.adopted"] = -100
-    app.run()
     app.button_group(key=keys.TAB).set_value("correlation").run()
     assert app.slider(key=keys.SMALLEST).value == -100
 

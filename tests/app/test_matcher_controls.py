@@ -19,10 +19,10 @@ def page() -> None:
     from stereolag.ui.matcher_controls import matcher_as_set, matchers_in_use
 
     pair = choose_pair()
-    before = [matcher_as_set(method, pair) for method in METHODS]
+    as_set = {method: matcher_as_set(method, pair) for method in METHODS}
     show_presets(pair)
-    show_controls(pair)
-    st.session_state["met"] = before, matchers_in_use()
+    show_controls(pair, as_set)
+    st.session_state["met"] = matchers_in_use(), [matcher_as_set(method, pair).matcher for method in METHODS]
 
 
 def opened(pair: str) -> AppTest:

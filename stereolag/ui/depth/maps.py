@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -38,7 +38,7 @@ from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
 from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
 from stereolag.ui.keys import COLOURS, SHOWN, TAB, preset_key
 from stereolag.ui.linked_pictures import linked_pictures, send_picture
-from stereolag.ui.matcher_controls import ask_matcher, matcher_as_set, matchers_in_use, set_controls
+from stereolag.ui.matcher_controls import AsSet, ask_matcher, matchers_in_use, set_controls
 from stereolag.ui.packing import (
     DepthScale,
     Figure,
@@ -70,6 +70,8 @@ class DepthView:
         (256, 3) uint8 RGB from far to near.
     outlines
         Outlines of the left image over the maps, as an SVG path; "" = none.
+    late
+        Names of the maps whose settings have changed since: the new map is still being computed.
     """
 
     pair: Pair
@@ -78,6 +80,7 @@ class DepthView:
     high: float
     palette: Rgb = field(default_factory=lambda: FAR_TO_NEAR)
     outlines: str = ""
+    late: Set[str] = frozenset()
 
     @property
     def colours(self) -> Colours:
@@ -376,7 +379,7 @@ def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
         Figure("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."),
         Figure("Coverage", percent(result.coverage), "Share of the pixels that have a disparity."),
     )
-    if result.settings != matcher_as_set(type(result.settings), view.pair):
+    if name in view.late:
         figures = *figures, Figure("Of", "the settings before", "The map of these settings is not computed yet.")
     if view.pair.truth is None:
         return figures
@@ -511,8 +514,8 @@ def bench() -> tuple[DeltaGenerator, DeltaGenerator]:
     return controls, both.container(key="depth-bench-maps")
 
 
-def show_controls(pair: Pair) -> None:
-    """Draw the controls of one method at a time, chosen by a row of tabs.
+def show_controls(pair: Pair, as_set: Mapping[type[StereoMatcher], AsSet]) -> None:
+    """Draw the controls of one method at a time, chosen by a row of tabs; show the refusals of the others.
 
     Selecting a method also shows its map, so that moving its controls has a visible effect.
     """
@@ -528,8 +531,11 @@ def show_controls(pair: Pair) -> None:
         label_visibility="collapsed",
         on_change=lambda: show_method(by_name[st.session_state[TAB]]),
     )
-    for kind in METHODS:
-        ask_matcher(kind, pair, drawn=kind.short_name == tab)
+    for kind, found in as_set.items():
+        if kind.short_name == tab:
+            ask_matcher(kind, pair, found)
+        elif found.refusal is not None:
+            show_refused(found.refusal)
 
 
 def show_presets(pair: Pair) -> None:
