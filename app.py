@@ -4,10 +4,12 @@ from collections.abc import Callable
 
 import streamlit as st
 
+from stereolag import samples
 from stereolag.figures.legends import disparity_range
 from stereolag.figures.maps import image_into_map
 from stereolag.figures.recordings import correlation_curve
 from stereolag.figures.templates import match_close_up
+from stereolag.pair import example_pair
 from stereolag.signals import signal_lag
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.templates import match_template
@@ -18,7 +20,6 @@ from stereolag.ui.elements import show_png
 from stereolag.ui.first_settings import first_settings
 from stereolag.ui.lag.alternatives import curve_in_words
 from stereolag.ui.navigation import page
-from stereolag.ui.pairs import example_pair
 from stereolag.ui.pictures import example_pictures
 from stereolag.ui.recordings import example_recordings
 from stereolag.ui.results import computed
@@ -67,7 +68,7 @@ def show_search() -> None:
 
 def show_depth() -> None:
     """Show the depth map of one example pair."""
-    pair = example_pair("cube")
+    pair = example_pair(samples.stereo_pairs()["cube"])
     matcher = first_settings(CorrelationMatcher, pair)
     result = computed(
         map_task(matcher),

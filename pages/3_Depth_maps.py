@@ -9,7 +9,6 @@ from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
 from stereolag.ui.depth.address import write_address
-from stereolag.ui.depth.all_pairs import show_all_pairs
 from stereolag.ui.depth.comparing import show_comparison, show_scoreboard
 from stereolag.ui.depth.doctor import show_doctor
 from stereolag.ui.depth.downloads import show_downloads
@@ -27,6 +26,7 @@ from stereolag.ui.depth.maps import (
     show_presets,
     shown_methods,
 )
+from stereolag.ui.depth.pair_sets import show_all_pairs
 from stereolag.ui.depth.readout import show_readout
 from stereolag.ui.depth.space import show_space
 from stereolag.ui.depth.tuning import show_suggest, show_sweep

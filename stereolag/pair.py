@@ -1,15 +1,78 @@
-"""A stereo pair: two images of one scene, what is known about them, and the changes made to them."""
+"""A stereo pair: what is known about it, how its files are made to fit each other, and how it is prepared for matching.
+
+The depth page, the driving page and the commands take the same way: :func:`assemble_pair` makes a :class:`Pair` from
+images, ground truth and calibration; :func:`prepare` resizes it, rectifies it and applies remedies, each step a
+function of its own; a matcher then takes `left` and `right`.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any, Self
+from functools import cache, partial
+from typing import Any, Protocol, Self, TypeAlias, TypeVar
 
-from stereolag.assess.remedies import Remedy
+import cv2
+import numpy as np
+
+from stereolag.assess.disparities import likely_divisor
+from stereolag.assess.orientation import RowEvidence, row_evidence
+from stereolag.assess.remedies import Remedy, apply_remedy
 from stereolag.core.arrays import FloatMap, Mask
-from stereolag.core.inputs import Image
-from stereolag.geometry.calibration import Calibration
+from stereolag.core.inputs import Image, as_stereo_pair
+from stereolag.geometry.calibration import Calibration, StereoRig
+from stereolag.geometry.rectification import (
+    as_deep,
+    calibration_for,
+    cropped_alike,
+    preview_divisor,
+    rectify,
+    scaled_disparity,
+    scaled_image,
+)
+from stereolag.io.archives import is_archive, read_archive
+from stereolag.io.calibrations import read_calibration
+from stereolag.io.disparities import StoredDisparity, read_disparity, read_stored_disparity
+from stereolag.io.guard import guarded
+from stereolag.io.images import read_image
+from stereolag.io.pairing import PairFiles, matched_pairs
+from stereolag.io.sessions import Session, holds_session, read_session
+from stereolag.io.sources import MAX_BYTES, harmless
+from stereolag.samples import StereoExample
+
+T = TypeVar("T")
+
+SIZES = {"Automatic": None, "Full": 1, "1/2": 2, "1/4": 4}
+"""The sizes at which a pair can be matched, each with the divisor of its sides; None = chosen to suit the pair."""
+
+OWN_PAIR = "Your own pair."
+SAME_PICTURE = "Left and right are the same image: every disparity is 0, and there is no depth to see."
+ONE_DEPTH = (
+    "One image has 8 bits per channel and the other 16: both were scaled to 16 bits, black at 0 and white at 65535, so "
+    "that their mean brightness agrees best."
+)
+NO_PAIRS = (
+    "None of these files are a pair: the names of its two images must differ in the side, as in left.png and "
+    "right.png, im0.png and im1.png, or left/5.png and right/5.png."
+)
+REMEDIES_DONE = {
+    Remedy.SWAP_SIDES: "Left and right were swapped.",
+    Remedy.ALIGN_ROWS: "The right image was moved up or down until its rows match the left one’s.",
+    Remedy.LEVEL: "The right image was rotated and scaled until its rows match: depth is relative.",
+    Remedy.RECTIFY: (
+        "Both images were turned until their rows match, and corrected for lens distortion where that helps: depth is "
+        "relative."
+    ),
+    Remedy.MATCH_EXPOSURE: "The right image was given the brightness and contrast of the left one.",
+}
+TRUTH_DROPPED = {
+    Remedy.SWAP_SIDES: "The ground truth belongs to the other image and is left out.",
+    Remedy.RECTIFY: "The ground truth belongs to the image before that and is left out.",
+}
+"""The remedies after which ground truth and mask are void."""
 
 
 class ChangeCode(StrEnum):
@@ -92,6 +155,57 @@ def _joined(*parts: str) -> str:
     return " ".join(filter(None, parts))
 
 
+class Rows(StrEnum):
+    """Whether the images are raw, or rectified already so that their rows match."""
+
+    DECIDE = "decide"
+    """Decide from the rows of matched features."""
+    RAW = "raw"
+    RECTIFIED = "rectified"
+
+
+@dataclass(frozen=True)
+class RectificationDecision:
+    """Whether a pair was rectified with its calibration, and why.
+
+    Attributes
+    ----------
+    done
+        Whether it was rectified; if not, it was rectified already.
+    chosen
+        Whether that was stated, not decided from the rows.
+    drops_truth
+        Whether it leaves out the ground truth, which belongs to the image before that.
+    alpha
+        The frame, as for :func:`stereolag.rectify`.
+    evidence
+        The rows before and after rectification.
+    """
+
+    done: bool
+    chosen: bool
+    drops_truth: bool
+    alpha: float | None
+    evidence: RowEvidence
+
+    def in_words(self, subject: str = "The pair") -> str:
+        """Return whether the pair was rectified, and the row differences as evidence."""
+        rows = self.evidence
+        given, after = (
+            "by an unknown amount" if math.isnan(median) else f"by {median:.2g} px"
+            for median in (rows.given_px, rows.rectified_px)
+        )
+        because = ", as you said" if self.chosen else ""
+        counts = rows.given_matches, rows.rectified_matches
+        if self.done:
+            said = f"was undistorted and rectified with its calibration{because}: rows differ {after}, before {given}"
+            counts = counts[::-1]
+        else:
+            said = f"is rectified already{because}: rows differ {given}, and {after} if rectified again"
+        dropped = " Its ground truth belongs to the image before that and is left out." if self.drops_truth else ""
+        return f"{subject} {said} (medians of {counts[0]} and {counts[1]} matched features).{dropped}"
+
+
 @dataclass(frozen=True, eq=False)
 class Pair:
     """Two images of one scene, and the known facts about them.
@@ -116,6 +230,8 @@ class Pair:
         Whether it is a bundled example.
     changes
         The changes made to it, in order.
+    rectification
+        What was decided about its rectification; None without the calibration of both cameras.
     full
         The pair before its sides were divided; None if they were not.
     """
@@ -131,6 +247,7 @@ class Pair:
     description: str = ""
     shared: bool = False
     changes: tuple[Change, ...] = ()
+    rectification: RectificationDecision | None = None
     full: Pair | None = None
 
     @property
@@ -146,3 +263,372 @@ class Pair:
     def after(self, code: ChangeCode | Remedy, sentence: str, **fields: Any) -> Self:
         """Return the pair after a change, with the given fields replaced."""
         return replace(self, changes=(*self.changes, Change(code, sentence)), **fields)
+
+
+class Memo(Protocol):
+    """Returns the result of a step on a pair, from memory if the step was taken before with the same settings."""
+
+    def __call__(self, step: str, make: Callable[[], T], pair: Pair, settings: str) -> T:
+        """Return the result of `make`; `step`, the id of `pair` and `settings` identify it."""
+
+
+def no_memo(step: str, make: Callable[[], T], pair: Pair, settings: str) -> T:
+    """Take every step anew."""
+    return make()
+
+
+def assemble_pair(
+    left: Image,
+    right: Image,
+    truth: FloatMap | None = None,
+    calibration: Calibration | None = None,
+    *,
+    id: PairId,
+    notes: Sequence[str] = (),
+    description: str = OWN_PAIR,
+) -> Pair:
+    """Return a pair whose parts fit each other: images of one size and depth, with truth and calibration for that size.
+
+    Parameters
+    ----------
+    left, right
+        The images as read: sizes may differ by 3 %, and one may have 8 bits and the other 16.
+    truth
+        (H, W) px, ground truth of the left image as read.
+    calibration
+        That of the cameras, at any size of the same aspect ratio.
+    id, description
+        Those of the pair.
+    notes
+        Sentences about changes made before.
+
+    Raises
+    ------
+    ValueError
+        The parts do not belong together.
+    """
+    images = as_stereo_pair(*as_deep(*cropped_alike(left, right)))
+    rows, cols = images[0].shape[:2]
+    said = [*notes]
+    if left.dtype != right.dtype:
+        said.append(ONE_DEPTH)
+    if left.shape[:2] != right.shape[:2]:
+        said.append(f"The images differ by a few pixels and were cropped to {cols} × {rows}.")
+    if truth is not None and truth.shape != left.shape[:2]:
+        (height, width), given = truth.shape, left.shape[:2]
+        raise ValueError(
+            f"The ground truth is {width} × {height} and the left image is {given[1]} × {given[0]} pixels; "
+            "they must have the same size."
+        )
+    fitted = None if calibration is None else calibration_for(calibration, cols, rows)
+    if fitted is not calibration:
+        said.append(f"The calibration was scaled to {cols} × {rows} pixels.")
+    return Pair(
+        *images,
+        id,
+        truth=None if truth is None else truth[:rows, :cols],
+        calibration=fitted,
+        num_disparities=None if fitted is None else fitted.num_disparities,
+        description=description,
+        changes=tuple(Change(ChangeCode.ASSEMBLED, sentence) for sentence in said),
+    )
+
+
+def truth_in_px(stored: StoredDisparity, left: Image, right: Image) -> tuple[FloatMap, str]:
+    """Return the ground truth of a pair, px, and a sentence if its divisor is the one that fits the pair best."""
+    if stored.divisor is not None:
+        return stored.divided(stored.divisor), ""
+    divisor = float(likely_divisor(stored.divided(1.0), left, right))
+    said = f"The ground truth has 8 bits: ÷ {divisor:g} agrees best with a quick map."
+    return stored.divided(divisor), said
+
+
+@cache
+def example_pair(example: StereoExample) -> Pair:
+    """Return a bundled pair."""
+    return Pair(
+        read_image(example.left),
+        read_image(example.right),
+        PairId(f"pair {example.name}"),
+        truth=read_disparity(example.disparity),
+        visible=read_image(example.occlusion) == 0,
+        calibration=read_calibration(example.calibration),
+        num_disparities=example.num_disparities,
+        description=example.description,
+        shared=True,
+    )
+
+
+def session_pair(session: Session, digest: str) -> Pair:
+    """Return the pair of a saved session; its range is known and need not be found again."""
+    ranges = [found for matcher in session.matchers if (found := matcher.search_range()) is not None]
+    saved = session.document.pair
+    first, count = saved.min_disparity, saved.num_disparities
+    if count is None and ranges:
+        first, count = ranges[0]
+    return Pair(
+        session.left,
+        session.right,
+        PairId(digest),
+        truth=session.truth,
+        visible=session.visible,
+        calibration=session.calibration,
+        min_disparity=first,
+        num_disparities=count,
+        description=saved.description or OWN_PAIR,
+        changes=tuple(Change(ChangeCode.ASSEMBLED, sentence) for sentence in saved.history),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class PairSet:
+    """Pairs kept as encoded files; a pair is decoded when it is shown.
+
+    Attributes
+    ----------
+    pairs
+        File names of each pair.
+    read
+        Returns the bytes of a named file.
+    digest
+        Identifies the set.
+    """
+
+    pairs: tuple[PairFiles, ...]
+    read: Callable[[str], bytes]
+    digest: str
+
+    def __len__(self) -> int:
+        """Return the number of pairs."""
+        return len(self.pairs)
+
+    def name(self, number: int) -> str:
+        """Return the name of a pair, safe to show."""
+        return harmless(self.pairs[number].name)
+
+    def pair(self, number: int) -> Pair:
+        """Decode one pair; its changes say what was decided.
+
+        Raises
+        ------
+        ValueError
+            The images cannot be read or do not fit together, or the ground truth does not fit them.
+        """
+        try:
+            return self._pair(self.pairs[number], PairId(f"{self.digest} {number}", collection=self.digest))
+        except ValueError as error:
+            raise ValueError(f"Pair {self.name(number)}: {error}") from error
+
+    def _pair(self, files: PairFiles, pair_id: PairId) -> Pair:
+        left, right = (guarded(read_image)(self.read(name)) for name in (files.left, files.right))
+        notes: list[str] = []
+        truth = calibration = None
+        if files.truth is not None:
+            truth, said = truth_in_px(guarded(read_stored_disparity)(self.read(files.truth)), left, right)
+            notes += filter(None, (said,))
+        if files.calibrations:
+            try:
+                calibration = guarded(read_calibration)(*map(self.read, files.calibrations))
+            except ValueError as error:
+                notes.append(f"The pair’s calibration is not used. {error}")
+        description = f"Pair “{harmless(files.name)}”."
+        return assemble_pair(left, right, truth, calibration, id=pair_id, notes=notes, description=description)
+
+
+Bundle: TypeAlias = Session | PairSet
+"""What one archive or many files can hold."""
+
+
+def read_bundle(files: Sequence[tuple[str, bytes]]) -> Bundle:
+    """Return the session or the pairs in an archive or in named files.
+
+    Raises
+    ------
+    ValueError
+        There are neither, or more than is accepted.
+    """
+    digest = hashlib.sha256(b"".join(hashlib.sha256(data).digest() for _, data in files)).hexdigest()
+    if len(files) == 1 and is_archive(files[0][1]):
+        archive = read_archive(files[0][1])
+        if holds_session(archive):
+            return read_session(archive, guarded)
+        return _pair_set(archive.names, archive.read, digest)
+    if sum(len(data) for _, data in files) > MAX_BYTES:
+        raise ValueError(f"The files exceed {MAX_BYTES // 2**20} MB in total, the most that is accepted.")
+    by_name = dict(files)
+    return _pair_set([*by_name], by_name.__getitem__, digest)
+
+
+def _pair_set(names: Sequence[str], read: Callable[[str], bytes], digest: str) -> PairSet:
+    pairs = matched_pairs(names)
+    if not pairs:
+        raise ValueError(NO_PAIRS)
+    return PairSet(tuple(pairs), read, digest)
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """How a pair is prepared for matching.
+
+    Attributes
+    ----------
+    divisor
+        Divides the sides of the images; None = chosen to leave at most a megapixel.
+    rows
+        Whether the images are raw, for a pair with the calibration of both cameras.
+    alpha
+        The frame, as for :func:`stereolag.rectify`; unused if the calibration includes the rectification.
+    remedies
+        The input doctor's remedies to apply, in order.
+    """
+
+    divisor: int | None = 1
+    rows: Rows = Rows.DECIDE
+    alpha: float | None = None
+    remedies: tuple[Remedy, ...] = ()
+
+
+def prepare(
+    pair: Pair,
+    preparation: Preparation,
+    *,
+    memo: Memo = no_memo,
+    refused: Callable[[ValueError], object] | None = None,
+) -> Pair:
+    """Return the pair ready for matching, with the changes made to it.
+
+    Parameters
+    ----------
+    pair
+        As assembled.
+    preparation
+        The steps to take.
+    memo
+        Remembers their results.
+    refused
+        Called with the error of a step that is not possible, which is then skipped; None raises it.
+
+    Raises
+    ------
+    ValueError
+        A step is not possible, and `refused` is None.
+    """
+    steps: list[Callable[[Pair], Pair]] = [
+        partial(resized, divisor=preparation.divisor, memo=memo),
+        partial(rectified, rows=preparation.rows, alpha=preparation.alpha, memo=memo),
+        *(partial(remedied, remedy=remedy, memo=memo) for remedy in preparation.remedies),
+    ]
+    for step in steps:
+        try:
+            pair = step(pair)
+        except ValueError as error:
+            if refused is None:
+                raise
+            refused(error)
+    if pair.calibration is not None and pair.calibration.rig is not None:  # it could not be rectified
+        return replace(pair, calibration=None)
+    return pair
+
+
+def resized(pair: Pair, divisor: int | None, memo: Memo = no_memo) -> Pair:
+    """Return the pair with its sides divided; range, truth and calibration are scaled too."""
+    rows, cols = pair.left.shape[:2]
+    divisor = divisor or preview_divisor(cols, rows)
+    if divisor == 1:
+        return pair
+    small = memo("resized pair", lambda: _resized(pair, 1 / divisor), pair, str(divisor))
+    size = f"{small.left.shape[1]} × {small.left.shape[0]}"
+    first = pair.min_disparity // divisor
+    end = None if pair.num_disparities is None else -(-(pair.min_disparity + pair.num_disparities) // divisor)
+    return pair.after(
+        ChangeCode.RESIZED,
+        f"Shown at 1/{divisor} of its size: {size} of {cols} × {rows} pixels.",
+        left=small.left,
+        right=small.right,
+        id=replace(pair.id, size=f"1/{divisor}"),
+        truth=small.truth,
+        visible=small.visible,
+        calibration=None if pair.calibration is None else pair.calibration.scaled(1 / divisor),
+        min_disparity=first,
+        num_disparities=None if end is None else end - first,
+        full=pair,
+    )
+
+
+def _resized(pair: Pair, factor: float) -> Pair:
+    left, right, visible = scaled_image(pair.left, factor), scaled_image(pair.right, factor), pair.visible
+    if visible is not None:
+        size = (left.shape[1], left.shape[0])
+        visible = cv2.resize(visible.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT) > 0
+    truth = None if pair.truth is None else scaled_disparity(pair.truth, factor)
+    return replace(pair, left=left, right=right, truth=truth, visible=visible)
+
+
+def rectified(pair: Pair, rows: Rows = Rows.DECIDE, alpha: float | None = None, memo: Memo = no_memo) -> Pair:
+    """Return the pair rectified with its calibration if it is raw; ground truth and mask are then void."""
+    if pair.calibration is None or pair.calibration.rig is None:
+        return pair
+    rig = pair.calibration.rig
+    alpha = alpha if rig.rectification is None else None
+    again = memo("rectified pair", lambda: _rectified(pair, alpha), pair, _fingerprint(rig, alpha))
+    # The frame changes the scale of the rows a little, but not the outcome.
+    evidence = memo(
+        "row evidence",
+        lambda: row_evidence((pair.left, pair.right), (again.left, again.right)),
+        pair,
+        _fingerprint(rig, None),
+    )
+    done = rows is Rows.RAW or (rows is Rows.DECIDE and not evidence.already_rectified)
+    decision = RectificationDecision(done, rows is not Rows.DECIDE, done and pair.truth is not None, alpha, evidence)
+    pair = replace(pair, calibration=again.calibration, rectification=decision)
+    if not done:
+        return pair.after(ChangeCode.RECTIFIED, decision.in_words())
+    return pair.after(
+        ChangeCode.RECTIFIED,
+        decision.in_words(),
+        left=again.left,
+        right=again.right,
+        id=replace(pair.id, rectification=f"rectified {_fingerprint(rig, alpha)}"),
+        truth=None,
+        visible=None,
+    )
+
+
+def _rectified(pair: Pair, alpha: float | None) -> Pair:
+    assert pair.calibration is not None
+    left, right, calibration = rectify(pair.left, pair.right, pair.calibration, alpha=alpha)
+    return replace(pair, left=left, right=right, truth=None, visible=None, calibration=calibration)
+
+
+def _fingerprint(rig: StereoRig, alpha: float | None) -> str:
+    """Return a digest that identifies this rectification of a pair."""
+    arrays = [rig.left_matrix, rig.left_distortion, rig.right_matrix, rig.right_distortion, rig.rotation]
+    arrays.append(rig.translation)
+    if rig.rectification is not None:
+        how = rig.rectification
+        arrays += [how.left_rotation, how.right_rotation, how.left_projection, how.right_projection]
+    numbers = b"".join(array.tobytes() for array in arrays)
+    return hashlib.sha256(numbers + repr((rig.width, rig.height, alpha)).encode()).hexdigest()[:16]
+
+
+def remedied(pair: Pair, remedy: Remedy, memo: Memo = no_memo) -> Pair:
+    """Return the pair after one remedy; truth, mask and calibration are kept if they are still valid."""
+    return memo("remedy", lambda: _remedied(pair, remedy), pair, f"{remedy} {pair.calibration}")
+
+
+def _remedied(pair: Pair, remedy: Remedy) -> Pair:
+    left, right = apply_remedy(pair.left, pair.right, remedy)
+    said, truth, visible = REMEDIES_DONE[remedy], pair.truth, pair.visible
+    if remedy in TRUTH_DROPPED:
+        said += f" {TRUTH_DROPPED[remedy]}" if truth is not None else ""
+        truth = visible = None
+    return pair.after(
+        remedy,
+        said,
+        left=left,
+        right=right,
+        id=replace(pair.id, remedies=(*pair.id.remedies, remedy)),
+        truth=truth,
+        visible=visible,
+        calibration=None if remedy in (Remedy.RECTIFY, Remedy.LEVEL) else pair.calibration,
+    )

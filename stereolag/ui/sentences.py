@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
-from stereolag.assess.orientation import RowEvidence
 from stereolag.core.typography import typeset
 from stereolag.stereo.reasons import Reason
 
@@ -41,30 +39,6 @@ def started_in_words(min_disparity: int, num_disparities: int) -> str:
         f"Searched from {min_disparity} to {min_disparity + num_disparities - 1} px, the range found for this pair, "
         "with the fast preset."
     )
-
-
-# Rectification
-
-
-def rectification_in_words(
-    evidence: RowEvidence, rectified: bool, asked: bool, drops_truth: bool, subject: str = "The pair"
-) -> str:
-    """Return whether a pair was rectified with its calibration, and the row differences as evidence."""
-    given, after = (_apart(median) for median in (evidence.given_px, evidence.rectified_px))
-    because = ", as you said" if asked else ""
-    if rectified:
-        done = f"{subject} was undistorted and rectified with its calibration{because}"
-        said = f"{done}: rows differ {after}, before {given}"
-        counts = evidence.rectified_matches, evidence.given_matches
-    else:
-        said = f"{subject} is rectified already{because}: rows differ {given}, and {after} if rectified again"
-        counts = evidence.given_matches, evidence.rectified_matches
-    dropped = " Its ground truth belongs to the image before that and is left out." if drops_truth else ""
-    return f"{said} (medians of {counts[0]} and {counts[1]} matched features).{dropped}"
-
-
-def _apart(median: float) -> str:
-    return "by an unknown amount" if math.isnan(median) else f"by {median:.2g} px"
 
 
 # Why is it blank?

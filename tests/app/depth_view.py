@@ -8,19 +8,19 @@ import numpy as np
 
 from stereolag.figures.legends import disparity_range
 from stereolag.geometry.calibration import Calibration
-from stereolag.pair import PairId
+from stereolag.pair import PairId, example_pair
+from stereolag.samples import stereo_pairs
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.maps import DepthView
-from stereolag.ui.pairs import example_pair
 
 ROWS, COLS = slice(215, 375), slice(120, 400)
 
 
 def small_view(*, calibrated: bool = True, truth: bool = True) -> DepthView:
     """Return a part of the puzzle cube, with or without its calibration and ground truth."""
-    whole = example_pair("cube")
+    whole = example_pair(stereo_pairs()["cube"])
     known = whole.calibration
     assert known is not None
     assert known.cx is not None

@@ -14,10 +14,10 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag.assess.diagnosis import FindingCode
 from stereolag.assess.remedies import Remedy
-from stereolag.pair import Pair, PairId
+from stereolag.pair import Pair, PairId, example_pair
+from stereolag.samples import stereo_pairs
 from stereolag.ui.depth.doctor import CALIBRATE, HEALTHY
 from stereolag.ui.navigation import PAGES
-from stereolag.ui.pairs import example_pair
 from tests.app import keys
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
@@ -27,11 +27,11 @@ def panel() -> None:
     import streamlit as st
 
     from stereolag.stereo.opencv import StereoBM
-    from stereolag.ui.depth.doctor import show_doctor, treated
+    from stereolag.ui.depth.doctor import show_doctor, with_chosen_remedies
     from stereolag.ui.depth.maps import DepthView
     from stereolag.ui.matcher_controls import ask_matcher
 
-    pair = treated(st.session_state["pair"])
+    pair = with_chosen_remedies(st.session_state["pair"])
     matcher = ask_matcher(StereoBM, pair)
     if matcher is not None:
         show_doctor(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, 0, 64))
@@ -39,7 +39,7 @@ def panel() -> None:
 
 
 def changed(name: str, **images: Any) -> Pair:
-    example = example_pair("cube")
+    example = example_pair(stereo_pairs()["cube"])
     given = {"left": example.left, "right": example.right} | images
     return Pair(
         given["left"],
@@ -60,7 +60,7 @@ def opened(pair: Pair) -> AppTest:
 
 
 def ill_cube(code: FindingCode) -> Pair:
-    cube = example_pair("cube")
+    cube = example_pair(stereo_pairs()["cube"])
     left, right = ILLS[code](cube.left, cube.right)
     return changed(code, left=left, right=right)
 
@@ -96,7 +96,7 @@ def test_each_problem_is_fixed_by_a_click_and_comes_back_with_undo(code: Finding
 
 def test_bent_rows_are_rectified_by_a_click_and_come_back_with_undo(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(PAGES, CALIBRATE, raising=False)  # an app of one function has no other page to link to
-    cube = example_pair("cube")
+    cube = example_pair(stereo_pairs()["cube"])
     pair = changed("bent", left=barrel(cube.left, -0.3), right=barrel(cube.right, -0.3))
     app = opened(pair)
     assert any("Rows bend" in text.value and "Calibrate" in text.value for text in app.markdown)
@@ -113,7 +113,7 @@ def test_bent_rows_are_rectified_by_a_click_and_come_back_with_undo(monkeypatch:
 
 
 def test_a_picture_given_twice_is_said() -> None:
-    cube = example_pair("cube")
+    cube = example_pair(stereo_pairs()["cube"])
     app = opened(changed("twice", left=cube.left, right=cube.left))
     assert not app.exception
     assert any("show the same view" in text.value for text in app.markdown)

@@ -17,10 +17,9 @@ from stereolag.core.jobs import Estimate
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.disparities import VERTEX
 from stereolag.io.settings import settings_json
-from stereolag.pair import Pair, PairId
+from stereolag.pair import Pair, PairId, resized
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth.exports import EXPORTS, archive, files
-from stereolag.ui.depth.inputs import at_size
 from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.subjects import Subject
 from tests.app import keys
@@ -151,9 +150,7 @@ def large_view(*matchers: StereoMatcher) -> DepthView:
     pair = Pair(
         scene[:, :-20], scene[:, 20:], PairId("large noise"), truth=truth, calibration=calibration, num_disparities=64
     )
-    small = at_size(pair, 2)
-    small = replace(small, full=pair, calibration=calibration.scaled(0.5), num_disparities=32)
-    view = view_of(small, *matchers)
+    view = view_of(resized(pair, 2), *matchers)
     return replace(view, high=32.0)
 
 

@@ -8,7 +8,8 @@ import pytest
 from streamlit.testing.v1 import AppTest
 
 from stereolag.core.typography import typeset
-from stereolag.ui.depth.rectifying import RECTIFIED, alpha_key, choice_key
+from stereolag.pair import Rows
+from stereolag.ui.depth.calibrating import alpha_key, rows_key
 from stereolag.ui.keys import PAIR, SIZE
 from tests.app.test_depth_restoring import given, packed, pair_of
 
@@ -57,7 +58,7 @@ def test_the_small_maps_of_a_sweep_on_a_set_say_of_which_pair_they_are() -> None
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [(choice_key(PAIR), RECTIFIED), (alpha_key(PAIR), 0.5), (SIZE, "Full")],
+    [(rows_key(PAIR), Rows.RECTIFIED), (alpha_key(PAIR), 0.5), (SIZE, "Full")],
     ids=["choice", "frame", "size"],
 )
 def test_another_preparation_of_the_set_makes_a_sweep_void(key: str, value: Any) -> None:
@@ -76,7 +77,7 @@ def remedied() -> None:
     from stereolag.assess.remedies import Remedy
     from stereolag.core.jobs import Estimate
     from stereolag.pair import PairId
-    from stereolag.ui.depth.pair_jobs import begin_job, job_on
+    from stereolag.ui.depth.pair_sets import begin_job, job_on
     from tests.app.depth_view import small_view
 
     one = small_view().pair

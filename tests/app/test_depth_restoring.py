@@ -15,11 +15,9 @@ from streamlit.testing.v1 import AppTest
 from stereolag import SemiGlobalMatcher, StereoBM, StereoSGBM, read_image
 from stereolag.io.disparities import image_png, pfm
 from stereolag.io.settings import settings_json
-from stereolag.pair import Pair
+from stereolag.pair import Pair, PairSet, Preparation, read_bundle
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui.depth.all_pairs import table_of
-from stereolag.ui.depth.pair_sets import Preparation
-from stereolag.ui.depth.several import PairSet, read_bundle
+from stereolag.ui.depth.pair_sets import table_of
 from tests.app import keys, uploads
 
 pytestmark = pytest.mark.usefixtures("small_pairs")
@@ -236,7 +234,7 @@ def test_a_table_tells_how_the_settings_do_on_every_pair() -> None:
     assert isinstance(pairs, PairSet)
     matchers = [StereoBM(num_disparities=16, block_size=9), StereoSGBM(num_disparities=16)]
     told: list[float] = []
-    table = table_of(pairs, matchers, Preparation("Full", "decide", 0.0), told.append)
+    table = table_of(pairs, matchers, Preparation(), told.append)
     assert [row.name for row in table.rows] == ["1: 1", "2: 2", "3: 3"]
     for row, judged, not_judged in zip(
         table.rows, ("bad_2", "estimated_bad_2"), ("estimated_bad_2", "bad_2"), strict=False
@@ -279,9 +277,9 @@ def table_page() -> None:
     import streamlit as st
 
     from stereolag import StereoBM
-    from stereolag.ui.depth.all_pairs import show_all_pairs
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import DepthView
+    from stereolag.ui.depth.pair_sets import show_all_pairs
 
     pair = choose_pair()
     matcher = StereoBM(num_disparities=16, block_size=st.session_state.get("block", 9))

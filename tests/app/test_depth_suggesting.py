@@ -17,7 +17,7 @@ from stereolag.core.typography import typeset
 from stereolag.io.settings import read_matcher
 from stereolag.stereo.finishing.filters import MedianFilter
 from stereolag.stereo.opencv import StereoBM
-from stereolag.ui.depth.pair_jobs import PairJob
+from stereolag.ui.depth.pair_sets import PairJob
 from stereolag.ui.depth.sentences import search_so_far, suggestion_in_words, value_in_words
 from stereolag.ui.jobs import Job
 from tests.app.depth_view import small_view

@@ -31,6 +31,7 @@ from stereolag.assess.orientation import RowEvidence
 from stereolag.assess.remedies import Remedy
 from stereolag.core.searches import TemplateQuery
 from stereolag.io.recordings import Recording
+from stereolag.pair import REMEDIES_DONE, RectificationDecision
 from stereolag.signals import signal_lag
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.reasons import Reason
@@ -42,7 +43,7 @@ from stereolag.templates.opencv import OpenCVSearch, opencv_search
 from stereolag.templates.trials import Trial, try_methods
 from stereolag.templates.verdict import Reason as SearchReason
 from stereolag.ui.depth import sentences
-from stereolag.ui.depth.sentences import REMEDIES_DONE, finding_in_words, problems_in_words, remedy_in_words
+from stereolag.ui.depth.sentences import finding_in_words, problems_in_words, remedy_in_words
 from stereolag.ui.lag.alternatives import curve_in_words, drift_in_words, run_times_in_words, waveforms_in_words
 from stereolag.ui.lag.facts import own_facts
 from stereolag.ui.lag.sentences import verdict_explained, verdict_in_words
@@ -57,7 +58,7 @@ from stereolag.ui.match_sentences import (
 from stereolag.ui.search.answer import framed_in_words, headline, why_no_score_map, why_not_found
 from stereolag.ui.search.degrading import lesson, numbers_of
 from stereolag.ui.search.opencv_beside import differences, table
-from stereolag.ui.sentences import REASON_WORDS, REASONS_EXPLAINED, rectification_in_words
+from stereolag.ui.sentences import REASON_WORDS, REASONS_EXPLAINED
 from tests.app import uploads
 from tests.snapshots import Snapshot
 
@@ -290,8 +291,8 @@ def test_findings(snapshot: Snapshot) -> None:
     assert all(one.healthy for one in HEALTHY) and not any(one.healthy for one in ILL)
     raw, straight = RowEvidence(11.9, 0.19, 190, 157), RowEvidence(0.19, float("nan"), 157, 3)
     rectified = [
-        rectification_in_words(raw, True, False, True),
-        rectification_in_words(straight, False, True, False),
+        RectificationDecision(True, False, True, None, raw).in_words(),
+        RectificationDecision(False, True, False, None, straight).in_words(),
     ]
     snapshot(
         {

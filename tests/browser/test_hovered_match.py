@@ -14,12 +14,13 @@ from playwright.sync_api import Browser, Page, expect
 
 from stereolag.assess.explaining import explain_match
 from stereolag.core.inputs import as_grey
+from stereolag.pair import example_pair
+from stereolag.samples import stereo_pairs
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui.depth.explaining import show_inspection
 from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.hovered_match import browser_settings
-from stereolag.ui.pairs import example_pair
 from tests.browser.parts import Parts, ShowParts
 from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
@@ -86,7 +87,7 @@ def test_the_browser_finds_what_the_library_explains(blank_page: Page, settings:
 
 
 def both(name: str) -> tuple[np.ndarray, np.ndarray]:
-    pair = example_pair(name)
+    pair = example_pair(stereo_pairs()[name])
     return pair.left, pair.right
 
 
@@ -96,7 +97,7 @@ def lag(found: dict[str, int] | None) -> tuple[int, int] | None:
 
 @pytest.fixture(scope="module")
 def fence(show_parts: ShowParts) -> Parts:
-    pair, matcher = example_pair("fence"), CorrelationMatcher(window_size=15)
+    pair, matcher = example_pair(stereo_pairs()["fence"]), CorrelationMatcher(window_size=15)
     view = DepthView(pair, {"Convolution": matcher.compute(pair.left, pair.right)}, 0, 64)
     parts = show_parts(lambda: show_inspection(view))
     parts.page.locator(".curve .scores").wait_for()

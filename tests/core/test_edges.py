@@ -15,7 +15,8 @@ from stereolag.figures.pictures import (
     edge_lines,
     edge_path,
 )
-from stereolag.ui.pairs import example_pair
+from stereolag.pair import example_pair
+from stereolag.samples import stereo_pairs
 
 
 def disc(rows: int, cols: int, dtype: npt.DTypeLike = np.uint8) -> npt.NDArray[np.generic]:
@@ -59,7 +60,7 @@ def test_what_is_too_much_to_draw_is_bounded_and_the_longest_lines_stay() -> Non
 
 
 def test_the_path_of_a_photograph_holds_its_lines() -> None:
-    image = example_pair("cube").left
+    image = example_pair(stereo_pairs()["cube"]).left
     lines, path = edge_lines(image), edge_path(image)
     assert path.count("M") == len(lines) > 20
     numbers = np.array(re.findall(r"[\d.]+", path), float).reshape(-1, 2)

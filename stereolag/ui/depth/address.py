@@ -8,7 +8,7 @@ import streamlit as st
 
 from stereolag import samples
 from stereolag.io.settings import read_matcher, settings_json
-from stereolag.pair import Pair
+from stereolag.pair import SIZES, Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui import keys, prose
@@ -27,7 +27,6 @@ from stereolag.ui.page_address import (
     warn_ignored,
     write_parameters,
 )
-from stereolag.ui.pairs import SIZES
 
 WRITTEN_KEY = "depth.address"
 """Session-state key of the parameters that this page wrote last."""

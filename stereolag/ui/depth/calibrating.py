@@ -1,26 +1,31 @@
-"""The calibration of a visitor's own camera: from files, or from two numbers typed in."""
+"""The calibration of a visitor's own camera, from files or typed in, and the rectification of pairs with it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import partial
+from typing import TypeVar
 
 import streamlit as st
 
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.guard import guarded
-from stereolag.pair import Pair
+from stereolag.pair import Pair, Preparation, Rows, prepare
+from stereolag.ui import prose
 from stereolag.ui.calibrate.result import use_kept_calibration
 from stereolag.ui.persistence import persistent
+from stereolag.ui.results import computed
+from stereolag.ui.states import show_refused
 from stereolag.ui.uploads import CALIBRATION_TYPES, Upload, upload_together
 
-Calibrated: TypeAlias = Upload[Calibration]
+T = TypeVar("T")
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
-def ask_calibration(key: str) -> Calibrated | None:
+def ask_calibration(key: str) -> Upload[Calibration] | None:
     """Ask for the calibration of the camera; None if there is none, and depth is then relative."""
     with st.expander("Calibration (optional): for depth in metres, and to rectify"):
         columns = st.columns([2, 1, 1], gap="medium")
@@ -68,6 +73,103 @@ def ask_calibration(key: str) -> Calibrated | None:
     if focal is None or baseline is None:
         return use_kept_calibration()
     return Upload(f"{focal} {baseline}", Calibration(focal, baseline))
+
+
+ROWS = {Rows.DECIDE: "Decide from the rows", Rows.RAW: "Raw", Rows.RECTIFIED: "Rectified already"}
+
+
+def rows_key(key: str) -> str:
+    """Return the key of the control for raw or rectified images; `key` is the prefix of the page's keys."""
+    return f"{key}.pictures_are"
+
+
+def alpha_key(key: str) -> str:
+    """Return the key of the control for the frame; `key` is the prefix of the page's keys."""
+    return f"{key}.alpha"
+
+
+def ask_rectification(calibration: Calibration | None, key: str) -> None:
+    """Ask whether the images are raw or rectified, if the calibration is that of both cameras before rectification.
+
+    Parameters
+    ----------
+    calibration
+        That of the pair as read.
+    key
+        Prefix of the keys of the controls; :func:`chosen_preparation` returns the answer.
+    """
+    if calibration is None or calibration.rig is None:
+        return
+    with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
+        st.segmented_control(
+            "The images are",
+            [*ROWS],
+            default=Rows.DECIDE,
+            format_func=ROWS.__getitem__,
+            required=True,
+            **persistent(rows_key(key)),
+            help="The calibration describes both cameras before rectification. Raw images are undistorted and "
+            "rectified with it; images that are rectified already are left as they are.",
+        )
+        if calibration.rig.rectification is None:
+            st.slider(
+                "Frame (`alpha`)",
+                0.0,
+                1.0,
+                0.0,
+                0.05,
+                **persistent(alpha_key(key)),
+                width=220,
+                help="The calibration does not include the rectification (R1, R2, P1, P2). 0 crops to valid pixels, "
+                "1 keeps all pixels, with black around them. For images that are rectified already: the value they "
+                "were rectified with, as metres depend on it.",
+            )
+
+
+def chosen_preparation(key: str, divisor: int | None = 1) -> Preparation:
+    """Return how the visitor wants pairs to be prepared, without remedies; `key` is the prefix of the page's keys."""
+    state = st.session_state
+    return Preparation(divisor, Rows(state.get(rows_key(key), Rows.DECIDE)), state.get(alpha_key(key), 0.0))
+
+
+def prepared(pair: Pair, preparation: Preparation) -> Pair:
+    """Return the pair ready for matching, from memory as far as possible; show the errors of steps that are not."""
+    return prepare(pair, preparation, memo=_remembered_step, refused=show_refused)
+
+
+STEPS = {
+    "resized pair": "Resizing …",
+    "rectified pair": "Rectifying the pair …",
+    "row evidence": "Comparing the rows …",
+    "remedy": "Correcting the pair …",
+}
+
+
+def _remembered_step(step: str, make: Callable[[], T], pair: Pair, settings: str) -> T:
+    return computed(
+        step,
+        lambda progress: make(),
+        inputs=pair.digest,
+        settings=settings,
+        shared=pair.shared,
+        label=STEPS[step],
+    )
+
+
+def show_decision(pair: Pair, key: str, subject: str = "The pair") -> None:
+    """Show whether the pair was rectified and why, with a button that undoes it."""
+    decision = pair.rectification
+    if decision is None:
+        return
+    undo = ("Undo", Rows.RECTIFIED) if decision.done else ("Rectify it all the same", Rows.RAW)
+    label, rows = (ROWS[Rows.DECIDE], Rows.DECIDE) if decision.chosen else undo
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        prose.caption(f":material/straighten: {decision.in_words(subject)}", width="content")
+        st.button(label, key=f"{key}.rectifying.undo", type="tertiary", on_click=partial(_choose, key, rows))
+
+
+def _choose(key: str, rows: Rows) -> None:
+    st.session_state[rows_key(key)] = rows
 
 
 @dataclass(frozen=True)

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
 import streamlit as st
 
 from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, diagnose, estimate_diagnosis, judge_range
-from stereolag.assess.remedies import Remedy, apply_remedy
+from stereolag.assess.remedies import Remedy
 from stereolag.core.jobs import Estimate
-from stereolag.pair import Change, Pair
+from stereolag.pair import Change, Pair, Preparation
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
+from stereolag.ui.depth.calibrating import prepared
 from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.sentences import (
     DOCTOR_HEALTHY,
-    REMEDIES_DONE,
-    TRUTH_DROPPED,
     finding_in_words,
     problems_in_words,
     remedy_in_words,
@@ -27,8 +25,7 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.jobs import is_heavy
 from stereolag.ui.matcher_controls import set_controls
 from stereolag.ui.navigation import PAGES
-from stereolag.ui.results import computed, computed_before, computed_in_turn
-from stereolag.ui.states import show_refused
+from stereolag.ui.results import computed_before, computed_in_turn
 
 CALIBRATE = "pages/4_Calibrate.py"
 """The page that calibrates the lenses and the relative pose of the cameras."""
@@ -38,19 +35,9 @@ REMEDIES_KEY = "depth.remedies"
 HEALTHY = f":green[:material/stethoscope: {DOCTOR_HEALTHY}]"
 
 
-def treated(pair: Pair) -> Pair:
+def with_chosen_remedies(pair: Pair) -> Pair:
     """Return the pair with the remedies that the visitor chose for it."""
-    return with_remedies(pair, st.session_state.get(REMEDIES_KEY, {}).get(pair.id.untreated, ()))
-
-
-def with_remedies(pair: Pair, remedies: Iterable[Remedy]) -> Pair:
-    """Return the pair with these remedies; show an error for each that cannot be applied, and skip it."""
-    for remedy in remedies:
-        try:
-            pair = _remedied(pair, remedy)
-        except ValueError as error:
-            show_refused(error)
-    return pair
+    return prepared(pair, Preparation(remedies=st.session_state.get(REMEDIES_KEY, {}).get(pair.id.untreated, ())))
 
 
 def show_doctor(view: DepthView) -> None:
@@ -146,31 +133,6 @@ def _prescribe(pair: Pair, remedy: Remedy | None) -> None:
 def _undo(pair: Pair, number: int) -> None:
     applied = pair.id.remedies
     st.session_state.setdefault(REMEDIES_KEY, {})[pair.id.untreated] = (*applied[:number], *applied[number + 1 :])
-
-
-def _remedied(pair: Pair, remedy: Remedy) -> Pair:
-    """Return the pair after one remedy, from memory if it was applied before."""
-    return computed(
-        "remedy",
-        lambda progress: _with_remedy(pair, remedy),
-        inputs=pair.digest,
-        settings=f"{remedy} {pair.calibration}",
-        shared=pair.shared,
-        label="Correcting the pair …",
-    )
-
-
-def _with_remedy(pair: Pair, remedy: Remedy) -> Pair:
-    """Return the pair after one remedy; truth, mask and calibration are kept if they are still valid."""
-    left, right = apply_remedy(pair.left, pair.right, remedy)
-    done = REMEDIES_DONE[remedy]
-    if remedy in TRUTH_DROPPED and pair.truth is not None:
-        done += f" {TRUTH_DROPPED[remedy]}"
-    truth, visible = (None, None) if remedy in TRUTH_DROPPED else (pair.truth, pair.visible)
-    calibration = None if remedy in (Remedy.RECTIFY, Remedy.LEVEL) else pair.calibration
-    remedied_id = replace(pair.id, remedies=(*pair.id.remedies, remedy))
-    known = {"truth": truth, "visible": visible, "calibration": calibration}
-    return pair.after(remedy, done, left=left, right=right, id=remedied_id, **known)
 
 
 def _show_all(advice: list[Advice], heading: str) -> None:

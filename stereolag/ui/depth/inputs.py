@@ -2,39 +2,63 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
-import cv2
 import numpy as np
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from stereolag import samples
+from stereolag.assess.disparities import DIVISORS, likely_divisor
+from stereolag.core.arrays import FloatMap
+from stereolag.core.inputs import Image
 from stereolag.core.settings import scaled_settings
-from stereolag.geometry.rectification import preview_divisor, scaled_disparity, scaled_image
-from stereolag.pair import ChangeCode, Pair
+from stereolag.geometry.rectification import halves
+from stereolag.io.archives import is_archive
+from stereolag.io.disparities import StoredDisparity, read_stored_disparity
+from stereolag.io.guard import guarded
+from stereolag.io.images import read_image
+from stereolag.pair import (
+    SAME_PICTURE,
+    SIZES,
+    Bundle,
+    ChangeCode,
+    Pair,
+    PairId,
+    assemble_pair,
+    example_pair,
+    read_bundle,
+)
 from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS
 from stereolag.ui import prose
-from stereolag.ui.choices import OWN, choose, own_or_example
+from stereolag.ui.choices import OWN, choose, image_limits, own_or_example, show_limits
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
-from stereolag.ui.depth.doctor import treated, with_remedies
-from stereolag.ui.depth.own_pair import ask_own_pair
-from stereolag.ui.depth.rectifying import ask_rectified, rectified, show_decision
-from stereolag.ui.depth.restoring import restore_settings
-from stereolag.ui.depth.several import show_steps
-from stereolag.ui.depth.starting import show_start, started
-from stereolag.ui.keys import FOLD, FOLD_NEXT
+from stereolag.ui.depth.calibrating import (
+    ask_calibration,
+    ask_rectification,
+    chosen_preparation,
+    prepared,
+    show_decision,
+)
+from stereolag.ui.depth.doctor import diagnosis_at_once, with_chosen_remedies
+from stereolag.ui.depth.pair_sets import ask_bundle, forget_bundle, pair_of_bundle, show_steps
+from stereolag.ui.depth.restoring import restore_settings, transferred_pair
+from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
+from stereolag.ui.keys import FOLD, FOLD_NEXT, PAIR
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
-from stereolag.ui.pairs import SIZES, example_pair
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
+from stereolag.ui.sentences import started_in_words
 from stereolag.ui.states import show_refused
-from stereolag.ui.uploads import refused
+from stereolag.ui.uploads import DISPARITY_TYPES, PICTURE_TYPES, Upload, forget_together, put_together, refused, upload
 
-KEY = "pairs"
+KEY = PAIR
 TITLE = "Depth maps"
 STYLE = Path(__file__).with_name("bench.css")
 KEPT = f"{KEY}.kept_settings"
@@ -104,31 +128,29 @@ def choose_pair() -> Pair:
             chosen = choose(examples, key=KEY)
 
         def ask() -> Pair | None:
-            own = ask_own_pair(KEY)
+            own = ask_own_pair()
             if own is not None or refused():
                 show_name(name_place, "Your own pair")
             return own
 
         def load(name: str) -> Pair:
             show_name(name_place, examples[name].title)
-            return example_pair(name)
+            return example_pair(examples[name])
 
         pair = own_or_example(chosen, ask, load, examples, key=KEY, awaited="both images are")
         st.session_state[OWN_PAIR_THERE] = not pair.shared
         with choices:
-            pair = ask_size(pair, KEY)
-        pair, decision = ask_rectified(pair)
-        pair = started(treated(pair))
+            divisor = _ask_divisor_of_sides()
+        ask_rectification(pair.calibration, KEY)
+        pair = with_initial_range(with_chosen_remedies(prepared(pair, chosen_preparation(KEY, divisor))))
         _keep_settings(pair)
         prose.caption(pair.description)
     if st.session_state.get(FOLD_NEXT):
         st.rerun()
-    shown = "" if decision is None else decision.sentence
-    told = [change.sentence for change in pair.changes if change.sentence != shown and change not in pair.remedies]
-    if any(told):
-        prose.caption(" ".join(filter(None, told)))
-    if decision is not None:
-        show_decision(decision)
+    told = [change.sentence for change in pair.changes if change.code in (ChangeCode.ASSEMBLED, ChangeCode.RESIZED)]
+    if told:
+        prose.caption(" ".join(told))
+    show_decision(pair, KEY)
     show_start(pair)
     show_steps(pair)
     recall_settings(pair)
@@ -137,75 +159,25 @@ def choose_pair() -> Pair:
     return pair
 
 
-def ask_size(pair: Pair, key: str) -> Pair:
-    """Ask for the size to match at, and return the pair at that size; range, truth and calibration are scaled too."""
-    rows, cols = pair.left.shape[:2]
+def _ask_divisor_of_sides() -> int | None:
+    """Ask for the size to match at; return the divisor of the sides of the images, None to suit the pair."""
     chosen = st.segmented_control(
         "Size",
         [*SIZES],
         default="Automatic",
         required=True,
-        **persistent(f"{key}.size"),
+        **persistent(f"{KEY}.size"),
         help="Half the size takes an eighth of the time. Search range, windows, focal length and ground truth change "
         "with the images. Automatic is full size up to a megapixel.",
     )
-    divisor = SIZES[chosen] or preview_divisor(cols, rows)
-    return pair if divisor == 1 else _resized(pair, divisor)
-
-
-def _resized(pair: Pair, divisor: int) -> Pair:
-    try:
-        small = computed(
-            "resized pair",
-            lambda progress: at_size(pair, divisor),
-            inputs=pair.digest,
-            settings=str(divisor),
-            shared=pair.shared,
-            label="Resizing …",
-        )
-    except ValueError as error:
-        show_refused(error)
-        return pair
-    # Range and calibration of the pair may be newer than the resized images in memory.
-    first = pair.min_disparity // divisor
-    end = None if pair.num_disparities is None else -(-(pair.min_disparity + pair.num_disparities) // divisor)
-    return replace(
-        small,
-        full=pair,
-        min_disparity=first,
-        num_disparities=None if end is None else end - first,
-        calibration=None if pair.calibration is None else pair.calibration.scaled(1 / divisor),
-        changes=(*pair.changes, small.changes[-1]),
-    )
-
-
-def at_size(pair: Pair, divisor: int) -> Pair:
-    """Return the pair with its sides divided by `divisor`."""
-    factor = 1 / divisor
-    left, right = scaled_image(pair.left, factor), scaled_image(pair.right, factor)
-    size = (left.shape[1], left.shape[0])
-    visible = pair.visible
-    if visible is not None:
-        visible = cv2.resize(visible.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT) > 0
-    full = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
-    shown = f"Shown at 1/{divisor} of its size: {size[0]} × {size[1]} of {full} pixels."
-    return pair.after(
-        ChangeCode.RESIZED,
-        shown,
-        id=replace(pair.id, size=f"1/{divisor}"),
-        left=left,
-        right=right,
-        truth=None if pair.truth is None else scaled_disparity(pair.truth, factor),
-        visible=visible,
-    )
+    return SIZES[chosen]
 
 
 def original(pair: Pair) -> Pair:
     """Return the pair at its own size, with all changes made to the smaller one."""
     if pair.full is None:
         return pair
-    full, _ = rectified(pair.full)
-    return with_remedies(full, pair.id.remedies)
+    return prepared(pair.full, replace(chosen_preparation(KEY), remedies=pair.id.remedies))
 
 
 def _keep_settings(pair: Pair) -> None:
@@ -235,3 +207,253 @@ def _keep_settings(pair: Pair) -> None:
         else:
             set_controls(scaled, pair)
             origins[type(matcher)] = replace(origin, settings=scaled)
+
+
+# The visitor’s own pair
+
+ARRANGEMENTS = {"files": "Left and right files", "beside": "One side-by-side image", "several": "ZIP or several pairs"}
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """Two images as given, a digest of their files, and sentences about the changes made to them."""
+
+    left: Image
+    right: Image
+    digest: str
+    notes: tuple[str, ...] = ()
+
+
+def ask_own_pair() -> Pair | None:
+    """Ask for images, truth and calibration; return the last pair that fitted together, or None until there is one.
+
+    An archive in place of the left image contains all of these: a saved session, or several pairs.
+    """
+    transferred = transferred_pair()
+    if transferred is not None:
+        return transferred
+    arrangement = st.segmented_control(
+        "Images",
+        [*ARRANGEMENTS],
+        default="files",
+        format_func=lambda name: ARRANGEMENTS[name],
+        required=True,
+        **persistent(f"{KEY}.arrangement"),
+        label_visibility="collapsed",
+    )
+    if arrangement == "several":
+        bundle = ask_bundle()
+        show_limits(image_limits())
+        return pair_of_bundle(bundle)
+    columns = st.columns([2, 1], gap="medium")
+    with columns[0]:
+        found = _ask_one_picture() if arrangement == "beside" else _ask_two_pictures()
+    if isinstance(found, Upload):
+        return pair_of_bundle(found)
+    forget_bundle()
+    pictures = found
+    with columns[1]:
+        truth = _ask_truth(pictures)
+    show_limits(image_limits())
+    calibration = ask_calibration(KEY)
+    if pictures is None:
+        forget_together(f"{KEY}.own.{arrangement}")
+        return None
+
+    def assemble() -> Pair:
+        return assemble_pair(
+            pictures.left,
+            pictures.right,
+            None if truth is None else truth.content,
+            None if calibration is None else calibration.content,
+            id=PairId(pictures.digest, truth.digest if truth else ""),
+            notes=pictures.notes,
+        )
+
+    return put_together(assemble, f"{KEY}.own.{arrangement}")
+
+
+def _ask_two_pictures() -> Pictures | Upload[Bundle] | None:
+    columns = st.columns(2, gap="medium")
+    with columns[0]:
+        left = upload(
+            "Left image",
+            _picture_or_bundle,
+            key=f"{KEY}.left",
+            types=(*PICTURE_TYPES, "zip"),
+            note="Or a ZIP: one saved from this page, or several pairs.",
+        )
+    if left is not None and not isinstance(left.content, np.ndarray):
+        return Upload(left.digest, left.content)
+    with columns[1]:
+        right = upload("Right image", guarded(read_image), key=f"{KEY}.right", types=PICTURE_TYPES)
+    if left is None or right is None:
+        return None
+    assert isinstance(left.content, np.ndarray)
+    notes = (SAME_PICTURE,) if left.digest == right.digest else ()
+    return Pictures(left.content, right.content, f"{left.digest} {right.digest}", notes)
+
+
+def _picture_or_bundle(data: bytes) -> Image | Bundle:
+    return read_bundle([("", data)]) if is_archive(data) else guarded(read_image)(data)
+
+
+def _ask_one_picture() -> Pictures | None:
+    both = upload(
+        "Both images side by side",
+        _split_picture,
+        key=f"{KEY}.beside",
+        types=PICTURE_TYPES,
+        note="The left image in the left half, as stereo cameras deliver them.",
+    )
+    return None if both is None else replace(both.content, digest=both.digest)
+
+
+def _split_picture(data: bytes) -> Pictures:
+    """Return both halves of a side-by-side image, without a digest; raise ValueError if it cannot be read or halved."""
+    both = guarded(read_image)(data)
+    left, right = halves(both)
+    width = both.shape[1]
+    odd = f" Its width of {width} px is odd: the middle column is left out." if width % 2 else ""
+    return Pictures(left, right, "", (f"The image was split down the middle.{odd}",))
+
+
+def _ask_truth(pictures: Pictures | None) -> Upload[FloatMap] | None:
+    """Ask for the ground truth of the left image; the default divisor of 8-bit values is the one that fits the pair."""
+    given = upload(
+        "Ground truth (optional)",
+        guarded(read_stored_disparity),
+        key=f"{KEY}.truth",
+        types=DISPARITY_TYPES,
+        note="PFM, NPY, or PNG of 16 bits (px × 256, as KITTI’s) or of 8 bits, whose divisor is found from the pair.",
+    )
+    divisor = st.session_state.get(f"{KEY}.divisor")
+    unsure = given is not None and given.content.divisor is None and pictures is not None and divisor is None
+    if unsure:
+        assert given is not None
+        assert pictures is not None
+        divisor = _ask_divisor_of_truth(given, pictures)
+    st.number_input(
+        "Another divisor" if unsure else "Divisor of the ground truth",
+        min_value=0.001,
+        value=None,
+        **persistent(f"{KEY}.divisor"),
+        placeholder="as chosen" if unsure else "as the file says",
+        help="Stored value ÷ divisor = px.",
+    )
+    if given is None or pictures is None:
+        return None
+    divisor = divisor or given.content.divisor or 1.0
+    try:
+        return Upload(f"{given.digest} {divisor:g}", given.content.divided(divisor))
+    except ValueError as error:
+        show_refused(error)
+        return None
+
+
+def _ask_divisor_of_truth(truth: Upload[StoredDisparity], pictures: Pictures) -> float:
+    """Ask for the divisor of 8-bit values; the default is the one that agrees best with a quick map of the pair."""
+    stored = truth.content
+    likely = computed(
+        "divisor",
+        lambda progress: np.array(likely_divisor(stored.divided(1.0), pictures.left, pictures.right)),
+        inputs=f"{pictures.digest} {truth.digest}",
+        settings="",
+        shared=False,
+        label="Comparing the ground truth with the pair …",
+    )
+    largest = int(stored.stored.max())
+    return float(
+        st.segmented_control(
+            "8 bits per pixel: stored value ÷ divisor = px",
+            DIVISORS,
+            default=int(likely),
+            format_func=lambda divisor: f"÷ {divisor}: up to {largest / divisor:.4g} px",
+            required=True,
+            **persistent(f"{KEY}.divisor.{truth.digest[:16]}.{pictures.digest[:16]}"),
+            help="The preselected one agrees best with a quick map of the pair.",
+        )
+    )
+
+
+# The initial settings
+
+
+@dataclass(frozen=True)
+class Start:
+    """The initial range of a pair, px, and the initial settings of all methods, for images of this width, px.
+
+    Attributes
+    ----------
+    found
+        Whether the range was determined, not assumed.
+    """
+
+    min_disparity: int
+    num_disparities: int
+    found: bool
+    settings: tuple[StereoMatcher, ...]
+    width: int
+
+    def range_at(self, width: int) -> tuple[int, int]:
+        """Return the first disparity and the number of disparities at another width."""
+        share = width / self.width
+        return math.floor(self.min_disparity * share), math.ceil(self.num_disparities * share)
+
+
+def with_initial_range(pair: Pair) -> Pair:
+    """Return the visitor's own pair with its initial range; for a new pair, set the controls to the initial settings.
+
+    The range is that of its calibration, or the one the doctor found. Files added to the images later do not change
+    it. The controls must not have been drawn yet.
+    """
+    if pair.shared:
+        return pair
+    start: Start | None = st.session_state.get(_key(pair))
+    width = int(pair.left.shape[1])
+    if start is None:
+        if pair.num_disparities is None and diagnosis_at_once(pair) is None:
+            return pair  # still being examined
+        found = _range_of(pair)
+        first, count = found or (0, DISPARITIES_AT_FIRST)
+        begun = replace(pair, min_disparity=first, num_disparities=count)
+        settings = tuple(first_settings(kind, begun) for kind in METHODS)
+        _set_all(settings, begun)
+        st.session_state[_key(pair)] = start = Start(first, count, found is not None, settings, width)
+        st.session_state[FOLD_NEXT] = True
+    first, count = start.range_at(width)
+    return replace(pair, min_disparity=first, num_disparities=count)
+
+
+def show_start(pair: Pair) -> None:
+    """Show the initial settings of the pair while they are in use, and offer to undo them."""
+    start: Start | None = st.session_state.get(_key(pair))
+    if pair.shared or start is None or not start.found or not set(matchers_in_use()) <= set(start.settings):
+        return
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        prose.caption(
+            f":material/auto_fix_high: {started_in_words(start.min_disparity, start.num_disparities)}", width="content"
+        )
+        st.button("Undo these settings", key="depth.start.undo", type="tertiary", on_click=partial(_undo, pair))
+
+
+def _undo(pair: Pair) -> None:
+    """Set the controls as for a pair about which nothing is known."""
+    _set_all(tuple(kind().with_search_range(0, DISPARITIES_AT_FIRST) for kind in METHODS), pair)
+
+
+def _set_all(settings: tuple[StereoMatcher, ...], pair: Pair) -> None:
+    for matcher in settings:
+        set_controls(matcher, pair)
+
+
+def _range_of(pair: Pair) -> tuple[int, int] | None:
+    """Return the first disparity and the number of disparities; None if unknown."""
+    if pair.num_disparities is not None:
+        return pair.min_disparity, pair.num_disparities
+    diagnosis = diagnosis_at_once(pair)
+    return None if diagnosis is None else diagnosis.suggested_range
+
+
+def _key(pair: Pair) -> str:
+    return f"{KEY}.start.{pair.id.chosen}"

@@ -1,4 +1,4 @@
-"""The state of the depth page besides its pair: saved with a session, and restored from it."""
+"""A pair and a state of the depth page that come from elsewhere: another page, or a saved session."""
 
 from __future__ import annotations
 
@@ -7,15 +7,18 @@ from typing import Any
 
 import streamlit as st
 
+from stereolag.core.inputs import as_stereo_pair
 from stereolag.core.settings import scaled_settings
 from stereolag.figures.legends import PALETTES
+from stereolag.geometry.calibration import Calibration
 from stereolag.io.sessions import Colours, Session
-from stereolag.pair import Pair
+from stereolag.pair import SIZES, Pair, PairId
+from stereolag.sequences import StereoFrame
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui import keys
+from stereolag.ui import keys, prose
+from stereolag.ui.choices import OWN
 from stereolag.ui.depth.maps import FIRST_PALETTE, INVERTED, OUTLINED, PALETTE, range_key, shown_methods
 from stereolag.ui.matcher_controls import matchers_in_use, set_controls
-from stereolag.ui.pairs import SIZES
 from stereolag.ui.states import show_refused
 
 RESTORED = "depth.restore"
@@ -74,3 +77,35 @@ def restore_settings(pair: Pair) -> None:
             show_refused(f"The settings of {matcher.title} could not be scaled with the images. {error}")
     if colours.low is not None and colours.high is not None:
         st.session_state[range_key(pair)] = colours.low * factor, colours.high * factor
+
+
+def transfer(
+    frame: StereoFrame, digest: str, description: str, calibration: Calibration | None, search: tuple[int, int] | None
+) -> None:
+    """Make the depth page start with this frame; its controls must not have been drawn yet in this run."""
+    left, right = as_stereo_pair(frame.left, frame.right)
+    st.session_state[keys.HANDED] = Pair(
+        left,
+        right,
+        PairId(digest),
+        truth=frame.truth,
+        calibration=calibration,
+        min_disparity=search[0] if search else 0,
+        num_disparities=search[1] if search else None,
+        description=description,
+    )
+    st.session_state[keys.PAIR] = OWN
+
+
+def transferred_pair() -> Pair | None:
+    """Return the pair that another page transferred, with a button to use other files; None if there is none."""
+    pair: Pair | None = st.session_state.get(keys.HANDED)
+    if pair is not None:
+        with st.container(horizontal=True, vertical_alignment="center"):
+            prose.caption(f"In use: {pair.description}", width="content")
+            st.button("Use other files", key=f"{keys.HANDED}.forget", type="tertiary", on_click=_forget_transferred)
+    return pair
+
+
+def _forget_transferred() -> None:
+    st.session_state.pop(keys.HANDED, None)

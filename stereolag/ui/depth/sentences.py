@@ -23,21 +23,6 @@ from stereolag.ui.sentences import REASON_WORDS, percent
 
 DOCTOR_HEALTHY = "**Input doctor:** no problems found."
 
-REMEDIES_DONE = {
-    Remedy.SWAP_SIDES: "Left and right were swapped.",
-    Remedy.ALIGN_ROWS: "The right image was moved up or down until its rows match the left one’s.",
-    Remedy.LEVEL: "The right image was rotated and scaled until its rows match: depth is relative.",
-    Remedy.RECTIFY: (
-        "Both images were turned until their rows match, and corrected for lens distortion where that helps: depth is "
-        "relative."
-    ),
-    Remedy.MATCH_EXPOSURE: "The right image was given the brightness and contrast of the left one.",
-}
-TRUTH_DROPPED = {
-    Remedy.SWAP_SIDES: "The ground truth belongs to the other image and is left out.",
-    Remedy.RECTIFY: "The ground truth belongs to the image before that and is left out.",
-}
-
 
 def problems_in_words(count: int) -> str:
     """Return a sentence with the number of problems found."""

@@ -23,8 +23,7 @@ from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt
 from stereolag.ui.depth.maps import DepthView, known_truth
-from stereolag.ui.depth.pair_jobs import BETWEEN_LOOKS_S, PairJob, begin_job, forget_job, job_on
-from stereolag.ui.depth.pair_sets import JudgedPairs
+from stereolag.ui.depth.pair_sets import BETWEEN_LOOKS_S, JudgedPairs, PairJob, begin_job, forget_job, job_on
 from stereolag.ui.depth.sentences import (
     JUDGED_BY,
     UNJUDGED,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import streamlit as st
 
@@ -18,12 +18,17 @@ from stereolag.samples import drives
 from stereolag.sequences import RectifiedSequence, StereoFrame, StereoSequence, example_sequence, open_sequence
 from stereolag.ui import prose
 from stereolag.ui.choices import show_awaited, show_limits
-from stereolag.ui.depth.calibrating import Calibrated, ask_calibration
-from stereolag.ui.depth.rectifying import ask_rectified, show_decision
+from stereolag.ui.depth.calibrating import (
+    ask_calibration,
+    ask_rectification,
+    chosen_preparation,
+    prepared,
+    show_decision,
+)
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed
 from stereolag.ui.states import show_refused
-from stereolag.ui.uploads import expect_uploads, forget_together, put_together, refused, upload
+from stereolag.ui.uploads import Upload, expect_uploads, forget_together, put_together, refused, upload
 
 KEY = "driving"
 EXAMPLE, ONE, TWO = "example", "one", "two"
@@ -34,30 +39,31 @@ LOOKED_AT = 10
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A sequence and the known facts about it.
-
-    Attributes
-    ----------
-    sequence
-        Its frames.
-    first
-        The first frame that can be read.
-    digest
-        Identifies the sequence.
-    calibration
-        Calibration of the rectified frames.
-    range
-        First disparity and number of disparities that the first frame needs, px; None if unknown.
-    example
-        Whether it is the bundled example, whose maps all visitors may share.
-    """
+    """A sequence, and the pair of its first readable frame: what is known of that holds for all frames."""
 
     sequence: StereoSequence
-    first: StereoFrame
-    digest: str
-    calibration: Calibration | None
-    range: tuple[int, int] | None
-    example: bool = False
+    first: Pair
+
+    @property
+    def digest(self) -> str:
+        """Return the key that identifies the sequence."""
+        return self.first.digest
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """Return the calibration of the rectified frames."""
+        return self.first.calibration
+
+    @property
+    def range(self) -> tuple[int, int] | None:
+        """Return the first disparity and the number of disparities that the frames need, px; None if unknown."""
+        pair = self.first
+        return None if pair.num_disparities is None else (pair.min_disparity, pair.num_disparities)
+
+    @property
+    def example(self) -> bool:
+        """Return whether it is the bundled example, whose maps all visitors may share."""
+        return self.first.shared
 
 
 def ask_drive() -> Drive | None:
@@ -87,7 +93,7 @@ def ask_drive() -> Drive | None:
         return _example(example.name)
     sequence, digest = found
     first = _first_readable(sequence, digest)
-    return None if first is None else _with_calibration(Drive(sequence, first, digest, None, None), calibration)
+    return None if first is None else _with_calibration(sequence, first, digest, calibration)
 
 
 def _first_readable(sequence: StereoSequence, digest: str) -> StereoFrame | None:
@@ -103,9 +109,10 @@ def _first_readable(sequence: StereoSequence, digest: str) -> StereoFrame | None
     return kept[1]
 
 
-def _with_calibration(drive: Drive, calibration: Calibrated | None) -> Drive | None:
+def _with_calibration(
+    sequence: StereoSequence, frame: StereoFrame, digest: str, calibration: Upload[Calibration] | None
+) -> Drive | None:
     """Return a drive with its calibration, rectified if its first frame is raw, and the range that frame needs."""
-    frame = drive.first
     rows, cols = frame.left.shape[:2]
     fitted = None
     if calibration is not None:
@@ -118,16 +125,15 @@ def _with_calibration(drive: Drive, calibration: Calibrated | None) -> Drive | N
     except ValueError as error:
         show_refused(error)
         return None
-    pair, decision = ask_rectified(
-        Pair(left, right, PairId(drive.digest), truth=frame.truth, calibration=fitted), KEY, "Each frame"
-    )
-    if decision is not None:
-        show_decision(decision, KEY)
-    sequence = drive.sequence
-    if decision is not None and decision.rectify and fitted is not None:
+    ask_rectification(fitted, KEY)
+    pair = prepared(Pair(left, right, PairId(digest), truth=frame.truth, calibration=fitted), chosen_preparation(KEY))
+    show_decision(pair, KEY, "Each frame")
+    decision = pair.rectification
+    if decision is not None and decision.done and fitted is not None:
         sequence = RectifiedSequence(sequence, fitted, decision.alpha)
-    first = StereoFrame(pair.left, pair.right, pair.truth)
-    return Drive(sequence, first, pair.digest, pair.calibration, _range_of(pair))
+    found = _range_of(pair)
+    first, count = found or (0, None)
+    return Drive(sequence, replace(pair, min_disparity=first, num_disparities=count))
 
 
 def _range_of(pair: Pair) -> tuple[int, int] | None:
@@ -151,9 +157,17 @@ def _range_of(pair: Pair) -> tuple[int, int] | None:
 def _example(name: str) -> Drive:
     example = drives()[name]
     sequence = example_sequence(example)
-    calibration = read_calibration(example.calibration)
-    searched = (0, example.num_disparities)
-    return Drive(sequence, sequence.frame(0), f"example {name}", calibration, searched, example=True)
+    left, right, truth = sequence.frame(0)
+    first = Pair(
+        left,
+        right,
+        PairId(f"example {name}"),
+        truth=truth,
+        calibration=read_calibration(example.calibration),
+        num_disparities=example.num_disparities,
+        shared=True,
+    )
+    return Drive(sequence, first)
 
 
 def _limits() -> str:

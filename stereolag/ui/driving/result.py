@@ -15,7 +15,7 @@ from stereolag.sequences.fragments import whole_video
 from stereolag.sequences.records import MOTION, header, lines
 from stereolag.ui import prose
 from stereolag.ui.announcements import announce
-from stereolag.ui.depth.handed_over import hand_over
+from stereolag.ui.depth.restoring import transfer
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.player import Played, show_player
 from stereolag.ui.driving.settings import MOTION_TITLE, Asked, title_of
@@ -108,7 +108,7 @@ def _open_on_depth_page(drive: Drive, number: int) -> None:
     except (ValueError, OSError) as error:
         show_refused(f"Frame {number + 1} cannot be opened: {error}")
         return
-    hand_over(frame, f"{drive.digest} {number}", f"Frame {number + 1} of the drive.", drive.calibration, drive.range)
+    transfer(frame, f"{drive.digest} {number}", f"Frame {number + 1} of the drive.", drive.calibration, drive.range)
     st.switch_page(DEPTH_PAGE)
 
 
