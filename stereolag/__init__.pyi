@@ -6,11 +6,10 @@ from .geometry.calibrating import calibrate
 from .geometry.calibration import Calibration
 from .geometry.rectification import Rectified, rectify
 from .io.calibrations import read_calibration
-from .io.disparities import read_disparity
+from .io.disparities import read_disparity, write_disparity
 from .io.images import read_image
 from .io.recordings import read_signal
-from .io.settings import read_matcher
-from .io.writing import write_disparity, write_matcher
+from .io.settings import read_matcher, write_matcher
 from .motion.matcher import optical_flow
 from .motion.result import FlowMap
 from .motion.scene_flow import SceneFlow, scene_flow

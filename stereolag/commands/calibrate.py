@@ -110,7 +110,7 @@ def _figures(result: StereoCalibration, names: Sequence[str]) -> dict[str, Any]:
 
 def _written(folder: str, result: StereoCalibration) -> list[str]:
     from stereolag.io.calibrations import calibration_json, opencv_calibration, ros_calibration
-    from stereolag.io.writing import write_file
+    from stereolag.io.sources import write_file
 
     left, right = ros_calibration(result.calibration)
     files = {

@@ -15,7 +15,7 @@ from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.calibrations import calibration_json
 from stereolag.io.disparities import image_png, image_tiff, kitti_png, npy, pfm
 from stereolag.io.settings import settings_json
-from stereolag.io.writing import write_file
+from stereolag.io.sources import write_file
 from stereolag.stereo.matcher import DisparityMap
 
 

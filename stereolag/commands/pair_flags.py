@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from stereolag.io.writing import DISPARITY_FORMATS
+from stereolag.io.disparities import DISPARITY_FORMATS
 
 AUTO, YES, NO = "auto", "yes", "no"
 """Values of ``--rectify``: whether the images are to be rectified."""
@@ -46,7 +46,7 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
         "--disparity-format",
         choices=[*DISPARITY_FORMATS],
         default=".png",
-        help="format of the maps; .pfm and .npy hold any disparity, .png 0 to 255 px (default: %(default)s)",
+        help=f"format of the maps; {_held()} (default: %(default)s)",
     )
     files.add_argument(
         "--video",
@@ -72,4 +72,14 @@ def _add_calibration(files: argparse._ArgumentGroup, further: str) -> None:
         choices=[AUTO, YES, NO],
         default=AUTO,
         help="with a calibration of both cameras: whether the images are raw (default: auto, judged by their rows)",
+    )
+
+
+def _held() -> str:
+    """Return the disparities that each format holds, in words."""
+    suffixes: dict[str, list[str]] = {}
+    for suffix, kind in DISPARITY_FORMATS.items():
+        suffixes.setdefault(kind.holds, []).append(suffix)
+    return ", ".join(
+        f"{' and '.join(some)}{' hold' if len(some) > 1 else ''} {held}" for held, some in suffixes.items()
     )

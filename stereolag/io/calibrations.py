@@ -49,6 +49,8 @@ class Side(StrEnum):
     BOTH = "both"
 
 
+CALIBRATION_SUFFIXES = ("txt", "yaml", "yml", "json", "xml", "npz")
+
 Part: TypeAlias = tuple[Role, Side]
 Parts: TypeAlias = dict[Part, Entry]
 

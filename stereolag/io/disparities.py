@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import io
 import math
-from typing import Any, NamedTuple
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -16,13 +19,152 @@ from stereolag.io.images import read_image
 from stereolag.io.netpbm import parse_pfm, parse_pgm
 from stereolag.io.npy import MAGIC as NPY_MAGIC
 from stereolag.io.npy import parse_npy
-from stereolag.io.sources import Source, check_pixels, read_bytes
-from stereolag.stereo.matcher import DisparityMap
+from stereolag.io.sources import Source, check_pixels, read_bytes, write_file
 
+if TYPE_CHECKING:
+    from stereolag.stereo.matcher import DisparityMap
+
+WHAT = "disparity map"
 KITTI_SCALE = 256
 LARGEST_UINT16 = 65535
 BEHIND_INFINITY = -0.5
 """Lowest disparity that the sub-pixel fit may give to a point at infinity, px."""
+
+_BAND_PIXELS = 2**20
+
+
+def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArray[np.float32]:
+    """Read a disparity map: PFM, PNG or PGM of 16 or 8 bits, or NPY.
+
+    Parameters
+    ----------
+    source
+        A path, the bytes of the file, or a binary file object.
+    divisor
+        Divides the stored values to give px. The default is 256 for 16-bit integers (as in KITTI and in this project's
+        examples) and 1 for floats. It is required for 8-bit integers: the data sets that use them differ (Middlebury
+        2003: 4 for quarter size; Tsukuba: 16).
+
+    Returns
+    -------
+    disparity
+        (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown:
+        0 in an image of integers, infinite or NaN in floats.
+
+    Raises
+    ------
+    ValueError
+        An empty, damaged or unknown file, a colour image, more megapixels than the limit in force, no pixel with a
+        disparity, 8-bit integers without a divisor, or a divisor that is not above 0.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> from stereolag import samples
+    >>> disparity = sl.read_disparity(samples.stereo_pairs()["cube"].disparity)
+    >>> disparity.shape, disparity.dtype
+    ((480, 640), dtype('float32'))
+    >>> round(float(disparity[240, 320]), 2)  # px
+    45.57
+    """
+    found = read_stored_disparity(source)
+    divisor = found.divisor if divisor is None else divisor
+    if divisor is None:
+        raise ValueError(f"The {WHAT} has 8 bits per pixel: its divisor must be given, often 1, 2, 4 or 16.")
+    return found.divided(divisor)
+
+
+class StoredDisparity(NamedTuple):
+    """A disparity map as stored in a file.
+
+    Attributes
+    ----------
+    stored
+        (rows, cols) numbers of any type.
+    divisor
+        Divides them to give px, as in :func:`read_disparity`; None for 8 bits, whose divisor is unknown.
+    zero_is_unknown
+        Whether it is an image of integers, in which 0 means unknown.
+    """
+
+    stored: npt.NDArray[Any]
+    divisor: float | None
+    zero_is_unknown: bool
+
+    def divided(self, divisor: float) -> npt.NDArray[np.float32]:
+        """Return the disparities for a divisor, px, as :func:`read_disparity` does.
+
+        Raises
+        ------
+        ValueError
+            A divisor that is not above 0, or no disparity at all.
+        """
+        if not (divisor > 0 and math.isfinite(divisor)):
+            raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0.")
+        disparity = _divided(self.stored, divisor, zero_is_unknown=self.zero_is_unknown)
+        if np.isnan(disparity).all():
+            raise ValueError(f"The {WHAT} holds no disparity at all: every pixel is marked as unknown.")
+        return disparity
+
+
+def read_stored_disparity(source: Source) -> StoredDisparity:
+    """Read a disparity map whose divisor may not be known yet; errors as in :func:`read_disparity`."""
+    data = read_bytes(source, WHAT)
+    found = next((one for one in FORMATS if data.startswith(one.begins)), IMAGES).read(data)
+    if found.stored.ndim != 2:
+        raise ValueError(f"The {WHAT} has shape {found.stored.shape}; allowed is one channel, (rows, cols).")
+    return found
+
+
+def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool) -> npt.NDArray[np.float32]:
+    """Return the disparities, NaN where unknown, made in bands of rows: whole float64 copies take a lot of memory."""
+    disparity = np.empty(stored.shape, np.float32)
+    step = max(1, _BAND_PIXELS // max(1, stored.shape[1]))
+    for first in range(0, len(stored), step):
+        band = stored[first : first + step]
+        with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
+            part = (band.astype(np.float64) / divisor).astype(np.float32)
+        part[~np.isfinite(part)] = np.nan
+        if zero_is_unknown:
+            part[band == 0] = np.nan
+        disparity[first : first + step] = part
+    return disparity
+
+
+def write_disparity(path: str | os.PathLike[str], disparity: npt.ArrayLike) -> None:
+    """Write a disparity map; :func:`stereolag.read_disparity` reads it back.
+
+    Parameters
+    ----------
+    path
+        Its suffix selects the format: ``.pfm`` and ``.npy`` store any disparity as float32, ``.png`` stores 0 to
+        255.99 px in steps of 1/256 px (16 bits, as in KITTI: :func:`stereolag.io.kitti_png`). An existing file is
+        replaced.
+    disparity
+        (rows, cols), px; NaN or infinite for pixels without one.
+
+    Raises
+    ------
+    ValueError
+        Another suffix, an array that is not (rows, cols), or a disparity that the format cannot store; nothing is
+        written then.
+    OSError
+        The folder does not exist, the disk is full, and so on; an existing file is left unchanged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> sl.write_disparity("map.pfm", [[12.5, np.nan]])  # px; NaN = none
+    >>> sl.read_disparity("map.pfm")
+    array([[12.5,  nan]], dtype=float32)
+    """
+    target = Path(path)
+    kind = DISPARITY_FORMATS.get(target.suffix.lower())
+    if kind is None:
+        allowed = ", ".join(DISPARITY_FORMATS)
+        raise ValueError(f"path ends in {target.suffix!r}; a disparity map is written as {allowed}.")
+    write_file(target, kind.write(disparity))
 
 
 def pfm(disparity: npt.ArrayLike) -> bytes:
@@ -111,6 +253,85 @@ def _as_map(disparity: npt.ArrayLike) -> npt.NDArray[np.floating[Any]]:
     return values.astype(np.float64 if values.dtype == np.float64 else np.float32, copy=False)
 
 
+def _stored_pfm(data: bytes) -> StoredDisparity:
+    return StoredDisparity(parse_pfm(data, WHAT), 1.0, False)
+
+
+def _stored_npy(data: bytes) -> StoredDisparity:
+    stored = parse_npy(data, WHAT)
+    if stored.ndim == 2:
+        check_pixels(stored.shape[1], stored.shape[0], WHAT)
+    return StoredDisparity(stored, 1.0, False)
+
+
+def _stored_image(data: bytes) -> StoredDisparity:
+    if data.startswith((b"P2", b"P5")):
+        image: npt.NDArray[Any] = parse_pgm(data, WHAT)
+    else:
+        try:
+            image = read_image(data)
+        except ValueError as error:
+            raise ValueError(f"The {WHAT} cannot be read; accepted are {ACCEPTED}. {error}") from error
+    if image.dtype.kind != "u":
+        return StoredDisparity(image, 1.0, False)
+    return StoredDisparity(image, None if image.dtype == np.uint8 else float(KITTI_SCALE), True)
+
+
+def _npy_map(disparity: npt.ArrayLike) -> bytes:
+    values = _as_map(disparity).astype(np.float32)
+    return npy(np.where(np.isfinite(values), values, np.float32(np.nan)))
+
+
+class MapFormat(NamedTuple):
+    """A file format of disparity maps.
+
+    Attributes
+    ----------
+    name
+        Its name in messages.
+    suffixes
+        Of its files, in lower case; a map is written under the first.
+    begins
+        How its files begin.
+    read, write
+        From and to the bytes of a file; maps to be written are (rows, cols), px, NaN or infinite where unknown.
+    holds
+        The disparities that it can store.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    begins: tuple[bytes, ...]
+    read: Callable[[bytes], StoredDisparity]
+    write: Callable[[npt.ArrayLike], bytes]
+    holds: str = "any disparity"
+
+
+IMAGES = MapFormat(
+    "PNG or PGM of 16 bits (÷ 256) or 8 bits (with a divisor)",
+    ("png", "pgm"),
+    (b"\x89PNG", b"P2", b"P5"),
+    _stored_image,
+    kitti_png,
+    "0 to 255 px",
+)
+"""Read whatever else an image file may be, too."""
+
+FORMATS = (
+    MapFormat("PFM", ("pfm",), (b"Pf", b"PF"), _stored_pfm, pfm),
+    IMAGES,
+    MapFormat("NPY", ("npy",), (NPY_MAGIC,), _stored_npy, _npy_map),
+)
+"""All formats: readers, writers, uploads and the help of commands follow this list."""
+
+ACCEPTED = f"{', '.join(one.name for one in FORMATS[:-1])}, and {FORMATS[-1].name}"
+DISPARITY_SUFFIXES = tuple(suffix for one in FORMATS for suffix in one.suffixes)
+DISPARITY_FORMATS = {
+    f".{one.suffixes[0]}": one for one in sorted(FORMATS, key=lambda one: one.holds != "any disparity")
+}
+"""The formats by the suffix under which they are written, those that store any disparity first."""
+
+
 def image_png(image: npt.ArrayLike) -> bytes:
     """Return an image as a lossless PNG.
 
@@ -158,6 +379,20 @@ def image_tiff(image: npt.ArrayLike) -> bytes:
 def valid_mask_png(result: DisparityMap) -> bytes:
     """Return an 8-bit grey PNG of a result: 255 where there is a disparity, measured or filled, and 0 elsewhere."""
     return image_png(result.valid)
+
+
+def measured_mask_png(result: DisparityMap) -> bytes:
+    """Return an 8-bit grey PNG of a result: 255 where the disparity was measured, 0 where it is filled or missing."""
+    return image_png(result.valid & ~result.filled)
+
+
+def confidence_png(sure: npt.ArrayLike) -> bytes:
+    """Return a confidence, 0..1, as a 16-bit grey PNG: × 65535, at least 1; 0 for NaN."""
+    values = np.asarray(sure)
+    known = np.isfinite(values)
+    pixels = np.zeros(values.shape, np.uint16)
+    pixels[known] = np.maximum(1, np.rint(np.clip(values[known], 0, 1) * LARGEST_UINT16))
+    return image_png(pixels)
 
 
 VERTEX = np.dtype([("position", "<f4", 3), ("colour", "u1", 3)])
@@ -208,126 +443,3 @@ def ply(points: npt.ArrayLike, colours: npt.ArrayLike) -> bytes:
     vertices = np.empty(len(positions), dtype=VERTEX)
     vertices["position"], vertices["colour"] = positions, shades
     return _HEADER.format(count=len(vertices)).encode() + vertices.tobytes()
-
-
-WHAT = "disparity map"
-ACCEPTED = "PFM, PNG or PGM of 16 bits (÷ 256) or 8 bits (with a divisor), and NPY"
-DIVISOR_OF_16_BITS = 256.0
-
-_BAND_PIXELS = 2**20
-
-
-def read_disparity(source: Source, *, divisor: float | None = None) -> npt.NDArray[np.float32]:
-    """Read a disparity map: PFM, PNG or PGM of 16 or 8 bits, or NPY.
-
-    Parameters
-    ----------
-    source
-        A path, the bytes of the file, or a binary file object.
-    divisor
-        Divides the stored values to give px. The default is 256 for 16-bit integers (as in KITTI and in this project's
-        examples) and 1 for floats. It is required for 8-bit integers: the data sets that use them differ (Middlebury
-        2003: 4 for quarter size; Tsukuba: 16).
-
-    Returns
-    -------
-    disparity
-        (rows, cols) float32, px, positive in front of infinity; NaN where the file marks a pixel as unknown:
-        0 in an image of integers, infinite or NaN in floats.
-
-    Raises
-    ------
-    ValueError
-        An empty, damaged or unknown file, a colour image, more megapixels than the limit in force, no pixel with a
-        disparity, 8-bit integers without a divisor, or a divisor that is not above 0.
-
-    Examples
-    --------
-    >>> import stereolag as sl
-    >>> from stereolag import samples
-    >>> disparity = sl.read_disparity(samples.stereo_pairs()["cube"].disparity)
-    >>> disparity.shape, disparity.dtype
-    ((480, 640), dtype('float32'))
-    >>> round(float(disparity[240, 320]), 2)  # px
-    45.57
-    """
-    found = read_stored_disparity(source)
-    divisor = found.divisor if divisor is None else divisor
-    if divisor is None:
-        raise ValueError(f"The {WHAT} has 8 bits per pixel: its divisor must be given, often 1, 2, 4 or 16.")
-    return found.divided(divisor)
-
-
-class StoredDisparity(NamedTuple):
-    """A disparity map as stored in a file.
-
-    Attributes
-    ----------
-    stored
-        (rows, cols) numbers of any type.
-    divisor
-        Divides them to give px, as in :func:`read_disparity`; None for 8 bits, whose divisor is unknown.
-    zero_is_unknown
-        Whether it is an image of integers, in which 0 means unknown.
-    """
-
-    stored: npt.NDArray[Any]
-    divisor: float | None
-    zero_is_unknown: bool
-
-    def divided(self, divisor: float) -> npt.NDArray[np.float32]:
-        """Return the disparities for a divisor, px, as :func:`read_disparity` does.
-
-        Raises
-        ------
-        ValueError
-            A divisor that is not above 0, or no disparity at all.
-        """
-        if not (divisor > 0 and math.isfinite(divisor)):
-            raise ValueError(f"The divisor is {divisor}; allowed are numbers above 0.")
-        disparity = _divided(self.stored, divisor, zero_is_unknown=self.zero_is_unknown)
-        if np.isnan(disparity).all():
-            raise ValueError(f"The {WHAT} holds no disparity at all: every pixel is marked as unknown.")
-        return disparity
-
-
-def read_stored_disparity(source: Source) -> StoredDisparity:
-    """Read a disparity map whose divisor may not be known yet; errors as in :func:`read_disparity`."""
-    stored, is_image = _stored_values(read_bytes(source, WHAT))
-    if stored.ndim != 2:
-        raise ValueError(f"The {WHAT} has shape {stored.shape}; allowed is one channel, (rows, cols).")
-    divisor = 1.0 if not is_image else None if stored.dtype == np.uint8 else DIVISOR_OF_16_BITS
-    return StoredDisparity(stored, divisor, is_image)
-
-
-def _divided(stored: npt.NDArray[Any], divisor: float, *, zero_is_unknown: bool) -> npt.NDArray[np.float32]:
-    """Return the disparities, NaN where unknown, made in bands of rows: whole float64 copies take a lot of memory."""
-    disparity = np.empty(stored.shape, np.float32)
-    step = max(1, _BAND_PIXELS // max(1, stored.shape[1]))
-    for first in range(0, len(stored), step):
-        band = stored[first : first + step]
-        with np.errstate(all="ignore"):  # overflow is infinite, and infinite is unknown
-            part = (band.astype(np.float64) / divisor).astype(np.float32)
-        part[~np.isfinite(part)] = np.nan
-        if zero_is_unknown:
-            part[band == 0] = np.nan
-        disparity[first : first + step] = part
-    return disparity
-
-
-def _stored_values(data: bytes) -> tuple[npt.NDArray[Any], bool]:
-    """Return the numbers as stored in the file, and whether they are an image of integers, in which 0 is unknown."""
-    if data.startswith((b"Pf", b"PF")):
-        return parse_pfm(data, WHAT), False
-    if data.startswith((b"P2", b"P5")):
-        return parse_pgm(data, WHAT), True
-    if data.startswith(NPY_MAGIC):
-        stored = parse_npy(data, WHAT)
-        if stored.ndim == 2:
-            check_pixels(stored.shape[1], stored.shape[0], WHAT)
-        return stored, False
-    try:
-        image = read_image(data)
-    except ValueError as error:
-        raise ValueError(f"The {WHAT} cannot be read; accepted are {ACCEPTED}. {error}") from error
-    return image, image.dtype.kind == "u"

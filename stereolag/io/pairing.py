@@ -10,14 +10,15 @@ from pathlib import PurePosixPath
 from typing import Any, TypeVar, overload
 
 from stereolag.core.inputs import Image
+from stereolag.io.calibrations import CALIBRATION_SUFFIXES
+from stereolag.io.disparities import DISPARITY_SUFFIXES
 from stereolag.io.images import read_image
 from stereolag.io.sources import quoted
 
 K = TypeVar("K", bound=Hashable)
 
 PICTURE_ENDINGS = frozenset(["png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif"])
-TRUTH_ENDINGS = frozenset(["pfm", "png", "pgm", "npy"])
-CALIBRATION_ENDINGS = frozenset(["txt", "yaml", "yml", "json", "xml", "npz"])
+TRUTH_ENDINGS = frozenset(DISPARITY_SUFFIXES)
 
 LEFT, RIGHT = "left", "right"
 MOST_PLACES = 8
@@ -100,7 +101,7 @@ def matched_pairs(names: Sequence[str]) -> list[PairFiles]:
         [
             name
             for name in names
-            if _ending(name) in CALIBRATION_ENDINGS
+            if _ending(name) in CALIBRATION_SUFFIXES
             and name not in truths
             and (_CALIBRATION.search(name) or _ending(name) in ("yaml", "yml"))
         ],

@@ -3,48 +3,18 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+import os
+from pathlib import Path
+from typing import Any
 
 import cv2
 
 from stereolag.core.settings import SettingsError
-from stereolag.io.sources import Source, harmless, quoted, read_bytes
+from stereolag.io.sources import Source, harmless, quoted, read_bytes, write_file
 from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import BlockMatcher
 from stereolag.version import VERSION
-
-
-def settings_json(matcher: StereoMatcher) -> str:
-    """Return a matcher as JSON: its method, all its settings, and the version of this library.
-
-    :func:`stereolag.read_matcher` reads it back.
-    """
-    return json.dumps(settings_document(matcher) | {"stereolag": VERSION}, indent=2) + "\n"
-
-
-def settings_document(matcher: StereoMatcher) -> dict[str, Any]:
-    """Return the document that :func:`settings_json` writes for a matcher: its method and all its settings."""
-    return {"method": type(matcher).__name__, "settings": matcher.model_dump(mode="json")}
-
-
-def opencv_yaml(matcher: BlockMatcher) -> str:
-    """Return the settings of StereoBM or StereoSGBM in the layout of OpenCV's own ``Algorithm::save``.
-
-    With them, OpenCV matches 8-bit grey images as this library does, and returns the disparity × 16 as int16.
-
-    In C++ ``Algorithm::load<cv::StereoBM>(path)`` reads the file. In Python, which has no ``load``::
-
-        storage = cv2.FileStorage(path, cv2.FILE_STORAGE_READ)  # keep it: its nodes die with it
-        matcher = cv2.StereoBM.create()
-        matcher.read(storage.getFirstTopLevelNode())
-    """
-    storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
-    matcher.opencv_matcher().write(storage, type(matcher).__name__)
-    return str(storage.releaseAndGetString())
-
-
-if TYPE_CHECKING:
-    from stereolag.stereo.matcher import StereoMatcher
 
 WHAT = "settings file"
 MAX_BYTES = 2**16
@@ -91,8 +61,6 @@ def matcher_from(document: Any, what: str) -> StereoMatcher:
     what
         Name of its source in errors.
     """
-    from stereolag.stereo.methods import METHODS  # reading an image or a recording must not wait for this import
-
     if not (isinstance(document, dict) and "method" in document and isinstance(document.get("settings"), dict)):
         raise ValueError(f'The {what} must be a JSON object with "method", a name, and "settings", an object.')
     name = document["method"]
@@ -112,3 +80,51 @@ def parsed_json(data: bytes, what: str) -> Any:
         return json.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise ValueError(f"The {what} is not JSON, or it is damaged or cut short.") from error
+
+
+def write_matcher(path: str | os.PathLike[str], matcher: StereoMatcher) -> None:
+    """Write the settings of a matcher as JSON, whatever the suffix; :func:`stereolag.read_matcher` reads them back.
+
+    Raises
+    ------
+    OSError
+        The folder does not exist, the disk is full, and so on; an existing file is left unchanged.
+
+    Examples
+    --------
+    >>> import stereolag as sl
+    >>> matcher = sl.StereoBM(num_disparities=96, block_size=15)  # px
+    >>> sl.write_matcher("settings.json", matcher)
+    >>> sl.read_matcher("settings.json") == matcher
+    True
+    """
+    write_file(Path(path), settings_json(matcher).encode())
+
+
+def settings_json(matcher: StereoMatcher) -> str:
+    """Return a matcher as JSON: its method, all its settings, and the version of this library.
+
+    :func:`stereolag.read_matcher` reads it back.
+    """
+    return json.dumps(settings_document(matcher) | {"stereolag": VERSION}, indent=2) + "\n"
+
+
+def settings_document(matcher: StereoMatcher) -> dict[str, Any]:
+    """Return the document that :func:`settings_json` writes for a matcher: its method and all its settings."""
+    return {"method": type(matcher).__name__, "settings": matcher.model_dump(mode="json")}
+
+
+def opencv_yaml(matcher: BlockMatcher) -> str:
+    """Return the settings of StereoBM or StereoSGBM in the layout of OpenCV's own ``Algorithm::save``.
+
+    With them, OpenCV matches 8-bit grey images as this library does, and returns the disparity × 16 as int16.
+
+    In C++ ``Algorithm::load<cv::StereoBM>(path)`` reads the file. In Python, which has no ``load``::
+
+        storage = cv2.FileStorage(path, cv2.FILE_STORAGE_READ)  # keep it: its nodes die with it
+        matcher = cv2.StereoBM.create()
+        matcher.read(storage.getFirstTopLevelNode())
+    """
+    storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    matcher.opencv_matcher().write(storage, type(matcher).__name__)
+    return str(storage.releaseAndGetString())

@@ -1,11 +1,13 @@
-"""Shared by all readers: the bytes of a source, size limits, and safe quotes in errors."""
+"""Shared by all readers and writers: the bytes of a source, size limits, safe quotes in errors, and whole files."""
 
 from __future__ import annotations
 
+import os
 import re
 from os import PathLike
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
+from uuid import uuid4
 
 from stereolag.core.jobs import limits
 
@@ -87,3 +89,33 @@ def quoted(text: str) -> str:
 def harmless(text: str) -> str:
     """Return a sentence that quotes untrusted text, without characters active in Markdown or HTML."""
     return re.sub(r"[^\w .,:;'+=>?()-]", "?", text[:300])
+
+
+def write_file(path: Path, data: bytes, *, synced: bool = True) -> None:
+    """Write a temporary file beside `path` and move it there once it is complete.
+
+    Parameters
+    ----------
+    path
+        Path of the file, in an existing folder.
+    data
+        Content of the file.
+    synced
+        Wait until the data is on the disk. If not, a power failure may leave half a file, but an interrupted process
+        still cannot.
+
+    Raises
+    ------
+    OSError
+        The folder does not exist, the disk is full, and so on; an existing file is left unchanged.
+    """
+    part = path.with_name(f".{uuid4().hex}.part")
+    try:
+        with part.open("xb") as file:
+            file.write(data)
+            file.flush()
+            if synced:
+                os.fsync(file.fileno())
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from stereolag.geometry.calibration import Calibration
+from stereolag.io.disparities import DISPARITY_FORMATS
 from stereolag.io.settings import settings_document
-from stereolag.io.writing import DISPARITY_FORMATS, write_file
+from stereolag.io.sources import write_file
 from stereolag.sequences.matching import PNG, MatchedFrame
 from stereolag.sequences.records import MOTION, FrameRecord, header, lines, read_records
 from stereolag.sequences.sources import StereoSequence

@@ -14,9 +14,8 @@ from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import Image, as_grey
 from stereolag.core.jobs import Progress
 from stereolag.geometry.calibration import Calibration
-from stereolag.io.disparities import KITTI_SCALE, read_stored_disparity
+from stereolag.io.disparities import DISPARITY_FORMATS, KITTI_SCALE, read_stored_disparity
 from stereolag.io.sources import Source
-from stereolag.io.writing import DISPARITY_FORMATS
 from stereolag.sequences.records import FrameFigures, figures_of
 from stereolag.sequences.sources import FrameReader, Truth
 from stereolag.sequences.steadying import Motion, Steadiness, motion_since, steadied
@@ -148,7 +147,7 @@ def encoded_frame(task: FrameTask, own: OwnFrame, before: OwnFrame | None = None
             result = one
             if motion is not None and task.steadiness is not None and before is not None:
                 result = _steady(one, before.maps[name], motion, task.steadiness, moved_s)
-            data = DISPARITY_FORMATS[task.suffix](result.disparity)
+            data = DISPARITY_FORMATS[task.suffix].write(result.disparity)
             figures = figures_of(result, own.truth, task.calibration)
             maps[name] = FrameMap(as_stored(result.disparity, task.suffix), data, figures)
     except ValueError as error:

@@ -8,6 +8,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from annotated_types import MultipleOf
@@ -258,3 +259,39 @@ class DisparityMap:
     def coverage(self) -> float:
         """Return the share of pixels that have a disparity, 0..1."""
         return float(np.count_nonzero(self.valid) / self.valid.size)
+
+    def enlarged(self, rows: int, cols: int, settings: StereoMatcher) -> DisparityMap:
+        """Return the map of a downscaled pair for images of (rows, cols), the pair's own size, in px of that size.
+
+        Every pixel has the disparity of the nearest one. Nothing is interpolated, since the mean of a near and a far
+        disparity belongs to neither surface. This makes the measurement no more exact: an error of 1 px in the smaller
+        images is one of `cols` / width px here.
+
+        Parameters
+        ----------
+        rows, cols
+            The size of the pair.
+        settings
+            The settings of this map for images of that size (:func:`stereolag.core.settings.scaled_settings`).
+
+        Raises
+        ------
+        ValueError
+            A size smaller than the map's.
+        """
+        height, width = self.disparity.shape
+        if rows < height or cols < width:
+            raise ValueError(f"The map is {width} × {height} pixels; enlarged, it cannot have {cols} × {rows}.")
+
+        def larger(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+            return np.asarray(cv2.resize(array, (cols, rows), interpolation=cv2.INTER_NEAREST_EXACT))
+
+        has_score, has_dy = np.isfinite(self.score).any(), np.nan_to_num(self.dy).any()
+        return DisparityMap(
+            larger(self.disparity) * np.float32(cols / width),
+            larger(self.reason),
+            larger(self.score) if has_score else None,
+            larger(self.dy) * np.float32(rows / height) if has_dy else None,
+            self.elapsed_s,
+            settings,
+        )

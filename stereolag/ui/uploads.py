@@ -12,6 +12,8 @@ from typing import Generic, TypeVar
 import streamlit as st
 from streamlit.runtime.uploaded_file_manager import UploadedFile
 
+from stereolag.io.calibrations import CALIBRATION_SUFFIXES
+from stereolag.io.disparities import DISPARITY_SUFFIXES
 from stereolag.io.sources import quoted
 from stereolag.ui import prose
 from stereolag.ui.states import show_refused
@@ -20,8 +22,8 @@ T = TypeVar("T")
 
 PICTURE_TYPES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif")
 RECORDING_TYPES = ("wav", "flac", "ogg", "mp3", "aif", "aiff", "txt", "csv", "tsv", "dat", "npy")
-DISPARITY_TYPES = ("pfm", "png", "pgm", "npy")
-CALIBRATION_TYPES = ("txt", "yaml", "yml", "json", "xml", "npz")
+DISPARITY_TYPES = DISPARITY_SUFFIXES
+CALIBRATION_TYPES = CALIBRATION_SUFFIXES
 
 ARRIVAL_S = 2.0
 """How long an uploader may be empty before its file counts as removed, s; replacing a file empties it first."""

@@ -16,7 +16,7 @@ from stereolag.commands.parsing import CommandParser
 from stereolag.core.searches import LagSearch, TemplateQuery
 from stereolag.core.settings import Bounds, Settings, SettingsError, changed, setting
 from stereolag.core.settings.fields import base_type, choices, nested
-from stereolag.io.writing import write_matcher
+from stereolag.io.settings import write_matcher
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
 from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher

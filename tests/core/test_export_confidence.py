@@ -8,7 +8,8 @@ import pytest
 from pairs import shifted_pair
 
 import stereolag as sl
-from stereolag.io.confidence import confidence, confidence_png, measured_mask_png
+from stereolag.io.disparities import confidence_png, measured_mask_png
+from stereolag.stereo.confidence import confidence
 from stereolag.stereo.matcher import StereoMatcher
 
 MATCHERS: list[StereoMatcher] = [

@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from stereolag.io.disparities import read_disparity
-from stereolag.io.settings import read_matcher
-from stereolag.io.writing import DISPARITY_FORMATS, write_disparity, write_matcher
+from stereolag.io.disparities import DISPARITY_FORMATS, read_disparity, write_disparity
+from stereolag.io.settings import read_matcher, write_matcher
 from stereolag.stereo.methods import METHODS
 
 QUANTUM = 1 / 256

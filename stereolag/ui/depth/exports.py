@@ -7,11 +7,11 @@ from functools import partial
 
 from stereolag.core.arrays import FloatMap
 from stereolag.figures.maps import cloud_ply, coloured_png
-from stereolag.io.confidence import confidence, confidence_png, has_scores, measured_mask_png
-from stereolag.io.disparities import check_kitti, kitti_png, npy, pfm, valid_mask_png
+from stereolag.io.disparities import check_kitti, confidence_png, kitti_png, measured_mask_png, npy, pfm, valid_mask_png
 from stereolag.io.programs import opencv_script, script
 from stereolag.io.results import metrics_csv
 from stereolag.io.settings import opencv_yaml, settings_json
+from stereolag.stereo.confidence import confidence, has_scores
 from stereolag.stereo.evaluation import Evaluation
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher

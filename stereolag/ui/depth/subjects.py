@@ -11,7 +11,6 @@ from typing import Any
 from stereolag.core.jobs import Estimate, limits
 from stereolag.core.settings import scaled_settings
 from stereolag.geometry.calibration import Calibration
-from stereolag.io.enlargement import enlarged
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.ui.depth.calibrating import known_distance
@@ -127,7 +126,7 @@ class Subject:
             return shown
         rows, cols = self.pair.left.shape[:2]
         settings, _ = _for_size(shown.settings, self.factor)
-        return enlarged(shown, rows, cols, settings or shown.settings)
+        return shown.enlarged(rows, cols, settings or shown.settings)
 
     @property
     def colour_range(self) -> tuple[float, float]:

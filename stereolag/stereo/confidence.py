@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap
 from stereolag.core.inputs import as_grey, as_stereo_pair
-from stereolag.io.disparities import LARGEST_UINT16, image_png
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.reasons import Reason
 
@@ -51,20 +50,6 @@ def has_scores(result: DisparityMap) -> bool:
     """Return whether a map has scores, all within -1..1."""
     lowest, highest = np.fmin.reduce(result.score, axis=None), np.fmax.reduce(result.score, axis=None)
     return bool(lowest >= -1.001 and highest <= 1.001)
-
-
-def confidence_png(sure: npt.ArrayLike) -> bytes:
-    """Return a confidence, 0..1, as a 16-bit grey PNG: × 65535, at least 1; 0 for NaN."""
-    values = np.asarray(sure)
-    known = np.isfinite(values)
-    pixels = np.zeros(values.shape, np.uint16)
-    pixels[known] = np.maximum(1, np.rint(np.clip(values[known], 0, 1) * LARGEST_UINT16))
-    return image_png(pixels)
-
-
-def measured_mask_png(result: DisparityMap) -> bytes:
-    """Return an 8-bit grey PNG of a result: 255 where the disparity was measured, 0 where it is filled or missing."""
-    return image_png(np.asarray(result.reason == Reason.MEASURED) & result.valid)
 
 
 def _likeness(result: DisparityMap, left: npt.ArrayLike, right: npt.ArrayLike) -> FloatMap:
