@@ -8,17 +8,15 @@ from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.signals.overlaps import overlap_slices
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
-from stereolag.ui.lag.alternatives import aligned_in_words, close_up_in_words, waveforms_in_words
 from stereolag.ui.lag.comparison import compare_methods
 from stereolag.ui.lag.explanation import see_why
-from stereolag.ui.lag.files import show_lag_files
-from stereolag.ui.lag.report import show_curve, show_drift, show_verdict
+from stereolag.ui.lag.result import show_curve, show_drift, show_lag_files, show_verdict
+from stereolag.ui.lag.sentences import aligned_in_words, close_up_in_words, waveforms_in_words
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.recordings import RecordingPair, choose_recordings, player
-from stereolag.ui.results import computed_in_turn
+from stereolag.ui.results import computed_or_refused
 from stereolag.ui.search_addresses import LAG_ADDRESS
 from stereolag.ui.searches import LAG_METHODS, LAG_METHODS_EXPLAINED
-from stereolag.ui.states import show_refused
 
 
 def listen(pair: RecordingPair, search: LagSearch) -> None:
@@ -70,19 +68,15 @@ def show(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
 
 def search_lag(pair: RecordingPair, search: LagSearch) -> SignalLag | None:
     """Return the lag, or None while it is being computed or if the search is refused."""
-    try:
-        return computed_in_turn(
-            "lag",
-            lambda progress: signal_lag(pair.signal_1, pair.signal_2, **search.model_dump(), seed=0, progress=progress),
-            estimate_lag(pair.signal_1.size, pair.signal_2.size, method=search.method, max_lag=search.max_lag),
-            inputs=pair.digest,
-            settings=search.model_dump_json(),
-            shared=pair.shared,
-            label="Sliding one recording along the other …",
-        )
-    except ValueError as error:
-        show_refused(error)
-        return None
+    return computed_or_refused(
+        "lag",
+        lambda progress: signal_lag(pair.signal_1, pair.signal_2, **search.model_dump(), seed=0, progress=progress),
+        estimate_lag(pair.signal_1.size, pair.signal_2.size, method=search.method, max_lag=search.max_lag),
+        inputs=pair.digest,
+        settings=search.model_dump_json(),
+        shared=pair.shared,
+        label="Sliding one recording along the other …",
+    )
 
 
 @fragment

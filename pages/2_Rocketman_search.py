@@ -4,25 +4,21 @@ import streamlit as st
 
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
-from stereolag.templates import TemplateSearch, estimate_search, match_template
+from stereolag.templates import estimate_search, match_template
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.elements import show_png
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
-from stereolag.ui.results import computed_in_turn
-from stereolag.ui.search.answer import doubtful, drawn_once, show_answer, why_no_score_map
+from stereolag.ui.results import computed_or_refused
 from stereolag.ui.search.by_hand import search_by_hand
-from stereolag.ui.search.controls import ask_poses
-from stereolag.ui.search.degrading import damage_it
-from stereolag.ui.search.files import show_match_files
+from stereolag.ui.search.comparison import damage_it, show_opencv_beside
 from stereolag.ui.search.funnel import show_funnel
-from stereolag.ui.search.opencv_beside import show_opencv_beside
-from stereolag.ui.search.score_map import packed, show_score_map
+from stereolag.ui.search.result import show_answer, show_match_files, show_scores
 from stereolag.ui.search_addresses import TEMPLATE_ADDRESS
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED
-from stereolag.ui.states import show_refused
 
+POSES = {name: TemplateQuery.model_fields[name].default for name in ("min_scale", "max_scale", "max_rotation")}
 SEE_WHY = ("Search by hand", "Step by step", "Damage it")
 
 
@@ -39,26 +35,22 @@ def ask(inputs: PictureAndTemplate) -> TemplateQuery | None:
             min_score = control(TemplateQuery, "min_score", key="template.min_score")
         with count:
             max_matches = control(TemplateQuery, "max_matches", key="template.max_matches")
-        poses = ask_poses(method)
+        poses = ask_poses(possible=method == "fft")
     return last_valid(
         lambda: TemplateQuery(method=method, min_score=min_score, max_matches=max_matches, **poses), "template.query"
     )
 
 
-def show_scores(result: TemplateSearch, inputs: PictureAndTemplate, query: TemplateQuery) -> None:
-    """Show the map of scores, one for every position of the template."""
-    score_map = result.score_map
-    if score_map is None:
-        prose.caption(why_no_score_map(query))
-        return
-    prose.markdown("### How well it fits at every place")
-    scores, legend = st.columns([3, 1], gap="medium")
-    with scores:
-        marked = result.matches if result.found else doubtful(result)
-        show_score_map(drawn_once("score map", lambda: packed(score_map, marked), inputs, query))
-    alt = "Colours of the scores: dark at 0, yellow at 1."
-    legend.plotly_chart(figures.score_legend(), key="score_legend", config={"displayModeBar": False}, alt=alt)
-    legend.caption("Each pixel is the score with the template’s top-left corner there. Grey: nothing to correlate.")
+def ask_poses(*, possible: bool) -> dict[str, float]:
+    """Return the sizes and angles to search; empty if the method handles only the template's own."""
+    values: dict[str, float] = {}
+    if any(st.session_state.get(f"template.{name}", at_first) != at_first for name, at_first in POSES.items()):
+        st.session_state.setdefault("template.poses", True)  # shown open when the address sets any of them
+    with st.expander("Other sizes and angles", icon=":material/rotate_right:", key="template.poses", on_change="rerun"):
+        for name, column in zip(POSES, st.columns(len(POSES), gap="medium"), strict=True):
+            with column:
+                values[name] = control(TemplateQuery, name, key=f"template.{name}", disabled=not possible)
+    return values if possible else {}
 
 
 @fragment
@@ -68,28 +60,24 @@ def find(inputs: PictureAndTemplate) -> None:
     if query is None:
         return
     TEMPLATE_ADDRESS.write(query, inputs)
-    try:
-        result = computed_in_turn(
-            "template search",
-            lambda progress: match_template(
-                inputs.picture, inputs.template, mask=inputs.mask, **query.arguments, seed=0, progress=progress
-            ),
-            estimate_search(
-                inputs.picture.shape,
-                inputs.template.shape,
-                dtype=inputs.picture.dtype,
-                method=query.method,
-                scales=query.arguments["scales"],
-                rotations=query.arguments["rotations"],
-            ),
-            inputs=inputs.digest,
-            settings=query.model_dump_json(),
-            shared=inputs.shared,
-            label="Sliding the template over the image …",
-        )
-    except ValueError as error:
-        show_refused(error)
-        return
+    result = computed_or_refused(
+        "template search",
+        lambda progress: match_template(
+            inputs.picture, inputs.template, mask=inputs.mask, **query.arguments, seed=0, progress=progress
+        ),
+        estimate_search(
+            inputs.picture.shape,
+            inputs.template.shape,
+            dtype=inputs.picture.dtype,
+            method=query.method,
+            scales=query.arguments["scales"],
+            rotations=query.arguments["rotations"],
+        ),
+        inputs=inputs.digest,
+        settings=query.model_dump_json(),
+        shared=inputs.shared,
+        label="Sliding the template over the image …",
+    )
     if result is None:
         return
     show_answer(result, inputs, query)

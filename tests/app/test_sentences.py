@@ -44,9 +44,15 @@ from stereolag.templates.trials import Trial, try_methods
 from stereolag.templates.verdict import Reason as SearchReason
 from stereolag.ui.depth import sentences
 from stereolag.ui.depth.sentences import finding_in_words, problems_in_words, remedy_in_words
-from stereolag.ui.lag.alternatives import curve_in_words, drift_in_words, run_times_in_words, waveforms_in_words
-from stereolag.ui.lag.facts import own_facts
-from stereolag.ui.lag.sentences import verdict_explained, verdict_in_words
+from stereolag.ui.lag.sentences import (
+    curve_in_words,
+    drift_in_words,
+    own_facts,
+    run_times_in_words,
+    verdict_explained,
+    verdict_in_words,
+    waveforms_in_words,
+)
 from stereolag.ui.match_sentences import (
     EXAMPLE_LABELS,
     HIDDEN_FROM_RIGHT,
@@ -55,9 +61,16 @@ from stereolag.ui.match_sentences import (
     match_in_words,
     verdict,
 )
-from stereolag.ui.search.answer import framed_in_words, headline, why_no_score_map, why_not_found
-from stereolag.ui.search.degrading import lesson, numbers_of
-from stereolag.ui.search.opencv_beside import differences, table
+from stereolag.ui.search.sentences import (
+    differences,
+    framed_in_words,
+    headline,
+    lesson,
+    numbers_of,
+    table,
+    why_no_score_map,
+    why_not_found,
+)
 from stereolag.ui.sentences import REASON_WORDS, REASONS_EXPLAINED
 from tests.app import uploads
 from tests.snapshots import Snapshot

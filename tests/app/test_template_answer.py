@@ -12,7 +12,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.figures.templates import framed
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
 from stereolag.templates.verdict import Reason
-from stereolag.ui.search.answer import doubtful
+from stereolag.ui.search.sentences import doubtful
 
 PAGE = "pages/2_Rocketman_search.py"
 

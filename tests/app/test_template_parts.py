@@ -14,8 +14,8 @@ from stereolag import samples
 from stereolag.io.images import read_image
 from stereolag.templates import match_template
 from stereolag.templates.opencv import opencv_search
-from stereolag.ui.search.opencv_beside import differences
 from stereolag.ui.search.painting import PaintedMask
+from stereolag.ui.search.sentences import differences
 from tests.app import uploads
 
 pytestmark = pytest.mark.usefixtures("small_mazes")

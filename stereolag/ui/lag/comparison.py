@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar, get_args
+from typing import get_args
 
 import numpy as np
-import numpy.typing as npt
 import streamlit as st
 
+from stereolag.core.arrays import Vector
 from stereolag.core.jobs import Estimate, Progress, limits, part
 from stereolag.core.searches import LagSearch, SignalMethod
 from stereolag.core.typography import typeset
 from stereolag.figures import recordings as figures
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
 from stereolag.ui import prose
-from stereolag.ui.lag.alternatives import run_times_in_words
+from stereolag.ui.lag.sentences import run_times_in_words
 from stereolag.ui.recordings import RecordingPair
-from stereolag.ui.results import computed_in_turn
+from stereolag.ui.results import computed_or_refused
 from stereolag.ui.searches import LAG_METHODS
 from stereolag.ui.sentences import duration
-from stereolag.ui.states import show_refused
-
-T = TypeVar("T")
 
 LONGEST_S = 60.0
 """Methods expected to take longer are left out of the table."""
@@ -37,13 +33,6 @@ class MethodLags:
     """The result of each method; methods left out are missing."""
 
     lags: dict[SignalMethod, SignalLag]
-
-
-@dataclass(frozen=True, eq=False)
-class RunTimes:
-    """Time of each run, seconds, (runs,) float64."""
-
-    seconds: npt.NDArray[np.float64]
 
 
 def compare_methods(pair: RecordingPair, search: LagSearch) -> None:
@@ -76,7 +65,15 @@ def _show_table(pair: RecordingPair, search: LagSearch) -> None:
             lags[method] = _measured(pair, search, method, part(progress, number, len(fitting)))
         return MethodLags(lags)
 
-    found = _in_turn("lag methods", measure, total, pair, search.model_dump_json(exclude={"method"}))
+    found = computed_or_refused(
+        "lag methods",
+        measure,
+        total,
+        inputs=pair.digest,
+        settings=search.model_dump_json(exclude={"method"}),
+        shared=pair.shared,
+        label="Measuring …",
+    )
     if found is not None:
         alt = "Lag, score, verdict and time of each method."
         st.dataframe(_table(found, estimates), hide_index=True, key="lag.comparison.table", alt=alt)
@@ -109,18 +106,22 @@ def _show_run_times(pair: RecordingPair, search: LagSearch) -> None:
     if st.session_state.get(asked) != (search.method, runs):
         return
 
-    def measure(progress: Progress) -> RunTimes:
-        seconds = np.empty(runs)
-        for run in range(runs):
-            seconds[run] = _measured(pair, search, search.method, part(progress, run, runs)).elapsed_s
-        return RunTimes(seconds)
+    def measure(progress: Progress) -> Vector:
+        parts = (part(progress, run, runs) for run in range(runs))
+        return np.array([_measured(pair, search, search.method, one).elapsed_s for one in parts])
 
-    found = _in_turn("lag run times", measure, total, pair, f"{runs} {search.model_dump_json()}")
-    if found is not None:
-        drawn = figures.run_times(found.seconds)
-        st.plotly_chart(drawn, key="lag.run_times.figure", alt=run_times_in_words(found.seconds))
-        median = float(np.median(found.seconds))
-        prose.caption(f"{name}: half of the runs took less than {duration(median)}.")
+    seconds = computed_or_refused(
+        "lag run times",
+        measure,
+        total,
+        inputs=pair.digest,
+        settings=f"{runs} {search.model_dump_json()}",
+        shared=pair.shared,
+        label="Measuring …",
+    )
+    if seconds is not None:
+        st.plotly_chart(figures.run_times(seconds), key="lag.run_times.figure", alt=run_times_in_words(seconds))
+        prose.caption(f"{name}: half of the runs took less than {duration(float(np.median(seconds)))}.")
 
 
 def _measured(pair: RecordingPair, search: LagSearch, method: SignalMethod, progress: Progress) -> SignalLag:
@@ -134,21 +135,3 @@ def _estimate(pair: RecordingPair, search: LagSearch, method: SignalMethod) -> E
 
 def _fits(estimate: Estimate) -> bool:
     return estimate.seconds <= LONGEST_S and estimate.memory <= limits().job_memory
-
-
-def _in_turn(
-    task: str, measure: Callable[[Progress], T], estimate: Estimate, pair: RecordingPair, settings: str
-) -> T | None:
-    try:
-        return computed_in_turn(
-            task,
-            measure,
-            estimate,
-            inputs=pair.digest,
-            settings=settings,
-            shared=pair.shared,
-            label="Measuring …",
-        )
-    except ValueError as error:
-        show_refused(error)
-        return None

@@ -1,9 +1,24 @@
-"""Lags in words: metres only if a lag is sure, otherwise why none can be given."""
+"""Sentences of the lag page: verdicts, with metres only if a lag is sure, own recordings, alternatives of charts."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import streamlit as st
+
+from stereolag.core.arrays import Vector
+from stereolag.core.jobs import limits
+from stereolag.core.searches import LagSearch
+from stereolag.core.typography import typesets
+from stereolag.io.recordings import Recording
 from stereolag.signals import SignalLag
-from stereolag.ui.sentences import length
+from stereolag.signals.drift import Drift
+from stereolag.ui.sentences import duration, length
+
+ECHO_S = 0.03
+"""Seconds; sounds closer together are heard as one (Haas, 1951)."""
 
 LEAST_SPREAD = 0.01
 """Samples; a smaller spread is reported as less than this."""
@@ -97,3 +112,112 @@ RIBBON_EXPLAINED = {
     "the share of them that agrees on the lag, so it is lower than the score.",
 }
 """Caption of the curve for each way to draw it."""
+
+
+def heard_in_words(result: SignalLag) -> str:
+    """Return how both recordings sound together, before and after the lag is undone."""
+    if result.verdict != "sure":
+        return f"No lag is sure here. The best-fitting lag, {result.lag:,} samples, is undone."
+    if result.lag == 0:
+        return "The lag is 0: there is nothing to undo."
+    if abs(result.time_s) < ECHO_S:
+        return f"Only a lag above about {ECHO_S:g} s is heard as an echo. A shorter one colours the sound."
+    return "As recorded, each sound comes twice, like an echo. With the lag undone it comes once."
+
+
+def own_facts(recordings: Sequence[Recording], channels: Sequence[int], counts: Sequence[int]) -> str:
+    """Return one line of facts for each recording, as Markdown.
+
+    Parameters
+    ----------
+    recordings
+        One channel each, at a common rate if their files state any.
+    channels, counts
+        Number of each channel in its file, from 1, and how many channels the file has.
+    """
+    stated = next((one.sampling_rate for one in recordings if one.sampling_rate), None)
+    lines = [
+        f"Sensor {number}: " + ", ".join(_facts(one, channel, count, stated)) + "."
+        for number, (one, channel, count) in enumerate(zip(recordings, channels, counts, strict=True), start=1)
+    ]
+    return "  \n".join(lines)
+
+
+def _facts(recording: Recording, channel: int, count: int, stated: float | None) -> list[str]:
+    samples, rate = recording.channels.shape[1], recording.sampling_rate
+    facts = [f"{samples:,} samples"]
+    if rate:
+        facts = [f"{samples / rate:,.4g} s", *facts, f"{rate:,.10g} Hz"]
+    if recording.resampled_from:
+        facts.append(f"resampled from {recording.resampled_from:,.10g} Hz")
+    if not rate and stated:
+        facts.append(f"no rate in the file: {stated:,.10g} Hz assumed, as in the other")
+    elif not rate:
+        default = LagSearch().sampling_rate
+        facts.append(f"no rate in the file: {default:,.10g} Hz assumed unless set below")
+    if count > 1:
+        facts.append(f"channel {channel} of {count}")
+    if recording.mended_lines:
+        facts.append(f"{recording.mended_lines} damaged line{'s' * (recording.mended_lines > 1)} mended")
+    return facts
+
+
+def upload_limits() -> str:
+    """Return how large a file may be."""
+    samples, rate = limits().max_samples, LagSearch().sampling_rate
+    return (
+        f"At most {st.get_option('server.maxUploadSize')} MB and {samples / 1e6:,.0f} million samples per file, over "
+        f"all channels: {samples / rate / 60:,.0f} minutes of one channel at {rate:,.10g} Hz."
+    )
+
+
+@typesets
+def curve_in_words(result: SignalLag) -> str:
+    """Return a description of the lag curve: where it is highest, and whether that peak stands alone."""
+    if result.lags is None:
+        votes = (result.votes or {}).get(result.lag, 0)
+        return f"Votes for each lag: most of them, {votes:,}, are for lag {result.lag:,} samples."
+    searched = f"Correlation at the lags {result.lags[0]:,} to {result.lags[-1]:,} samples"
+    if result.judgement is None or result.verdict == "sure":
+        return f"{searched}: one clear peak at {result.lag:,}, score {result.score:.3f}."
+    if result.verdict == "ambiguous":
+        return f"{searched}: highest at {result.lag:,}, and {len(result.rivals)} other peaks are about as high."
+    return f"{searched}: nothing rises above chance level; the highest point is at {result.lag:,}."
+
+
+@typesets
+def waveforms_in_words(signal_1: Vector, signal_2: Vector, sampling_rate: float) -> str:
+    """Return a description of the two recordings before alignment."""
+    lengths = [
+        f"{duration(signal.size / sampling_rate)} of sensor {name}" for signal, name in ((signal_1, 1), (signal_2, 2))
+    ]
+    return f"Loudness over time: {lengths[0]} above {lengths[1]}."
+
+
+@typesets
+def aligned_in_words(result: SignalLag) -> str:
+    """Return how well the recordings match once the lag is undone."""
+    return (
+        f"Both recordings on one plot, the second moved back by {result.lag:,} samples: where they overlap, "
+        f"their correlation is {result.score:.3f}."
+    )
+
+
+@typesets
+def close_up_in_words(result: SignalLag, start: int) -> str:
+    """Return a description of the close-up of the aligned samples."""
+    return f"200 samples of both recordings from sample {start:,} on, the second moved back by {result.lag:,} samples."
+
+
+@typesets
+def drift_in_words(drift: Drift) -> str:
+    """Return how the lag changes over time."""
+    trend = f"rises by {drift.ppm:+.1f} ppm" if drift.shows else "does not change measurably"
+    return f"Lag of {drift.blocks} blocks over time: it {trend}, {drift.start:,.1f} samples at first."
+
+
+@typesets
+def run_times_in_words(seconds: npt.NDArray[np.float64]) -> str:
+    """Return how long the runs took."""
+    shortest, median, longest = (duration(float(one)) for one in np.percentile(seconds, (0, 50, 100)))
+    return f"Times of {seconds.size} runs: {shortest} to {longest}, median {median}."

@@ -1,4 +1,4 @@
-"""Take it away: a lag as files, and both recordings played together before and after alignment."""
+"""Result of the lag page: the verdict, its numbers, the curve, both recordings together, and the files to take away."""
 
 from __future__ import annotations
 
@@ -8,15 +8,30 @@ from functools import partial
 import streamlit as st
 
 from stereolag.core.searches import LagSearch
+from stereolag.figures import recordings as figures
 from stereolag.io.disparities import npy
 from stereolag.io.programs import lag_command, lag_script
 from stereolag.io.results import aligned_wav, check_aligned_wav, curve_csv, lag_json
 from stereolag.signals import SignalLag
 from stereolag.signals.alignment import aligned_length, together
 from stereolag.ui import prose
+from stereolag.ui.announcements import announce
 from stereolag.ui.downloads import File, archive, show_reproduction, show_taken, too_large
+from stereolag.ui.elements import Number, show_numbers
+from stereolag.ui.lag.sentences import (
+    RIBBON_EXPLAINED,
+    curve_in_words,
+    drift_in_words,
+    heard_in_words,
+    verdict_explained,
+    verdict_in_words,
+)
 from stereolag.ui.recordings import LONGEST_S, RecordingPair, player
 from stereolag.ui.results import remembered
+from stereolag.ui.searches import CURVES
+from stereolag.ui.sentences import duration
+
+FAIR, PLAIN = "Fair to short overlaps", "Plain Pearson"
 
 KEY = "lag.take"
 NAMES = ("recording_1.npy", "recording_2.npy")
@@ -24,14 +39,83 @@ NAMES = ("recording_1.npy", "recording_2.npy")
 CURVE_LAGS = 1_000_000
 """Most lags in a curve file: a spreadsheet has at most 1,048,576 rows."""
 
-ECHO_S = 0.03
-"""Seconds; sounds closer together are heard as one (Haas, 1951)."""
-
 BYTES_OF_A_SAMPLE, BYTES_OF_A_LAG = 32, 256
 """Memory while the ZIP is made: the recordings, both aligned, and the curve as numbers and text."""
 
 BYTES_OF_ALIGNED = 10
 """Memory per stereo sample while the WAV is written."""
+
+
+def show_verdict(result: SignalLag, search: LagSearch) -> None:
+    """Show the verdict and the lag in words and numbers; metres only if the lag is sure."""
+    prose.header(verdict_in_words(result), anchor=False)
+    announce(verdict_in_words(result))
+    for sentence in verdict_explained(result, search.sampling_rate, search.speed):
+        prose.markdown(sentence)
+    show_numbers((*(_sure(result) if result.verdict == "sure" else (_doubtful(result),)), *_always(result)))
+
+
+def _sure(result: SignalLag) -> tuple[Number, ...]:
+    return (
+        Number("Lag, samples", f"{result.lag:,}", f"With its fraction: {result.lag_subsample:,.2f}."),
+        Number("Time", f"{result.time_s:.4g} s", "Lag ÷ sampling rate; positive where sensor 2 hears it later."),
+        Number(
+            "Path difference",
+            f"{result.distance_m:,.2f} m",
+            "Time × speed of the wave. The sensors are this far apart if the source is in line with them, otherwise "
+            "farther.",
+        ),
+    )
+
+
+def _doubtful(result: SignalLag) -> Number:
+    return Number("Highest point, samples", f"{result.lag:,}", "Where the curve is highest: not a lag to rely on.")
+
+
+def _always(result: SignalLag) -> tuple[Number, ...]:
+    numbers = [
+        Number("Score", f"{result.score:.3f}", "Pearson’s correlation where both overlap: 1 is perfect agreement."),
+    ]
+    if result.judgement is not None:
+        numbers.append(
+            Number(
+                "Above chance",
+                f"{result.judgement.evidence:.1f} σ",
+                "Agreement of the whitened recordings, in standard deviations of chance. For this many lags, "
+                f"{result.judgement.needed:.1f} σ are needed.",
+            )
+        )
+    return (*numbers, Number("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."))
+
+
+def show_curve(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
+    """Show the correlation curve with the range expected by chance."""
+    prose.markdown("### Where the recordings agree")
+    sizes, title = None, CURVES[search.method]
+    if search.method in ("fft", "direct"):
+        curve = st.segmented_control(
+            "Curve", (FAIR, PLAIN), default=FAIR, required=True, key="lag.curve", label_visibility="collapsed"
+        )
+        if curve == PLAIN:
+            sizes, title = (pair.signal_1.size, pair.signal_2.size), "Pearson’s correlation"
+    curve_drawn = figures.correlation_curve(result, title, sizes=sizes)
+    st.plotly_chart(curve_drawn, key="correlation", alt=curve_in_words(result))
+    if result.lags is not None:
+        prose.caption(RIBBON_EXPLAINED["phat" if search.method == "phat" else "plain" if sizes else "fair"])
+
+
+def show_drift(result: SignalLag, search: LagSearch) -> None:
+    """Show the lag of each block over time, if it could be measured."""
+    drift = result.judgement.drift if result.judgement else None
+    if drift is None:
+        return
+    with st.expander("Lag over time", expanded=drift.shows):
+        over_time = figures.lag_over_time(drift, search.sampling_rate)
+        st.plotly_chart(over_time, key="lag_over_time", alt=drift_in_words(drift))
+        prose.caption(
+            f"Each dot is one block of the recordings. The line rises by {drift.ppm:+.1f} ± {drift.error_ppm:.1g} ppm: "
+            + ("the clocks of the recorders differ." if drift.shows else "the clocks agree within the error.")
+        )
 
 
 def show_lag_files(pair: RecordingPair, result: SignalLag, search: LagSearch) -> None:
@@ -94,17 +178,6 @@ def _wav_refusal(pair: RecordingPair, result: SignalLag, sampling_rate: float) -
     except ValueError as error:
         return str(error)
     return too_large(BYTES_OF_ALIGNED * aligned_length(pair.signal_1.size, pair.signal_2.size, result.lag))
-
-
-def heard_in_words(result: SignalLag) -> str:
-    """Return how both recordings sound together, before and after the lag is undone."""
-    if result.verdict != "sure":
-        return f"No lag is sure here. The best-fitting lag, {result.lag:,} samples, is undone."
-    if result.lag == 0:
-        return "The lag is 0: there is nothing to undo."
-    if abs(result.time_s) < ECHO_S:
-        return f"Only a lag above about {ECHO_S:g} s is heard as an echo. A shorter one colours the sound."
-    return "As recorded, each sound comes twice, like an echo. With the lag undone it comes once."
 
 
 def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float) -> None:

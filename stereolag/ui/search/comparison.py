@@ -1,4 +1,4 @@
-"""Damage the image around the template, and see which methods still find it."""
+"""Methods compared on one search: OpenCV's answer beside ours, and all of them on a damaged image."""
 
 from __future__ import annotations
 
@@ -11,27 +11,23 @@ from stereolag.core.jobs import Estimate
 from stereolag.figures.templates import trial_jpeg
 from stereolag.templates import TemplateSearch, estimate_search
 from stereolag.templates.degradation import Degradation, degraded_part, part_shape
-from stereolag.templates.opencv import estimate_opencv, is_masked
+from stereolag.templates.opencv import estimate_opencv, is_masked, opencv_search
 from stereolag.templates.trials import Trial, try_methods
 from stereolag.ui import prose
 from stereolag.ui.controls import control
 from stereolag.ui.elements import show_jpeg
 from stereolag.ui.navigation import fragment
 from stereolag.ui.pictures import PictureAndTemplate
-from stereolag.ui.results import computed_in_turn
-from stereolag.ui.sentences import duration
+from stereolag.ui.results import computed_before, computed_in_turn, computed_or_refused
+from stereolag.ui.search.sentences import OUTCOMES, differences, lesson, numbers_of, table
+
+TASK: Final = "template search by OpenCV"
 
 KEY: Final = "degrade"
 
 NAMES: Final = {"fft": "FFT", "sampled": "Sampled", "opencv": "OpenCV"}
 
-OUTCOME_WORDS: Final = {
-    "right": "found",
-    "elsewhere": "found elsewhere",
-    "missed": "not found",
-    "refused": "cannot search here",
-}
-OUTCOME_MARKS: Final = {
+MARKS: Final = {
     "right": "green[:material/check_circle:",
     "elsewhere": "orange[:material/wrong_location:",
     "missed": "red[:material/cancel:",
@@ -47,6 +43,51 @@ class Survival:
     fft: bytes
     sampled: bytes
     opencv: bytes
+
+
+@fragment
+def show_opencv_beside(inputs: PictureAndTemplate, result: TemplateSearch, method: str) -> None:
+    """Offer to search with OpenCV too, and show place, score and time of both.
+
+    Parameters
+    ----------
+    inputs
+        The image and the template.
+    result, method
+        Our result and its method.
+    """
+    known = computed_before(TASK, inputs=inputs.digest, settings="", shared=inputs.shared)
+    asked = st.session_state.get("template.opencv.asked") == inputs.digest
+    masked = is_masked(inputs.template, inputs.mask)
+    prose.markdown("### Beside OpenCV")
+    if known is None and not asked:
+        st.button(
+            "Search with OpenCV too",
+            key="template.opencv",
+            help="cv2.matchTemplate with TM_CCOEFF_NORMED, on the whole image"
+            + (" and with the same mask." if masked else "."),
+            on_click=_ask,
+            args=(inputs.digest,),
+        )
+        return
+    theirs = computed_or_refused(
+        TASK,
+        lambda _: opencv_search(inputs.picture, inputs.template, mask=inputs.mask),
+        estimate_opencv(inputs.picture.shape, masked),
+        inputs=inputs.digest,
+        settings="",
+        shared=inputs.shared,
+        label="Searching with OpenCV …",
+    )
+    if theirs is None:
+        return
+    prose.markdown(table(result, theirs, method, masked))
+    for sentence in differences(result, theirs, method):
+        prose.caption(sentence)
+
+
+def _ask(digest: str) -> None:
+    st.session_state["template.opencv.asked"] = digest
 
 
 @fragment
@@ -87,10 +128,10 @@ def damage_it(inputs: PictureAndTemplate, result: TemplateSearch, min_score: flo
         return
     for column, trial in zip(st.columns(len(NAMES), gap="medium"), survival.trials, strict=True):
         with column:
-            prose.markdown(f"**{NAMES[trial.method]}** :{OUTCOME_MARKS[trial.outcome]} {OUTCOME_WORDS[trial.outcome]}]")
+            prose.markdown(f"**{NAMES[trial.method]}** :{MARKS[trial.outcome]} {OUTCOMES[trial.outcome]}]")
             show_jpeg(
                 getattr(survival, trial.method),
-                f"The damaged image, searched by {NAMES[trial.method]}: {OUTCOME_WORDS[trial.outcome]}.",
+                f"The damaged image, searched by {NAMES[trial.method]}: {OUTCOMES[trial.outcome]}.",
             )
             prose.caption(numbers_of(trial))
     prose.markdown(lesson(survival.trials, degradation, min_score))
@@ -138,44 +179,3 @@ def _estimate(inputs: PictureAndTemplate) -> Estimate:
     ours = estimate_search(shape, inputs.template.shape, dtype=inputs.picture.dtype, masked=masked)
     theirs = estimate_opencv(shape, masked)
     return Estimate(max(ours.memory, theirs.memory), ours.seconds + theirs.seconds)
-
-
-def numbers_of(trial: Trial) -> str:
-    """Return the score and the time of a method; for a miss, its best score."""
-    if trial.refusal:
-        return trial.refusal
-    if trial.row is None:
-        return f"no place with these exact pixels · {duration(trial.elapsed_s)}"
-    best = "best score" if trial.outcome == "missed" else "score"
-    return f"{best} {trial.score:.3f} · {duration(trial.elapsed_s)}"
-
-
-def lesson(trials: tuple[Trial, ...], degradation: Degradation, min_score: float) -> str:
-    """Return a sentence or two on why the methods succeeded or failed."""
-    of = {trial.method: trial for trial in trials}
-    fft, sampled = of["fft"], of["sampled"]
-    warped = degradation.turn != 0 or degradation.resize != 1
-    if fft.outcome == "refused":
-        return fft.refusal
-    if fft.outcome == "right" and sampled.outcome == "right":
-        if degradation == Degradation():
-            return "Nothing is damaged yet. Move a slider until a method loses it."
-        return "Enough pixels are exactly as they were: even Sampled finds it."
-    if fft.outcome == "right" and sampled.outcome == "refused":
-        return "Enough of it is left to compare whole patterns."
-    if fft.outcome == "right":
-        return (
-            "Sampled looks for exact pixel values, and no rare one is left. FFT and OpenCV compare whole patterns: a "
-            "uniform change of contrast or brightness costs them nothing while no value is clipped; other damage "
-            "lowers the score."
-        )
-    said = (
-        "Another place fits better than the damaged one."
-        if fft.outcome == "elsewhere"
-        else f"The best score, {fft.score:.3f}, is below the minimum score of {min_score:.2f}."
-        if fft.row is not None
-        else "Nothing is left to correlate."
-    )
-    if warped:
-        said += " The template is compared as it is: a turned or resized copy no longer lines up with it."
-    return said

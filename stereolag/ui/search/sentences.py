@@ -1,0 +1,221 @@
+"""Sentences of the search page: the answer, why nothing is found, damage, OpenCV beside ours, image alternatives."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from stereolag.core.searches import TemplateQuery
+from stereolag.templates import TemplateMatch, TemplateSearch
+from stereolag.templates.degradation import Degradation
+from stereolag.templates.opencv import OpenCVSearch
+from stereolag.templates.trials import Trial
+from stereolag.ui.searches import TEMPLATE_METHODS
+from stereolag.ui.sentences import duration
+
+EQUAL = 0.005
+"""Scores that differ by less are reported as equal."""
+
+SCORES_TOLD = 5
+
+COUNTED = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
+
+SAME_SCORE: Final = 1e-4
+"""Scores of the two implementations that differ by less are equal up to rounding."""
+
+OUTCOMES: Final = {
+    "right": "found",
+    "elsewhere": "found elsewhere",
+    "missed": "not found",
+    "refused": "cannot search here",
+}
+
+
+def headline(result: TemplateSearch) -> str:
+    """Return the result in one line."""
+    if result.reason == "low_score" or result.best is None:
+        return "Not found"
+    if result.reason == "look_alikes":
+        scores = [one.score for one in result.look_alikes]
+        if scores[0] - scores[-1] < EQUAL:
+            return f"{_counted(len(scores))} places fit equally well"
+        told = " ".join(f"{score:.3f}" for score in scores[:SCORES_TOLD])
+        return f"{_counted(len(scores))} look-alikes: {told}{' …' if len(scores) > SCORES_TOLD else ''}"
+    if result.reason == "other_colours":
+        return "Not found in these colours"
+    if result.reason == "mirrored":
+        return "Not found, but its mirror image is there"
+    if result.clear > 1:
+        return f"Found at {_counted(result.clear).lower()} places"
+    best = result.matches[0]
+    posed = "" if _is_upright(best) else f", {_pose(best)}"
+    return f"Found at row {best.row}, column {best.col}{posed}"
+
+
+def why_not_found(result: TemplateSearch, query: TemplateQuery) -> str:
+    """Return why the best place is not good enough, and advice on settings to try."""
+    sampled = query.method == "sampled"
+    if result.best is None and not sampled:
+        return "No place has anything to correlate."
+    if result.best is None:
+        return (
+            "No place in the image has exactly these pixels. “FFT” also finds a template that was dimmed, recoloured "
+            "or recompressed."
+        )
+    score, count = f"The best place scores {result.best.score:.3f}", len(result.look_alikes)
+    if count and result.best.score - result.look_alikes[-1].score < EQUAL:
+        return f"{score}, and so do the others. With {count} matches wanted, all of them are found."
+    if count:
+        return f"{score}, the next {result.rivals[0].score:.3f}: no clear lead. {_absent(query)}"
+    if result.reason == "other_colours":
+        return f"{score}, and clearly more with red, green and blue exchanged: the same shape in other colours."
+    if result.reason == "mirrored":
+        return f"{score}, and clearly more with left and right exchanged. Mirror the template to find it."
+    tip = "“FFT” also finds a template that was dimmed or recompressed." if sampled else _absent(query)
+    return f"{score}; the minimum is {query.min_score:.2f}. {tip}"
+
+
+def _absent(query: TemplateQuery) -> str:
+    if query.resized:
+        return "The template is not in the image, or it is hidden there."
+    return "The template is not in the image, or it is hidden, resized or turned there: try other sizes and angles."
+
+
+def why_no_score_map(query: TemplateQuery) -> str:
+    """Return why a search has no score map."""
+    if query.resized:
+        return "With other sizes and angles a place has many scores: there is no score map to show."
+    return "“Sampled” scores a few places only: there is no score map to show."
+
+
+def place(match: TemplateMatch) -> str:
+    """Return the position and score of a match, and its size and angle if they differ from the template's."""
+    posed = "" if _is_upright(match) else f", {_pose(match)}"
+    return f"row {match.row}, column {match.col}, score {match.score:.3f}{posed}"
+
+
+def _is_upright(match: TemplateMatch) -> bool:
+    return (match.scale, match.rotation) == (1.0, 0.0)
+
+
+def _pose(match: TemplateMatch) -> str:
+    way = "counter-clockwise" if match.rotation > 0 else "clockwise"
+    turned = f"turned {abs(match.rotation):.1f}° {way}" if match.rotation else "upright"
+    return f"{match.scale:.2f} × its size, {turned}"
+
+
+def _counted(number: int) -> str:
+    return COUNTED[number] if number < len(COUNTED) else f"{number}"
+
+
+def doubtful(result: TemplateSearch) -> list[TemplateMatch]:
+    """Return the places to frame if nothing is found: the look-alikes, or the best one."""
+    if result.found or result.best is None:
+        return []
+    return result.look_alikes or [result.best]
+
+
+def framed_in_words(result: TemplateSearch) -> str:
+    """Return a text alternative for the framed image."""
+    framed = [place(match) for match in (result.matches if result.found else doubtful(result))[:SCORES_TOLD]]
+    said = f"The image: {headline(result)}."
+    return f"{said} Framed{'' if result.found else ', dashed'}: {'; '.join(framed)}." if framed else said
+
+
+def numbers_of(trial: Trial) -> str:
+    """Return the score and the time of a method; for a miss, its best score."""
+    if trial.refusal:
+        return trial.refusal
+    if trial.row is None:
+        return f"no place with these exact pixels · {duration(trial.elapsed_s)}"
+    best = "best score" if trial.outcome == "missed" else "score"
+    return f"{best} {trial.score:.3f} · {duration(trial.elapsed_s)}"
+
+
+def lesson(trials: tuple[Trial, ...], degradation: Degradation, min_score: float) -> str:
+    """Return a sentence or two on why the methods succeeded or failed."""
+    of = {trial.method: trial for trial in trials}
+    fft, sampled = of["fft"], of["sampled"]
+    warped = degradation.turn != 0 or degradation.resize != 1
+    if fft.outcome == "refused":
+        return fft.refusal
+    if fft.outcome == "right" and sampled.outcome == "right":
+        if degradation == Degradation():
+            return "Nothing is damaged yet. Move a slider until a method loses it."
+        return "Enough pixels are exactly as they were: even Sampled finds it."
+    if fft.outcome == "right" and sampled.outcome == "refused":
+        return "Enough of it is left to compare whole patterns."
+    if fft.outcome == "right":
+        return (
+            "Sampled looks for exact pixel values, and no rare one is left. FFT and OpenCV compare whole patterns: a "
+            "uniform change of contrast or brightness costs them nothing while no value is clipped; other damage "
+            "lowers the score."
+        )
+    said = (
+        "Another place fits better than the damaged one."
+        if fft.outcome == "elsewhere"
+        else f"The best score, {fft.score:.3f}, is below the minimum score of {min_score:.2f}."
+        if fft.row is not None
+        else "Nothing is left to correlate."
+    )
+    if warped:
+        said += " The template is compared as it is: a turned or resized copy no longer lines up with it."
+    return said
+
+
+def table(ours: TemplateSearch, theirs: OpenCVSearch, method: str, masked: bool) -> str:
+    """Return both results as a Markdown table."""
+    if ours.found:
+        best = ours.matches[0]
+        answer = f"row {best.row}, column {best.col} | {best.score:.4f}"
+    else:
+        answer = "not found | –"
+    other = f"row {theirs.row}, column {theirs.col} | {theirs.score:.4f}" if theirs.row >= 0 else "none | –"
+    name = "OpenCV `matchTemplate`" + (", masked" if masked else "")
+    return "\n".join(
+        (
+            "| | Best place | Score | Took |",
+            "|---|---|--:|--:|",
+            f"| {TEMPLATE_METHODS[method]} | {answer} | {duration(ours.elapsed_s)} |",
+            f"| {name} | {other} | {duration(theirs.elapsed_s)} |",
+        )
+    )
+
+
+def differences(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> list[str]:
+    """Return one sentence for each difference and its cause, or that the results agree."""
+    said = []
+    if theirs.undefined:
+        said.append(
+            f"In {theirs.undefined:,} places nothing varies under the template: 0/0. OpenCV’s score there is NaN or "
+            "infinite, and `cv2.minMaxLoc` then names no place at all; they are skipped here."
+        )
+    if theirs.row >= 0:
+        said.append(_about_places(ours, theirs, method))
+    return said
+
+
+def _about_places(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> str:
+    if not ours.found:
+        also = " Sampled looks for exact pixels; OpenCV compares patterns, as FFT does." if method == "sampled" else ""
+        return f"OpenCV always names a place; it does not say whether the template is there.{also}"
+    best = ours.matches[0]
+    apart = abs(best.score - theirs.score)
+    if (best.row, best.col) == (theirs.row, theirs.col):
+        if apart <= SAME_SCORE:
+            return f"The same place; the scores differ by less than {SAME_SCORE:.4f}."
+        return f"The same place; the scores differ by {apart:.2g}: OpenCV sums in single precision."
+    if ours.score_map is None:
+        if method == "sampled":
+            return "Sampled scores a few places only, and stops at the first that are good enough."
+        return "Ours looked for other sizes and angles too, which OpenCV does not try."
+    here = float(ours.score_map[theirs.row, theirs.col])
+    if np.isnan(here):
+        return (
+            f"At OpenCV’s place the image is flat: there is nothing to correlate, and its score of {theirs.score:.3f} "
+            "is a rounding error divided by another. Ours gives such places no score."
+        )
+    if abs(here - best.score) <= SAME_SCORE:
+        return "Both places score the same: there are several copies."
+    return f"Ours scores {here:.3f} at OpenCV’s place: OpenCV sums in single precision, too coarse for these values."
