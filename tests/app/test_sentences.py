@@ -43,7 +43,17 @@ from stereolag.templates.opencv import OpenCVSearch, opencv_search
 from stereolag.templates.trials import Trial, try_methods
 from stereolag.templates.verdict import Reason as SearchReason
 from stereolag.ui.depth import sentences
-from stereolag.ui.depth.sentences import finding_in_words, problems_in_words, remedy_in_words
+from stereolag.ui.depth.sentences import (
+    EXAMPLE_LABELS,
+    HIDDEN_FROM_RIGHT,
+    HOVER_WORDS,
+    NO_EXAMPLE,
+    finding_in_words,
+    match_in_words,
+    match_verdict,
+    problems_in_words,
+    remedy_in_words,
+)
 from stereolag.ui.lag.sentences import (
     curve_in_words,
     drift_in_words,
@@ -52,14 +62,6 @@ from stereolag.ui.lag.sentences import (
     verdict_explained,
     verdict_in_words,
     waveforms_in_words,
-)
-from stereolag.ui.match_sentences import (
-    EXAMPLE_LABELS,
-    HIDDEN_FROM_RIGHT,
-    HOVER_WORDS,
-    NO_EXAMPLE,
-    match_in_words,
-    verdict,
 )
 from stereolag.ui.search.sentences import (
     differences,
@@ -226,7 +228,7 @@ def match_of(kind: MatchKind) -> MatchExplanation:
 def said_of(kind: MatchKind, outcome: str, reason: Reason | None, visible: bool) -> str:
     seen = match_of(kind)
     kept = {Reason.MEASURED: seen.disparity, Reason.FILLED: 11.0}.get(reason or Reason.SPECKLE, math.nan)
-    return verdict(seen, TRUTHS[outcome], visible=visible, reason=reason, disparity=kept)
+    return match_verdict(seen, TRUTHS[outcome], visible=visible, reason=reason, disparity=kept)
 
 
 def test_matches(snapshot: Snapshot) -> None:
@@ -236,11 +238,11 @@ def test_matches(snapshot: Snapshot) -> None:
     said["in the map"] = [
         *(said_of(MatchKind.CLEAR, "right", reason, True) for reason in Reason),
         said_of(MatchKind.CLEAR, "wrong", Reason.SPECKLE, True),
-        verdict(clear, 6.0, reason=Reason.MEASURED, disparity=7.5),
+        match_verdict(clear, 6.0, reason=Reason.MEASURED, disparity=7.5),
     ]
     said["without a runner-up"] = [match_in_words(replace(clear, runner_up=None, runner_up_score=math.nan))]
     said["a deep valley and a shallow one"] = [match_in_words(replace(repeats, valley=one)) for one in (-0.3, 0.8)]
-    said["the truth elsewhere"] = [verdict(repeats, 20.3), verdict(match_of(MatchKind.AT_EDGE), 40.0)]
+    said["the truth elsewhere"] = [match_verdict(repeats, 20.3), match_verdict(match_of(MatchKind.AT_EDGE), 40.0)]
     snapshot(said)
 
 

@@ -43,11 +43,7 @@ from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui import prose
 from stereolag.ui.depth.maps import TRUTH, DepthView, settings_key
-from stereolag.ui.depth.sentences import all_blanks_in_words, blanks_in_words, fit_in_words, scores_in_words
-from stereolag.ui.elements import show_png, shown_progress
-from stereolag.ui.hovered_match import can_follow, hovered_match
-from stereolag.ui.linked_pictures import Mark, linked_pictures
-from stereolag.ui.match_sentences import (
+from stereolag.ui.depth.sentences import (
     BEFORE_OPTIMISATION,
     EXAMPLE_LABELS,
     NO_CORRELATION,
@@ -57,8 +53,15 @@ from stereolag.ui.match_sentences import (
     ROW_FIT,
     SQUARE_FIT,
     TOO_MUCH_TO_FOLLOW,
-    verdict,
+    all_blanks_in_words,
+    blanks_in_words,
+    fit_in_words,
+    match_verdict,
+    scores_in_words,
 )
+from stereolag.ui.elements import show_png, shown_progress
+from stereolag.ui.hovered_match import can_follow, hovered_match
+from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.navigation import fragment
 from stereolag.ui.packing import Picture, Reading
 from stereolag.ui.results import computed
@@ -226,7 +229,7 @@ def _show_verdict(view: DepthView, matcher: CorrelationMatcher, seen: MatchExpla
     visible = view.pair.visible is None or bool(view.pair.visible[pixel])
     own = next((result for result in view.results.values() if result.settings == matcher), None)
     fate = (Reason(own.reason[pixel]), float(own.disparity[pixel])) if own else (None, math.nan)
-    said = verdict(seen, truth, visible=visible, reason=fate[0], disparity=fate[1])
+    said = match_verdict(seen, truth, visible=visible, reason=fate[0], disparity=fate[1])
     wrong = abs(seen.disparity - truth) > RIGHT_PX
     (prose.success if seen.kind is MatchKind.CLEAR and not wrong else prose.warning)(said)
     if own is None:

@@ -17,8 +17,8 @@ from stereolag.figures.match import RUNNER_UP_COLOUR, SEARCH_COLOUR, TRUTH_COLOU
 from stereolag.figures.pictures import CORRELATION, VIRIDIS
 from stereolag.pair import Pair
 from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.ui.depth.sentences import HOVER_WORDS
 from stereolag.ui.linked_pictures import source
-from stereolag.ui.match_sentences import HOVER_WORDS
 from stereolag.ui.packing import packed_grey_pair
 
 HERE = Path(__file__).parent
