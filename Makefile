@@ -19,7 +19,7 @@ run: setup
 
 setup: $(VENV)/.run-ready $(VENV)/.loops-warm
 
-setup-dev: setup $(VENV)/.dev-ready
+setup-dev: setup $(VENV)/.dev-ready node_modules/.ready
 
 test: check
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
@@ -28,6 +28,8 @@ check: setup-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/node node_modules/typescript/bin/tsc
+	$(BIN)/node --test --test-reporter=dot tests/web/*.test.js
 
 bench: setup-dev
 	$(BIN)/python -m benchmarks
@@ -40,7 +42,7 @@ pictures: setup-dev
 	$(BIN)/python -m tools.screenshots
 
 clean:
-	rm -rf docs/_build docs/generated $(VENV) .pytest_cache .mypy_cache .ruff_cache
+	rm -rf docs/_build docs/generated node_modules $(VENV) .pytest_cache .mypy_cache .ruff_cache
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and f"stereolag needs Python 3.11 or newer; {sys.executable} is {v.major}.{v.minor}. Name another: make PYTHON=python3.12")'
@@ -52,6 +54,11 @@ $(VENV)/.run-ready: requirements.txt | $(VENV)/bin/python
 
 $(VENV)/.dev-ready: requirements-dev.txt requirements.txt | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-dev.txt
+	@touch $@
+
+# Node comes with requirements-dev.txt; npm installs TypeScript alone, which checks the scripts of the pages.
+node_modules/.ready: package.json package-lock.json $(VENV)/.dev-ready
+	$(BIN)/npm ci --silent
 	@touch $@
 
 # Compiling once here spares the app's first visitor the wait: the machine code is kept on disk.

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import http.client
+import json
 import time
 import uuid
 from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from types import TracebackType
+from typing import Any
 from urllib.parse import parse_qsl
 
 from streamlit.proto.BackMsg_pb2 import BackMsg
@@ -29,8 +31,8 @@ HOST = "localhost"
 XSRF_COOKIE = "_streamlit_xsrf"
 TIMEOUT_S = 240
 LARGEST_MESSAGE = 256 * 2**20
-PICTURE = "stereolag.picture"
-"""The component that carries a picture; its first instance is the first map."""
+DELIVERY = "stereolag.delivery"
+"""The component that carries an item to others; the first picture is the first map."""
 
 WIDGETS = ("slider", "button_group", "checkbox", "number_input", "file_uploader", "button", "selectbox", "text_input")
 
@@ -455,9 +457,17 @@ def _key_of(identity: str) -> str:
 
 def _is_picture(element: Element) -> bool:
     """Return whether an element carries a picture, of a map or an image."""
-    return element.WhichOneof("type") == "bidi_component" and element.bidi_component.component_name == PICTURE
+    delivery = element.WhichOneof("type") == "bidi_component" and element.bidi_component.component_name == DELIVERY
+    return delivery and _header(element)["kind"] == "pictures"
 
 
-def _source(element: Element) -> bytes:
-    """Return the digest that identifies a picture, from the first bytes of its data."""
-    return bytes(element.bidi_component.bytes[:64])
+def _source(element: Element) -> str:
+    """Return the digest that identifies a picture."""
+    return str(_header(element)["digest"])
+
+
+def _header(element: Element) -> dict[str, Any]:
+    """Return the header of a delivered item."""
+    data = element.bidi_component.bytes
+    header: dict[str, Any] = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
+    return header

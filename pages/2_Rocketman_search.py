@@ -11,9 +11,8 @@ from stereolag.ui.elements import show_png
 from stereolag.ui.navigation import fragment, page
 from stereolag.ui.pictures import PictureAndTemplate, choose_pictures
 from stereolag.ui.results import computed_or_refused
-from stereolag.ui.search.by_hand import search_by_hand
 from stereolag.ui.search.comparison import damage_it, show_opencv_beside
-from stereolag.ui.search.funnel import show_funnel
+from stereolag.ui.search.panels import search_by_hand, show_funnel
 from stereolag.ui.search.result import show_answer, show_match_files, show_scores
 from stereolag.ui.search_addresses import TEMPLATE_ADDRESS
 from stereolag.ui.searches import TEMPLATE_METHODS, TEMPLATE_METHODS_EXPLAINED

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import streamlit as st
-
 from stereolag.core.typography import typeset
+from stereolag.ui.components import component
 
 KEY = "announced"
 
-_region = st.components.v2.component(
-    "stereolag.announcement", js=Path(__file__).with_suffix(".js").read_text(encoding="utf-8")
-)
+_region = component("announcement")
 
 
 def announce(headline: str) -> None:

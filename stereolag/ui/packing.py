@@ -39,38 +39,30 @@ TRUTH_ZERO = 512
 """Offset added to the ground truth, px, to make it positive; values that do not fit count as unknown."""
 
 
-class _Body:
-    """Concatenated byte strings, each located by its start and length."""
+class Packed(NamedTuple):
+    """An item for the browser, and the digest that identifies its content."""
 
-    def __init__(self) -> None:
-        self.bytes = bytearray()
+    data: bytes
+    digest: str
 
-    def add(self, data: bytes) -> tuple[int, int]:
-        start = len(self.bytes)
-        self.bytes += data
-        return start, len(data)
 
-    def after(self, header: Mapping[str, Any]) -> bytes:
-        """Return the length of the header as JSON, in four bytes, little-endian, the header, and the strings."""
-        text = json.dumps(header).encode()
-        return len(text).to_bytes(4, "little") + text + bytes(self.bytes)
+def packed_item(header: Mapping[str, Any], parts: Sequence[bytes] = ()) -> Packed:
+    """Return an item as bytes: the length of its JSON header in four bytes (little-endian), the header, and the parts.
+
+    Added to the header are `parts`, start and length of each part after the header, and `digest` of the content, unless
+    the header names another that identifies it.
+    """
+    ends = np.cumsum([len(part) for part in parts], dtype=int).tolist()
+    places = [(end - len(part), len(part)) for end, part in zip(ends, parts, strict=True)]
+    digest = header.get("digest") or hashlib.sha256(json.dumps(header).encode() + b"".join(parts)).hexdigest()
+    text = json.dumps({**header, "digest": digest, "parts": places}).encode()
+    return Packed(len(text).to_bytes(4, "little") + text + b"".join(parts), digest)
 
 
 def packed_pictures(header: Mapping[str, Any], pictures: Sequence[Rgb | bytes]) -> bytes:
-    """Return pictures as bytes: the length of a JSON header, the header, and a PNG for each.
-
-    Parameters
-    ----------
-    header
-        Further data for the browser. Added are `digest`, which identifies the content, `steps` (:data:`SCORE_STEPS`),
-        and `parts`: start and length of each PNG after the header.
-    pictures
-        (rows, cols, 3) uint8 RGB arrays, or PNGs.
-    """
-    body = _Body()
-    places = [body.add(picture if isinstance(picture, bytes) else png(picture)) for picture in pictures]
-    digest = hashlib.sha256(json.dumps(header).encode() + body.bytes).hexdigest()
-    return body.after({**header, "digest": digest, "steps": SCORE_STEPS, "parts": places})
+    """Return an item with a PNG for each picture, (rows, cols, 3) uint8 RGB or a PNG, and `steps`, those of a score."""
+    parts = [picture if isinstance(picture, bytes) else png(picture) for picture in pictures]
+    return packed_item({**header, "steps": SCORE_STEPS}, parts).data
 
 
 def scores_as_colours(scores: npt.NDArray[np.floating[Any]]) -> Rgb:
@@ -130,7 +122,7 @@ def packed_score_map(png: bytes, score_map: ScoreMap, *, name: str, words: Mappi
 
 
 def packed_grey_pair(left: Image, right: Image, truth: FloatMap | None, *, name: str, digest: str) -> bytes:
-    """Return a pair as bytes: the length of a JSON header, the header, and the PNGs it points to.
+    """Return a pair as an item: PNGs of both images, and of the ground truth.
 
     Parameters
     ----------
@@ -142,15 +134,12 @@ def packed_grey_pair(left: Image, right: Image, truth: FloatMap | None, *, name:
     name, digest
         Name of the place, and digest of the pair, in the browser.
     """
-    grey = as_eight_bit(as_grey(left), as_grey(right))
-    body = _Body()
-    header: dict[str, Any] = {"name": name, "digest": digest, "rows": left.shape[0], "cols": left.shape[1]}
-    header |= {side: body.add(png(image)) for side, image in zip(("left", "right"), grey, strict=True)}
-    header["truth"] = None
+    parts = [png(image) for image in as_eight_bit(as_grey(left), as_grey(right))]
     if truth is not None:
         codes = np.rint((truth.astype(np.float64) + TRUTH_ZERO) * TRUTH_SCALE)
-        header["truth"] = body.add(png(_in_two_bytes(np.where((codes > 0) & (codes < 2**16), codes, 0))))
-    return body.after(header)
+        parts.append(png(_in_two_bytes(np.where((codes > 0) & (codes < 2**16), codes, 0))))
+    header = {"kind": "pair", "name": name, "digest": digest, "rows": left.shape[0], "cols": left.shape[1]}
+    return packed_item(header, parts).data
 
 
 @dataclass(frozen=True)
@@ -243,8 +232,7 @@ class PackedPicture:
     Attributes
     ----------
     data
-        The 64 characters of the digest, the length of a JSON header in four bytes (little-endian), the header, then
-        the image and the compressed readings, at offsets given in the header.
+        An item with the image and the compressed readings as its parts.
     digest
         Identifies the content.
     shape
@@ -260,7 +248,7 @@ class PackedPicture:
 
 
 def packed(picture: Picture) -> PackedPicture:
-    """Return the pixels and the readings of a picture as bytes.
+    """Return the pixels and the readings of a picture as an item.
 
     Readings are int16 in units of a power of two below their last decimal (or larger if the range requires it), each
     stored as the step from its left neighbour: in smooth maps most steps fit into a byte; long ones follow separately.
@@ -276,15 +264,14 @@ def packed(picture: Picture) -> PackedPicture:
         raise ValueError(f"pixels and readings have the shapes {sorted(shapes)}; they must all have one.")
     shape = shapes.pop()
     step = -(-shape[1] // WIDEST)
-    body = _Body()
-    header: dict[str, Any] = {"image": None, "readings": [_reading(one, step, body) for one in picture.readings]}
+    parts: list[bytes] = []
+    header: dict[str, Any] = {"kind": "pictures", "image": None}
+    header["readings"] = [_reading(one, step, parts) for one in picture.readings]
     if picture.pixels is not None:
         pixels = picture.pixels[::step, ::step]
-        header["image"] = body.add(jpeg(pixels) if picture.photograph else png(pixels))
-        header["type"] = "image/jpeg" if picture.photograph else "image/png"
-    content = body.after(header)
-    digest = hashlib.sha256(content).hexdigest()
-    return PackedPicture(digest.encode() + content, digest, shape, step)
+        header |= {"image": len(parts), "type": "image/jpeg" if picture.photograph else "image/png"}
+        parts.append(jpeg(pixels) if picture.photograph else png(pixels))
+    return PackedPicture(*packed_item(header, parts), shape, step)
 
 
 def described(
@@ -341,7 +328,8 @@ def described(
     }
 
 
-def _reading(reading: Reading, step: int, body: _Body) -> dict[str, Any]:
+def _reading(reading: Reading, step: int, parts: list[bytes]) -> dict[str, Any]:
+    """Add the values of a reading to the parts, and return its description."""
     values = reading.values[::step, ::step]
     quantum = 1.0
     if not reading.words:
@@ -358,9 +346,10 @@ def _reading(reading: Reading, step: int, body: _Body) -> dict[str, Any]:
     steps = np.diff(values, axis=1, prepend=np.int16(0))  # int16 overflow cancels when the steps are summed
     long = (steps > 127) | (steps < -127)
     short = np.where(long, np.int16(LONG), steps).astype(np.int8)
+    parts += [zlib.compress(one.data, zlib.Z_BEST_SPEED) for one in (short, steps[long])]
     return {
-        "steps": body.add(zlib.compress(short.data, zlib.Z_BEST_SPEED)),
-        "long_steps": body.add(zlib.compress(steps[long].data, zlib.Z_BEST_SPEED)),
+        "steps": len(parts) - 2,
+        "long_steps": len(parts) - 1,
         "rows": values.shape[0],
         "cols": values.shape[1],
         "quantum": quantum,

@@ -12,8 +12,7 @@ from stereolag.io.guard import guarded
 from stereolag.io.images import read_image
 from stereolag.ui.choices import OWN, choose, image_limits, own_or_example, show_limits
 from stereolag.ui.persistence import persistent
-from stereolag.ui.search.cutting import box_in
-from stereolag.ui.search.painting import painted_mask
+from stereolag.ui.search.hand_marks import box_in, painted_mask
 from stereolag.ui.uploads import PICTURE_TYPES, Upload, forget_together, put_together, upload
 
 KEY = "pictures"

@@ -30,6 +30,7 @@ from stereolag.ui.depth import maps
 from stereolag.ui.driving import frames
 from tests.app import keys
 from tests.app import uploads as uploaded
+from tests.packed import delivered, told
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -226,15 +227,12 @@ def small_mazes(parts_of_mazes: dict[str, samples.MazeExample]) -> Iterator[None
 
 def viewers(app: AppTest) -> list[dict[str, Any]]:
     """Return the data that the page sends to its sets of linked pictures."""
-    all_of_them = [element.proto for element in app.get("bidi_component")]
-    return [json.loads(one.json) for one in all_of_them if one.component_name == "stereolag.linked_pictures"]
+    return told(app, "linked_pictures")
 
 
 def outlines(app: AppTest) -> dict[str, str]:
     """Return the outline paths drawn over the maps, by the name of the set of linked pictures."""
-    all_of_them = [element.proto for element in app.get("bidi_component")]
-    drawn = [json.loads(one.json) for one in all_of_them if one.component_name == "stereolag.outlines"]
-    return {one["name"]: one["path"] for one in drawn}
+    return {one["name"]: one["path"] for one in delivered(app, "outlines")}
 
 
 def figures(app: AppTest) -> dict[str, dict[str, str]]:

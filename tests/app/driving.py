@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import time
 import zipfile
 from pathlib import Path
@@ -15,6 +14,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.ui.driving.frames import ONE
 from stereolag.ui.driving.work import WORK, DriveWork
 from tests.app import uploads
+from tests.packed import told
 
 PATH = "pages/5_Driving.py"
 
@@ -57,9 +57,7 @@ def finished(app: AppTest) -> AppTest:
 
 def player(app: AppTest) -> dict[str, Any]:
     """Return the data that the page sends to the player."""
-    told = [one.proto for one in app.get("bidi_component") if one.proto.component_name == "stereolag.player"]
-    assert len(told) == 1
-    shown: dict[str, Any] = json.loads(told[0].json)
+    (shown,) = told(app, "player")
     return shown
 
 

@@ -1,12 +1,12 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import pytest
 from streamlit.testing.v1 import AppTest
 
 from tests.app.depth_view import small_view
+from tests.packed import delivered, told
 
 
 def inspection() -> None:
@@ -31,13 +31,8 @@ def verdict(app: AppTest) -> str:
 
 
 def marks(app: AppTest) -> list[dict[str, int]]:
-    return next(list(data["marks"]) for data in messages(app) if "marks" in data)
-
-
-def messages(app: AppTest) -> list[dict[str, Any]]:
-    """Return the data that the page sends to its components, except those that get bytes."""
-    texts = [component.proto.json for component in app.get("bidi_component")]
-    return [json.loads(text) for text in texts if text]
+    found: list[dict[str, int]] = next(item["marks"] for item in delivered(app, "marks") if item["marks"])
+    return found
 
 
 def test_a_pixel_has_its_window_its_scores_its_row_and_the_disparity_by_each_method() -> None:
@@ -95,7 +90,8 @@ def by_phase() -> None:
 
 
 def test_the_browser_follows_the_pointer_where_it_can() -> None:
-    assert any(data.get("pictures") == "depth.inspection" for data in messages(opened()))
+    (followed,) = told(opened(), "hovered_match")
+    assert followed["pictures"] == "depth.inspection"
     app = AppTest.from_function(by_phase, default_timeout=60).run()
     assert not app.exception
     assert any("Click a pixel instead" in caption.value for caption in app.caption)

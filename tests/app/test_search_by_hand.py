@@ -1,32 +1,19 @@
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from streamlit.testing.v1 import AppTest
 
 from tests.app.uploads import png, texture
+from tests.packed import told
 
 PAGE = "pages/2_Rocketman_search.py"
 
 
-def told(app: AppTest, name: str) -> Any:
-    """Return the data sent to a component: its JSON, or the header of its bytes; None if the page lacks it."""
-    parts = [one.proto for one in app.get("bidi_component") if one.proto.component_name == f"stereolag.{name}"]
-    if not parts:
-        return None
-    (part,) = parts
-    if part.json:
-        return json.loads(part.json)
-    length = int.from_bytes(part.bytes[:4], "little")
-    return json.loads(part.bytes[4 : 4 + length])
-
-
 def test_the_search_page_lets_him_be_searched_by_hand(open_page: Callable[..., AppTest]) -> None:
     app = open_page(PAGE, {"template.see_why": "Step by step"})
-    search, score_map, funnel = (told(app, name) for name in ("template_by_hand", "score_map", "funnel"))
+    (search,), (score_map,), (funnel,) = (told(app, name) for name in ("template_by_hand", "score_map", "funnel"))
     best = search["leaders"][0]
     assert search["row"] + search["factor"] * best["row"] == 528
     assert search["col"] + search["factor"] * best["col"] == 982
@@ -35,10 +22,10 @@ def test_the_search_page_lets_him_be_searched_by_hand(open_page: Callable[..., A
     assert funnel["anchors"][0]["counts"][0] == 3_732_596
     assert funnel["anchors"][0]["best"][:2] == [528, 982]
     app.slider(key="template.min_score").set_value(0.8).run()
-    assert told(app, "template_by_hand") == search  # painted values stay in the browser
+    assert told(app, "template_by_hand") == [search]  # painted values stay in the browser
     app.button_group(key="template.method").set_value("sampled").run()
-    assert told(app, "score_map") is None
-    assert told(app, "template_by_hand") == search and told(app, "funnel") == funnel
+    assert told(app, "score_map") == []
+    assert told(app, "template_by_hand") == [search] and told(app, "funnel") == [funnel]
 
 
 def test_pictures_of_ones_own_can_be_searched_by_hand_too(open_page: Callable[..., AppTest]) -> None:
@@ -49,9 +36,9 @@ def test_pictures_of_ones_own_can_be_searched_by_hand_too(open_page: Callable[..
         app.file_uploader(key=key).upload(f"{key}.png", png(picture), "image/png")
     app.run()
     assert not app.exception
-    search = told(app, "template_by_hand")
+    (search,) = told(app, "template_by_hand")
     assert (search["factor"], search["leaders"][0]["row"], search["leaders"][0]["col"]) == (1, 30, 70)
-    assert told(app, "funnel")["rows"] == 120
+    assert told(app, "funnel")[0]["rows"] == 120
 
 
 def test_types_that_cannot_be_compared_exactly_have_no_funnel(open_page: Callable[..., AppTest]) -> None:
@@ -61,6 +48,6 @@ def test_types_that_cannot_be_compared_exactly_have_no_funnel(open_page: Callabl
     app.file_uploader(key="pictures.template").upload("b.png", png(scene[30:60, 70:110]), "image/png")
     app.run()
     assert not app.exception
-    assert told(app, "funnel") is None
+    assert told(app, "funnel") == []
     assert any("cannot search here" in caption.value for caption in app.caption)
-    assert told(app, "template_by_hand") is not None
+    assert told(app, "template_by_hand")

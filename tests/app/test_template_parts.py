@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +12,10 @@ from stereolag import samples
 from stereolag.io.images import read_image
 from stereolag.templates import match_template
 from stereolag.templates.opencv import opencv_search
-from stereolag.ui.search.painting import PaintedMask
+from stereolag.ui.search.hand_marks import PaintedMask
 from stereolag.ui.search.sentences import differences
 from tests.app import uploads
+from tests.packed import told
 
 pytestmark = pytest.mark.usefixtures("small_mazes")
 
@@ -26,17 +25,10 @@ SEARCH = "pages/2_Rocketman_search.py"
 SCENE = np.random.default_rng(5).integers(0, 256, (90, 120, 3), dtype=np.uint8)
 
 
-def told(app: AppTest, component: str) -> dict[str, Any]:
-    parts = [element.proto for element in app.get("bidi_component")]
-    (one,) = [json.loads(part.json) for part in parts if part.component_name == component]
-    assert isinstance(one, dict)
-    return one
-
-
 def test_a_template_can_be_cut_from_the_example(open_page: OpenPage) -> None:
     app = open_page(SEARCH)
     app.button_group(key="pictures.from").set_value("cut").run()
-    box = told(app, "stereolag.box")
+    (box,) = told(app, "box")
     assert (box["rows"], box["cols"]) == (400, 600)
     assert box["box"] == {"row": 167, "col": 262, "height": 66, "width": 75}
     assert app.header[0].value == "Found at row 167, column 262"
@@ -82,7 +74,7 @@ def test_to_cut_from_an_image_of_ones_own_no_template_is_needed(open_page: OpenP
     assert len(app.info) == 1
     app.file_uploader(key="pictures.picture").upload("scene.png", uploads.png(SCENE), "image/png").run()
     assert not app.info
-    assert told(app, "stereolag.box")["box"] == {"row": 37, "col": 52, "height": 15, "width": 15}
+    assert told(app, "box")[0]["box"] == {"row": 37, "col": 52, "height": 15, "width": 15}
     assert app.header[0].value == "Found at row 37, column 52"
 
 

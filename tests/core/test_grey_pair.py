@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import cv2
@@ -11,45 +10,37 @@ import pytest
 
 from stereolag.core.inputs import as_grey
 from stereolag.ui.packing import TRUTH_SCALE, TRUTH_ZERO, packed_grey_pair
+from tests.packed import unpacked
 
-Unpacked = tuple[dict[str, Any], dict[str, np.ndarray]]
 
-
-def unpacked(data: bytes) -> Unpacked:
-    length = int.from_bytes(data[:4], "little")
-    header, body = json.loads(data[4 : 4 + length]), data[4 + length :]
-    parts = {}
-    for name in ("left", "right", "truth"):
-        if header[name]:
-            start, size = header[name]
-            part = np.frombuffer(body[start : start + size], np.uint8)
-            parts[name] = cv2.imdecode(part, cv2.IMREAD_UNCHANGED)
-    return header, parts
+def images_of(item: bytes) -> tuple[dict[str, Any], list[np.ndarray]]:
+    header, parts = unpacked(item)
+    return header, [cv2.imdecode(np.frombuffer(part, np.uint8), cv2.IMREAD_UNCHANGED) for part in parts]
 
 
 def test_eight_bit_images_arrive_as_the_grey_that_is_matched() -> None:
     left, right = np.random.default_rng(1).integers(0, 256, (2, 30, 40, 3), dtype=np.uint8)
-    header, parts = unpacked(packed_grey_pair(left, right, None, name="here", digest="this pair"))
+    header, images = images_of(packed_grey_pair(left, right, None, name="here", digest="this pair"))
     assert (header["name"], header["digest"], header["rows"], header["cols"]) == ("here", "this pair", 30, 40)
-    assert header["truth"] is None
-    np.testing.assert_array_equal(parts["left"], as_grey(left))
-    np.testing.assert_array_equal(parts["right"], as_grey(right))
+    assert len(images) == 2
+    np.testing.assert_array_equal(images[0], as_grey(left))
+    np.testing.assert_array_equal(images[1], as_grey(right))
 
 
 @pytest.mark.parametrize("dtype", [np.uint16, np.float32])
 def test_other_images_are_spread_over_eight_bits_together(dtype: type) -> None:
     left = np.linspace(0, 1000, 1200).reshape(30, 40).astype(dtype)
-    _, parts = unpacked(packed_grey_pair(left, left // 2, None, name="", digest=""))
-    assert parts["left"].dtype == np.uint8
-    assert parts["left"].max() == 255
-    assert 120 < parts["right"].max() < 135
+    _, (eight_bit, right) = images_of(packed_grey_pair(left, left // 2, None, name="", digest=""))
+    assert eight_bit.dtype == np.uint8
+    assert eight_bit.max() == 255
+    assert 120 < right.max() < 135
 
 
 def test_the_ground_truth_arrives_to_a_sixty_fourth_of_a_pixel() -> None:
     image = np.zeros((2, 3), np.uint8)
     truth = np.array([[26.5, np.nan, 0.0], [-13.27, 300.1, 600.0]], np.float32)
-    _, parts = unpacked(packed_grey_pair(image, image, truth, name="", digest=""))
-    codes = parts["truth"][..., 2].astype(int) * 256 + parts["truth"][..., 1]
+    _, images = images_of(packed_grey_pair(image, image, truth, name="", digest=""))
+    codes = images[2][..., 2].astype(int) * 256 + images[2][..., 1]
     found = np.where(codes > 0, codes / TRUTH_SCALE - TRUTH_ZERO, np.nan)
     expected = np.where(truth < 512, truth, np.nan)
     np.testing.assert_allclose(found, expected, atol=0.5 / TRUTH_SCALE)

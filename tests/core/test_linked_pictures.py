@@ -15,26 +15,19 @@ from stereolag.figures.legends import Colours, strip_legend, word_legend
 from stereolag.ui.packing import (
     DepthScale,
     Figure,
-    PackedPicture,
     Picture,
     Reading,
     described,
     packed,
 )
+from tests.packed import unpacked
 
 GREY = np.full((6, 9, 3), 120, np.uint8)
 
 
-def unpacked(pack: PackedPicture) -> tuple[dict[str, Any], bytes]:
-    content = pack.data.removeprefix(pack.digest.encode())
-    length = int.from_bytes(content[:4], "little")
-    return json.loads(content[4 : 4 + length]), content[4 + length :]
-
-
-def values_of(reading: dict[str, Any], body: bytes) -> np.ndarray:
+def values_of(reading: dict[str, Any], parts: list[bytes]) -> np.ndarray:
     def part(name: str, kind: str) -> np.ndarray:
-        start, size = reading[name]
-        return np.frombuffer(zlib.decompress(body[start : start + size]), kind)
+        return np.frombuffer(zlib.decompress(parts[reading[name]]), kind)
 
     steps = part("steps", "i1").astype("<i2")
     steps[steps == -128] = part("long_steps", "<i2")
@@ -46,23 +39,21 @@ def values_of(reading: dict[str, Any], body: bytes) -> np.ndarray:
 def test_readings_arrive_to_their_last_decimal_or_as_fine_as_sixteen_bits_are(largest: float) -> None:
     values = np.linspace(-largest, largest, 54).reshape(6, 9).astype(np.float32)
     values[2, 3] = np.nan
-    header, body = unpacked(packed(Picture("map", None, (Reading(values, unit="px", digits=2),))))
+    header, parts = unpacked(packed(Picture("map", None, (Reading(values, unit="px", digits=2),))).data)
     reading = header["readings"][0]
     assert header["image"] is None
-    np.testing.assert_allclose(values_of(reading, body), values, atol=max(0.005, largest / 32767))
+    np.testing.assert_allclose(values_of(reading, parts), values, atol=max(0.005, largest / 32767))
     assert reading["unit"] == "px"
 
 
 def test_words_and_pictures_arrive_whole() -> None:
     pixels = np.arange(6 * 9 * 3, dtype=np.uint8).reshape(6, 9, 3)
     codes = np.arange(54, dtype=np.uint8).reshape(6, 9) % 3
-    header, body = unpacked(packed(Picture("map", pixels, (Reading(codes, words=("a", "b", "c")),))))
-    start, size = header["image"]
-    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(body[start : start + size]))), pixels)
-    np.testing.assert_array_equal(values_of(header["readings"][0], body), codes)
-    header, body = unpacked(packed(Picture("photograph", pixels, photograph=True)))
-    start, size = header["image"]
-    assert Image.open(io.BytesIO(body[start : start + size])).format == "JPEG"
+    header, parts = unpacked(packed(Picture("map", pixels, (Reading(codes, words=("a", "b", "c")),))).data)
+    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(parts[header["image"]]))), pixels)
+    np.testing.assert_array_equal(values_of(header["readings"][0], parts), codes)
+    header, parts = unpacked(packed(Picture("photograph", pixels, photograph=True)).data)
+    assert Image.open(io.BytesIO(parts[header["image"]])).format == "JPEG"
     assert header["type"] == "image/jpeg"
 
 
@@ -101,9 +92,9 @@ def test_a_set_is_described_with_its_colours_its_legends_and_its_figures() -> No
 def test_of_a_wide_picture_every_other_pixel_is_sent_and_rows_and_columns_stay_those_of_the_whole() -> None:
     values = np.arange(3 * 2001, dtype=np.float32).reshape(3, 2001)
     pack = packed(Picture("wide", np.zeros((3, 2001, 3), np.uint8), (Reading(values),)))
-    header, body = unpacked(pack)
+    header, parts = unpacked(pack.data)
     assert (pack.shape, pack.step) == ((3, 2001), 2)
-    np.testing.assert_array_equal(values_of(header["readings"][0], body), values[::2, ::2])
+    np.testing.assert_array_equal(values_of(header["readings"][0], parts), values[::2, ::2])
 
 
 def test_the_digest_changes_with_the_content_alone() -> None:

@@ -12,6 +12,7 @@ from stereolag import samples
 from stereolag.io.images import read_image
 from stereolag.templates.by_hand import PIXELS, ReducedSearch, best_of_blocks, reduced_search
 from stereolag.ui.packing import SCORE_STEPS, packed_score_map, packed_search
+from tests.packed import unpacked
 
 PLACE = (97, 290)
 
@@ -127,14 +128,8 @@ def test_the_browser_gets_the_pixels_and_scores_without_loss() -> None:
     picture, template = scene(200, 400)
     picture[:60, :90] = 77
     search = reduced_search(picture, template, None)
-    data = packed_search(search, name="here", words={"said": "so"})
-    length = int.from_bytes(data[:4], "little")
-    header = json.loads(data[4 : 4 + length])
-    body = data[4 + length :]
-    found = [
-        cv2.imdecode(np.frombuffer(body[start : start + size], np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1].astype(int)
-        for start, size in header["parts"]
-    ]
+    header, parts = unpacked(packed_search(search, name="here", words={"said": "so"}))
+    found = [cv2.imdecode(np.frombuffer(part, np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1].astype(int) for part in parts]
     np.testing.assert_array_equal(found[0], search.picture)
     np.testing.assert_array_equal(found[1], search.template)
     np.testing.assert_array_equal(found[2][..., 0] > 0, search.opaque)

@@ -7,10 +7,7 @@ import streamlit as st
 from stereolag.core.searches import LagSearch
 from stereolag.signals import SignalLag
 from stereolag.ui import prose
-from stereolag.ui.lag.disturbances import fool_it
-from stereolag.ui.lag.phasors import show_phasors
-from stereolag.ui.lag.plan import show_plan
-from stereolag.ui.lag.sliding import slide_it_yourself
+from stereolag.ui.lag.panels import fool_it, show_phasors, show_plan, slide_it_yourself
 from stereolag.ui.recordings import RecordingPair
 
 IN_A_SENTENCE = """

@@ -20,7 +20,7 @@ from stereolag.ui.downloads import File, archive, show_reproduction, show_taken
 from stereolag.ui.elements import Number, show_numbers, show_png
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.results import remembered
-from stereolag.ui.search.score_map import packed, show_score_map
+from stereolag.ui.search.panels import packed, show_score_map
 from stereolag.ui.search.sentences import doubtful, framed_in_words, headline, place, why_no_score_map, why_not_found
 from stereolag.ui.sentences import duration
 

@@ -1,0 +1,162 @@
+"""A template cut from an image and a mask painted on it in the browser, with a mouse, a finger or the keyboard.
+
+A box may also be typed as numbers.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict
+from typing import Final, NamedTuple
+
+import numpy as np
+import streamlit as st
+
+from stereolag.core.inputs import Image
+from stereolag.figures.pictures import as_rgb, fitted, jpeg, png
+from stereolag.io.hand_marks import LEAST_SIDE, Box, packed_mask, read_box, read_packed_mask
+from stereolag.templates.patterns import opaque_pixels
+from stereolag.ui import prose
+from stereolag.ui.components import component, deliver
+from stereolag.ui.packing import packed_item
+from stereolag.ui.results import remembered
+from stereolag.ui.states import show_refused
+
+SENT_WIDTH: Final = 1200
+"""Px; wider images are sent smaller, but the box stays in pixels of the full image."""
+
+LARGEST_PIXELS: Final = 1_000_000
+"""Largest template that can be painted on; a larger one needs a mask from a file."""
+
+_box, _brush = map(component, ("box", "brush"))
+
+
+def _send_picture(name: str, data: bytes, *, key: str) -> None:
+    """Send a PNG or JPEG as the background of the component given the same name."""
+    deliver(packed_item({"kind": "drawn-on", "name": name, "digest": name}, [data]).data, key=key)
+
+
+def box_in(image: Image, *, digest: str, shared: bool, key: str) -> Box:
+    """Show an image with a box to drag, and return the box.
+
+    Parameters
+    ----------
+    image
+        The image under the box.
+    digest
+        Digest of the image; a different image starts with a box in the middle.
+    shared
+        Whether every visitor may see the image.
+    key
+        Key of the component.
+    """
+    before, kept = st.session_state.get(f"{key}.box", ("", None))
+    box: Box = kept if before == digest else box_in_the_middle(image.shape)
+    if refusal := st.session_state.pop(f"{key}.refusal", None):
+        show_refused(refusal)
+
+    def moved() -> None:
+        value = st.session_state[key].box
+        if value is None:
+            return
+        try:
+            st.session_state[f"{key}.box"] = digest, read_box(value, image.shape)
+        except ValueError as error:
+            st.session_state[f"{key}.refusal"] = str(error)
+
+    data = remembered("hand picture", lambda: _shown(image), inputs=digest, settings="", shared=shared)
+    with st.container(gap=None):
+        _send_picture(digest, data, key=f"{key}.picture")
+        _box(
+            key=key,
+            data={
+                "name": digest,
+                "rows": image.shape[0],
+                "cols": image.shape[1],
+                "least": LEAST_SIDE,
+                "box": asdict(box),
+            },
+            on_box_change=moved,
+        )
+    return box
+
+
+def box_in_the_middle(shape: tuple[int, ...]) -> Box:
+    """Return a box in the middle of an image, an eighth as wide and a sixth as high, or the minimum size if larger."""
+    rows, cols = shape[:2]
+    height, width = max(min(LEAST_SIDE, rows), rows // 6), max(min(LEAST_SIDE, cols), cols // 8)
+    return Box((rows - height) // 2, (cols - width) // 2, height, width)
+
+
+def _shown(image: Image) -> bytes:
+    return jpeg(fitted(image, SENT_WIDTH))
+
+
+class PaintedMask(NamedTuple):
+    """A mask, above 0 where the template counts, and its digest."""
+
+    pixels: Image
+    digest: str
+
+
+def painted_mask(template: Image, mask: Image | None, *, digest: str, key: str) -> PaintedMask | None:
+    """Offer to paint a mask on a template, and return it; None while the template's own is used.
+
+    Parameters
+    ----------
+    template
+        The template to paint on.
+    mask
+        Its own mask; None to use its alpha channel.
+    digest
+        Digest of both; a mask painted on another template is discarded.
+    key
+        Key of the component.
+    """
+    shape = template.shape[0], template.shape[1]
+    before, kept = st.session_state.get(f"{key}.mask", ("", None))
+    painted: PaintedMask | None = kept if before == digest else None
+    with st.expander("Paint a mask"):
+        if shape[0] * shape[1] > LARGEST_PIXELS:
+            prose.caption("This template is too large to paint on. You can add a mask among your own files.")
+            return painted
+        if refusal := st.session_state.pop(f"{key}.refusal", None):
+            show_refused(refusal)
+        try:
+            own = opaque_pixels(template, mask)
+        except ValueError:  # the search reports the error
+            return painted
+        _show_brush(template, own, own if painted is None else painted.pixels, digest, key)
+    return painted
+
+
+def _show_brush(template: Image, own: Image, used: Image, digest: str, key: str) -> None:
+    def taken() -> None:
+        value = st.session_state[key].mask
+        if value is None:
+            return
+        try:
+            pixels = read_packed_mask(value, (own.shape[0], own.shape[1]))
+        except ValueError as error:
+            st.session_state[f"{key}.refusal"] = str(error)
+            return
+        if np.array_equal(pixels > 0, own):
+            st.session_state.pop(f"{key}.mask", None)
+        else:
+            painted = PaintedMask(pixels, hashlib.sha256(pixels.tobytes()).hexdigest())
+            st.session_state[f"{key}.mask"] = digest, painted
+
+    prose.caption("Paint over parts that should not count: background, shadow, anything that varies between places.")
+    with st.container(gap=None):
+        _send_picture(f"{digest} template", png(as_rgb(template)), key=f"{key}.picture")
+        _brush(
+            key=key,
+            data={
+                "name": f"{digest} template",
+                "rows": own.shape[0],
+                "cols": own.shape[1],
+                "own": packed_mask(own),
+                "used": packed_mask(used),
+            },
+            on_mask_change=taken,
+        )

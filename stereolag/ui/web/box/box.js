@@ -1,0 +1,136 @@
+// A box over a picture. It is sent on release, or once no key has been pressed for a moment.
+
+import { DrawingPanel } from "../shared/drawing.js";
+import { clamp } from "../shared/numbers.js";
+import { arrows, onDrag, onKey, show } from "../shared/panel.js";
+
+const REST_MS = 400;
+const HIGHEST = 0.7; // of the window's height
+
+export default (component) => show(BoxPanel, component);
+
+class BoxPanel extends DrawingPanel {
+  constructor(parent) {
+    super(parent, "cutting");
+    this.inputs = this.findAll("input");
+    onDrag(this.stage, (event) => this.grab(event));
+    onKey(this.stage, (event) => this.actions(event));
+    for (const input of this.inputs) input.addEventListener("change", () => this.take());
+  }
+
+  close() {
+    super.close();
+    clearTimeout(this.resting);
+  }
+
+  load(data) {
+    this.data = data;
+    this.showPicture(data.name);
+    const told = JSON.stringify([data.name, data.box]);
+    if (told === this.told) return; // the page ran again: a box being dragged stays
+    this.told = told;
+    this.box = { ...data.box };
+    this.sent = JSON.stringify(this.box);
+    this.draw();
+  }
+
+  // Moves or resizes the box, as far as the picture and the least side allow.
+  fit({ row, col, height, width }) {
+    const { rows, cols, least } = this.data;
+    this.box.height = clamp(Math.round(height), Math.min(least, rows), rows);
+    this.box.width = clamp(Math.round(width), Math.min(least, cols), cols);
+    this.box.row = clamp(Math.round(row), 0, rows - this.box.height);
+    this.box.col = clamp(Math.round(col), 0, cols - this.box.width);
+    this.draw();
+  }
+
+  /**
+   * Spans the box between two points, (row, col) each; the first stays fixed.
+   * @param {number[]} from
+   * @param {number[]} to
+   */
+  span([row, col], [toRow, toCol]) {
+    const { rows, cols, least } = this.data;
+    const side = (from, to, end) => {
+      const [low, high] = [clamp(Math.min(from, to), 0, end), clamp(Math.max(from, to), 0, end)];
+      if (high - low >= least) return [low, high - low];
+      const start = to < from ? from - least : from;
+      return [clamp(start, 0, Math.max(0, end - least)), least];
+    };
+    const [top, height] = side(Math.round(row), Math.round(toRow), rows);
+    const [left, width] = side(Math.round(col), Math.round(toCol), cols);
+    this.fit({ row: top, col: left, height, width });
+  }
+
+  grab(event) {
+    const corner = event.target.dataset.corner;
+    const inside = event.target === this.find(".box");
+    if (!this.scale || (event.pointerType === "touch" && !corner && !inside)) return null; // a finger scrolls the page there
+    const before = { ...this.box };
+    const move = inside ? this.moving(event) : this.spanning(event, corner);
+    const end = (released) => {
+      if (released) this.send();
+      else this.fit(before);
+    };
+    return { move, end };
+  }
+
+  moving(event) {
+    const { row, col } = this.box;
+    const [fromRow, fromCol] = this.placeOf(event);
+    return (moved) => {
+      const [toRow, toCol] = this.placeOf(moved);
+      this.fit({ ...this.box, row: row + toRow - fromRow, col: col + toCol - fromCol });
+    };
+  }
+
+  // Spans from the opposite corner, or without a corner from where the pointer went down.
+  spanning(event, corner) {
+    const { row, col, height, width } = this.box;
+    const from = this.placeOf(event);
+    const anchor = corner ? [corner[0] === "n" ? row + height : row, corner[1] === "w" ? col + width : col] : from;
+    // The pointer rarely grabs a corner at its exact point.
+    const [slipRow, slipCol] = corner ? [from[0] - (2 * row + height - anchor[0]), from[1] - (2 * col + width - anchor[1])] : [0, 0];
+    return (moved) => {
+      const [toRow, toCol] = this.placeOf(moved);
+      this.span(anchor, [toRow - slipRow, toCol - slipCol]);
+    };
+  }
+
+  actions(event) {
+    const { row, col, height, width } = this.box;
+    const change = (changed) => {
+      this.fit({ ...this.box, ...changed });
+      clearTimeout(this.resting);
+      this.resting = setTimeout(() => this.send(), REST_MS);
+    };
+    return {
+      ...arrows(event, (down, right) => change({ row: row + down, col: col + right })),
+      "+": () => change({ row: row - 1, col: col - 1, height: height + 2, width: width + 2 }),
+      "-": () => change({ row: row + 1, col: col + 1, height: height - 2, width: width - 2 }),
+    };
+  }
+
+  take() {
+    const typed = this.inputs.filter((input) => Number.isFinite(input.valueAsNumber));
+    this.fit({ ...this.box, ...Object.fromEntries(typed.map((input) => [input.name, input.valueAsNumber])) });
+    this.send();
+  }
+
+  send() {
+    clearTimeout(this.resting);
+    const box = JSON.stringify(this.box);
+    if (box === this.sent) return;
+    this.sent = box;
+    this.told = JSON.stringify([this.data.name, this.box]);
+    this.trigger("box", { ...this.box });
+  }
+
+  draw() {
+    if (!this.box || !this.fitStage(this.root.clientWidth, window.innerHeight * HIGHEST)) return;
+    const px = (value) => `${value * this.scale}px`;
+    const { row, col, height, width } = this.box;
+    Object.assign(this.find(".box").style, { left: px(col), top: px(row), width: px(width), height: px(height) });
+    for (const input of this.inputs) input.value = this.box[input.name];
+  }
+}

@@ -1,0 +1,289 @@
+"""The panels of the page Sensor lag alone, used with mouse and keyboard; what they compute is in ``tests/web``."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from stereolag import signal_lag
+from stereolag.ui.lag.panels import fool_it, show_phasors, show_plan, slide_it_yourself
+from stereolag.ui.recordings import example_recordings
+from tests.browser.parts import ShowParts, sent
+from tests.browser.visits import expect_fitting, screenshot, turned_dark
+
+
+def painted(panel: Locator) -> int:
+    """Return the number of lags at which the curve of a panel is drawn."""
+    return len(re.findall("[ML]", panel.locator(".curve").get_attribute("d") or ""))
+
+
+# A cut slid over a recording
+
+
+def slide_to(page: Page, sample: float, *, of: int, start: float) -> None:
+    """Drag the cut from one sample of recording 2 to another."""
+    box = page.locator(".sliding svg").bounding_box()
+    assert box is not None
+    pitch = (box["width"] - 64) / of
+    for way, place in (("down", start), ("up", sample)):
+        page.mouse.move(box["x"] + 6 + (place + 0.5) * pitch, box["y"] + 60, steps=4)
+        getattr(page.mouse, way)()
+
+
+@pytest.fixture(scope="module")
+def slides_page(show_parts: ShowParts) -> Page:
+    return show_parts(lambda: slide_it_yourself(key="lag.sliding"), moving=True).page
+
+
+def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(slides_page: Page) -> None:
+    page = slides_page
+    stage, where = page.locator(".sliding .stage"), page.locator(".sliding .where")
+    said = page.locator(".sliding .said")
+    expect(where).to_have_text("Lag 0 · sum 10")
+    stage.scroll_into_view_if_needed()
+    slide_to(page, 11, of=20, start=3)
+    expect(where).to_have_text("Lag 8 · sum 72")
+    assert painted(page.locator(".sliding")) == 9
+    assert page.locator(".sliding .peak").count() == 0
+    stage.press("ArrowRight")
+    expect(where).to_have_text("Lag 9 · sum −18")
+    stage.press("End")
+    expect(where).to_have_text("Lag 13 · sum 27")
+    assert painted(page.locator(".sliding")) == 11  # the jump skipped three
+    expect(said).to_have_text("")
+    stage.press(" ")
+    expect(where).to_have_text("Lag 8 · sum 72")
+    expect(said).to_contain_text("peak is at lag 8")
+    assert painted(page.locator(".sliding")) == 14
+    expect(page.locator(".sliding .peak")).to_have_count(1)
+    expect(stage).to_have_attribute("aria-valuenow", "8")
+
+    page.emulate_media(reduced_motion="reduce")  # playing it once is enough
+    page.get_by_role("button", name="Loud stretch").click()
+    expect(where).to_contain_text("Lag 0 ·")
+    assert painted(page.locator(".sliding")) == 1
+    page.locator(".sliding .play").click()
+    expect(said).to_contain_text("loud stretch wins")
+    page.locator(".sliding .normalise").check()
+    expect(said).to_contain_text("lag 90, reaches 1")
+    stage.press("Home")
+    stage.press("Shift+ArrowRight")
+    expect(where).to_contain_text(re.compile(r"^Lag 10 · correlation "))
+    page.locator(".sliding .clear").click()
+    expect(said).to_have_text("")
+    assert sent(page) == []
+
+
+def test_the_slide_reads_in_dark_and_on_a_phone(slides_page: Page) -> None:
+    page = slides_page
+    turned_dark(page, width=390)
+    page.get_by_role("button", name="Pure tone").click()
+    page.locator(".sliding .play").click()
+    expect(page.locator(".sliding .peak")).to_have_count(10)
+    expect_fitting(page, 390)
+    screenshot(page, "sensor-lag-sliding-phone")
+
+
+# Arrows turned back
+
+
+def drag(page: Page, drawing: str, *points: tuple[float, float]) -> None:
+    """Press at the first of these points, in fractions of the drawing's size, and release at the last."""
+    found = page.locator(f".phasors .{drawing}")
+    found.evaluate("drawing => drawing.scrollIntoView({ block: 'center' })")
+    box = found.bounding_box()
+    assert box is not None
+    for number, (x, y) in enumerate(points):
+        page.mouse.move(box["x"] + x * box["width"], box["y"] + y * box["height"], steps=4)
+        if not number:
+            page.mouse.down()
+    page.mouse.up()
+
+
+@pytest.fixture(scope="module")
+def arrows_page(show_parts: ShowParts) -> Page:
+    pair = example_recordings("coast")
+    return show_parts(lambda: show_phasors(pair, None, key="lag.phasors"), moving=True).page
+
+
+def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page: Page) -> None:
+    page = arrows_page
+    root = page.locator(".phasors")
+    slider, where, said = (root.locator(f".{name}") for name in ("lag", "where", "said"))
+    slider.scroll_into_view_if_needed()
+    expect(where).to_have_text(re.compile(r"^Lag 0 · correlation "))
+    assert painted(root) == 1
+    slider.focus()
+    for _ in range(16):
+        page.keyboard.press("ArrowRight")
+    expect(where).to_have_text("Lag 4 · correlation 1.00")
+    expect(slider).to_have_attribute("aria-valuetext", "Lag 4 · correlation 1.00")
+    assert painted(root) == 17
+    assert root.locator(".arrow").count() > 50  # of 62; the others are shorter than a pixel
+    edges = root.locator(".arrow").evaluate_all(
+        "all => all.map(one => one.getBoundingClientRect()).flatMap(({ top, bottom }) => [top, bottom])"
+    )
+    assert max(edges) - min(edges) < 8  # straight
+    page.keyboard.press("End")
+    expect(where).to_contain_text("Lag 12 ·")
+    assert painted(root) == 18  # the jump skipped the others
+    page.keyboard.press(" ")
+    expect(said).to_contain_text("the chain is straight")
+    expect(where).to_contain_text("Lag 4 ·")
+    assert painted(root) == 97
+    expect(root.locator(".peak")).to_have_count(1)
+
+    page.emulate_media(reduced_motion="reduce")  # playing it once is enough
+    root.get_by_role("button", name="Coast, up close").click()
+    expect(where).to_contain_text("Lag 0 (50,070 in the recordings)")
+    assert painted(root) == 1
+    drag(page, "lags", (0.01, 0.5), (0.99, 0.5))
+    expect(slider).to_have_value("12")
+    assert painted(root) == 97
+    drag(page, "phases", (0.4, 0.6), (0.5, 0.2), (0.97, 0.15))  # two turns at half a turn per sample
+    expect(slider).to_have_value(re.compile(r"3\.5|3\.75|4|4\.25|4\.5"))
+    root.locator(".play").click()
+    expect(where).to_have_text("Lag 4 (50,082 in the recordings) · correlation 0.99")
+    expect(said).to_contain_text("The peak is broad")
+    root.locator(".whiten").check()
+    expect(where).to_have_text("Lag 4 (50,082 in the recordings) · whitened correlation 0.88")
+    expect(said).to_contain_text("needle")
+    root.locator(".clear").click()
+    expect(said).to_have_text("")
+    assert sent(page) == []
+
+
+def test_the_arrows_read_in_dark_and_on_a_phone_without_motion(arrows_page: Page) -> None:
+    page = arrows_page
+    page.emulate_media(reduced_motion="reduce")
+    turned_dark(page, width=420)
+    root = page.locator(".phasors")
+    root.get_by_role("button", name="One tone").click()
+    root.locator(".play").click()
+    expect(root.locator(".where")).to_have_text("Lag −1 · correlation 1.00", timeout=2500)  # animated, it takes 3 s
+    expect(root.locator(".peak")).to_have_count(5)
+    expect_fitting(page, 420)
+    screenshot(page, "sensor-lag-phasors-phone")
+
+
+# Recordings disturbed
+
+
+@pytest.fixture(scope="module")
+def fooling_page(show_parts: ShowParts) -> Page:
+    return show_parts(lambda: fool_it(key="lag.fooling")).page
+
+
+def slider(page: Page, name: str) -> Locator:
+    return page.locator(f".disturbances input[name={name}]")
+
+
+def start(page: Page, name: str) -> None:
+    page.locator(".disturbances .examples").get_by_role("button", name=name, exact=True).click()
+
+
+def test_the_verdict_turns_under_the_mouse_and_the_keyboard(fooling_page: Page) -> None:
+    page = fooling_page
+    verdict, said = page.locator(".disturbances .verdict"), page.locator(".disturbances .said")
+    numbers = page.locator(".disturbances .numbers")
+    expect(verdict).to_have_text("Sure: recording 2 lags by 640 samples.")
+    expect(said).to_contain_text("The peak is at 640 because")
+    slider(page, "noise").scroll_into_view_if_needed()
+    box = slider(page, "noise").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 3, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.98 * box["width"], box["y"] + box["height"] / 2, steps=5)
+    page.mouse.up()
+    expect(verdict).to_have_text("Nothing in common found: the highest point is at chance level.")
+    expect(said).to_contain_text("Noise never lines up")
+    expect(page.locator(".disturbances svg .peak.doubtful")).to_have_count(2)
+    found = numbers.inner_text()
+    page.locator(".disturbances .other").press("Enter")
+    expect(numbers).not_to_have_text(found)
+    slider(page, "noise").press("Home")
+    expect(slider(page, "noise")).to_have_attribute("aria-valuetext", "−30\N{NO-BREAK SPACE}dB")
+    expect(verdict).to_have_text("Sure: recording 2 lags by 640 samples.")
+
+    expect(slider(page, "period")).to_be_disabled()
+    slider(page, "repetition").press("End")
+    expect(verdict).to_have_text("Cannot tell: it repeats every 400 samples.")
+    expect(slider(page, "period")).to_be_enabled()
+    expect(said).to_contain_text("A tone is nothing but repetition")
+    expect(page.locator(".disturbances svg .rival").nth(5)).to_be_attached()
+    slider(page, "period").press("Home")
+    expect(verdict).to_have_text("Cannot tell: it repeats every 20 samples.")
+    expect(said).to_contain_text("The grey band follows")
+
+    start(page, "Echo")
+    expect(said).to_contain_text("The smaller peak 300 samples later is the echo.")
+    slider(page, "echo").press("End")
+    expect(verdict).to_have_text("Fooled: sure of 940 samples, but the true lag is 640.")
+    slider(page, "echo").fill("105")
+    slider(page, "echo").press("ArrowLeft")
+    expect(slider(page, "echo")).to_have_attribute("aria-valuetext", "100\N{NO-BREAK SPACE}%")
+    expect(verdict).to_have_text("Cannot tell: 940 samples fits as well.")
+    start(page, "Drift")
+    expect(verdict).to_have_text(re.compile(r"^Sure, with drift: the lag goes from 63\d\.\d to 64\d\.\d samples\.$"))
+    assert sent(page) == []
+
+
+def test_the_verdict_reads_in_dark_and_on_a_phone(fooling_page: Page) -> None:
+    page = fooling_page
+    turned_dark(page, width=420)
+    start(page, "Repetition")
+    expect(page.locator(".disturbances .verdict")).to_have_text("Cannot tell: it repeats every 400 samples.")
+    expect_fitting(page, 420)
+    screenshot(page, "sensor-lag-disturbances-phone")
+
+
+# The plan of the sensors and the source
+
+
+@pytest.fixture(scope="module")
+def plan_page(show_parts: ShowParts) -> Page:
+    noise = np.random.default_rng(0).normal(size=3000)
+    result = signal_lag(noise[1000:], noise[:-1000], sampling_rate=1000)  # one second
+    return show_parts(lambda: show_plan(result, 300.0, key="lag.plan")).page
+
+
+def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(plan_page: Page) -> None:
+    page = plan_page
+    plan = page.locator(".plan")
+    said, stage = plan.locator(".said"), plan.locator(".stage")
+    expect(said).to_contain_text("sensor 2 is")
+    expect(said).to_contain_text("apart")
+    expect(plan.locator("output")).to_have_text("450 m")
+    plan.get_by_role("button", name="In line").click()
+    expect(said).to_contain_text("450 m longer")
+    expect(said).to_contain_text("the path difference is their distance")
+    plan.get_by_role("button", name="As far from both").click()
+    expect(said).to_contain_text("the lag is 0")
+    stage.press("Shift+ArrowRight")
+    expect(said).to_contain_text("The path to sensor 1 is")
+    box = stage.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 50)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] * 0.1, box["y"] + box["height"] / 2, steps=4)
+    page.mouse.up()
+    expect(said).to_contain_text("450")
+    plan.locator("input").focus()
+    page.keyboard.press("Home")
+    expect(plan.locator("output")).to_have_text("300 m")
+    plan.get_by_role("button", name="In line").click()
+    expect(said).to_contain_text(re.compile(r"300\sm longer.*This is your lag\."))
+    assert sent(page) == []
+
+
+def test_the_plan_fits_a_phone_in_the_dark(plan_page: Page) -> None:
+    page = plan_page
+    turned_dark(page, width=390)
+    page.locator(".plan .stage").scroll_into_view_if_needed()
+    page.locator(".plan").get_by_role("button", name="As far from both").click()
+    expect(page.locator(".plan .said")).to_contain_text("the lag is 0")
+    expect_fitting(page, 390)
+    screenshot(page, "sensor-lag-plan-phone")

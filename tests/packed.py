@@ -1,0 +1,30 @@
+"""Items for the browser, unpacked as its scripts do it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from streamlit.testing.v1 import AppTest
+
+
+def unpacked(item: bytes) -> tuple[dict[str, Any], list[bytes]]:
+    """Return the header of an item of :mod:`stereolag.ui.packing`, and its parts."""
+    length = int.from_bytes(item[:4], "little")
+    header, body = json.loads(item[4 : 4 + length]), item[4 + length :]
+    return header, [body[start : start + size] for start, size in header["parts"]]
+
+
+def told(app: AppTest, name: str) -> list[dict[str, Any]]:
+    """Return the data of all components of a name on a page, or the headers of their items."""
+    parts = [element.proto for element in app.get("bidi_component")]
+    return [
+        json.loads(one.json) if one.json else unpacked(one.bytes)[0]
+        for one in parts
+        if one.component_name == f"stereolag.{name}"
+    ]
+
+
+def delivered(app: AppTest, kind: str) -> list[dict[str, Any]]:
+    """Return the headers of the items of a kind that a page delivers to its components."""
+    return [header for header in told(app, "delivery") if header["kind"] == kind]

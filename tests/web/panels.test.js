@@ -1,0 +1,76 @@
+import assert from "node:assert/strict";
+import { beforeEach, test } from "node:test";
+
+import { branch } from "../../stereolag/ui/web/plan/geometry.js";
+import { highest, measured } from "../../stereolag/ui/web/sliding/products.js";
+import { eventOf, hold, received, release } from "../../stereolag/ui/web/shared/exchange.js";
+import { codesOf, scoresOf, unpacked } from "../../stereolag/ui/web/shared/packing.js";
+import { arrows } from "../../stereolag/ui/web/shared/panel.js";
+import { pathOf, runsOf } from "../../stereolag/ui/web/shared/visiting.js";
+
+beforeEach(() => {
+  /** @type {any} */ (globalThis).window = new EventTarget();
+});
+
+for (const difference of [-378, -40, 0, 120, 399]) {
+  test(`every place of the curve has the path difference ${difference}`, () => {
+    const places = branch(difference, 400, 800);
+    for (const [x, y] of places) {
+      assert.ok(Math.abs(Math.hypot(x - 200, y) - Math.hypot(x + 200, y) - difference) < 1e-6);
+    }
+    assert.ok(Math.max(...places.map(([x, y]) => Math.hypot(x, y))) > 800);
+  });
+}
+
+test("silence has no correlation, and the highest place is found", () => {
+  const all = measured({ cut: [1, -1], recording: [0.1, 0.1, 0.1, 2] }, true);
+  assert.deepEqual(all.sums.map(Math.round), [0, 0, -1]);
+  assert.deepEqual(highest(measured({ cut: [1, 2], recording: [1, 2, 1, 2] }, false)), [0, 2]);
+});
+
+test("the curve is drawn at the visited places alone", () => {
+  const runs = runsOf([true, true, false, true]);
+  assert.deepEqual(runs, [[0, 1], [3]]);
+  assert.equal(pathOf(runs, (at) => `${at} 0`), "M0 0L1 0M3 0h0");
+});
+
+test("an item stays as long as somebody holds it, and each change is told", () => {
+  const told = [];
+  window.addEventListener(eventOf("marks"), ({ detail }) => told.push([detail.name, detail.before, detail.item]));
+  const [first, second] = [{}, {}];
+  hold("marks", "map", "a", first);
+  hold("marks", "map", "a", second);
+  hold("marks", "other", "b", first); // holds it no longer
+  assert.equal(received("marks", "map"), "a");
+  hold("marks", "other", "c", first); // changed
+  release("marks", second);
+  release("marks", second);
+  assert.equal(received("marks", "map"), undefined);
+  assert.equal(received("marks", "other"), "c");
+  assert.deepEqual(told.slice(2), [["other", "map", "b"], ["other", "other", "c"], ["map", undefined, undefined]]);
+});
+
+test("an item is unpacked wherever its bytes lie", () => {
+  const header = new TextEncoder().encode(JSON.stringify({ kind: "pair", parts: [[0, 2], [2, 3]] }));
+  const data = new Uint8Array(5 + 4 + header.length + 5).subarray(5);
+  data[0] = header.length;
+  data.set(header, 4);
+  data.set([1, 2, 3, 4, 5], 4 + header.length);
+  const { kind, parts } = unpacked(data);
+  assert.equal(kind, "pair");
+  assert.deepEqual(parts.map((part) => [...part]), [[1, 2], [3, 4, 5]]);
+});
+
+test("codes of 16 bits are red and green, and a score without a code is none", () => {
+  const picture = { rows: 1, cols: 3, data: [0, 0, 0, 255, 0, 1, 0, 255, 117, 49, 0, 255] };
+  assert.deepEqual([...codesOf(picture)], [0, 1, 30001]);
+  assert.deepEqual([...scoresOf(picture, 30_000).scores], [NaN, -1, 0]);
+});
+
+test("arrow keys move by one, with Shift by ten", () => {
+  const moves = [];
+  const move = (down, right) => moves.push([down, right]);
+  arrows({ shiftKey: false }, move).ArrowUp();
+  arrows({ shiftKey: true }, move).ArrowRight();
+  assert.deepEqual(moves, [[-1, 0], [0, 10]]);
+});

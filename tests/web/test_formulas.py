@@ -1,0 +1,316 @@
+"""Formulas that the browser computes while something is moved by hand: they give what the library gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.lib.stride_tricks import sliding_window_view
+
+from stereolag import samples, signal_lag
+from stereolag.assess.explaining import explain_match
+from stereolag.core.inputs import as_grey
+from stereolag.core.typography import typeset
+from stereolag.io.hand_marks import packed_mask, read_packed_mask
+from stereolag.io.recordings import read_signal
+from stereolag.pair import example_pair
+from stereolag.signals import by_hand, phasors
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+from stereolag.templates.by_hand import ReducedSearch, reduced_search
+from stereolag.ui.hovered_match import browser_settings
+from stereolag.ui.lag.panels import START, described_parts, described_phasors
+from stereolag.ui.pictures import example_pictures
+from tests.web.node import Node
+
+Pair = tuple[np.ndarray, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def node() -> Iterator[Node]:
+    node = Node()
+    yield node
+    node.stop()
+
+
+# A recording slid over another
+
+
+SLIDES = {
+    "Seven numbers": by_hand.seven_numbers,
+    "Pure tone": by_hand.tone,
+    "Unrelated noise": by_hand.noise,
+    "Loud stretch": by_hand.loud_stretch,
+}
+
+
+@pytest.mark.parametrize("name", SLIDES)
+@pytest.mark.parametrize("normalise", [False, True])
+def test_products_are_those_of_numpy(node: Node, name: str, normalise: bool) -> None:
+    slide = SLIDES[name]()
+    example = {"cut": slide.cut.tolist(), "recording": slide.recording.tolist()}
+    found = node.call("sliding/products.js", "({ measured }, given) => measured(...given)", [example, normalise])
+    windows = sliding_window_view(slide.recording, slide.cut.size)
+    expected = [np.corrcoef(window, slide.cut)[0, 1] for window in windows] if normalise else windows @ slide.cut
+    np.testing.assert_allclose(found["sums"], expected, atol=1e-9)
+    np.testing.assert_allclose(np.sum(found["products"], axis=1), expected, atol=1e-9)
+
+
+# Arrows turned back
+
+
+def coast() -> phasors.Phasors:
+    example = samples.recordings()["coast"]
+    first, second = (read_signal(path).channels[0] for path in (example.signal_1, example.signal_2))
+    found = phasors.common_stretch("coast", first, second, example.lag)
+    assert found is not None
+    return found
+
+
+ARROWS: dict[str, Callable[[], phasors.Phasors]] = {
+    "knock": phasors.knock,
+    "coast": coast,
+    "tone": phasors.tone,
+    "noise": phasors.noise,
+}
+
+MEASURE_ARROWS = """({ measuredChains, highestReaches, lagAt }, [example, whiten]) => {
+  const all = measuredChains(example, whiten);
+  const [best] = highestReaches(all, example);
+  return { ...all, lags: all.chains.map((_, at) => lagAt(at, example)), best: lagAt(best, example) };
+}"""
+
+
+@pytest.mark.parametrize("name", ARROWS)
+@pytest.mark.parametrize("whiten", [False, True])
+def test_the_chain_of_arrows_ends_where_numpy_correlates(node: Node, name: str, whiten: bool) -> None:
+    example = ARROWS[name]()
+    told = node.call("phasors/chain.js", MEASURE_ARROWS, [described_phasors(example, **{"try": ""}), whiten])
+    lags, heights = phasors.correlation(example, whiten=whiten)
+    np.testing.assert_array_equal(told["lags"], lags)
+    np.testing.assert_allclose(told["reaches"], heights, atol=2e-5)
+    assert told["best"] == {"knock": 4, "coast": 4, "tone": -1}.get(name, lags[heights.argmax()])
+    arrows, lengths = np.diff(told["chains"], axis=1), np.array(told["lengths"])
+    np.testing.assert_allclose(np.hypot(*arrows.T), np.tile(lengths, (97, 1)).T, atol=1e-9)
+    if whiten:
+        np.testing.assert_allclose(lengths[lengths > 0], 1 / np.count_nonzero(lengths))
+
+
+# Recordings disturbed
+
+MIX = "({ mixed, withSamples }, [parts, settings]) => mixed(withSamples(parts), settings)"
+JUDGE = "({ judged }, [one, other, reach]) => judged(Float64Array.from(one), Float64Array.from(other), reach)"
+
+GRID = {
+    "clean": ({"noise": -30}, "clear"),
+    "as loud": ({"noise": 0}, "clear"),
+    "just": ({"noise": 10}, "clear"),
+    "sunk": ({"noise": 12}, "chance"),
+    "drowned": ({"noise": 30, "draw": 3}, "chance"),
+    "low teeth": ({"repetition": 50}, "clear"),
+    "high teeth": ({"repetition": 90}, "repeats"),
+    "noisy teeth": ({"repetition": 80, "noise": 8}, "repeats"),
+    "nothing but teeth": ({"repetition": 100, "noise": -30}, "repeats"),
+    "tone": ({"repetition": 100, "period": 20}, "repeats"),
+    "noisy tone": ({"repetition": 100, "period": 20, "noise": 8}, "rivals"),
+    "drowned tone": ({"repetition": 100, "period": 20, "noise": 20}, "chance"),
+    "not only a tone": ({"repetition": 90, "period": 20}, "clear"),
+    "echo": ({"echo": 60}, "clear"),
+    "as loud an echo": ({"echo": 100}, "rivals"),
+    "louder echo": ({"echo": 130, "noise": 6}, "clear"),
+    "little drift": ({"drift": 1}, "clear"),
+    "drift": ({"drift": 6}, "drift"),
+    "most drift": ({"drift": 20, "noise": 0}, "drift"),
+    "drift in noise": ({"drift": 12, "noise": 6}, "chance"),
+    "everything": ({"drift": 3, "noise": 0, "repetition": 90, "echo": 60}, "repeats"),
+}
+
+
+def mixed(node: Node, **changed: float) -> Pair:
+    settings = START | {"draw": 0} | changed
+    shares = {name: settings[name] / 100 for name in ("repetition", "echo")}
+    first, second = node.call("disturbances/mixing.js", MIX, [described_parts(), settings | shares])
+    return np.array(first), np.array(second)
+
+
+def check_verdict(node: Node, first: np.ndarray, second: np.ndarray, reach: int = by_hand.MAX_LAG) -> str:
+    """Compare the browser's verdict with the library's answer for the same arrays; return the reason."""
+    found = node.call("disturbances/verdict.js", JUDGE, [first.tolist(), second.tolist(), reach])
+    expected = signal_lag(first, second, max_lag=reach)
+    judgement = expected.judgement
+    assert judgement is not None
+    assert (found["verdict"], found["reason"]) == (expected.verdict, judgement.reason)
+    assert found["lag"] == expected.lag
+    assert tuple(found["rivals"]) == expected.rivals
+    assert found["spacing"] == (None if judgement.spacing is None else pytest.approx(judgement.spacing))
+    assert found["opposite"] == judgement.opposite_lag
+    np.testing.assert_allclose(found["curve"], expected.correlation, atol=1e-9)
+    for name in ("evidence", "needed", "chance", "height", "ribbon"):
+        assert found[name] == pytest.approx(getattr(judgement, name), rel=1e-6), name
+    drift = judgement.drift
+    assert (found["drift"] is None) == (drift is None)
+    for name in ("start", "ppm", "error_ppm", "span", "blocks") if drift else ():
+        assert found["drift"][name] == pytest.approx(getattr(drift, name), rel=1e-6), name
+    return judgement.reason
+
+
+@pytest.mark.parametrize("name", GRID)
+def test_the_browser_judges_what_it_mixes_as_the_library_does(node: Node, name: str) -> None:
+    settings, reason = GRID[name]
+    assert check_verdict(node, *mixed(node, **settings)) == reason
+
+
+def test_the_browser_judges_other_recordings_as_the_library_does(node: Node) -> None:
+    random = np.random.default_rng(0)
+    white = random.normal(size=3000)
+    clicks = np.zeros((2, 3000))
+    clicks[0, 700], clicks[1, 900] = 1.0, 1.0
+    hum = np.sin(2 * np.pi * np.arange(6000) / 37.3)
+    reasons = [
+        check_verdict(node, white[:2000], -white[300:2500], 1500),
+        check_verdict(node, *(clicks + 1e-3 * random.normal(size=clicks.shape)), reach=2999),
+        check_verdict(node, *random.normal(size=(2, 1500)).cumsum(axis=1), reach=1000),
+        check_verdict(node, *(hum + 2 * random.normal(size=(2, 6000))), reach=3000),
+    ]
+    assert reasons[:2] == ["opposite_sign", "too_little"]
+    assert reasons[3] == "repeats"
+
+
+def test_what_is_mixed_is_what_the_sliders_say(node: Node) -> None:
+    first, second = mixed(node, noise=-200)
+    lag = by_hand.LAG
+    np.testing.assert_allclose(second[lag:], first[:-lag], atol=1e-6)
+    assert first.std() == pytest.approx(1.0, abs=0.02)
+    noisy, _ = mixed(node, noise=6)
+    assert 20 * np.log10((noisy - first).std()) == pytest.approx(6.0, abs=0.2)
+    other, _ = mixed(node, noise=6, draw=1)
+    assert abs(np.corrcoef(noisy - first, other - first)[0, 1]) < 0.05
+    _, echoed = mixed(node, noise=-200, echo=50)
+    delay = by_hand.ECHO_DELAY
+    np.testing.assert_allclose(echoed[delay:], second[delay:] + 0.5 * second[:-delay], atol=1e-6)
+    repeated, _ = mixed(node, noise=-200, repetition=100, period=40)
+    np.testing.assert_allclose(repeated[40:], repeated[:-40], atol=1e-6)
+    half, _ = mixed(node, noise=-200, repetition=50)
+    assert np.corrcoef(half[400:], half[:-400])[0, 1] == pytest.approx(0.5, abs=0.07)
+    _, drifting = mixed(node, noise=-200, drift=10)
+    begin, end = slice(2192), slice(-2192, None)
+    lags = [signal_lag(first[part], drifting[part], max_lag=lag + 20).lag for part in (begin, end)]
+    assert lags[1] - lags[0] == pytest.approx(10 * 6000 / by_hand.SAMPLES, abs=1.1)
+
+
+# A template dragged over an image
+
+SCORE = """({ prepared, compared }, { picture, template, counts, places }) => {
+  const pixels = (one) => ({ ...one, data: Uint8ClampedArray.from(one.data) });
+  const sought = prepared(pixels(template), Uint8Array.from(counts));
+  return places.map(([row, col]) => compared(pixels(picture), sought, row, col));
+}"""
+
+
+def scored(node: Node, search: ReducedSearch, places: list[tuple[int, int]]) -> list[dict[str, Any]]:
+    def told(pixels: np.ndarray) -> dict[str, object]:
+        data = np.dstack([pixels, np.full(pixels.shape[:2], 255, dtype=np.uint8)])
+        return {"rows": pixels.shape[0], "cols": pixels.shape[1], "data": data.ravel().tolist()}
+
+    counts = search.opaque.ravel().astype(int).tolist()
+    given = {"picture": told(search.picture), "template": told(search.template), "counts": counts, "places": places}
+    found: list[dict[str, Any]] = node.call("template_by_hand/scoring.js", SCORE, given)
+    return found
+
+
+@pytest.mark.parametrize("name", ["maze", "maze_dulled"])
+def test_a_template_scores_as_in_the_library(node: Node, name: str) -> None:
+    inputs = example_pictures(name)
+    search = reduced_search(inputs.picture, inputs.template, inputs.mask, pixels=40_000)
+    rows, cols = search.score_map.shape
+    random = np.random.default_rng(0)
+    chosen = [(int(random.integers(rows)), int(random.integers(cols))) for _ in range(200)]
+    places = [(0, 0), (rows - 1, cols - 1), search.leaders()[0][:2], *chosen]
+    found = scored(node, search, places)
+    expected = [search.score_map[place] for place in places]
+    np.testing.assert_allclose([one["score"] for one in found], expected, atol=2e-6)
+    np.testing.assert_allclose([np.mean(one["products"]) for one in found], expected, atol=2e-6)
+    assert len(found[0]["products"]) == np.count_nonzero(search.opaque)
+
+
+def test_a_flat_window_has_no_score(node: Node) -> None:
+    picture = np.full((30, 40, 3), 77, dtype=np.uint8)
+    picture[10:, 20:] = np.random.default_rng(0).integers(0, 256, (20, 20, 3))
+    search = reduced_search(picture, picture[12:20, 22:32], None)
+    flat, found = scored(node, search, [(0, 0), (12, 22)])
+    assert np.isnan(search.score_map[0, 0]) and flat["score"] is None
+    assert found["score"] == pytest.approx(1)
+
+
+def test_masks_are_packed_alike(node: Node) -> None:
+    mask = np.random.default_rng(1).random((13, 7)) < 0.5
+    unpack = "({ packed, unpacked }, text) => [packed(unpacked(text, 91), 91), unpacked(text, 91)]"
+    found, painted = node.call("brush/mask.js", unpack, packed_mask(mask))
+    assert found == packed_mask(mask)
+    np.testing.assert_array_equal(np.reshape(painted, mask.shape), ~mask)
+    np.testing.assert_array_equal(read_packed_mask(found, mask.shape) > 0, mask)
+
+
+# The match under the pointer
+
+EXPLAIN = """({ explained }, { settings, rows, cols, left, right, deviation, pixels }) => {
+  const pair = { rows, cols, left: Uint8Array.from(left), right: Uint8Array.from(right), deviation };
+  return pixels.map(([row, col]) => explained(pair, settings, row, col));
+}"""
+
+ROWS, COLS = slice(240, 370), slice(180, 430)
+PIXELS = [[65, 120], [60, 200], [90, 150], [5, 3], [100, 230], [30, 100]]
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"window_size": 15, "search": SearchArea.rectified(64)},
+        {"window_size": 16, "overlap": 0.5, "search": SearchArea.rectified(48, 4, vertical=2)},
+        {"window_size": 15, "search": SearchArea.centred(61)},
+        {"window_size": 20, "search": SearchArea.centred(20)},
+        {"window_size": 11, "search": SearchArea.rectified(64), "score": "ncc"},
+        {"window_size": 11, "search": SearchArea.rectified(40), "score": "cross"},
+    ],
+    ids=str,
+)
+def test_a_match_is_explained_as_in_the_library(node: Node, settings: dict[str, Any]) -> None:
+    matcher, fence = CorrelationMatcher(**settings), example_pair(samples.stereo_pairs()["fence"])
+    left, right = (np.ascontiguousarray(as_grey(image)[ROWS, COLS]) for image in (fence.left, fence.right))
+    asked = {
+        "settings": browser_settings(matcher, left, right),
+        "rows": left.shape[0],
+        "cols": left.shape[1],
+        "left": left.ravel().tolist(),
+        "right": right.ravel().tolist(),
+        "deviation": float(left.std()),
+        "pixels": PIXELS,
+    }
+    found = node.call("hovered_match/scoring.js", EXPLAIN, asked)
+
+    def lag(place: dict[str, int] | None) -> tuple[int, int] | None:
+        return (place["dy"], place["dx"]) if place else None
+
+    for (row, col), seen in zip(PIXELS, found, strict=True):
+        expected = explain_match(matcher, left, right, row, col)
+        scale = max(1.0, abs(expected.peak_score))
+        scores = np.array(seen["scores"], dtype=float).reshape(expected.surface.shape)
+        np.testing.assert_allclose(scores / scale, expected.surface / scale, atol=1e-4)
+        assert seen["kind"] == expected.kind
+        assert lag(seen["peak"]) == expected.peak
+        assert lag(seen["runnerUp"]) == expected.runner_up
+        assert seen["contrast"] == pytest.approx(expected.contrast)
+
+
+# Numbers
+
+
+@pytest.mark.parametrize("number", [0.0, -0.0, -0.004, 0.25, -31_234.0, 1_234_567.891])
+@pytest.mark.parametrize("digits", [0, 2])
+def test_numbers_are_written_as_python_writes_them(node: Node, number: float, digits: int) -> None:
+    found = node.call(
+        "shared/numbers.js", "({ shortened }, [number, digits]) => shortened(number, digits, 'px')", [number, digits]
+    )
+    assert found == typeset(f"{number:z,.{digits}f} px")
