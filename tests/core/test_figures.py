@@ -1,0 +1,158 @@
+"""Charts: their lines, marks and grids stand where the results are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmarks.verdict import drifting, tones, unrelated
+from stereolag.assess.explaining import Box, window_start
+from stereolag.figures.match import CLOSEST, WindowGrid, overlap_figure, window_grid
+from stereolag.figures.recordings import (
+    CLOSE_UP_SAMPLES,
+    POINTS,
+    aligned,
+    close_up,
+    correlation_curve,
+    lag_over_time,
+    liveliest_start,
+    run_times,
+    waveforms,
+)
+from stereolag.signals import signal_lag
+from stereolag.signals.overlaps import overlap_slices
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from tests.app.uploads import noise
+
+
+@pytest.mark.parametrize("count", [10, POINTS, 50_000])
+def test_a_line_holds_as_many_points_as_are_seen(count: int) -> None:
+    figure = waveforms(noise(count), noise(count, 1), 8_000)
+    assert [len(trace.x) for trace in figure.data] == 2 * [min(count, POINTS)]
+    assert all(trace.y.dtype == np.float32 for trace in figure.data)
+
+
+@pytest.mark.parametrize("lag", [-300, 0, 300])
+def test_the_lag_is_undone(lag: int) -> None:
+    sound = noise(2_000)
+    first, second = sound[max(0, lag) :][:1_500], sound[max(0, -lag) :][:1_500]
+    over = aligned(first, second, lag, 1.0)
+    assert over.data[1].x[0] - over.data[0].x[0] == -lag
+    shared, _ = overlap_slices(first.size, second.size, lag)
+    for position in (shared.start, liveliest_start(first, shared), shared.stop - 1):
+        near = close_up(first, second, lag, position)
+        assert 1 <= len(near.data[0].y) <= CLOSE_UP_SAMPLES
+        assert np.allclose(near.data[0].y, near.data[1].y, atol=0.2)  # each in units of its own standard deviation
+
+
+def test_the_liveliest_place_is_where_it_is_loud() -> None:
+    quiet = 0.01 * noise(5_000)
+    quiet[3_000:3_200] *= 100
+    assert abs(liveliest_start(quiet, slice(0, 5_000)) - 3_000) < 20
+
+
+@pytest.mark.parametrize("method", ["fft", "sampled"])
+def test_the_peak_is_marked_where_it_is(method: str) -> None:
+    sound = noise(6_000)
+    result = signal_lag(sound[:-123], sound[123:], method=method, seed=0)  # type: ignore[arg-type]
+    *_, curve, peak = correlation_curve(result, "what it counts").data
+    assert peak.x == (result.lag,)
+    assert peak.y[0] == pytest.approx(max(curve.y))
+
+
+def test_rivals_are_marked_where_they_are() -> None:
+    result = signal_lag(*tones(6_000, 0.01, 0.0, 0))
+    marked = [trace for trace in correlation_curve(result, "").data if trace.name == "fits as well"]
+    assert tuple(marked[0].x) == result.rivals
+
+
+def test_the_ribbon_holds_what_chance_gives_and_widens_for_plain_pearson() -> None:
+    pair = unrelated("noise and noise", 20_000, 3)
+    result = signal_lag(*pair)
+    assert result.lags is not None and result.correlation is not None
+    ribbon = correlation_curve(result, "").data[0]
+    assert max(ribbon.y) - min(ribbon.y) == pytest.approx(2 * max(ribbon.y), rel=0.05)
+    assert ((result.correlation < max(ribbon.y)) & (result.correlation > min(ribbon.y))).mean() > 0.99
+    plain = np.array(correlation_curve(result, "", sizes=(pair[0].size, pair[1].size)).data[0].y)
+    assert plain[0] == 1.0 and plain[plain.size // 4] == pytest.approx(max(ribbon.y), rel=0.05)
+
+
+def test_the_lag_of_blocks_is_drawn_over_time() -> None:
+    result = signal_lag(*drifting(150_000, 400, 50.0, 0.0, 1), max_lag=2000)
+    assert result.judgement is not None and result.judgement.drift is not None
+    line, blocks = lag_over_time(result.judgement.drift, 44_100.0).data
+    assert len(blocks.x) == result.judgement.drift.blocks
+    slope = (line.y[1] - line.y[0]) / (line.x[1] - line.x[0]) / 44_100
+    assert 1e6 * slope == pytest.approx(50.0, abs=5)
+
+
+def test_the_histogram_holds_every_run_and_the_median() -> None:
+    seconds = np.random.default_rng(0).uniform(0.01, 0.02, 51)
+    figure = run_times(seconds)
+    assert len(figure.data[0].x) == 51
+    assert figure.layout.shapes[0].x0 == pytest.approx(1e3 * np.median(seconds))
+
+
+# The grid of windows
+
+SHAPE = 300, 400
+
+
+def grid_at(row: int, col: int, size: int, overlap: float) -> WindowGrid:
+    step = CorrelationMatcher(window_size=size, overlap=overlap).step
+    top, left = (window_start(at, end, size, step) for at, end in zip((row, col), SHAPE, strict=True))
+    return window_grid(SHAPE, Box(top, left, size, size), step)
+
+
+@given(size=st.integers(3, 255), overlap=st.floats(0, 0.99), row=st.integers(0, 299), col=st.integers(0, 399))
+def test_every_window_is_one_of_the_map_and_the_figure_stays_legible(
+    size: int, overlap: float, row: int, col: int
+) -> None:
+    grid = grid_at(row, col, size, overlap)
+    every_row, every_col = (set(range(0, side - size + 1, grid.step)) for side in SHAPE)
+    cut, half = grid.cut, (size - 1) / 2
+    # The reference counts all windows of the map one by one.
+    counted = [
+        sum(first <= start + half < first + length for start in starts)
+        for starts, first, length in ((every_row, cut.row, cut.height), (every_col, cut.col, cut.width))
+    ]
+    assert grid.values == counted[0] * counted[1]
+    assert set(grid.rows.tolist()) <= every_row
+    assert set(grid.cols.tolist()) <= every_col
+    near = grid.neighbours()
+    assert (grid.middle.row, grid.middle.col) in near
+    assert 1 <= len(near) <= 9
+    for top, left in near:
+        assert cut.row <= top <= cut.row + cut.height - size
+        assert cut.col <= left <= cut.col + cut.width - size
+    # Neighbours stay some px apart on the screen, whatever the settings.
+    assert grid.every * grid.step >= size / CLOSEST
+    assert grid.drawn(grid.rows, grid.middle.row).size <= 4 * CLOSEST
+
+
+def test_the_figure_has_the_windows_their_centres_and_the_part_of_the_image() -> None:
+    image = np.random.default_rng(3).integers(0, 255, (*SHAPE, 3), dtype=np.uint8)
+    grid = grid_at(150, 200, 20, 0.9)
+    assert (grid.step, grid.values, grid.every) == (2, 17 * 17, 1)
+    figure = overlap_figure(image, grid)
+    assert len(figure.layout.shapes) == 9
+    assert {shape.x1 - shape.x0 for shape in figure.layout.shapes} == {20}
+    assert sorted({shape.x0 for shape in figure.layout.shapes}) == [grid.middle.col + at - 0.5 for at in (-2, 0, 2)]
+    others, own = figure.data
+    assert len(others.x) + 1 == grid.values
+    assert (own.y[0], own.x[0]) == (grid.middle.row + 9.5, grid.middle.col + 9.5)
+    # Rows grow downwards on the screen as in the image, and pixels are square.
+    assert figure.layout.yaxis.range[0] > figure.layout.yaxis.range[1]
+    assert figure.layout.yaxis.scaleanchor == "x"
+    (picture,) = figure.layout.images
+    assert (picture.sizex, picture.sizey) == (grid.cut.width, grid.cut.height)
+
+
+def test_at_the_corner_of_the_image_the_cut_ends_with_it() -> None:
+    grid = grid_at(0, 399, 20, 0.5)
+    assert (grid.cut.row, grid.cut.col + grid.cut.width) == (0, 400)
+    assert len(grid.neighbours()) == 4
+    with pytest.raises(ValueError, match=r"\(3, 4\) is not on a grid of step 2"):
+        window_grid(SHAPE, Box(3, 4, 20, 20), 2)

@@ -1,0 +1,254 @@
+"""Pictures for display: colours, frames, flows, edges and printed legends, read back pixel by pixel."""
+
+from __future__ import annotations
+
+import colorsys
+import re
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stereolag.figures.legends import FAR_TO_NEAR, disparity_range, with_legend
+from stereolag.figures.maps import image_into_map
+from stereolag.figures.pictures import (
+    LOOKED_AT,
+    MOST_POINTS,
+    NO_ANSWER,
+    VIRIDIS,
+    as_rgb,
+    colour_wheel,
+    coloured,
+    edge_lines,
+    edge_path,
+    fitted,
+    flow_colours,
+    largest_motion,
+    png,
+    with_arrows,
+)
+from stereolag.figures.templates import framed, match_close_up, score_map_png
+from stereolag.pair import example_pair
+from stereolag.samples import stereo_pairs
+from stereolag.templates import TemplateMatch
+from tests.app.uploads import texture
+
+
+def decoded(data: bytes) -> npt.NDArray[np.uint8]:
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+# Images and maps
+
+
+def test_near_is_bright_and_no_answer_a_grey_that_is_none_of_the_colours() -> None:
+    disparity = np.array([[0, 5, 10, 99, -99, np.nan, np.inf, -np.inf]], dtype=np.float32)
+    far, between, near, nearer, farther, *nothing = coloured(disparity, 0, 10, FAR_TO_NEAR)[0]
+    assert far.tolist() == farther.tolist() == VIRIDIS[0].tolist()
+    assert near.tolist() == nearer.tolist() == VIRIDIS[-1].tolist()
+    assert between.tolist() in VIRIDIS.tolist()
+    assert (np.array(nothing) == NO_ANSWER).all()
+    assert np.abs(VIRIDIS.astype(int) - NO_ANSWER).sum(axis=1).min() > 40
+
+
+def test_the_range_of_colours_holds_still_under_small_changes() -> None:
+    truth = np.linspace(5, 61, 1_000, dtype=np.float32).reshape(10, 100)
+    for maps in ([truth], [truth + 0.2], [truth, np.full((3, 3), np.nan, dtype=np.float32)]):
+        assert disparity_range(maps) == (4.0, 64.0)
+    for value in (np.nan, 7.0, -8.0):
+        low, high = disparity_range([np.full((4, 4), value, dtype=np.float32)])
+        assert low < high
+
+
+def test_an_image_turns_into_its_map() -> None:
+    image = texture(4, 10)
+    shown = decoded(image_into_map(image, np.zeros((4, 10), dtype=np.float32), 0, 1))
+    assert np.array_equal(shown[:, :4], image[:, :4])
+    assert (shown[:, 4:] == VIRIDIS[0]).all()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
+def test_every_type_of_picture_is_shown(dtype: type) -> None:
+    image = (texture(5, 7)[:, :, 0] * np.float64(1 if dtype is np.uint8 else 1.5)).astype(dtype)
+    assert decoded(png(as_rgb(image))).shape == as_rgb(image).shape == (5, 7, 3)
+
+
+def test_transparent_parts_are_grey_and_wide_pictures_fitted() -> None:
+    image = np.dstack((texture(20, 40), np.zeros((20, 40), dtype=np.uint8)))
+    assert (as_rgb(image) == 128).all()
+    assert fitted(image, 10).shape == (5, 10, 3)
+    assert fitted(image, 100).shape == (20, 40, 3)
+
+
+# Frames around matches
+
+
+def test_a_frame_leaves_the_rest_and_the_input_alone_and_is_dashed_in_doubt() -> None:
+    picture = texture(60, 80)
+    before, match = picture.copy(), TemplateMatch(20, 30, 10, 12, 1.0)
+    shown = decoded(framed(picture, [match]))
+    assert np.array_equal(picture, before)
+    assert np.array_equal(shown[:10], picture[:10])
+    assert np.array_equal(shown[21:29, 31:41], picture[21:29, 31:41])
+    dashed, none = decoded(framed(picture, [], [match])), decoded(framed(picture, []))
+    changed = [int((one != none).any(axis=2).sum()) for one in (shown, dashed)]
+    assert 0 < changed[1] < changed[0]
+
+
+def test_a_frame_is_turned_as_the_template_is() -> None:
+    match = TemplateMatch(60, 80, 90, 90, 0.9, 1.0, 30.0)
+    shown = decoded(framed(np.zeros((200, 300, 3), np.uint8), [match], template=(40, 80)))
+    rows, cols = np.nonzero(shown.any(axis=2))
+    (_, sides, _) = cv2.minAreaRect(np.column_stack([cols, rows]).astype(np.float32))
+    assert sorted(sides) == pytest.approx([40, 80], abs=10)
+    assert int(cols[rows == rows.min()].mean()) > 125  # counter-clockwise: the upper right corner is the highest
+
+
+@pytest.mark.parametrize(
+    ("shape", "match"),
+    [
+        ((60, 80), TemplateMatch(0, 0, 10, 12, 1.0)),
+        ((60, 80), TemplateMatch(50, 68, 10, 12, 1.0)),
+        ((60, 80), TemplateMatch(25, 30, 10, 12, 1.0)),
+        ((2_000, 7), TemplateMatch(0, 0, 1_900, 7, 1.0)),
+    ],
+)
+def test_a_close_up_stays_within_the_picture_and_is_never_larger(shape: tuple[int, int], match: TemplateMatch) -> None:
+    shown = decoded(match_close_up(texture(*shape), match))
+    assert max(shown.shape) == 640
+    assert shape != (60, 80) or shown.shape == (480, 640, 3)
+
+
+def test_a_peak_one_place_wide_is_seen_in_a_reduced_score_map() -> None:
+    scores = np.zeros((1_000, 2_100), dtype=np.float32)
+    scores[511, 1_234] = 1
+    scores[600:700, 600:700] = np.nan
+    shown = decoded(score_map_png(scores, []))
+    assert shown.shape == (334, 700, 3)
+    assert shown[170, 411].tolist() == VIRIDIS[-1].tolist()
+    assert tuple(shown[220, 220]) == NO_ANSWER
+
+
+# Flows
+
+
+def one(dy: float, dx: float, largest: float = 1.0) -> npt.NDArray[np.uint8]:
+    return flow_colours(np.full((1, 1), dy, np.float32), np.full((1, 1), dx, np.float32), largest)[0, 0]
+
+
+def test_directions_have_the_colours_of_the_benchmark() -> None:
+    # Right is red, down yellow, left cyan, up violet, as on the wheel of the published code.
+    assert tuple(one(0, 1)) == (255, 0, 0, 255)
+    assert tuple(one(0, 0)) == (255, 255, 255, 255)
+    hues = [colorsys.rgb_to_hsv(*(one(dy, dx)[:3] / 255))[0] * 360 for dy, dx in ((1, 0), (0, -1), (-1, 0))]
+    assert 45 < hues[0] < 70 and 170 < hues[1] < 215 and 255 < hues[2] < 300
+    assert one(np.nan, 1)[3] == 0 and one(1, np.nan)[3] == 0
+    assert one(0, 5)[0] < one(0, 1)[0]  # too much is darker
+    with pytest.raises(ValueError, match="largest is 0"):
+        one(0, 0, 0)
+    wheel = colour_wheel(12.0, 101)
+    assert wheel.shape == (101, 101, 4) and wheel[0, 0, 3] == 0
+    np.testing.assert_allclose(wheel[50, 99, :3].astype(int), one(0, 0.98)[:3].astype(int), atol=3)
+
+
+@given(st.floats(-np.pi, np.pi), st.floats(0.05, 0.95), st.floats(0.1, 100))
+def test_longer_motion_is_never_whiter_and_the_unit_does_not_matter(angle: float, length: float, unit: float) -> None:
+    down, right = np.sin(angle), np.cos(angle)
+    short, long = one(0.9 * length * down, 0.9 * length * right), one(length * down, length * right)
+    assert (short.astype(int) >= long.astype(int) - 1).all()
+    scaled = one(length * down * unit, length * right * unit, unit)
+    assert np.abs(scaled.astype(int) - long).max() <= 2
+
+
+def test_the_rim_holds_nearly_all_motions() -> None:
+    flow = np.random.default_rng(0).normal(0, 7, (2, 50, 60)).astype(np.float32)
+    flow[:, :5] = np.nan
+    rim = largest_motion((flow[0], flow[1]))
+    assert 0.985 < (np.hypot(*flow)[5:] <= rim).mean() < 1
+    assert largest_motion((np.full((3, 3), np.nan, np.float32),) * 2) == 1
+
+
+def test_arrows_stand_where_there_is_motion_and_nowhere_else() -> None:
+    image = np.full((96, 120), 128, np.uint8)
+    dy, dx = np.zeros((96, 120), np.float32), np.full((96, 120), 8, np.float32)
+    dx[:, 60:] = np.nan
+    changed = (with_arrows(image, dy, dx, spacing=24) != 128).any(axis=2)
+    assert changed[:, :60].any() and not changed[:, 66:].any()
+    assert set((np.nonzero(changed)[0] - 12) % 24) <= {*range(6), *range(18, 24)}
+    assert changed[12, 12:20].all()
+    assert (image == 128).all()
+
+
+# Edges
+
+
+def disc(rows: int, cols: int, dtype: npt.DTypeLike = np.uint8) -> npt.NDArray[np.generic]:
+    """Return a bright disc centred on a dark ground, with a radius of a quarter of the rows."""
+    y, x = np.mgrid[:rows, :cols] + 0.5
+    inside = np.hypot(x - cols / 2, y - rows / 2) < rows / 4
+    return (np.where(inside, 200, 60) / (255 if np.dtype(dtype).kind == "f" else 1)).astype(dtype)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("shape", [(120, 160), (121, 97), (900, 2 * LOOKED_AT)])
+def test_the_edge_of_a_disc_is_one_line_where_the_disc_ends(shape: tuple[int, int], dtype: npt.DTypeLike) -> None:
+    (line,) = edge_lines(disc(*shape, dtype))
+    radius = np.hypot(line[:, 0] - shape[1] / 2, line[:, 1] - shape[0] / 2)
+    np.testing.assert_allclose(radius, shape[0] / 4, atol=1.6 * max(1.0, shape[1] / LOOKED_AT))
+    angles = np.sort(np.arctan2(line[:, 1] - shape[0] / 2, line[:, 0] - shape[1] / 2))
+    assert np.diff(angles, append=angles[0] + 2 * np.pi).max() < np.pi / 4
+
+
+def test_colour_and_grey_have_the_same_edges_and_a_wall_or_faint_noise_none() -> None:
+    grey = disc(120, 160)
+    opaque = np.dstack([grey] * 3 + [np.full_like(grey, 255)])
+    assert edge_path(opaque[:, :, :3]) == edge_path(opaque) == edge_path(grey)
+    noise = np.random.default_rng(1).normal(128, 2, (120, 160)).round().astype(np.uint8)
+    assert edge_lines(np.full((120, 160), 90, np.uint8)) == []
+    assert edge_path(noise) == ""
+
+
+def test_too_many_edges_are_bounded_and_the_longest_lines_stay() -> None:
+    blots = cv2.GaussianBlur(np.random.default_rng(2).random((800, 800), np.float32), (0, 0), 3)
+    cells = np.where(blots > 0.5, 220, 30).astype(np.uint8)
+    cells[:, 400:404] = 0
+    assert 0.5 * MOST_POINTS < sum(map(len, edge_lines(cells))) <= MOST_POINTS
+    assert len(edge_path(cells)) < 12 * MOST_POINTS
+
+
+def test_the_path_of_a_photograph_holds_its_lines() -> None:
+    image = example_pair(stereo_pairs()["cube"]).left
+    lines, path = edge_lines(image), edge_path(image)
+    assert path.count("M") == len(lines) > 20
+    numbers = np.array(re.findall(r"[\d.]+", path), float).reshape(-1, 2)
+    np.testing.assert_allclose(numbers, np.concatenate(lines), atol=0.051)
+    assert (numbers >= 0).all() and (numbers <= image.shape[1::-1]).all()
+
+
+# Printed legends
+
+
+@pytest.mark.parametrize("shape", [(40, 30), (300, 360), (200, 901), (100, 2700)])
+def test_a_map_is_kept_pixel_for_pixel_above_its_legend(shape: tuple[int, int]) -> None:
+    picture = np.random.default_rng(0).integers(0, 256, (*shape, 3), dtype=np.uint8)
+    page = with_legend(picture, 0, 64, VIRIDIS, "disparity, px")
+    assert page.shape[1] == max(360, shape[1])
+    left = (page.shape[1] - shape[1]) // 2
+    np.testing.assert_array_equal(page[: shape[0], left : left + shape[1]], picture)
+    strip = {tuple(colour) for colour in np.unique(page[shape[0] :].reshape(-1, 3), axis=0).tolist()}
+    assert {(255, 255, 255), NO_ANSWER, tuple(VIRIDIS[0].tolist()), tuple(VIRIDIS[-1].tolist())} <= strip
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 64), (-12, 36), (1.5, 1.6), (0, 4), (3, 1003), (-0.002, 0.001)])
+def test_ticks_stand_under_the_colours_of_their_values(low: float, high: float) -> None:
+    page = with_legend(np.zeros((10, 900, 3), np.uint8), low, high, VIRIDIS, "")[10:]
+    bar = max(row for row, line in enumerate(page) if (line == VIRIDIS[0]).all(axis=1).any())
+    ticks = np.flatnonzero((page[bar + 3] == 30).all(axis=1))
+    assert 3 <= len(ticks) <= 9
+    np.testing.assert_allclose(np.diff(ticks), np.diff(ticks).mean(), atol=1)
+    assert ticks.min() >= 24 and ticks.max() <= 876
