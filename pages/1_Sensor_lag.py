@@ -9,7 +9,7 @@ from stereolag.signals.overlaps import overlap_slices
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.lag.comparison import compare_methods
-from stereolag.ui.lag.explanation import see_why
+from stereolag.ui.lag.panels import see_why
 from stereolag.ui.lag.result import show_curve, show_drift, show_lag_files, show_verdict
 from stereolag.ui.lag.sentences import aligned_in_words, close_up_in_words, waveforms_in_words
 from stereolag.ui.navigation import fragment, page

@@ -14,7 +14,8 @@ from streamlit.testing.v1 import AppTest
 from stereolag.signals import by_hand
 from stereolag.signals.phasors import LAG, SIZE, Phasors, common_stretch, tone
 from stereolag.signals.verdict import Reason
-from stereolag.ui.lag.panels import DISTURBANCE_EXAMPLES, DISTURBANCE_WORDS, SLIDERS, START, own_in_words
+from stereolag.ui.lag.panels import SLIDERS, START
+from stereolag.ui.lag.sentences import DISTURBANCE_EXAMPLES, DISTURBANCE_WORDS, own_in_words
 from tests.app.uploads import noise, wav
 from tests.packed import told
 

@@ -12,14 +12,28 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+import streamlit as st
 
 from stereolag import samples
 from stereolag.core.arrays import Vector
-from stereolag.core.typography import typeset
+from stereolag.core.searches import LagSearch
 from stereolag.figures.pictures import CORRELATION, PEAK, SENSOR_1, SENSOR_2
 from stereolag.signals import SignalLag, by_hand, phasors
 from stereolag.ui import prose
 from stereolag.ui.components import component
+from stereolag.ui.lag.sentences import (
+    DISTURBANCE_EXAMPLES,
+    DISTURBANCE_WORDS,
+    IN_A_SENTENCE,
+    PHASOR_EXAMPLES,
+    PHASOR_INTRODUCTION,
+    PHASOR_WORDS,
+    PLAN_INTRODUCTION,
+    SLIDING_EXAMPLES,
+    SLIDING_WORDS,
+    excerpt_in_words,
+    own_in_words,
+)
 from stereolag.ui.recordings import RecordingPair, example_recordings
 
 COLOURS: Final = {"sensor-1": SENSOR_1, "sensor-2": SENSOR_2, "curve": CORRELATION, "peak": PEAK}
@@ -30,73 +44,6 @@ _sliding, _disturbances, _phasors, _plan = map(component, ("sliding", "disturban
 
 COAST_START, COAST_STEP = 5191, 6
 """A place with one clear peak; six samples are averaged into one to show waves rather than slopes."""
-
-SLIDING_WORDS: Final[dict[str, Any]] = {
-    "recording": "Recording 2, with the cut laid over it",
-    "cut": "Cut from recording 1: drag it",
-    "axis": "lag, samples: where the cut begins",
-    "perfect": "perfect match",
-    "lag": "Lag",
-    "plain": {
-        "products": "Products: up where the signs agree",
-        "curve": "Sum of the products, at the places tried",
-        "sum": "sum",
-    },
-    "normalised": {
-        "products": "Products, normalised: up where the signs agree",
-        "curve": "Correlation, at the places tried",
-        "sum": "correlation",
-    },
-}
-
-SLIDING_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
-    "seven": {
-        "title": "Seven numbers",
-        "try": "These seven numbers are hidden in recording 2. Drag them until they line up, and watch the products.",
-        "said": {
-            "plain": "The peak is at lag 8: there every number meets itself, every product is a square, and "
-            "nothing cancels.",
-            "normalised": "Same peak, at lag 8. Only a perfect match reaches 1.",
-        },
-    },
-    "coast": {
-        "title": "Coast",
-        "try": "Forty points of sensor 1, each the mean of six samples, and sensor 2’s recording about a second later. "
-        "Where does the cut belong?",
-        "said": {
-            "plain": "The peak is at 50,082 samples: there the waves line up and every product points up. "
-            "Elsewhere ups and downs cancel.",
-            "normalised": "The peak at 50,082 samples reaches 1: it is the same sound. Elsewhere nothing exceeds 0.3.",
-        },
-    },
-    "tone": {
-        "title": "Pure tone",
-        "try": "A tone that repeats every 20 samples. Drag the cut along and count the places where it fits.",
-        "said": {
-            "plain": "Many equal peaks, 20 samples apart: a tone fits again after every period, so the lag stays "
-            "ambiguous.",
-            "normalised": "Still many peaks, all at 1: no method can tell one period from the next.",
-        },
-    },
-    "noise": {
-        "title": "Unrelated noise",
-        "try": "The cut comes from somewhere else: it is nowhere in recording 2. Does any place stand out?",
-        "said": {
-            "plain": "No peak comes near a perfect match: nothing is shared, so ups and downs cancel everywhere. The "
-            "highest point is chance.",
-            "normalised": "Nothing near 1. Among 201 places, one reaches 0.45 by chance.",
-        },
-    },
-    "loud": {
-        "title": "Loud stretch",
-        "try": "The cut fits at lag 90, but recording 2 gets loud later on. Play, then switch Normalise on.",
-        "said": {
-            "plain": "The loud stretch wins, though the cut does not fit there: big samples make big sums. Now switch "
-            "Normalise on.",
-            "normalised": "Divided by loudness, only the shape counts: the true place, lag 90, reaches 1 and wins.",
-        },
-    },
-}
 
 
 def slide_it_yourself(*, key: str) -> None:
@@ -163,100 +110,6 @@ SLIDERS: Final[tuple[dict[str, Any], ...]] = (
 
 START: Final[dict[str, float]] = {"noise": -10, "repetition": 0, "period": 400, "echo": 0, "drift": 0}
 
-DISTURBANCE_EXAMPLES: Final[tuple[dict[str, Any], ...]] = (
-    {
-        "name": "clean",
-        "title": "Clean",
-        "try": "Sensor 2 hears the sound 640 samples after sensor 1. Move a slider and watch the peak, the grey band "
-        "(chance level) and the verdict.",
-        "settings": {},
-    },
-    {
-        "name": "noise",
-        "title": "Noise",
-        "try": "Turn Noise up: the peak sinks into the grey band and the verdict turns. Then press Other noise a few "
-        "times: where does the highest point go?",
-        "settings": {"noise": 6},
-    },
-    {
-        "name": "repetition",
-        "title": "Repetition",
-        "try": "Turn Repetition down, then up: teeth rise beside the peak until they cannot be told apart.",
-        "settings": {"repetition": 90},
-    },
-    {
-        "name": "tone",
-        "title": "Tone",
-        "try": "A tone is a sound that repeats after every period. Make the period longer: the teeth move apart.",
-        "settings": {"repetition": 100, "period": 20},
-    },
-    {
-        "name": "echo",
-        "title": "Echo",
-        "try": "The echo reaches sensor 2 as a second copy, 300 samples late. Make it as loud as the sound (100 %), "
-        "then louder.",
-        "settings": {"echo": 60},
-    },
-    {
-        "name": "drift",
-        "title": "Drift",
-        "try": "Two recorders’ clocks run apart, so the lag grows during the recording. Turn Drift up and watch the "
-        "peak up close.",
-        "settings": {"drift": 12},
-    },
-)
-
-DISTURBANCE_WORDS: Final[dict[str, Any]] = {
-    "recordings": "240 samples of both, shifted by the lag found",
-    "curve": "Correlation × √overlap, at every lag",
-    "close": "The highest point, up close",
-    "agreement": "Agreement of the whitened recordings, standard deviations",
-    "axis": "lag, samples (▲ the true one)",
-    "chance": "chance",
-    "convinces": "needed",
-    "numbers": "Highest at {lag}, true lag {true} · agreement {evidence} ({needed} needed)",
-    "another": "{lag} samples fits",
-    "others": "{count} other lags fit",
-    "sliders": {
-        "noise": "At each sensor: 0 dB is as loud as the sound",
-        "repetition": "The share of the sound’s energy that repeats",
-        "period": "Samples until it repeats",
-        "echo": "Loudness of the late copy at sensor 2, relative to the direct sound",
-        "drift": "Growth of the lag from the first sample to the last",
-    },
-    "verdicts": {
-        "clear": "Sure: recording 2 lags by {lag} samples.",
-        "drift": "Sure, with drift: the lag goes from {from} to {to} samples.",
-        "wrong": "Fooled: sure of {lag} samples, but the true lag is {true}.",
-        "repeats": "Cannot tell: it repeats every {spacing} samples.",
-        "rivals": "Cannot tell: {rivals} as well.",
-        "chance": "Nothing in common found: the highest point is at chance level.",
-        "too_little": "Nothing in common found: so few samples stand out that chance could line them up.",
-        "opposite_sign": "Nothing in common found, but the opposite sign fits.",
-    },
-    "lessons": {
-        "clear": "The peak is at {lag} because there the sound lines up with itself and the products add up. At "
-        "any other lag positive and negative products cancel.",
-        "drift": "Each part of the recording has its own lag, so one tall peak becomes a low, broad one. "
-        "Measured block by block, the lags form a straight line, which is convincing.",
-        "wrong": "Another copy of the sound, an echo or a repetition, made the higher peak. A correlation finds the "
-        "copy that fits best; it cannot know which one came directly.",
-        "repeats": "Shifted by one period, the sound matches itself again, so every tooth fits as well as the next. A "
-        "tone is nothing but repetition, so it has many peaks.",
-        "rivals": "The sound is there more than once, as an echo or a repetition, and each copy makes an equally "
-        "good peak.",
-        "chance": "Noise never lines up: at every lag its products cancel, but for chance. One of {searched} lags "
-        "must be the highest; it means nothing, and with other noise it is elsewhere.",
-        "too_little": "Products cancel at every lag but for chance; one of {searched} lags must be the highest.",
-        "opposite_sign": "Where every product is negative, one microphone is reversed.",
-    },
-    "notes": {
-        "wide": "The grey band follows the curve’s own spread, which such dense teeth widen.",
-        "echo": "The smaller peak {delay} samples later is the echo.",
-        "teeth": "The repeating part makes the teeth every {period} samples; the rest settles the lag.",
-    },
-}
-
 
 def fool_it(*, key: str) -> None:
     """Show the disturbance sliders and their effect on the peak.
@@ -303,117 +156,6 @@ def _text(values: npt.NDArray[np.int8]) -> str:
 
 
 # Arrows that line up
-
-PHASOR_INTRODUCTION: Final = (
-    "Two recordings have one arrow for each frequency: their cross-spectrum. A shift in time turns each arrow in "
-    "proportion to its frequency: twice the frequency, twice the angle. The slider turns all of them back by its lag. "
-    "At the true lag they all point the same way, and nothing cancels."
-)
-
-PHASOR_WORDS: Final[dict[str, Any]] = {
-    "captions": {
-        "magnitudes": ["Magnitudes", "how much of each frequency the recordings contain"],
-        "phases": [
-            "Phase difference",
-            "by how many turns recording 2 is behind; its slope is the lag. Whole turns look alike, so each dot is "
-            "drawn again above and below. The ruler’s slope is the slider’s lag.",
-        ],
-        "chain": [
-            "Arrows, head to tail",
-            "as long as the product of its two magnitudes, and turned as far as its dot is from the ruler. How far "
-            "right the chain ends is the correlation.",
-        ],
-        "lags": ["Correlation over lag, in samples", "at the lags tried"],
-    },
-    "recordings": ["recording 1", "recording 2"],
-    "frequency": "frequency, turns a sample",
-    "in_line": "all arrows in line",
-    "lag": "Lag",
-    "there": "in the recordings",
-    "plain": "correlation",
-    "whitened": "whitened correlation",
-}
-
-PHASOR_EXAMPLES: Final[dict[str, dict[str, Any]]] = {
-    "knock": {
-        "title": "Knock",
-        "try": "One short sound, 4 samples later in recording 2. Move the lag until the ruler runs through the dots.",
-        "said": {
-            "plain": "At lag 4 the ruler runs through the dots, every arrow points right, and the chain is straight. "
-            "That is the peak.",
-            "whitened": "The same peak at lag 4. All arrows are equal now: every frequency counts alike.",
-        },
-    },
-    "coast": {
-        "title": "Coast, up close",
-        "try": "Move the lag: the peak is broad. Then whiten.",
-        "said": {
-            "plain": "The chain is straight at lag 4: 50,082 samples in the recordings. The peak is broad because the "
-            "few long arrows are low frequencies, which turn slowly. Now whiten.",
-            "whitened": "The hill became a needle at the same lag: high frequencies count as much now, and they turn "
-            "fast.",
-        },
-    },
-    "harbour": {
-        "title": "Harbour, up close",
-        "try": "Each sensor hears its own wind. Do the dots still lie on a line?",
-        "said": {
-            "plain": "Wind scatters the arrows, so the chain never gets quite straight. It still reaches furthest at "
-            "lag 4: −31,234 samples in the recordings.",
-            "whitened": "Still lag 4, but a shorter reach: frequencies with only wind count as much as the horns.",
-        },
-    },
-    "tone": {
-        "title": "One tone",
-        "try": "A tone has one frequency, and so one arrow. How many lags turn it back?",
-        "said": {
-            "plain": "The arrow points right again after every full turn: a peak every 5 samples, all equal. One arrow "
-            "cannot tell them apart.",
-            "whitened": "Nothing changes: one arrow stays one arrow. A single peak needs many frequencies.",
-        },
-    },
-    "noise": {
-        "title": "Two noises",
-        "try": "Two noises that share nothing. Does any lag line the arrows up?",
-        "said": {
-            "plain": "No lag lines the arrows up: the dots are not on a line, so the arrows always cancel. The "
-            "highest point, 0.18, is chance.",
-            "whitened": "Equal arrows do not line up either: 0.17 at most.",
-        },
-    },
-}
-
-_EQUAL = 1e-6
-
-OWN_TITLE: Final = "Your recordings"
-_FOUND = "The chain reaches furthest at lag {}, as in the whole recordings."
-_MISSED = "In this short stretch the chain reaches furthest at lag {}, not at 4 as in the whole recordings."
-
-
-def excerpt_in_words(found: phasors.Phasors) -> str:
-    """Return where the stretches were cut from the two recordings, and the lag left between them."""
-    means = "" if found.step == 1 else f", each the mean of {found.step} samples of the recording"
-    later = "later" if found.offset >= 0 else "earlier"
-    return (
-        f"{phasors.LENGTH} samples{means}. Those of recording 2 begin {abs(found.offset):,} samples {later}, so that a "
-        f"lag of {phasors.LAG} is left."
-    )
-
-
-def own_in_words(found: phasors.Phasors) -> dict[str, Any]:
-    """Return the texts for the visitor's own recordings."""
-    return {
-        "title": OWN_TITLE,
-        "try": "The loudest stretch of your recordings, up close.",
-        "said": {name: _peak_in_words(found, whiten=name == "whitened") for name in ("plain", "whitened")},
-    }
-
-
-def _peak_in_words(found: phasors.Phasors, *, whiten: bool) -> str:
-    lags, heights = phasors.correlation(found, whiten=whiten)
-    peak = min(lags[heights > heights.max() - _EQUAL], key=abs)
-    said = _FOUND if abs(peak - phasors.LAG) <= 0.5 else _MISSED
-    return said.format(typeset(f"{peak:g}"))
 
 
 def show_phasors(pair: RecordingPair, result: SignalLag | None, *, key: str) -> None:
@@ -499,11 +241,7 @@ def show_plan(result: SignalLag | None, speed: float, *, key: str) -> None:
     key
         Key of the component.
     """
-    prose.markdown(
-        "A lag measures how much longer one path is than the other. Every source on one **hyperbola** has the same "
-        "path difference, so the sensors are that far apart only if the source is in line with them; otherwise they "
-        "are farther apart. Dashed: every place where the source of your recordings can be."
-    )
+    prose.markdown(PLAN_INTRODUCTION)
     measured = result.time_s * speed if result and result.verdict == "sure" and result.lag else None
     _plan(
         key=key,
@@ -514,3 +252,28 @@ def show_plan(result: SignalLag | None, speed: float, *, key: str) -> None:
             "colours": COLOURS,
         },
     )
+
+
+def see_why(pair: RecordingPair, result: SignalLag | None, search: LagSearch | None) -> None:
+    """Show the panels in which recordings are slid, disturbed and turned by hand, all in the browser.
+
+    Parameters
+    ----------
+    pair
+        The recordings on the page.
+    result, search
+        Their result and its settings; None before the first measurement.
+    """
+    prose.header("See why", anchor="see-why")
+    slide, disturb, arrows, metres = st.tabs(
+        ("Slide it yourself", "Fool it", "Arrows that line up", "From lag to metres")
+    )
+    with slide:
+        slide_it_yourself(key="lag.sliding")
+    with disturb:
+        fool_it(key="lag.fooling")
+    with arrows:
+        show_phasors(pair, result, key="lag.phasors")
+    with metres:
+        show_plan(result, (search or LagSearch()).speed, key="lag.plan")
+    prose.markdown(IN_A_SENTENCE)

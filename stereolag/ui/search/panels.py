@@ -10,17 +10,18 @@ import base64
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Final
 
 from stereolag.figures import templates as figures
-from stereolag.figures.pictures import FRAME, VIRIDIS, fitted, jpeg
+from stereolag.figures.pictures import FRAME, fitted, jpeg
 from stereolag.templates import TemplateMatch
-from stereolag.templates.by_hand import ReducedSearch, ScoreMap, anchors, reduced_search
+from stereolag.templates.by_hand import ScoreMap, anchors, reduced_search
 from stereolag.ui import prose
 from stereolag.ui.components import component
 from stereolag.ui.packing import packed_score_map, packed_search
 from stereolag.ui.pictures import PictureAndTemplate
 from stereolag.ui.results import computed, remembered
+from stereolag.ui.search.sentences import FUNNEL_WORDS, SCORE_MAP_WORDS, template_words
 
 NAME = "template"
 """Name of the search in the browser: a place clicked on the score map is sent to it."""
@@ -28,13 +29,6 @@ NAME = "template"
 _score_map, _template, _funnel = map(component, ("score_map", "template_by_hand", "funnel"))
 
 # The score map
-
-SCORE_MAP_WORDS: Final = {
-    "hint": "Hover to read a score; click to compare that place below.",
-    "reading": "Row {row}, column {col}: score {score}",
-    "flat": "Row {row}, column {col}: flat, no score",
-    "stage": "Score map. Arrow keys move the cursor, with Shift by ten; Enter compares that place.",
-}
 
 
 def packed(score_map: ScoreMap, matches: Sequence[TemplateMatch]) -> bytes:
@@ -48,45 +42,6 @@ def show_score_map(data: bytes) -> None:
 
 
 # Search by hand
-
-
-def template_words(search: ReducedSearch) -> dict[str, Any]:
-    """Return all texts and colours of the panel; `texts` maps CSS selectors to their text."""
-    return {
-        "frame": f"rgb{FRAME}",
-        "palette": VIRIDIS[::3].tolist(),
-        "stage": "The image with the template over it. Arrow keys move the template, with Shift by ten.",
-        "texts": {
-            ".try": "Drag the template over the image. Warm pixels agree with the window under it, cool ones "
-            "disagree; the score is their mean. Where does it peak?",
-            ".template figcaption": "Template",
-            ".window figcaption": "Window",
-            ".products figcaption": "Products",
-            ".sum .label": "Score",
-            ".map .empty": "The score map fills in as you drag.",
-            ".reveal": "Reveal",
-            ".clear": "Clear",
-            ".hint": "Drag, use the arrow keys (with Shift by ten), or click on the score map. The mean of each colour "
-            f"channel is subtracted before multiplying; transparent pixels do not count. {scale_of(search)}",
-        },
-        "where": "Row {row}, column {col}: {score}",
-        "peak": "The peak is at row {row}, column {col}: {score}.",
-        "lead": " The best rival reaches {rival}."
-        if search.factor == 1
-        else " At this scale the best rival reaches {rival}.",
-        "nothing": "The image is flat: there is nothing to correlate.",
-        "top": "Peak",
-        "rival": "Rival",
-        "go": "Compare this place",
-    }
-
-
-def scale_of(search: ReducedSearch) -> str:
-    """Return how the picture was reduced, in a sentence."""
-    part = "Only a part of the image. " if search.part else ""
-    if search.factor == 1:
-        return f"{part}Every pixel counts."
-    return f"{part}Reduced for the browser: each pixel is the mean of {search.factor} × {search.factor}."
 
 
 def search_by_hand(inputs: PictureAndTemplate, matches: Sequence[TemplateMatch]) -> None:
@@ -114,33 +69,6 @@ def search_by_hand(inputs: PictureAndTemplate, matches: Sequence[TemplateMatch])
 
 
 # Step by step
-
-FUNNEL_WORDS: Final[dict[str, Any]] = {
-    "texts": {
-        ".try": "“Sampled” does not score every place. It takes one pixel of the template, the anchor, and looks for "
-        "its exact colour. Go through the steps, then pick another pixel: the rarer its colour, the fewer places are "
-        "left.",
-        ".anchor figcaption": "Anchor and the ends of its run",
-        ".colours .name": "How often the image holds colours of the template (logarithmic)",
-    },
-    "steps": ["All pixels", "This colour", "Both ends agree", "Scored"],
-    "steps_label": "Steps",
-    "said": [
-        "Every pixel of the image could be the anchor.",
-        "Pixels of exactly this colour, where the template has room around them.",
-        "There, both ends of the anchor’s opaque run have the right colours too.",
-        "Every place within one pixel of these is scored.",
-    ],
-    "best": " Best: row {row}, column {col}, score {score}.",
-    "none": " None is left: no place has exactly these colours.",
-    "many": " Too many: only their count is shown; a rarer colour leaves fewer.",
-    "some": " {shown} of them are drawn.",
-    "picture": "The image with the pixels that are left at this step.",
-    "colours": "Pixel of the template, the rarest colour first. Arrow keys pick another.",
-    "colour": "Row {row}, column {col} of the template: {count} pixels of its colour",
-    "hint": "Click on a bar or on the template to pick another pixel; arrow keys work too.",
-    "nothing": "Every colour of this template is too common in the image.",
-}
 
 FUNNEL_WIDTH: Final = 900
 """Width of the picture behind the dots, px."""

@@ -1,13 +1,15 @@
-"""Sentences of the search page: the answer, why nothing is found, damage, OpenCV beside ours, image alternatives."""
+"""Sentences of the search page: the answer, damage, OpenCV beside ours, alternatives of images, and the panels."""
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from stereolag.core.searches import TemplateQuery
+from stereolag.figures.pictures import FRAME, VIRIDIS
 from stereolag.templates import TemplateMatch, TemplateSearch
+from stereolag.templates.by_hand import ReducedSearch
 from stereolag.templates.degradation import Degradation
 from stereolag.templates.opencv import OpenCVSearch
 from stereolag.templates.trials import Trial
@@ -219,3 +221,80 @@ def _about_places(ours: TemplateSearch, theirs: OpenCVSearch, method: str) -> st
     if abs(here - best.score) <= SAME_SCORE:
         return "Both places score the same: there are several copies."
     return f"Ours scores {here:.3f} at OpenCV’s place: OpenCV sums in single precision, too coarse for these values."
+
+
+# Panels
+
+SCORE_MAP_WORDS: Final = {
+    "hint": "Hover to read a score; click to compare that place below.",
+    "reading": "Row {row}, column {col}: score {score}",
+    "flat": "Row {row}, column {col}: flat, no score",
+    "stage": "Score map. Arrow keys move the cursor, with Shift by ten; Enter compares that place.",
+}
+
+
+def template_words(search: ReducedSearch) -> dict[str, Any]:
+    """Return all texts and colours of the panel; `texts` maps CSS selectors to their text."""
+    return {
+        "frame": f"rgb{FRAME}",
+        "palette": VIRIDIS[::3].tolist(),
+        "stage": "The image with the template over it. Arrow keys move the template, with Shift by ten.",
+        "texts": {
+            ".try": "Drag the template over the image. Warm pixels agree with the window under it, cool ones "
+            "disagree; the score is their mean. Where does it peak?",
+            ".template figcaption": "Template",
+            ".window figcaption": "Window",
+            ".products figcaption": "Products",
+            ".sum .label": "Score",
+            ".map .empty": "The score map fills in as you drag.",
+            ".reveal": "Reveal",
+            ".clear": "Clear",
+            ".hint": "Drag, use the arrow keys (with Shift by ten), or click on the score map. The mean of each colour "
+            f"channel is subtracted before multiplying; transparent pixels do not count. {scale_of(search)}",
+        },
+        "where": "Row {row}, column {col}: {score}",
+        "peak": "The peak is at row {row}, column {col}: {score}.",
+        "lead": " The best rival reaches {rival}."
+        if search.factor == 1
+        else " At this scale the best rival reaches {rival}.",
+        "nothing": "The image is flat: there is nothing to correlate.",
+        "top": "Peak",
+        "rival": "Rival",
+        "go": "Compare this place",
+    }
+
+
+def scale_of(search: ReducedSearch) -> str:
+    """Return how the picture was reduced, in a sentence."""
+    part = "Only a part of the image. " if search.part else ""
+    if search.factor == 1:
+        return f"{part}Every pixel counts."
+    return f"{part}Reduced for the browser: each pixel is the mean of {search.factor} × {search.factor}."
+
+
+FUNNEL_WORDS: Final[dict[str, Any]] = {
+    "texts": {
+        ".try": "“Sampled” does not score every place. It takes one pixel of the template, the anchor, and looks for "
+        "its exact colour. Go through the steps, then pick another pixel: the rarer its colour, the fewer places are "
+        "left.",
+        ".anchor figcaption": "Anchor and the ends of its run",
+        ".colours .name": "How often the image holds colours of the template (logarithmic)",
+    },
+    "steps": ["All pixels", "This colour", "Both ends agree", "Scored"],
+    "steps_label": "Steps",
+    "said": [
+        "Every pixel of the image could be the anchor.",
+        "Pixels of exactly this colour, where the template has room around them.",
+        "There, both ends of the anchor’s opaque run have the right colours too.",
+        "Every place within one pixel of these is scored.",
+    ],
+    "best": " Best: row {row}, column {col}, score {score}.",
+    "none": " None is left: no place has exactly these colours.",
+    "many": " Too many: only their count is shown; a rarer colour leaves fewer.",
+    "some": " {shown} of them are drawn.",
+    "picture": "The image with the pixels that are left at this step.",
+    "colours": "Pixel of the template, the rarest colour first. Arrow keys pick another.",
+    "colour": "Row {row}, column {col} of the template: {count} pixels of its colour",
+    "hint": "Click on a bar or on the template to pick another pixel; arrow keys work too.",
+    "nothing": "Every colour of this template is too common in the image.",
+}
