@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
@@ -82,6 +82,11 @@ class Board:
         """Return the positions of the corners, (n, 3), row by row, in squares: column, row, 0."""
         rows, cols = np.divmod(np.arange(self.corners), self.columns)
         return np.stack([cols, rows, np.zeros(self.corners)], axis=1).astype(np.float64)
+
+    def in_a_row(self, numbers: npt.NDArray[np.intp]) -> bool:
+        """Return whether corners are all in one row or one column."""
+        rows, cols = np.divmod(numbers, self.columns)
+        return bool(np.ptp(rows) == 0 or np.ptp(cols) == 0)
 
     def orders(self) -> tuple[npt.NDArray[np.intp], ...]:
         """Return the orders in which a detector may list the corners of the same board, the plain one first.
@@ -257,18 +262,15 @@ def guess_chessboard(pictures: Iterable[Grey8]) -> Board | None:
     votes: Counter[tuple[int, int]] = Counter()
     seen: list[Grey8] = []
     for grey in pictures:
-        picture, _ = reduced(grey, LARGEST_SIDE)
-        seen.append(picture)
-        votes.update(_grid(picture, _QUICK))
+        seen.append(reduced(grey, LARGEST_SIDE)[0])
+        votes.update(_grid(seen[-1], _QUICK))
         if votes and max(votes.values()) >= ENOUGH_VOTES:
             break
     if not votes:
-        for picture in seen:
-            votes.update(_grid(picture, _THOROUGH))
+        votes.update(size for picture in seen for size in _grid(picture, _THOROUGH))
     if not votes:
         return None
-    size = max(votes, key=lambda one: (votes[one], one[0] * one[1]))
-    return Board(*size)
+    return Board(*max(votes, key=lambda one: (votes[one], one[0] * one[1])))
 
 
 def _grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
@@ -281,23 +283,23 @@ def _grid(picture: Grey8, flags: int) -> Sequence[tuple[int, int]]:
 
 def _detected(picture: Grey8, size: tuple[int, int]) -> DoubleMap | None:
     """Return (n, 2) corners from the first detector that finds them, the quick ones tried first."""
-    found, points = cv2.findChessboardCornersSB(picture, size, flags=_QUICK)
-    if not found:
-        found, points = cv2.findChessboardCorners(picture, size, flags=_QUADS)
-    if not found:
-        found, points = cv2.findChessboardCornersSB(picture, size, flags=_THOROUGH)
-    return np.asarray(points, dtype=np.float64).reshape(-1, 2) if found else None
+    for detect, flags in (
+        (cv2.findChessboardCornersSB, _QUICK),
+        (cv2.findChessboardCorners, _QUADS),
+        (cv2.findChessboardCornersSB, _THOROUGH),
+    ):
+        found, points = detect(picture, size, flags=flags)
+        if found:
+            return np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    return None
 
 
 def _spacing(grid: npt.NDArray[np.float64]) -> DoubleMap:
     """Return the distance of each of (rows, columns, 2) corners to the nearest of its neighbours, px."""
-    nearest = np.full(grid.shape[:2], np.inf)
-    for axis in (0, 1):
-        steps = np.linalg.norm(np.diff(grid, axis=axis), axis=2)
-        before, after = (slice(1, None), slice(None, -1)) if axis == 0 else (np.s_[:, 1:], np.s_[:, :-1])
-        nearest[before] = np.minimum(nearest[before], steps)
-        nearest[after] = np.minimum(nearest[after], steps)
-    return nearest
+    down, across = (np.linalg.norm(np.diff(grid, axis=axis), axis=2) for axis in (0, 1))
+    down = np.pad(down, ((1, 1), (0, 0)), constant_values=np.inf)
+    across = np.pad(across, ((0, 0), (1, 1)), constant_values=np.inf)
+    return np.asarray(np.minimum.reduce([down[:-1], down[1:], across[:, :-1], across[:, 1:]]))
 
 
 LARGEST_MARKERS_SIDE = 2400
@@ -343,17 +345,18 @@ AGREEMENT = 0.7
 """Least share of the markers that must be where the board has them."""
 
 
-@dataclass(frozen=True, eq=False)
-class SeenMarkers:
+class SeenMarkers(NamedTuple):
     """The markers of one dictionary in a picture: (n,) numbers and (n, 4, 2) corners, px."""
 
     numbers: npt.NDArray[np.intp]
     corners: DoubleMap
 
-    @property
-    def centres(self) -> DoubleMap:
-        """Return (n, 2), px."""
-        return np.asarray(self.corners.mean(axis=1))
+
+class FittedMarkers(NamedTuple):
+    """Markers fitted to a plane board: the homography from its squares to the picture, and which markers agree."""
+
+    homography: DoubleMap | None
+    agreeing: npt.NDArray[np.bool_]
 
 
 def find_charuco(grey: Grey8, board: Board) -> Corners | None:
@@ -373,8 +376,7 @@ def find_charuco(grey: Grey8, board: Board) -> Corners | None:
         return None
     order = np.argsort(numbers.ravel())
     found = numbers.ravel()[order].astype(np.intp)
-    rows, cols = np.divmod(found, board.columns)
-    if np.ptp(rows) == 0 or np.ptp(cols) == 0:
+    if board.in_a_row(found):
         return None
     places = (points.reshape(-1, 2)[order].astype(np.float64) + 0.5) / factor - 0.5
     if factor < 1:
@@ -402,20 +404,38 @@ def guess_charuco(pictures: Iterable[Grey8], size: tuple[int, int] | None = None
     seen = sorted(seen, key=lambda markers: -len(markers.numbers))[:MOST_FITTED]
     highest = max(int(markers.numbers.max()) for markers in seen)
     widths = range(3, min(MOST_CORNERS + 1, 2 * highest + 3) + 1) if size is None else {side + 1 for side in size}
-    fits = {(width, shift): _agreeing(seen, width, shift) for width in widths for shift in (1, 0)}
-    (width, shift), agreeing = max(fits.items(), key=lambda fit: sum(inside.sum() for inside in fit[1]))
-    total = sum(len(markers.numbers) for markers in seen)
-    if sum(inside.sum() for inside in agreeing) < AGREEMENT * total:
+    fits = {
+        (width, shift): [_fitted(markers, width, shift) for markers in seen] for width in widths for shift in (1, 0)
+    }
+    (width, shift), fitted = max(fits.items(), key=lambda fit: sum(one.agreeing.sum() for one in fit[1]))
+    if sum(one.agreeing.sum() for one in fitted) < AGREEMENT * sum(len(markers.numbers) for markers in seen):
         return None
+    agreeing = [
+        (SeenMarkers(markers.numbers[one.agreeing], markers.corners[one.agreeing]), one.homography)
+        for markers, one in zip(seen, fitted, strict=True)
+        if one.homography is not None and one.agreeing.any()
+    ]
     if size is not None:
         height = size[0] + size[1] + 2 - width
     else:
-        last = max(int(one.numbers[inside].max()) for one, inside in zip(seen, agreeing, strict=True) if inside.any())
+        last = max(int(markers.numbers.max()) for markers, _ in agreeing)
         height = int(_square_of(np.array([last]), width, shift)[0, 1]) + 1
         # A legacy board that starts with a white square has an even number of rows.
         height = max(3, height + (height % 2 if shift == 0 else 0))
-    share = _marker_share(seen, agreeing, width, shift)
+    flat = [
+        np.asarray(
+            cv2.perspectiveTransform(markers.corners.reshape(-1, 1, 2), np.linalg.inv(homography)), dtype=np.float64
+        ).reshape(-1, 4, 2)
+        for markers, homography in agreeing
+    ]
+    sides = np.concatenate([_sides(corners).ravel() for corners in flat])
+    share = round(float(np.clip(np.median(sides), 0.2, 0.95)), 2)
     return Board(width - 1, height - 1, Markers(dictionary, share, legacy=shift == 0))
+
+
+def _sides(corners: DoubleMap) -> DoubleMap:
+    """Return the lengths of the sides of markers with (n, 4, 2) corners."""
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2))
 
 
 def _detector(board: Board) -> Any:
@@ -452,12 +472,9 @@ def _seen(dictionary: str, pictures: Sequence[Grey8], count: int) -> list[SeenMa
     detector = cv2.aruco.ArucoDetector(first_markers(dictionary, count))
     seen = []
     for picture in pictures:
-        corners, numbers, _ = detector.detectMarkers(picture)
-        if numbers is None or len(numbers) == 0:
-            seen.append(SeenMarkers(np.zeros(0, np.intp), np.zeros((0, 4, 2))))
-            continue
-        numbers, first = np.unique(numbers.ravel(), return_index=True)
-        places = np.array([corners[one].reshape(4, 2) for one in first], np.float64)
+        corners, found, _ = detector.detectMarkers(picture)
+        numbers, first = np.unique([] if found is None else found, return_index=True)
+        places = np.array([corners[one] for one in first], np.float64).reshape(-1, 4, 2)
         seen.append(SeenMarkers(numbers.astype(np.intp), places))
     return seen
 
@@ -474,42 +491,16 @@ def _square_of(numbers: npt.NDArray[np.intp], width: int, shift: int) -> DoubleM
     return np.stack([col, row], axis=1).astype(np.float64)
 
 
-def _agreeing(seen: Sequence[SeenMarkers], width: int, shift: int) -> list[npt.NDArray[np.bool_]]:
-    """Return for each picture which markers fit a plane board of `width` squares across."""
-    agreeing = []
-    for markers in seen:
-        homography, limit = _homography(markers, width, shift)
-        if homography is None:
-            agreeing.append(np.zeros(len(markers.numbers), dtype=bool))
-            continue
-        squares = _square_of(markers.numbers, width, shift) + 0.5
-        placed = cv2.perspectiveTransform(squares[:, None], homography)[:, 0]
-        agreeing.append(np.linalg.norm(placed - markers.centres, axis=1) < limit)
-    return agreeing
-
-
-def _homography(markers: SeenMarkers, width: int, shift: int) -> tuple[DoubleMap | None, float]:
-    """Return the homography from squares of the board to the picture, and the largest error of a marker, px."""
-    sides = np.linalg.norm(markers.corners - np.roll(markers.corners, 1, axis=1), axis=2)
-    limit = 0.5 * float(np.median(sides))
-    squares = _square_of(markers.numbers, width, shift) + 0.5
-    homography, _ = cv2.findHomography(squares, markers.centres, cv2.RANSAC, limit, maxIters=MOST_DRAWS)
-    return None if homography is None else np.asarray(homography, dtype=np.float64), limit
-
-
-def _marker_share(
-    seen: Sequence[SeenMarkers], agreeing: Sequence[npt.NDArray[np.bool_]], width: int, shift: int
-) -> float:
-    """Return the side of a marker as a share of the side of a square."""
-    sides = []
-    for markers, inside in zip(seen, agreeing, strict=True):
-        homography, _ = _homography(markers, width, shift)
-        if homography is None or not inside.any():
-            continue
-        flat = cv2.perspectiveTransform(markers.corners[inside].reshape(-1, 1, 2), np.linalg.inv(homography))
-        corners = flat.reshape(-1, 4, 2)
-        sides.append(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).ravel())
-    return round(float(np.clip(np.median(np.concatenate(sides)), 0.2, 0.95)), 2)
+def _fitted(markers: SeenMarkers, width: int, shift: int) -> FittedMarkers:
+    """Return how markers fit a plane board of `width` squares across."""
+    limit = 0.5 * float(np.median(_sides(markers.corners)))
+    squares, centres = _square_of(markers.numbers, width, shift) + 0.5, markers.corners.mean(axis=1)
+    found, _ = cv2.findHomography(squares, centres, cv2.RANSAC, limit, maxIters=MOST_DRAWS)
+    if found is None:
+        return FittedMarkers(None, np.zeros(len(squares), dtype=bool))
+    homography = np.asarray(found, dtype=np.float64)
+    placed = cv2.perspectiveTransform(squares[:, None], homography)[:, 0]
+    return FittedMarkers(homography, np.linalg.norm(placed - centres, axis=1) < limit)
 
 
 Pairs: TypeAlias = Sequence[tuple[npt.ArrayLike, npt.ArrayLike]]
@@ -546,6 +537,12 @@ class BoardViews:
     def __len__(self) -> int:
         return len(self.left)
 
+    @property
+    def both(self) -> dict[int, tuple[Corners, Corners]]:
+        """Return the corners of the pairs in which both pictures show the board, by number."""
+        found = enumerate(zip(self.left, self.right, strict=True))
+        return {number: (left, right) for number, (left, right) in found if left is not None and right is not None}
+
 
 def find_boards(
     pairs: Pairs | Iterable[tuple[npt.ArrayLike, npt.ArrayLike]],
@@ -579,17 +576,17 @@ def find_boards(
     report = progress or silent
     if not isinstance(board, Board):
         board = guess_board(pairs, board)
-    left, right, sizes = [], [], []
+    find = find_chessboard if board.markers is None else find_charuco
+    corners, sizes = [], []
     for number in range(len(pairs)):
         report(number / len(pairs))
-        pictures = grey_pair(*pairs[number])
-        first, second = (_corners(picture, board) for picture in pictures)
-        left.append(first)
-        right.append(second)
-        sizes.append((_size(pictures[0]), _size(pictures[1])))
+        first, second = grey_pair(*pairs[number])
+        corners.append((find(first, board), find(second, board)))
+        sizes.append((first.shape[::-1], second.shape[::-1]))
     report(1.0)
     size = Counter(size for both in sizes for size in both).most_common(1)[0][0]
-    return BoardViews(board, size, tuple(left), tuple(right), tuple(sizes))
+    left, right = zip(*corners, strict=True)
+    return BoardViews(board, size, left, right, tuple(sizes))
 
 
 def guess_board(pairs: Pairs, size: tuple[int, int] | None = None) -> Board:
@@ -610,7 +607,7 @@ def guess_board(pairs: Pairs, size: tuple[int, int] | None = None) -> Board:
     if size is not None:
         size = Board(*size).columns, Board(*size).rows
     chosen = np.unique(np.linspace(0, len(pairs) - 1, min(len(pairs), GUESSED_FROM)).astype(int))
-    pictures = [picture for picture in _pictures(pairs, chosen)]
+    pictures = [picture for number in chosen for picture in grey_pair(*pairs[int(number)])]
     charuco = guess_charuco(pictures, size)
     if charuco is not None:
         return charuco
@@ -629,16 +626,3 @@ def grey_pair(left: npt.ArrayLike, right: npt.ArrayLike) -> tuple[Grey8, Grey8]:
     """Return both pictures as (rows, cols) uint8."""
     first, second = (as_grey(as_image(value, name)) for value, name in ((left, "left"), (right, "right")))
     return as_eight_bit(first, first)[0], as_eight_bit(second, second)[0]
-
-
-def _pictures(pairs: Pairs, numbers: npt.NDArray[np.intp]) -> Iterator[Grey8]:
-    for number in numbers:
-        yield from grey_pair(*pairs[int(number)])
-
-
-def _corners(picture: Grey8, board: Board) -> Corners | None:
-    return find_chessboard(picture, board) if board.markers is None else find_charuco(picture, board)
-
-
-def _size(picture: Grey8) -> tuple[int, int]:
-    return picture.shape[1], picture.shape[0]

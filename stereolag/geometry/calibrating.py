@@ -13,9 +13,10 @@ import numpy.typing as npt
 from stereolag.core.arrays import DoubleMap
 from stereolag.core.jobs import Progress
 from stereolag.geometry.boards import Board, BoardViews, Corners, Pairs, find_boards
-from stereolag.geometry.calibration import Calibration, StereoRig, check_positive
+from stereolag.geometry.calibration import Calibration, check_positive
 from stereolag.geometry.calibration_fit import (
     FEWEST_PAIRS,
+    Camera,
     JointFit,
     SeenPair,
     Sight,
@@ -113,25 +114,6 @@ class StereoCalibration:
     def used(self) -> tuple[int, ...]:
         """Return the numbers of the pairs that count."""
         return tuple(number for number, pair in enumerate(self.pairs) if pair.left_out is None)
-
-
-def row_errors(seen: dict[int, SeenPair], fit: JointFit, rig: StereoRig, size: tuple[int, int]) -> dict[int, float]:
-    """Return the row difference of matching corners in the rectified pair, px, on average over each pair."""
-    how = rectification(rig, size)
-    cameras = (
-        (fit.left.matrix, fit.left.distortion, how.left_rotation, how.left_projection),
-        (fit.right.matrix, fit.right.distortion, how.right_rotation, how.right_projection),
-    )
-    errors = {}
-    for number, pair in seen.items():
-        left, right = (
-            cv2.undistortPoints(places[:, None], matrix, distortion, R=turn, P=projection, criteria=UNTIL)[:, 0, 1]
-            for places, (matrix, distortion, turn, projection) in zip(
-                (pair.left, pair.right[fit.orders[number]]), cameras, strict=True
-            )
-        )
-        errors[number] = float(np.abs(left - right).mean())
-    return errors
 
 
 def coverage(corners: Sequence[Corners], size: tuple[int, int]) -> float:
@@ -242,82 +224,68 @@ def calibrate_boards(views: BoardViews, square_m: float = 1.0, *, leave_out: Col
     """
     check_positive(square_m, "square_m")
     reasons = _unusable(views, leave_out)
-    usable = [number for number, reason in enumerate(reasons) if reason is None]
-    _check_count(len(usable), views)
-    points = views.board.points()
-    sights = [[Sight.of(_there(corners[number]), points) for number in usable] for corners in (views.left, views.right)]
+    usable = _usable(reasons, views)
+    points, both = views.board.points(), views.both
+    sights = [
+        [Sight(points[one.numbers], one.points) for one in (both[number][side] for number in usable)] for side in (0, 1)
+    ]
     flags = suitable_lens(sights, views.size)
-    left, right = (calibrated_lens(one, views.size, flags) for one in sights)
-    for place in left.outliers | right.outliers:
+    (left, left_outliers), (right, right_outliers) = (calibrated_lens(one, views.size, flags) for one in sights)
+    for place in left_outliers | right_outliers:
         reasons[usable[place]] = LeftOut.NOT_FLAT
-    usable = [number for number in usable if reasons[number] is None]
-    _check_count(len(usable), views)
-    seen = {number: _seen_pair(views, number, points) for number in usable}
+    seen = {number: _seen_pair(*both[number], views.board) for number in _usable(reasons, views)}
     fit = agreeing_fit(seen, left.camera, right.camera, views.size, flags)
-    for number in usable:
-        if number not in fit.used:
-            reasons[number] = LeftOut.CONTRADICTS
+    for number in set(seen) - set(fit.used):
+        reasons[number] = LeftOut.CONTRADICTS
     return _report(views, square_m, seen, fit, reasons, max(left.focal_error, right.focal_error))
 
 
 def _unusable(views: BoardViews, leave_out: Collection[int]) -> list[LeftOut | None]:
     """Return why each pair cannot be used; None if it can."""
     reasons: list[LeftOut | None] = []
-    kept: list[int] = []
-    for number in range(len(views)):
-        left, right = views.left[number], views.right[number]
-        reason = _unusable_alone(views, number)
-        if reason is None and left is not None and right is not None:
-            if any(_same(left, views.left[other]) and _same(right, views.right[other]) for other in kept):
-                reason = LeftOut.SAME_VIEW
-            else:
-                kept.append(number)
-        reasons.append(LeftOut.BY_HAND if reason is None and number in leave_out else reason)
+    kept: list[tuple[Corners, Corners]] = []
+    for number, (left, right) in enumerate(zip(views.left, views.right, strict=True)):
+        reason = LeftOut.BY_HAND if number in leave_out else None
+        if set(views.sizes[number]) != {views.size}:
+            reason = LeftOut.OTHER_SIZE
+        elif left is None or right is None:
+            both = left is None and right is None
+            reason = LeftOut.NOT_FOUND if both else LeftOut.NOT_FOUND_LEFT if left is None else LeftOut.NOT_FOUND_RIGHT
+        elif len(common := np.intersect1d(left.numbers, right.numbers)) < FEWEST_IN_COMMON or views.board.in_a_row(
+            common
+        ):
+            reason = LeftOut.FEW_IN_COMMON
+        elif any(_same(left, other[0]) and _same(right, other[1]) for other in kept):
+            reason = LeftOut.SAME_VIEW
+        else:
+            kept.append((left, right))
+        reasons.append(reason)
     return reasons
 
 
-def _unusable_alone(views: BoardViews, number: int) -> LeftOut | None:
-    left, right = views.left[number], views.right[number]
-    if set(views.sizes[number]) != {views.size}:
-        return LeftOut.OTHER_SIZE
-    if left is None or right is None:
-        both = left is None and right is None
-        return LeftOut.NOT_FOUND if both else LeftOut.NOT_FOUND_LEFT if left is None else LeftOut.NOT_FOUND_RIGHT
-    common = np.intersect1d(left.numbers, right.numbers)
-    rows, cols = np.divmod(common, views.board.columns)
-    if len(common) < FEWEST_IN_COMMON or np.ptp(rows) == 0 or np.ptp(cols) == 0:
-        return LeftOut.FEW_IN_COMMON
-    return None
-
-
-def _same(corners: Corners, others: Corners | None) -> bool:
-    if others is None or not np.array_equal(corners.numbers, others.numbers):
+def _same(corners: Corners, others: Corners) -> bool:
+    if not np.array_equal(corners.numbers, others.numbers):
         return False
     return float(np.abs(corners.points - others.points).mean()) < SAME_PX
 
 
-def _there(corners: Corners | None) -> Corners:
-    assert corners is not None
-    return corners
-
-
-def _check_count(count: int, views: BoardViews) -> None:
-    if count < FEWEST_PAIRS:
-        found = sum(one is not None and other is not None for one, other in zip(views.left, views.right, strict=True))
+def _usable(reasons: Sequence[LeftOut | None], views: BoardViews) -> list[int]:
+    """Return the numbers of the pairs that can be used, of which there must be enough."""
+    usable = [number for number, reason in enumerate(reasons) if reason is None]
+    if len(usable) < FEWEST_PAIRS:
         board = f"{views.board.columns} × {views.board.rows} inner corners"
         raise ValueError(
-            f"{count} of {len(views)} pairs can be used, and at least {FEWEST_PAIRS} are needed, 8 or more for a good "
-            f"calibration. A board of {board} was found in both pictures of {found}: is that its size?"
+            f"{len(usable)} of {len(views)} pairs can be used, and at least {FEWEST_PAIRS} are needed, 8 or more for a "
+            f"good calibration. A board of {board} was found in both pictures of {len(views.both)}: is that its size?"
         )
+    return usable
 
 
-def _seen_pair(views: BoardViews, number: int, points: DoubleMap) -> SeenPair:
-    left, right = _there(views.left[number]), _there(views.right[number])
+def _seen_pair(left: Corners, right: Corners, board: Board) -> SeenPair:
     common = np.intersect1d(left.numbers, right.numbers)
     places = right.of(common)
-    whole = len(common) == views.board.corners
-    orders = [places[order] for order in views.board.orders()] if whole else [places]
-    return SeenPair(points[common], left.of(common), tuple(orders))
+    orders = board.orders() if len(common) == board.corners else (np.arange(len(common)),)
+    return SeenPair(board.points()[common], left.of(common), tuple(places[order] for order in orders))
 
 
 def _report(
@@ -325,7 +293,7 @@ def _report(
     square_m: float,
     seen: dict[int, SeenPair],
     fit: JointFit,
-    reasons: list[LeftOut | None],
+    reasons: Sequence[LeftOut | None],
     focal_error: float,
 ) -> StereoCalibration:
     """Return the calibration in metres, with the outcome for each pair."""
@@ -336,27 +304,42 @@ def _report(
             "and to both sides, and show it in every part of the picture."
         )
     rig = rig_of(fit, views.size, square_m)
-    calibration = replace(rectified_calibration(rig, views.size), rig=rig, rms=fit.rms)
-    errors_of_rows = row_errors(seen, fit, rig, views.size)
+    how = rectification(rig, views.size)
     pairs = []
     for number, reason in enumerate(reasons):
-        left, right, order = views.left[number], views.right[number], fit.orders.get(number, 0)
-        if order and reason is None and right is not None:
-            right = Corners(right.numbers, seen[number].right[order])
+        left, right, turned, row_error = views.left[number], views.right[number], False, np.nan
+        if number in seen:
+            order = fit.orders[number]
+            places = seen[number].right[order]
+            turned = order > 0 and reason is None
+            right = Corners(views.both[number][1].numbers, places) if turned else right
+            rows = (
+                _row(seen[number].left, fit.left, how.left_rotation, how.left_projection),
+                _row(places, fit.right, how.right_rotation, how.right_projection),
+            )
+            row_error = float(np.abs(rows[0] - rows[1]).mean())
         errors = fit.errors.get(number, (np.nan, np.nan))
-        pairs.append(
-            PairReport(left, right, reason, order > 0 and reason is None, *errors, errors_of_rows.get(number, np.nan))
-        )
-    used = [pair for pair in pairs if pair.left_out is None]
-    counts = [len(seen[number].points) for number in fit.used]
+        pairs.append(PairReport(left, right, reason, turned, *errors, row_error))
     return StereoCalibration(
-        calibration,
+        replace(rectified_calibration(rig, views.size), rig=rig, rms=fit.rms),
         views.board,
         square_m,
         tuple(pairs),
         fit.rms,
-        float(np.average([pair.row_error for pair in used], weights=counts)),
-        coverage([pair.left for pair in used if pair.left is not None], views.size),
-        coverage([pair.right for pair in used if pair.right is not None], views.size),
+        float(
+            np.average(
+                [pairs[number].row_error for number in fit.used],
+                weights=[len(seen[number].points) for number in fit.used],
+            )
+        ),
+        coverage([views.both[number][0] for number in fit.used], views.size),
+        coverage([views.both[number][1] for number in fit.used], views.size),
         focal_error,
     )
+
+
+def _row(places: DoubleMap, camera: Camera, rotation: DoubleMap, projection: DoubleMap) -> DoubleMap:
+    """Return the rows of corners after rectification, px."""
+    lens = camera.matrix, camera.distortion
+    straight = cv2.undistortPoints(places[:, None], *lens, R=rotation, P=projection, criteria=UNTIL)
+    return np.asarray(straight[:, 0, 1])

@@ -4,27 +4,66 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import scipy  # scipy.optimize is loaded only on first use: the quick judgement of a pair does not need it
 
 from stereolag.core.arrays import DoubleMap, Vector
-from stereolag.geometry.boards import Corners
 from stereolag.geometry.calibration import StereoRig
+
+LENSES = {
+    "k1, k2": cv2.CALIB_FIX_K3,
+    "k1, k2, k3": 0,
+    "rational": cv2.CALIB_RATIONAL_MODEL,
+}
+"""Models of lens distortion, each in addition to the tangential p1, p2, with OpenCV's flags, simplest first."""
+
+WORTHWHILE = 0.97
+"""A richer model must lower the error on left-out pictures to this share: it is wrong where there were no corners."""
+
+FOLDS = 3
+ENOUGH_TO_LEAVE_OUT = 6
+WORTHWHILE_ON_ITS_OWN = 0.7
+"""With fewer pictures none can be left out; on the pictures it is fitted to, a richer model is always a bit better."""
+
+FARTHEST_OUTLIER = 5.0
+LEAST_OUTLIER_PX = 1.5
+"""A picture whose error exceeds this multiple of the median, and this many px, does not show a flat board."""
 
 COARSE_SHARE = 0.02
 """Largest distance of another pair's corners from where one pair's pose puts them, as a share of the picture's width.
 One pair determines the tilt of its board, and so of the right camera, only to a fraction of a degree."""
 
+FEWEST_PAIRS = 3
 
-@dataclass(frozen=True, eq=False)
-class Camera:
-    """A camera matrix (3, 3) and its distortion coefficients."""
+MOST_TIMES_USUAL = 4.0
+LEAST_ERROR_PX = 0.75
+"""A pair contradicts the others if its error exceeds this multiple of the median and this many px per 1000 of width."""
 
-    matrix: DoubleMap
-    distortion: Vector
+MOST_ROUNDS = 5
+
+BEST_SHARE = 0.6
+"""Share of the pairs, those that agree best, from which the errors of the others are judged."""
+
+
+class Sight(NamedTuple):
+    """The corners of a board in one picture: (n, 3) on the board, in squares, and (n, 2) in the picture, px."""
+
+    points: DoubleMap
+    places: DoubleMap
+
+
+class Pose(NamedTuple):
+    """The pose of a board in a camera's frame, or of the right camera: rotation (3, 3), translation (3,) in squares."""
+
+    rotation: DoubleMap
+    translation: Vector
+
+    def beside(self, first: Pose) -> Pose:
+        """Return the pose of a board in the right camera's frame, this pose being the camera's, `first` in the left."""
+        return Pose(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,126 +86,28 @@ class SeenPair:
 
 
 @dataclass(frozen=True, eq=False)
-class Agreement:
-    """The pairs that agree on the pose of the right camera.
+class Camera:
+    """A camera matrix (3, 3) and its distortion coefficients."""
 
-    Attributes
-    ----------
-    agreeing
-        (n,) bool.
-    orders
-        (n,) index of the order of each pair's right corners that fits best.
-    """
+    matrix: DoubleMap
+    distortion: Vector
 
-    agreeing: npt.NDArray[np.bool_]
-    orders: npt.NDArray[np.intp]
+    def pose(self, points: DoubleMap, places: DoubleMap) -> Pose:
+        """Return the pose of a board whose points are seen at these places, px."""
+        found, turn, place = cv2.solvePnP(points, places, self.matrix, self.distortion, flags=cv2.SOLVEPNP_IPPE)
+        if found:
+            turn, place = cv2.solvePnPRefineLM(points, places, self.matrix, self.distortion, turn, place)
+        else:
+            _, turn, place = cv2.solvePnP(points, places, self.matrix, self.distortion)
+        return Pose(np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64), np.asarray(place, dtype=np.float64).ravel())
 
-
-def agreement(pairs: Sequence[SeenPair], left: Camera, right: Camera, width: int) -> Agreement:
-    """Return the largest set of pairs that agree on the pose of the right camera.
-
-    The pose from each pair is tried on all others: with the right camera there, the board seen by the left camera must
-    appear in the right picture where it does. Pictures not taken at the same moment, of another board or turned round
-    agree with no others.
-
-    Parameters
-    ----------
-    pairs
-        Pairs of one rig.
-    left, right
-        The cameras, each calibrated on its own.
-    width
-        Width of the pictures, px.
-    """
-    boards = [_pose(pair.points, pair.left, left) for pair in pairs]
-    best: Agreement | None = None
-    rank: tuple[float, ...] = ()
-    for (rotation, translation), pair in zip(boards, pairs, strict=True):
-        for points in pair.right:
-            turn, place = _pose(pair.points, points, right)
-            between = turn @ rotation.T
-            errors = [
-                _errors(other, between @ turned, between @ moved + place - between @ translation, right)
-                for other, (turned, moved) in zip(pairs, boards, strict=True)
-            ]
-            least = np.array([min(one) for one in errors])
-            agreeing = least <= COARSE_SHARE * width
-            # If a board looks the same from two ends, all pairs turned round would agree too; the camera is not.
-            upright = float(np.trace(between)) > 1  # rotated by less than a right angle
-            typical = float(np.median(least[agreeing])) if agreeing.any() else np.inf
-            now = (float(agreeing.sum()), float(upright), -typical)
-            if best is None or now > rank:
-                best, rank = Agreement(agreeing, np.array([int(np.argmin(one)) for one in errors])), now
-    assert best is not None
-    return best
+    def projected(self, points: DoubleMap, pose: Pose) -> DoubleMap:
+        """Return where the camera sees the points of a board at this pose, (n, 2) px."""
+        turn = cv2.Rodrigues(pose.rotation)[0]
+        return np.asarray(cv2.projectPoints(points, turn, pose.translation, self.matrix, self.distortion)[0][:, 0])
 
 
-def pair_errors(
-    pair: SeenPair, order: int, left: Camera, right: Camera, rotation: DoubleMap, translation: Vector
-) -> tuple[float, float]:
-    """Return how far the corners are from where a rig puts them, left and right, px RMS, at the board's best pose."""
-    seen = pair.left, pair.right[order]
-    start = _pose(pair.points, pair.left, left)
-
-    def residuals(pose: Vector) -> Vector:
-        turn, place = np.asarray(cv2.Rodrigues(pose[:3])[0], dtype=np.float64), pose[3:]
-        beside = rotation @ turn, rotation @ place + translation
-        placed = (
-            _projected(pair.points, turn, place, left) - seen[0],
-            _projected(pair.points, *beside, right) - seen[1],
-        )
-        return np.concatenate(placed).ravel()
-
-    begin = np.concatenate((cv2.Rodrigues(start[0])[0].ravel(), start[1]))
-    fitted = scipy.optimize.least_squares(residuals, begin, method="lm", max_nfev=400)
-    ends = np.square(residuals(fitted.x)).reshape(2, -1)
-    first, second = np.sqrt(2 * ends.mean(axis=1))
-    return float(first), float(second)
-
-
-def _pose(points: DoubleMap, seen: DoubleMap, camera: Camera) -> tuple[DoubleMap, Vector]:
-    """Return the rotation (3, 3) and the translation (3,) of a board in a camera's frame."""
-    found, turn, place = cv2.solvePnP(points, seen, camera.matrix, camera.distortion, flags=cv2.SOLVEPNP_IPPE)
-    if found:
-        turn, place = cv2.solvePnPRefineLM(points, seen, camera.matrix, camera.distortion, turn, place)
-    else:
-        _, turn, place = cv2.solvePnP(points, seen, camera.matrix, camera.distortion)
-    return np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64), np.asarray(place, dtype=np.float64).ravel()
-
-
-def _errors(pair: SeenPair, rotation: DoubleMap, translation: Vector, right: Camera) -> list[float]:
-    """Return how far the right corners are from a prediction, px RMS, for each order."""
-    placed = _projected(pair.points, rotation, translation, right)
-    return [float(np.sqrt(np.square(placed - seen).sum(axis=1).mean())) for seen in pair.right]
-
-
-def _projected(points: DoubleMap, rotation: DoubleMap, translation: Vector, camera: Camera) -> DoubleMap:
-    turn = cv2.Rodrigues(rotation)[0]
-    return np.asarray(cv2.projectPoints(points, turn, translation, camera.matrix, camera.distortion)[0][:, 0])
-
-
-LENSES = {
-    "k1, k2": cv2.CALIB_FIX_K3,
-    "k1, k2, k3": 0,
-    "rational": cv2.CALIB_RATIONAL_MODEL,
-}
-"""Models of lens distortion, each in addition to the tangential p1, p2, with OpenCV's flags, simplest first."""
-
-WORTHWHILE = 0.97
-"""A richer model must lower the error on left-out pictures to this share: it is wrong where there were no corners."""
-
-FOLDS = 3
-ENOUGH_TO_LEAVE_OUT = 6
-WORTHWHILE_ON_ITS_OWN = 0.7
-"""With fewer pictures none can be left out; on the pictures it is fitted to, a richer model is always a bit better."""
-
-FARTHEST_OUTLIER = 5.0
-LEAST_OUTLIER_PX = 1.5
-"""A picture whose error exceeds this multiple of the median, and this many px, does not show a flat board."""
-
-
-@dataclass(frozen=True, eq=False)
-class Lens:
+class Lens(NamedTuple):
     """A camera determined from its own pictures.
 
     Attributes
@@ -175,30 +116,17 @@ class Lens:
         Matrix and distortion.
     focal_error
         Standard error of the focal length, as a share of it.
-    outliers
-        Numbers of the pictures whose corners do not fit a flat board.
+    errors
+        Distance of each picture's corners from where the camera would see them, px RMS.
     """
 
     camera: Camera
     focal_error: float
-    outliers: frozenset[int]
+    errors: Vector
 
 
-@dataclass(frozen=True, eq=False)
-class Sight:
-    """The corners of a board in one picture: (n, 3) on the board, in squares, and (n, 2) in the picture, px."""
-
-    points: DoubleMap
-    places: DoubleMap
-
-    @classmethod
-    def of(cls, corners: Corners, board_points: DoubleMap) -> Sight:
-        """Return the corners found in a picture with their positions on the board."""
-        return cls(board_points[corners.numbers], corners.points)
-
-
-def calibrated_lens(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> Lens:
-    """Return the camera that took these pictures of a board.
+def calibrated_lens(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple[Lens, set[int]]:
+    """Return the camera that took these pictures of a board, and which of them do not show a flat board.
 
     Parameters
     ----------
@@ -214,13 +142,13 @@ def calibrated_lens(sights: Sequence[Sight], size: tuple[int, int], flags: int) 
     ValueError
         Corners that do not determine a camera.
     """
-    camera, focal_error, errors = _fitted(sights, size, flags)
-    limit = max(LEAST_OUTLIER_PX, FARTHEST_OUTLIER * float(np.median(errors)))
-    outliers = frozenset(np.flatnonzero(errors > limit).tolist())
+    lens = _fitted_lens(sights, size, flags)
+    limit = max(LEAST_OUTLIER_PX, FARTHEST_OUTLIER * float(np.median(lens.errors)))
+    outliers = set(np.flatnonzero(lens.errors > limit).tolist())
     if outliers and len(sights) - len(outliers) >= 3:
         kept = [sight for number, sight in enumerate(sights) if number not in outliers]
-        camera, focal_error, _ = _fitted(kept, size, flags)
-    return Lens(camera, focal_error, outliers)
+        lens = _fitted_lens(kept, size, flags)
+    return lens, outliers
 
 
 def suitable_lens(cameras: Sequence[Sequence[Sight]], size: tuple[int, int]) -> int:
@@ -236,86 +164,72 @@ def suitable_lens(cameras: Sequence[Sequence[Sight]], size: tuple[int, int]) -> 
         Width and height of the pictures, px.
     """
     enough = min(len(sights) for sights in cameras) >= ENOUGH_TO_LEAVE_OUT
-    best, *richer = LENSES.values()
-    least = _foretelling(cameras, size, best, FOLDS if enough else 1)
-    for flags in richer:
-        error = _foretelling(cameras, size, flags, FOLDS if enough else 1)
-        if error < (WORTHWHILE if enough else WORTHWHILE_ON_ITS_OWN) * least:
+    folds, worthwhile = (FOLDS, WORTHWHILE) if enough else (1, WORTHWHILE_ON_ITS_OWN)
+    best, least = 0, np.inf
+    for number, flags in enumerate(LENSES.values()):
+        error = _left_out_error(cameras, size, flags, folds)
+        if number == 0 or error < worthwhile * least:
             best, least = flags, error
     return best
 
 
-def _foretelling(cameras: Sequence[Sequence[Sight]], size: tuple[int, int], flags: int, folds: int) -> float:
-    """Return the median error on pictures left out, px; with a single fold none is left out."""
+def _left_out_error(cameras: Sequence[Sequence[Sight]], size: tuple[int, int], flags: int, folds: int) -> float:
+    """Return the median error on pictures left out, px RMS; with a single fold none is left out."""
     errors = []
     for sights in cameras:
         for fold in range(folds):
             given = [sight for number, sight in enumerate(sights) if folds == 1 or number % folds != fold]
             try:
-                camera, _, _ = _fitted(given, size, flags)
+                camera = _fitted_lens(given, size, flags).camera
             except ValueError:
                 return np.inf
-            errors += [_error(sight, camera) for number, sight in enumerate(sights) if number % folds == fold]
+            for points, places in sights[fold::folds]:
+                found, turn, place = cv2.solvePnP(points, places, camera.matrix, camera.distortion)
+                placed = cv2.projectPoints(points, turn, place, camera.matrix, camera.distortion)[0][:, 0]
+                errors.append(_rms(placed - places) if found else np.inf)
     return float(np.median(errors))
 
 
-def _error(sight: Sight, camera: Camera) -> float:
-    """Return how far the corners are from where the camera would see them, px RMS, with the board at its best pose."""
-    found, turn, place = cv2.solvePnP(sight.points, sight.places, camera.matrix, camera.distortion)
-    if not found:
-        return np.inf
-    placed = cv2.projectPoints(sight.points, turn, place, camera.matrix, camera.distortion)[0][:, 0]
-    return float(np.sqrt(np.square(placed - sight.places).sum(axis=1).mean()))
+def _rms(differences: DoubleMap) -> float:
+    return float(np.sqrt(np.square(differences).sum(axis=1).mean()))
 
 
-def _fitted(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> tuple[Camera, float, DoubleMap]:
-    """Return the camera, the standard error of its focal length as a share of it, and each picture's error, px RMS."""
+def _fitted_lens(sights: Sequence[Sight], size: tuple[int, int], flags: int) -> Lens:
     points = [sight.points.astype(np.float32) for sight in sights]
     places = [sight.places.astype(np.float32) for sight in sights]
+    undetermined = ValueError(
+        f"{len(sights)} pictures of the board do not determine the camera: show it at more places and tilted more."
+    )
     try:
         _, matrix, distortion, _, _, deviations, _, errors = cv2.calibrateCameraExtended(
             points, places, size, np.eye(3), np.zeros(14), flags=flags
         )
     except cv2.error as error:
-        raise ValueError(
-            f"{len(sights)} pictures of the board do not determine the camera: show it at more places and tilted more."
-        ) from error
-    numbers = (matrix, distortion, deviations)
-    if not all(np.isfinite(one).all() for one in numbers) or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
-        raise ValueError(
-            f"{len(sights)} pictures of the board do not determine the camera: show it at more places and tilted more."
-        )
+        raise undetermined from error
+    finite = all(np.isfinite(one).all() for one in (matrix, distortion, deviations))
+    if not finite or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
+        raise undetermined
     camera = Camera(np.asarray(matrix, dtype=np.float64), np.asarray(distortion, dtype=np.float64).ravel())
-    focal_error = float(deviations[0, 0] / matrix[0, 0])
-    return camera, focal_error, np.asarray(errors, dtype=np.float64).ravel()
-
-
-def without_zeros(distortion: Vector) -> Vector:
-    """Return distortion coefficients without the trailing zeros of richer models: 5, 8, 12 or 14."""
-    last = int(np.flatnonzero(distortion).max(initial=0)) + 1
-    return distortion[: next(count for count in (5, 8, 12, 14) if count >= last)]
-
-
-FEWEST_PAIRS = 3
-
-MOST_TIMES_USUAL = 4.0
-LEAST_ERROR_PX = 0.75
-"""A pair contradicts the others if its error exceeds this multiple of the median and this many px per 1000 of width."""
-
-MOST_ROUNDS = 5
-
-BEST_SHARE = 0.6
-"""Share of the pairs, those that agree best, from which the errors of the others are judged."""
+    return Lens(camera, float(deviations[0, 0] / matrix[0, 0]), np.asarray(errors, dtype=np.float64).ravel())
 
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """Both cameras, the pose of the right one with lengths in squares, and the pairs that were used."""
+    """Both cameras, the pose of the right one, and the pairs that were used.
+
+    Attributes
+    ----------
+    rms
+        Distance of the corners from where the fit puts them, px, over both cameras and all pairs used.
+    orders
+        The order of each pair's right corners that fits best.
+    errors
+        The same distance in the left and the right picture of every pair.
+    """
 
     left: Camera
     right: Camera
-    rotation: DoubleMap
-    translation: Vector
+    pose: Pose
     rms: float
     used: tuple[int, ...]
     orders: dict[int, int]
@@ -323,36 +237,75 @@ class JointFit:
 
 
 def agreeing_fit(seen: dict[int, SeenPair], left: Camera, right: Camera, size: tuple[int, int], flags: int) -> JointFit:
-    """Return both cameras fitted together to the pairs that agree."""
-    numbers = list(seen)
-    found = agreement(list(seen.values()), left, right, size[0])
-    orders = dict(zip(numbers, found.orders.tolist(), strict=True))
-    used = tuple(number for number, agrees in zip(numbers, found.agreeing, strict=True) if agrees)
-    _check_majority(used, numbers)
+    """Return both cameras, each calibrated on its own before, fitted together to the pairs that agree.
+
+    Raises
+    ------
+    ValueError
+        No majority of pairs that agree on the pose of the right camera.
+    """
+    used, orders = _agreement(seen, left, right, size[0])
+    _check_majority(used, seen)
+
+    def fitted(used: Sequence[int], flags: int) -> JointFit:
+        return _fit(seen, tuple(used), orders, left, right, size, flags)
+
     # The cameras were calibrated separately, which no contradiction between left and right can spoil: they stay fixed
     # until the agreeing pairs are known. The best of these are fitted first, or a fit would bend to one that does not.
     fixed = flags | cv2.CALIB_FIX_INTRINSIC
-    fit = _fit(seen, used, orders, left, right, size, fixed)
+    fit = fitted(used, fixed)
     best = sorted(used, key=lambda number: max(fit.errors[number]))[: max(FEWEST_PAIRS, round(BEST_SHARE * len(used)))]
-    fit = _fit(seen, tuple(sorted(best)), orders, left, right, size, fixed)
+    fit = fitted(sorted(best), fixed)
     for _ in range(MOST_ROUNDS):
         usual = float(np.median([max(fit.errors[number]) for number in fit.used]))
         limit = max(LEAST_ERROR_PX * size[0] / 1000, MOST_TIMES_USUAL * usual)
-        used = tuple(number for number in numbers if max(fit.errors[number]) <= limit)
-        _check_majority(used, numbers)
+        used = tuple(number for number in seen if max(fit.errors[number]) <= limit)
+        _check_majority(used, seen)
         if used == fit.used:
             break
-        fit = _fit(seen, used, orders, left, right, size, fixed)
-    return _fit(seen, fit.used, orders, left, right, size, flags)
+        fit = fitted(used, fixed)
+    return fitted(fit.used, flags)
 
 
-def _check_majority(used: Sequence[int], numbers: Sequence[int]) -> None:
-    if len(used) < FEWEST_PAIRS or 2 * len(used) <= len(numbers):
+def _check_majority(used: Sequence[int], seen: dict[int, SeenPair]) -> None:
+    if len(used) < FEWEST_PAIRS or 2 * len(used) <= len(seen):
         raise ValueError(
-            f"The pairs contradict each other: no more than {len(used)} of {len(numbers)} agree on where the right "
+            f"The pairs contradict each other: no more than {len(used)} of {len(seen)} agree on where the right "
             "camera stands. Both pictures of a pair must be taken at the same moment, and neither camera may be moved "
             "or refocused in between."
         )
+
+
+def _agreement(
+    seen: dict[int, SeenPair], left: Camera, right: Camera, width: int
+) -> tuple[tuple[int, ...], dict[int, int]]:
+    """Return the largest set of pairs that agree on the pose of the right camera, and the orders of all right corners.
+
+    The pose from each pair is tried on all others: with the right camera there, the board seen by the left camera must
+    appear in the right picture where it does. Pictures not taken at the same moment, of another board or turned round
+    agree with no others.
+    """
+    boards = {number: left.pose(pair.points, pair.left) for number, pair in seen.items()}
+    agreeing: tuple[int, ...] = ()
+    orders: dict[int, int] = {}
+    rank: tuple[float, ...] = ()
+    for number, pair in seen.items():
+        for places in pair.right:
+            board = right.pose(pair.points, places)
+            turn = board.rotation @ boards[number].rotation.T
+            errors: dict[int, list[float]] = {}
+            for other, (rotation, translation) in boards.items():
+                moved = turn @ translation + board.translation - turn @ boards[number].translation
+                placed = right.projected(seen[other].points, Pose(turn @ rotation, moved))
+                errors[other] = [_rms(placed - found) for found in seen[other].right]
+            near = {other: min(one) for other, one in errors.items() if min(one) <= COARSE_SHARE * width}
+            # If a board looks the same from two ends, all pairs turned round would agree too; the camera is not.
+            upright = float(np.trace(turn)) > 1  # rotated by less than a right angle
+            now = (float(len(near)), float(upright), -float(np.median([*near.values()])) if near else -np.inf)
+            if now > rank:
+                agreeing, rank = tuple(near), now
+                orders = {other: int(np.argmin(one)) for other, one in errors.items()}
+    return agreeing, orders
 
 
 def _fit(
@@ -382,16 +335,32 @@ def _fit(
     )
     numbers = [np.asarray(one, dtype=np.float64) for one in (*cameras, rotation, translation)]
     both = Camera(numbers[0], numbers[1].ravel()), Camera(numbers[2], numbers[3].ravel())
-    turn, place = numbers[4], numbers[5].ravel()
+    pose = Pose(numbers[4], numbers[5].ravel())
     found = {number: (float(one[0]), float(one[1])) for number, one in zip(used, errors, strict=True)}
     for number in set(seen) - set(used):
-        found[number] = pair_errors(seen[number], orders[number], *both, turn, place)
-    return JointFit(*both, turn, place, float(rms), used, orders, found)
+        found[number] = _pair_errors(seen[number], orders[number], *both, pose)
+    return JointFit(*both, pose, float(rms), used, orders, found)
+
+
+def _pair_errors(pair: SeenPair, order: int, left: Camera, right: Camera, pose: Pose) -> tuple[float, float]:
+    """Return how far the corners are from where a rig puts them, left and right, px RMS, at the board's best pose."""
+
+    def residuals(numbers: Vector) -> Vector:
+        board = Pose(np.asarray(cv2.Rodrigues(numbers[:3])[0], dtype=np.float64), numbers[3:])
+        first = left.projected(pair.points, board) - pair.left
+        second = right.projected(pair.points, pose.beside(board)) - pair.right[order]
+        return np.concatenate((first, second)).ravel()
+
+    start = left.pose(pair.points, pair.left)
+    begin = np.concatenate((cv2.Rodrigues(start.rotation)[0].ravel(), start.translation))
+    fitted = scipy.optimize.least_squares(residuals, begin, method="lm", max_nfev=400)
+    first, second = np.sqrt(2 * np.square(residuals(fitted.x)).reshape(2, -1).mean(axis=1))
+    return float(first), float(second)
 
 
 def rig_of(fit: JointFit, size: tuple[int, int], square_m: float) -> StereoRig:
     """Return the cameras with lengths in metres, if they are side by side and in order."""
-    across, up, _ = fit.translation
+    across, up, _ = fit.pose.translation
     if across > abs(up):
         raise ValueError(
             "Left and right are exchanged: the camera of the pictures given as right stands to the left of the other "
@@ -403,12 +372,12 @@ def rig_of(fit: JointFit, size: tuple[int, int], square_m: float) -> StereoRig:
             f"{-across * square_m:.3g} m beside it; allowed are cameras side by side: turn the pictures of cameras one "
             "above the other by 90°."
         )
-    return StereoRig(
-        fit.left.matrix,
-        without_zeros(fit.left.distortion),
-        fit.right.matrix,
-        without_zeros(fit.right.distortion),
-        fit.rotation,
-        fit.translation * square_m,
-        *size,
-    )
+    lenses = [_without_zeros(camera.distortion) for camera in (fit.left, fit.right)]
+    translation = fit.pose.translation * square_m
+    return StereoRig(fit.left.matrix, lenses[0], fit.right.matrix, lenses[1], fit.pose.rotation, translation, *size)
+
+
+def _without_zeros(distortion: Vector) -> Vector:
+    """Return distortion coefficients without the trailing zeros of richer models: 5, 8, 12 or 14."""
+    last = int(np.flatnonzero(distortion).max(initial=0)) + 1
+    return distortion[: next(count for count in (5, 8, 12, 14) if count >= last)]
