@@ -332,8 +332,7 @@ class Calibration:
         image = _as_rgb8(as_image(colour, "colour"))
         if image.shape[:2] != depth.shape:
             raise ValueError(f"colour has {image.shape[:2]} rows and columns and disparity {depth.shape}.")
-        cx = (depth.shape[1] - 1) / 2 if self.cx is None else self.cx
-        cy = (depth.shape[0] - 1) / 2 if self.cy is None else self.cy
+        cx, cy = self.centre(depth.shape[1], depth.shape[0])
         rows, cols = np.nonzero(np.isfinite(depth))
         z = depth[rows, cols]
         with np.errstate(over="ignore"):
@@ -341,6 +340,10 @@ class Calibration:
             points = points.astype(np.float32)
         near = np.isfinite(points).all(axis=1)
         return points[near], image[rows, cols][near]
+
+    def centre(self, width: int, height: int) -> tuple[float, float]:
+        """Return the principal point of an image of this size, px: column, row; the middle where it is unknown."""
+        return (width - 1) / 2 if self.cx is None else self.cx, (height - 1) / 2 if self.cy is None else self.cy
 
     def scaled(self, factor: float) -> Calibration:
         """Return the calibration for images (and disparities) resized by `factor`.

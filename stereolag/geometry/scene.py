@@ -272,8 +272,7 @@ def calibrated_by(known: Calibration | None, disparity: float, distance_m: float
 
 def _ray(calibration: Calibration, point: SeenPoint, width: int, height: int) -> tuple[float, float, float]:
     """Return the position of the point at a depth of 1."""
-    cx = (width - 1) / 2 if calibration.cx is None else calibration.cx
-    cy = (height - 1) / 2 if calibration.cy is None else calibration.cy
+    cx, cy = calibration.centre(width, height)
     return (point.col - cx) / calibration.focal_px, (point.row - cy) / calibration.focal_px, 1.0
 
 
@@ -386,8 +385,7 @@ def rigid_motion(
 
     focal, scale = calibration.focal_px, calibration.focal_px * calibration.baseline_m
     height, width = shift.shape
-    cx = (width - 1) / 2 if calibration.cx is None else calibration.cx
-    cy = (height - 1) / 2 if calibration.cy is None else calibration.cy
+    cx, cy = calibration.centre(width, height)
     rows, columns = np.mgrid[:height, :width].astype(np.float64)
     point = np.stack([(columns - cx) / focal, (rows - cy) / focal, np.ones(shift.shape), shift / scale], -1)
     moved = np.einsum("hwij,hwj->hwi", poses[objects], point)

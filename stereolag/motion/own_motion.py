@@ -61,8 +61,7 @@ class OwnMotion:
 
 def camera_matrix(calibration: Calibration, shape: tuple[int, int]) -> npt.NDArray[np.float64]:
     """Return the (3, 3) matrix of the left camera for images of (rows, cols)."""
-    cx = (shape[1] - 1) / 2 if calibration.cx is None else calibration.cx
-    cy = (shape[0] - 1) / 2 if calibration.cy is None else calibration.cy
+    cx, cy = calibration.centre(shape[1], shape[0])
     return np.array([[calibration.focal_px, 0, cx], [0, calibration.focal_px, cy], [0, 0, 1]])
 
 
