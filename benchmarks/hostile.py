@@ -1,79 +1,114 @@
-"""What hostile files cost: time, memory and answer of every one; and a search for worse ones by mutation."""
+"""The cost to a server of hostile files read through the guard, and a search for worse ones by mutation."""
 
 from __future__ import annotations
 
 import argparse
-import json
 import random
 import re
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "core"))
 
-from hostile_cases import READ, READERS, HostileFile
-from hostile_files import hostile_files, valid_files
-from measured_reading import Reading, answer_of, in_own_process, measured
+from hostile_files import READ, READERS, hostile_files, valid_files
 
 from benchmarks.memory import peak_mb, reset_peak, resident_mb
+from stereolag.core.jobs import set_defaults
+from stereolag.io.guard import PATIENCE, READING_S, guarded, start_guard
 
 MOST_SECONDS = 5.0
+"""Processor time of the server."""
+MOST_WAITED_S = PATIENCE * READING_S + 1
+"""Time by the clock on a busy machine, with that to end a worker; on an idle one `READING_S`."""
 MOST_MB = 500.0
-LARGE_COLOUR = re.compile("16-bit RGB|16 bits, colour|40 megapixels, 16 bits")
-MOST_MB_OF_LARGE_COLOUR = 800.0
-BATCH = 400
-"""Files per process, so that a crash loses no more than these."""
 
 
-def rows(files: Iterable[HostileFile]) -> list[tuple[Reading, str]]:
-    """Return the reading of every file with its fault, empty if there is none."""
-    found = []
-    for file in files:
-        reading = measured(file)
-        found.append((reading, wrong(reading, file.answer)))
-    return found
+@dataclass(frozen=True)
+class Reading:
+    """Cost and outcome of reading one file.
+
+    Attributes
+    ----------
+    name, reader
+        Of the file.
+    file_mb, waited_s, seconds, extra_mb
+        The file's size, the time by the clock, and the server's own: its processor time, and the rise of its memory
+        above the level with the file loaded.
+    answer
+        "read" and the shape of the result, or the sentence that refuses the file.
+    fault
+        What is wrong, empty if nothing is.
+    """
+
+    name: str
+    reader: str
+    file_mb: float
+    waited_s: float
+    seconds: float
+    extra_mb: float
+    answer: str
+    fault: str
 
 
-def wrong(reading: Reading, answer: str) -> str:
-    """Return the fault of a reading, or an empty string."""
-    allowed = MOST_MB_OF_LARGE_COLOUR if LARGE_COLOUR.search(reading.name) else MOST_MB
-    if reading.fault:
-        return "fault"
-    if reading.seconds > MOST_SECONDS:
-        return "slow"
-    if reading.extra_mb > allowed:
-        return "large"
-    was_read = reading.answer.startswith("read")
-    if answer == READ:
+def measured(name: str, reader: str, data: bytes, expected: str = "") -> Reading:
+    """Return cost and outcome of reading a file through the guard."""
+    before = resident_mb()
+    reset_peak()
+    start, processor = time.perf_counter(), time.process_time()
+    try:
+        found = guarded(READERS[reader])(data)
+        found = getattr(found, "channels", found)
+        answer = f"read {getattr(found, 'shape', '')} {getattr(found, 'dtype', '')}".strip()
+    except ValueError as error:
+        answer = str(error)
+    except Exception as error:
+        answer = f"failed: {error}"
+    waited, seconds, extra = time.perf_counter() - start, time.process_time() - processor, peak_mb() - before
+    fault = "slow" if waited > MOST_WAITED_S or seconds > MOST_SECONDS else "large" if extra > MOST_MB else ""
+    fault = fault or _unexpected(answer, expected)
+    return Reading(name, reader, len(data) / 1e6, waited, seconds, extra, answer, fault)
+
+
+def _unexpected(answer: str, expected: str) -> str:
+    if answer.startswith("failed") or "\n" in answer or not answer:
+        return "not one sentence"
+    was_read = answer.startswith("read")
+    if expected == READ:
         return "" if was_read else "refused"
-    if answer and (was_read or not re.search(answer, reading.answer)):
-        return "another answer"
-    return ""
+    return "another answer" if expected and (was_read or not re.search(expected, answer)) else ""
 
 
 def hostile_table(pattern: str = "") -> tuple[str, list[dict[str, object]]]:
     """Return the table as Markdown and its rows."""
-    files = [file for name, file in hostile_files().items() if re.search(pattern, name)]
-    lines = ["| file | reader | MB | s | extra MB | answer | |", "|---|---|---|---|---|---|---|"]
-    figures: list[dict[str, object]] = []
-    for reading, verdict in rows(files):
-        answer = reading.answer.replace("|", "/")
-        lines.append(
-            f"| {reading.name} | {reading.reader} | {reading.file_mb:.3g} | {reading.seconds:.2f} |"
-            f" {reading.extra_mb:.0f} | {answer} | {verdict} |"
-        )
-        figures.append(asdict(reading) | {"wrong": verdict})
-    worst = max(figures, key=lambda row: float(str(row["seconds"])), default={})
-    largest = max(figures, key=lambda row: float(str(row["extra_mb"])), default={})
+    _be_a_server()
+    lines = [
+        "| file | reader | MB | waited, s | server, s | server, MB | answer | |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    readings = []
+    for file in hostile_files().values():
+        if re.search(pattern, file.name):
+            one = measured(file.name, file.reader, file.make(), file.answer)
+            readings.append(one)
+            lines.append(
+                f"| {one.name} | {one.reader} | {one.file_mb:.3g} | {one.waited_s:.2f} | {one.seconds:.2f} |"
+                f" {one.extra_mb:.0f} | {one.answer.replace('|', '/')} | {one.fault} |"
+            )
+    slowest = max(readings, key=lambda one: one.waited_s)
+    largest = max(readings, key=lambda one: one.extra_mb)
     lines.append(
-        f"\n{len(figures)} files, {sum(bool(row['wrong']) for row in figures)} with a fault. Slowest: "
-        f"{worst.get('name')}; most memory: {largest.get('name')}."
+        f"\n{len(readings)} files, {sum(bool(one.fault) for one in readings)} with a fault. Slowest: {slowest.name}, "
+        f"{slowest.waited_s:.1f} s; most memory: {largest.name}, {largest.extra_mb:.0f} MB."
     )
-    return "\n".join(lines), figures
+    return "\n".join(lines), [asdict(one) for one in readings]
+
+
+def _be_a_server() -> None:
+    set_defaults(max_megasamples=30)
+    start_guard()
 
 
 def mutated(original: bytes, chance: random.Random) -> bytes:
@@ -98,49 +133,30 @@ def mutated(original: bytes, chance: random.Random) -> bytes:
     return bytes(data)
 
 
-def fuzz_batch(seed: int) -> dict[str, object]:
-    """Return the outcome of a batch of mutated files."""
-    chance, valid = random.Random(seed), valid_files()
+def fuzz(minutes: float, seed: int) -> bool:
+    """Read mutated files for some minutes, print the outcome, and return whether nothing went wrong."""
+    _be_a_server()
+    chance, valid, end = random.Random(seed), valid_files(), time.monotonic() + 60 * minutes
     counts: Counter[str] = Counter()
     faults: list[str] = []
-    slowest, largest = (0.0, ""), (0.0, "")
-    for number in range(BATCH):
+    slowest = largest = None
+    while time.monotonic() < end:
         kind = chance.choice(list(valid))
         reader = chance.choice(["disparity", "disparity ÷ 4"]) if kind == "disparity" else kind
-        data = mutated(chance.choice(valid[kind]), chance)
-        before = resident_mb()
-        reset_peak()
-        start = time.perf_counter()
-        answer, fault = answer_of(READERS[reader], data)
-        seconds, extra = time.perf_counter() - start, peak_mb() - before
-        counts[f"{kind}: {'read' if answer.startswith('read') else 'refused'}"] += 1
-        slowest = max(slowest, (seconds, f"seed {seed}, file {number}, {reader}"))
-        largest = max(largest, (extra, f"seed {seed}, file {number}, {reader}"))
-        if fault or seconds > MOST_SECONDS or extra > MOST_MB:
-            faults.append(f"seed {seed}, file {number}, {reader}: {seconds:.1f} s, {extra:.0f} MB, {answer[:300]}")
-    return {"counts": dict(counts), "faults": faults, "slowest": slowest, "largest": largest}
-
-
-def fuzz(minutes: float, seed: int) -> bool:
-    """Mutate files for some minutes, print the outcome, and return whether nothing went wrong."""
-    end, first = time.monotonic() + 60 * minutes, seed
-    counts: Counter[str] = Counter()
-    faults: list[str] = []
-    slowest, largest = (0.0, ""), (0.0, "")
-    while time.monotonic() < end:
-        answer = in_own_process(lambda batch=seed: json.dumps(fuzz_batch(batch)))  # type: ignore[misc]
-        if answer is None:
-            faults.append(f"seed {seed}: the process died or did not end")
-        else:
-            batch = json.loads(answer)
-            counts.update(batch["counts"])
-            faults += batch["faults"]
-            slowest, largest = max(slowest, tuple(batch["slowest"])), max(largest, tuple(batch["largest"]))
-        seed += 1
-    print(f"{sum(counts.values()):,} mutated files, seeds {first} to {seed - 1}, {minutes:g} minutes")
+        one = measured(f"seed {seed}, file {sum(counts.values())}", reader, mutated(chance.choice(valid[kind]), chance))
+        counts[f"{kind}: {'read' if one.answer.startswith('read') else 'refused'}"] += 1
+        slowest = one if slowest is None or one.waited_s > slowest.waited_s else slowest
+        largest = one if largest is None or one.extra_mb > largest.extra_mb else largest
+        if one.fault:
+            faults.append(
+                f"{one.name}, {reader}: {one.fault}, {one.waited_s:.1f} s, {one.extra_mb:.0f} MB, {one.answer}"
+            )
+    print(f"{sum(counts.values()):,} mutated files, seed {seed}, {minutes:g} minutes")
     for name, count in sorted(counts.items()):
         print(f"  {name}: {count:,}")
-    print(f"slowest: {slowest[0]:.2f} s ({slowest[1]}); most memory: {largest[0]:.0f} MB ({largest[1]})")
+    if slowest and largest:
+        print(f"slowest: {slowest.waited_s:.2f} s ({slowest.name})")
+        print(f"most memory: {largest.extra_mb:.0f} MB ({largest.name})")
     print(f"{len(faults)} faults", *faults[:50], sep="\n  ")
     return not faults
 
@@ -156,7 +172,7 @@ def main() -> None:
         sys.exit(not fuzz(options.fuzz, options.seed))
     table, figures = hostile_table(options.only)
     print(table)
-    sys.exit(any(row["wrong"] for row in figures))
+    sys.exit(any(row["fault"] for row in figures))
 
 
 if __name__ == "__main__":

@@ -15,10 +15,9 @@ import numpy.typing as npt
 from PIL import Image as PillowImage
 
 from stereolag.core.inputs import as_image
-from stereolag.io.images import read_image
-from stereolag.io.netpbm import parse_pfm, parse_pgm
-from stereolag.io.npy import MAGIC as NPY_MAGIC
-from stereolag.io.npy import parse_npy
+from stereolag.io.images import parse_pfm, parse_pgm, read_image
+from stereolag.io.numpy_files import MAGIC as NPY_MAGIC
+from stereolag.io.numpy_files import parse_npy
 from stereolag.io.sources import Source, check_pixels, read_bytes, write_file
 
 if TYPE_CHECKING:

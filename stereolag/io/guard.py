@@ -40,7 +40,7 @@ USUAL_MEGAPIXELS, USUAL_MEGASAMPLES = 50, 30
 PATIENCE = 3
 """By the clock, reading may take this many times as long: the machine may be busy."""
 
-MEMORY = 2**30
+MEMORY = 2**29
 BYTES_PER_VALUE = 16
 """Memory allowed for one file: `MEMORY`, and so much for each pixel and sample of the largest file accepted."""
 

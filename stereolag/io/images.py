@@ -1,37 +1,50 @@
-"""Images from untrusted bytes."""
+"""Images from untrusted bytes: those that Pillow and OpenCV decode, and Netpbm."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+import re
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from PIL import Image as PillowImage
+from PIL.BmpImagePlugin import BmpImageFile
+from PIL.GifImagePlugin import GifImageFile
+from PIL.ImageFile import ImageFile
+from PIL.JpegImagePlugin import JpegImageFile
+from PIL.PngImagePlugin import PngImageFile
+from PIL.TiffImagePlugin import TiffImageFile
+from PIL.WebPImagePlugin import WebPImageFile
 
 from stereolag.core.inputs import Image, as_image
-from stereolag.io import gif, jpeg, netpbm, png, tiff, webp
-from stereolag.io.bare import BarePicture
-from stereolag.io.sources import Source, check_pixels, read_bytes
+from stereolag.core.jobs import limits
+from stereolag.io.sources import HEADER_BYTES, Source, check_pixels, read_bytes
 
 ACCEPTED = "PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM and GIF"
 WHAT = "image"
-MAX_RUN_LENGTH_BYTES = 4 * 2**20
-MAX_RUN_LENGTH_PIXELS = 8_000_000
-"""Pillow reads run-length coded BMP in a Python loop, and fills the gaps between the runs pixel by pixel."""
 
-_NETPBM = (b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"Pf")
-_BAND_PIXELS = 2**20
-_PROGRESSIVE_PIXELS = 20_000_000
-"""Above this, the coefficients of a progressive JPEG plus Pillow's four bytes per pixel take too much memory."""
+_DECODERS: dict[str, tuple[tuple[bytes, ...], type[ImageFile]]] = {
+    "PNG": ((b"\x89PNG\r\n\x1a\n",), PngImageFile),
+    "JPEG": ((b"\xff\xd8\xff",), JpegImageFile),
+    "GIF": ((b"GIF87a", b"GIF89a"), GifImageFile),
+    "WEBP": ((b"RIFF",), WebPImageFile),
+    "TIFF": ((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), TiffImageFile),
+    "BMP": ((b"BM",), BmpImageFile),
+}
+"""How files of each kind begin, and Pillow's class for them."""
+
+_ORIENTATION = 274
+"""The camera's orientation among the tags of EXIF."""
 
 
 def read_image(source: Source) -> Image:
     """Read an image: PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM or GIF (the first frame of several).
 
-    The camera orientation stored in the file (EXIF) is applied; all other metadata is ignored, and broken metadata is
-    not an error. Palettes, CMYK, YCbCr and the like are converted to RGB; any kind of transparency gives RGBA. Grey and
-    colour images keep 16 bits per channel; a TIFF of floats stays float.
+    The camera orientation stored in the file (EXIF) is applied, unless it is broken; all other metadata is ignored.
+    Palettes, CMYK, YCbCr and the like are converted to RGB; any kind of transparency gives RGBA. Grey and colour images
+    keep 16 bits per channel; a TIFF of floats stays float.
 
     Parameters
     ----------
@@ -57,132 +70,211 @@ def read_image(source: Source) -> Image:
     >>> image.shape, image.dtype
     ((480, 640, 3), dtype('uint8'))
     """
-    pixels, orientation = _decoded(read_bytes(source, WHAT))
-    return _upright(as_image(pixels, "The image"), orientation)
+    data = read_bytes(source, WHAT)
+    pixels = parse_netpbm(data, WHAT) if data.startswith(_NETPBM) else _decoded(data)
+    return np.ascontiguousarray(as_image(pixels, "The image"))
 
 
-def _decoded(data: bytes) -> tuple[Image, int]:
-    if data.startswith(_NETPBM):
-        return netpbm.parse_netpbm(data, WHAT), 1
-    kind, bare_image = _kind(data)
-    bare = bare_image(data)
-    del data  # unless the caller holds it, this frees its memory before pixels are decoded
-    check_pixels(bare.width, bare.height, WHAT)
-    if bare.canvas:
-        check_pixels(*bare.canvas[:2], WHAT)
-    orientation, canvas = bare.orientation, bare.canvas
-    try:
-        loaded = _loaded(kind, bare)
-        del bare
-        pixels = loaded if isinstance(loaded, np.ndarray) else _as_array(loaded)
-    except Exception as error:  # decoders raise all kinds of errors on broken files
+def _decoded(data: bytes) -> Image:
+    kind = next((name for name, (marks, _) in _DECODERS.items() if data.startswith(marks)), None)
+    if kind is None or (kind == "WEBP" and data[8:12] != b"WEBP"):
         raise ValueError(
-            f"The image ({kind}) is damaged or cut short and cannot be decoded; accepted are whole files of {ACCEPTED}."
-        ) from error
-    return (_on_canvas(pixels, *canvas) if canvas else pixels), orientation
-
-
-def _kind(data: bytes) -> tuple[str, Callable[[bytes], BarePicture]]:
-    """Return the name of the file's kind and the function that strips its metadata."""
-    if data.startswith(png.MAGIC) and data[12:16] == b"IHDR" and len(data) >= 33:
-        return "PNG", png.bare_png
-    if data.startswith(jpeg.MAGIC):
-        return "JPEG", jpeg.bare_jpeg
-    if data.startswith(gif.MAGICS):
-        return "GIF", gif.bare_gif
-    if webp.is_webp(data):
-        return "WEBP", webp.bare_webp
-    if data.startswith(tiff.MAGICS):
-        return "TIFF", tiff.bare_tiff
-    if data.startswith(b"BM") and len(data) > 34:
-        return "BMP", _bare_bmp
-    raise ValueError(f"This is not an image that can be read, or its beginning is damaged; accepted are {ACCEPTED}.")
-
-
-def _bare_bmp(data: bytes) -> BarePicture:
-    if int.from_bytes(data[14:18], "little") == 12:
-        width, height = (int.from_bytes(data[start : start + 2], "little") for start in (18, 20))
-        return BarePicture(data, width, height)
-    width, height = (int.from_bytes(data[start : start + 4], "little", signed=True) for start in (18, 22))
-    too_long = len(data) > MAX_RUN_LENGTH_BYTES or width * abs(height) > MAX_RUN_LENGTH_PIXELS
-    if data[30] in (1, 2) and too_long:
-        raise ValueError(
-            f"The image (BMP) is run-length coded, {width} × {abs(height)} pixels in {len(data) / 1e6:.1f} MB; "
-            f"at most {MAX_RUN_LENGTH_PIXELS // 10**6} megapixels in 4 MB are accepted: save it as PNG."
+            f"This is not an image that can be read, or its beginning is damaged; accepted are {ACCEPTED}."
         )
-    return BarePicture(data, width, abs(height))
+    try:
+        # Not by `PillowImage.open`, whose limit on pixels is one for the whole process.
+        image = _DECODERS[kind][1](io.BytesIO(data))
+        width, height = image.size
+    except Exception as error:  # decoders raise all kinds of errors on broken files
+        raise _undecodable(kind) from error
+    check_pixels(width, height, WHAT)
+    try:
+        if image.mode in ("RGB", "RGBA") and ";16" in str(image.tile):
+            return _deep_colours(data, image)
+        image.load()
+        return _upright(_as_array(image), image)
+    except MemoryError:
+        raise
+    except PillowImage.DecompressionBombError as error:  # a frame that reaches far beyond its screen
+        raise ValueError(
+            f"At most {limits().max_megapixels} megapixels are accepted, and the image has more."
+        ) from error
+    except Exception as error:
+        raise _undecodable(kind) from error
 
 
-def _loaded(kind: str, bare: BarePicture) -> PillowImage.Image | Image:
-    """Return the decoded image, as a Pillow image if Pillow is the better decoder."""
-    if kind == "WEBP":
-        return _by_opencv(bare.data)  # Pillow keeps five copies of the pixels
-    if kind == "JPEG" and bare.width * bare.height > _PROGRESSIVE_PIXELS and jpeg.is_progressive_colour(bare.data):
-        return _by_opencv(bare.data)
-    with io.BytesIO(bare.data) as stream:
-        image = PillowImage.open(stream, formats=(kind,))
-        if image.size != (bare.width, bare.height):
-            raise ValueError(f"{image.size} pixels after {bare.width} × {bare.height}")
-        colour, layout = image.mode in ("RGB", "RGBA"), str(getattr(image, "tile", ""))
-        if not (colour and ";16" in layout):
-            image.load()
-            return image
-    return _by_opencv(bare.data)  # Pillow would keep the upper 8 bits only
-
-
-def _by_opencv(data: bytes) -> Image:
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if pixels is None:
-        raise ValueError("OpenCV cannot decode these pixels")
-    if pixels.ndim == 3:
-        to_rgb = cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB
-        for rows in _bands(pixels.shape[1], pixels.shape[0]):
-            pixels[rows] = cv2.cvtColor(pixels[rows], to_rgb)
-    return np.asarray(pixels)
+def _undecodable(kind: str) -> ValueError:
+    return ValueError(
+        f"The image ({kind}) is damaged or cut short and cannot be decoded; accepted are whole files of {ACCEPTED}."
+    )
 
 
 def _as_array(image: PillowImage.Image) -> Image:
-    """Return the pixels, converted and copied in bands of rows: another whole copy would take a lot of memory."""
-    mode: str | None = "RGB"
     if image.has_transparency_data and not image.mode.startswith("I"):
-        mode = "RGBA"
-    elif image.mode in ("1", "L", "RGB", "I", "F") or image.mode.startswith("I;16"):
-        mode = None
-    pixels: Image | None = None
-    for rows in _bands(*image.size):
-        band = image.crop((0, rows.start, image.width, rows.stop))
-        part = np.asarray(band if mode is None or band.mode == mode else band.convert(mode))
-        if pixels is None:
-            pixels = np.empty((image.height, *part.shape[1:]), part.dtype.newbyteorder("="))
-        pixels[rows] = part
+        image = image.convert("RGBA")
+    elif image.mode not in ("1", "L", "RGB", "I", "F") and not image.mode.startswith("I;16"):
+        image = image.convert("RGB")
+    pixels = np.array(image)
+    return pixels.astype(pixels.dtype.newbyteorder("="), copy=False)
+
+
+def _deep_colours(data: bytes, image: ImageFile) -> Image:
+    """Return colours of 16 bits by OpenCV; Pillow keeps their upper 8 bits only."""
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
-        raise ValueError("no rows")
-    return pixels
+        raise ValueError("OpenCV cannot decode these pixels")
+    pixels = cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB)
+    # OpenCV applies the orientation in a TIFF, but not in a PNG.
+    return pixels if isinstance(image, TiffImageFile) else _upright(pixels, image)
 
 
-def _bands(width: int, height: int) -> list[slice]:
-    """Return slices of rows of about a megapixel each."""
-    step = max(1, _BAND_PIXELS // width)
-    return [slice(first, min(first + step, height)) for first in range(0, height, step)]
-
-
-def _on_canvas(frame: Image, width: int, height: int, left: int, top: int) -> Image:
-    """Return a frame on the transparent canvas of its animation."""
-    canvas = np.zeros((height, width, 4), np.uint8)
-    part = canvas[top : top + frame.shape[0], left : left + frame.shape[1]]
-    frame = frame[: part.shape[0], : part.shape[1]]
-    part[:, :, : frame.shape[2]] = frame
-    if frame.shape[2] == 3:
-        part[:, :, 3] = 255
-    return canvas
-
-
-def _upright(pixels: Image, orientation: int) -> Image:
+def _upright(pixels: Image, image: PillowImage.Image) -> Image:
     """Undo the camera's orientation: EXIF values 5 to 8 are 1 to 4 with rows and columns exchanged."""
+    try:
+        orientation = image.getexif().get(_ORIENTATION, 1)
+    except Exception:  # broken EXIF raises all kinds of errors
+        orientation = 1
     if orientation in (5, 6, 7, 8):
         pixels = np.swapaxes(pixels, 0, 1)
     if orientation in (3, 4, 7, 8):
         pixels = pixels[::-1]
     if orientation in (2, 3, 6, 7):
         pixels = pixels[:, ::-1]
-    return np.ascontiguousarray(pixels)
+    return pixels
+
+
+# Netpbm: PBM, PGM and PPM (bits, grey and colour integers) and PFM (grey floats). Pillow cuts colours to 8 bits and
+# reads most of these in Python; OpenCV does not stretch them to the full range of their type, and multiplies some PFMs
+# by 256.
+# Formats: https://netpbm.sourceforge.net/doc/pgm.html and https://www.pauldebevec.com/Research/HDR/PFM/
+
+_NETPBM = (b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"Pf")
+_COMMENT = re.compile(rb"#[^\r\n]*")
+_FIELD = rb"(?:\s|#[^\r\n]*+)*+([^\s#]++)"
+"""Spaces and comments, then what is neither."""
+
+
+def parse_netpbm(data: bytes, what: str) -> npt.NDArray[Any]:
+    """Return a P1 to P6 or Pf image, integers stretched to the full range of their type.
+
+    Returns
+    -------
+    pixels
+        (rows, cols) or, for P3 and P6, (rows, cols, 3); uint8, or uint16 if the largest value is above 255; float32
+        for a PFM.
+
+    Raises
+    ------
+    ValueError
+        A broken header, too many or too few pixels.
+    """
+    if data.startswith(b"Pf"):
+        return np.ascontiguousarray(parse_pfm(data, what), dtype=np.float32)
+    magic = data[:2]
+    channels = 3 if magic in (b"P3", b"P6") else 1
+    header = _header(data, magic, 2 if magic in (b"P1", b"P4") else 3)
+    if header is None:
+        raise ValueError(f"The {what} begins like a PPM, PGM or PBM, but no size and largest value follow.")
+    width, height, rest, offset = header
+    check_pixels(width, height, what)
+    largest = _whole(rest) if rest else 1
+    dtype = _type_up_to(largest, what)
+    full = np.iinfo(dtype).max
+    if magic == b"P4":
+        packed = _from_binary(data, offset, np.dtype(np.uint8), (width + 7) // 8, height, what)
+        pixels = 1 - np.unpackbits(packed, axis=1, count=width)
+    elif magic in (b"P5", b"P6"):
+        pixels = _from_binary(data, offset, dtype.newbyteorder(">"), width * channels, height, what)
+    else:
+        pixels = np.minimum(_from_text(data[offset:], magic, width * height * channels, what), full)
+    stretched = np.minimum(np.rint(np.arange(full + 1) * full / largest), full).astype(dtype)
+    return stretched[pixels].reshape((height, width, 3) if channels == 3 else (height, width))
+
+
+def parse_pfm(data: bytes, what: str) -> npt.NDArray[np.floating[Any]]:
+    """Return the (rows, cols) floats of a grey PFM, top row first: a view of the file in its byte order.
+
+    The sign of the scale gives the byte order; its magnitude, which writers use for all sorts of things, is ignored.
+
+    Raises
+    ------
+    ValueError
+        Colour, a broken header, too many pixels or too few bytes.
+    """
+    header = _header(data, b"Pf", 3)
+    if header is None:
+        raise ValueError(f"The {what} is not a grey PFM: it must begin with Pf, width, height and scale.")
+    width, height, written, offset = header
+    check_pixels(width, height, what)
+    scale = float(written) if re.fullmatch(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", written[:40]) else 0.0
+    if scale == 0 or not np.isfinite(scale):
+        shown = re.sub(r"[^-+.\w]", "?", written[:40].decode("latin-1"))
+        raise ValueError(f"The {what} (PFM) has the scale {shown}; allowed are numbers other than 0.")
+    return _from_binary(data, offset, np.dtype("<f4" if scale < 0 else ">f4"), width, height, what)[::-1]
+
+
+def parse_pgm(data: bytes, what: str) -> npt.NDArray[np.unsignedinteger[Any]]:
+    """Return the (rows, cols) integers of a binary PGM as stored, uint16 if its largest is above 255, else uint8.
+
+    Raises
+    ------
+    ValueError
+        A broken header, too many pixels, too few bytes, or numbers above the announced largest value.
+    """
+    header = _header(data, b"P5", 3)
+    if header is None:
+        raise ValueError(f"The {what} is not a binary PGM: it must begin with P5, width, height and largest value.")
+    width, height, rest, offset = header
+    check_pixels(width, height, what)
+    largest = _whole(rest)
+    dtype = _type_up_to(largest, what)
+    pixels = _from_binary(data, offset, dtype.newbyteorder(">"), width, height, what)
+    if pixels.max() > largest:
+        raise ValueError(f"The {what} (PGM) holds {pixels.max()}, above the {largest} it announces.")
+    return pixels.astype(dtype)
+
+
+def _header(data: bytes, magic: bytes, count: int) -> tuple[int, int, bytes, int] | None:
+    """Return width, height, the third field if `count` is 3, and the offset of the pixels after one more space."""
+    found = re.match(magic + rb"(?=[\s#])" + count * _FIELD + rb"(?=\s)", data[:HEADER_BYTES])
+    if found is None or not (found[1].isdigit() and found[2].isdigit()):
+        return None
+    end = found.end()
+    line_end = 2 if magic == b"Pf" and data[end : end + 2] == b"\r\n" else 1
+    return _whole(found[1]), _whole(found[2]), found[3] if count == 3 else b"", end + line_end
+
+
+def _whole(field: bytes) -> int:
+    """Return a number of up to nine digits, 0 for anything else."""
+    return int(field) if field.isdigit() and len(field) < 10 else 0
+
+
+def _type_up_to(largest: int, what: str) -> np.dtype[np.unsignedinteger[Any]]:
+    if not 1 <= largest <= 65535:
+        raise ValueError(f"The {what} (PGM) has {largest} for its largest value; allowed are 1 to 65535.")
+    return np.dtype(np.uint8 if largest < 256 else np.uint16)
+
+
+def _from_binary(
+    data: bytes, offset: int, dtype: np.dtype[Any], width: int, height: int, what: str
+) -> npt.NDArray[Any]:
+    needed, found = width * height * dtype.itemsize, len(data) - offset
+    if found < needed:
+        raise ValueError(f"The {what} is cut short: {width} × {height} pixels need {needed} bytes, it has {found}.")
+    return np.frombuffer(data, dtype, width * height, offset).reshape(height, width)
+
+
+def _from_text(text: bytes, magic: bytes, count: int, what: str) -> npt.NDArray[Any]:
+    text = _COMMENT.sub(b" ", text)
+    if magic == b"P1":
+        pixels = 1 - (np.frombuffer(b"".join(text.split())[:count], np.uint8) - np.uint8(ord("0")))
+        allowed = bool((pixels <= 1).all())
+    else:
+        words = np.array(text.split(maxsplit=count)[:count], dtype="S6")
+        allowed = bool(np.char.isdigit(words).all())
+        pixels = words.astype(np.int32) if allowed else words
+    if not allowed:
+        raise ValueError(f"The {what} ({magic.decode()}) holds something other than whole numbers from 0.")
+    if pixels.size < count:
+        raise ValueError(f"The {what} is cut short: {count} numbers are needed, it has {pixels.size}.")
+    return pixels

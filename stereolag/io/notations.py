@@ -20,7 +20,7 @@ import yaml
 from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import iterparse
 
-from stereolag.io.npz import ZIP_MAGIC, parse_npz
+from stereolag.io.numpy_files import ZIP_MAGIC, parse_npz
 from stereolag.io.sources import quoted
 
 MAX_TEXT_BYTES = 2**20

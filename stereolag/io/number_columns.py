@@ -12,22 +12,23 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.io.mending import Mending, interpolate
 from stereolag.io.sources import quoted
 
 ALLOWED = "allowed are finite numbers, in columns separated by comma, semicolon, tab or space"
-INSTEAD = "save it as WAV or NPY instead"
 MAX_BYTES = 64 * 2**20
-MAX_LINES = 10_000_000
-MAX_NUMBERS = 20_000_000
 MAX_HEADER_LINES = 200
-MAX_LINE_LENGTH = 4096
 
+MOST_MENDED = 5
+LINES_PER_MENDED = 100
+"""At most `MOST_MENDED` damaged lines are mended, and at most one in `LINES_PER_MENDED`."""
+
+_STRAY_NULS = re.compile(r"(?<=[0-9.])\0+(?=[ \t,;\n]|\Z)")
+"""NUL characters directly after a complete number."""
 _COMMENT = re.compile(r"(?:#|%|//)[^\n]*")
-_CHUNK = 2**20
+_BLOCK = 2**20
 
 
-def parse_columns(data: bytes, max_numbers: int) -> tuple[npt.NDArray[np.float64], int]:
+def parse_columns(data: bytes) -> tuple[npt.NDArray[np.float64], int]:
     """Return the columns of a text as (columns, rows), and the number of mended lines.
 
     A few lines (at most 5, and one in a hundred) may be damaged: NUL bytes after a complete number are removed, and an
@@ -37,113 +38,62 @@ def parse_columns(data: bytes, max_numbers: int) -> tuple[npt.NDArray[np.float64
     ----------
     data
         The text: UTF-8, UTF-16 with its byte order mark, or Latin-1; lines end in LF, CRLF or CR.
-    max_numbers
-        Largest count of numbers accepted, if below this reader's own limit.
 
     Raises
     ------
     ValueError
-        No number at all, too many, too long a text or line, or a line with anything else, a NUL byte, or another count
-        of numbers than the first; the error names the line.
+        No number at all, too long a text, or a line with anything else, a NUL byte, or another count of numbers than
+        the first; the error names the line.
     """
-    mending = Mending(data)
-    text = _decoded(mending.without_nuls(data))
-    lines = _line_count(text)
-    header_lines, separator, columns = _layout(text)
-    most, allowed = lines * columns, min(max_numbers, MAX_NUMBERS)
-    if most > allowed:
-        raise ValueError(f"The text holds {most:,} numbers; at most {allowed:,} are accepted: {INSTEAD}.")
-    table = np.empty((columns, lines))
-    rows = 0
-    for first_line, chunk in _chunks(text, header_lines):
-        part = _numbers_of(chunk, first_line, separator, columns, mending)
-        table[:, rows : rows + part.shape[1]] = part
-        rows += part.shape[1]
-    table = table if rows == lines else table[:, :rows].copy()
-    if mending.lines:
-        interpolate(table)
-    return table, mending.lines
+    text = _decoded(data)
+    allowed = min(MOST_MENDED, (text.count("\n") + 1) // LINES_PER_MENDED)
+    text, mended = _without_nuls(text, allowed)
+    text = _COMMENT.sub("", text)
+    first_line, separator, columns = _layout(text)
+    parts = []
+    for line, block in _blocks(text, first_line):
+        part, filled = _numbers(block, line, separator, columns, allowed - mended)
+        parts.append(part)
+        mended += filled
+    table = np.concatenate(parts, axis=1)
+    if mended:
+        _interpolate(table)
+    return table, mended
 
 
-def _decoded(data: bytes) -> bytes:
-    """Return the text in UTF-8, with lines ending in LF."""
-    if not data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and b"\0" in data:
-        raise _holds_nul(data)
+def _decoded(data: bytes) -> str:
     if len(data) > MAX_BYTES:
         raise ValueError(
-            f"The text has {len(data) / 1e6:.0f} MB; at most {MAX_BYTES / 1e6:.0f} MB are accepted: {INSTEAD}."
+            f"The text has {len(data) / 1e6:.0f} MB; at most {MAX_BYTES / 1e6:.0f} MB are accepted: save it as WAV or "
+            "NPY instead."
         )
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        data = data.decode("utf-16", errors="replace").encode("utf-8", errors="replace")
-    elif not data.isascii():
-        data = data.removeprefix(codecs.BOM_UTF8)
+        text = data.decode("utf-16", errors="replace")
+    else:
         try:
-            data.decode("utf-8")
+            text = data.decode("utf-8-sig")
         except UnicodeDecodeError:
-            data = data.decode("latin-1").encode("utf-8")
-    if b"\0" in data:
-        raise _holds_nul(data)
-    return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+            text = data.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _holds_nul(data: bytes) -> ValueError:
-    before = data[: data.index(b"\0")].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    line = before.count(b"\n") + 1
-    return ValueError(f"Line {line} holds a NUL byte; {ALLOWED}.")
+def _without_nuls(text: str, allowed: int) -> tuple[str, int]:
+    """Return the text without stray NUL characters, and the number of lines that had some."""
+    if "\0" not in text:
+        return text, 0
+    mended = _STRAY_NULS.sub("", text)
+    lines = {text.count("\n", 0, found.start()) for found in itertools.islice(_STRAY_NULS.finditer(text), allowed + 1)}
+    if "\0" in mended or len(lines) > allowed:
+        raise ValueError(f"Line {text.count(chr(10), 0, text.index(chr(0))) + 1} holds a NUL byte; {ALLOWED}.")
+    return mended, len(lines)
 
 
-def _line_count(text: bytes) -> int:
-    """Return the number of lines; refuse too many or too long ones before any is processed."""
-    lines = text.count(b"\n") + (not text.endswith(b"\n"))
-    if lines > MAX_LINES:
-        raise ValueError(f"The text has {lines:,} lines; at most {MAX_LINES:,} are accepted: {INSTEAD}.")
-    ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
-    lengths = np.diff(ends, prepend=-1, append=len(text)) - 1
-    longest = int(lengths.argmax())
-    if lengths[longest] > MAX_LINE_LENGTH:
-        raise ValueError(
-            f"Line {longest + 1} is {lengths[longest]:,} characters long; allowed are {MAX_LINE_LENGTH:,}."
-        )
-    return lines
-
-
-def _chunks(text: bytes, skipped_lines: int = 0) -> Iterator[tuple[int, str]]:
-    """Yield chunks of whole lines, about a megabyte each and not only comments, with their first line's number.
-
-    Comments are removed, and the first `skipped_lines` are emptied.
-    """
-    line, start = 1, 0
-    while start < len(text):
-        end = text.find(b"\n", start + _CHUNK) + 1 or len(text)
-        chunk = text[start:end].decode("utf-8", errors="replace")
-        lines = chunk.count("\n")
-        empty = min(max(0, skipped_lines + 1 - line), lines)
-        if empty:
-            chunk = "\n" * empty + chunk.split("\n", empty)[empty]
-        chunk = _COMMENT.sub("", chunk)
-        if not chunk.isspace() and chunk:
-            yield line, chunk
-        line, start = line + lines, end
-
-
-def _lines(text: bytes) -> Iterator[tuple[int, str]]:
-    """Yield the lines that are neither blank nor a comment, with their numbers from 1."""
-    for first_line, chunk in _chunks(text):
-        yield from _filled_lines(chunk, first_line)
-
-
-def _filled_lines(chunk: str, first_line: int) -> Iterator[tuple[int, str]]:
-    for number, line in enumerate(io.StringIO(chunk), start=first_line):
-        if content := line.strip():
-            yield number, content
-
-
-def _layout(text: bytes) -> tuple[int, str | None, int]:
-    """Return the number of lines before the first one of numbers, its separator (None: spaces) and column count."""
-    for number, line in itertools.islice(_lines(text), MAX_HEADER_LINES):
+def _layout(text: str) -> tuple[int, str | None, int]:
+    """Return the number of the first line of numbers, its separator (None: spaces) and its count of columns."""
+    for number, line in itertools.islice(_filled_lines(text, 1), MAX_HEADER_LINES):
         for separator in (";", "\t", ",", None):
             if (separator is None or separator in line) and _is_numeric(line, separator):
-                return number - 1, separator, len(line.split(separator))
+                return number, separator, len(line.split(separator))
     raise ValueError(f"No line of the text holds numbers alone; {ALLOWED}.")
 
 
@@ -154,50 +104,70 @@ def _is_numeric(line: str, separator: str | None) -> bool:
 
 def _number(field: str) -> float | None:
     """Return the number in a field as NumPy reads it, None if there is none."""
-    if "_" in field:
-        return None
     try:
-        return float(field)
+        return None if "_" in field else float(field)
     except ValueError:
         return None
 
 
-def _numbers_of(
-    chunk: str, first_line: int, separator: str | None, columns: int, mending: Mending
-) -> npt.NDArray[np.float64]:
-    """Return the (columns, rows) of a chunk of the text, NaN where a field was empty."""
+def _filled_lines(text: str, first_line: int) -> Iterator[tuple[int, str]]:
+    for number, line in enumerate(io.StringIO(text), start=first_line):
+        if content := line.strip():
+            yield number, content
+
+
+def _blocks(text: str, first_line: int) -> Iterator[tuple[int, str]]:
+    """Yield blocks of whole lines from `first_line` on, not only blank ones, with the number of their first line."""
+    lines = io.StringIO(text)
+    for _ in range(first_line - 1):
+        lines.readline()
+    while block := lines.readlines(_BLOCK):
+        joined = "".join(block)
+        if not joined.isspace():
+            yield first_line, joined
+        first_line += len(block)
+
+
+def _numbers(
+    block: str, first_line: int, separator: str | None, columns: int, allowed: int
+) -> tuple[npt.NDArray[np.float64], int]:
+    """Return the (columns, rows) of a block, NaN in fields that were empty, and the number of lines with such."""
     if separator != ",":
-        chunk = chunk.replace(",", ".")  # a decimal comma
+        block = block.replace(",", ".")  # a decimal comma
+    table = _loaded(block, separator, columns)
+    if table is not None and np.isfinite(table).all():
+        return table, 0
+    filled, lines = _with_nan(block, separator, columns)
+    if 0 < lines <= allowed and "nan" not in block.lower():
+        table = _loaded(filled, separator, columns)
+        if table is not None and not np.isinf(table).any():
+            return table, lines
+        block = filled.replace("nan", "0")  # the fields that could be filled are not the problem
+    raise ValueError(_fault(block, first_line, separator, columns))
+
+
+def _loaded(block: str, separator: str | None, columns: int) -> npt.NDArray[np.float64] | None:
     try:
-        table = _loaded(chunk, separator)
+        table = np.loadtxt(io.StringIO(block), delimiter=separator, comments=None, ndmin=2)
     except ValueError:
-        filled = mending.filled(chunk, separator, columns)
-        if filled == chunk or _holds_nan(chunk):
-            raise ValueError(_what_is_wrong(chunk, first_line, separator, columns)) from None
-        try:
-            table = _loaded(filled, separator)
-        except ValueError:
-            # The fields that could be filled are not the problem.
-            sound = filled.replace("nan", "0")
-            raise ValueError(_what_is_wrong(sound, first_line, separator, columns)) from None
-        if table.shape[1] == columns and not np.isinf(table).any():
-            return table.T
-    if table.shape[1] != columns or not np.isfinite(table).all():
-        raise ValueError(_what_is_wrong(chunk, first_line, separator, columns))
-    return table.T
+        return None
+    return table.T if table.shape[1] == columns else None
 
 
-def _loaded(chunk: str, separator: str | None) -> npt.NDArray[np.float64]:
-    return np.loadtxt(io.StringIO(chunk), delimiter=separator, comments=None, ndmin=2)
+def _with_nan(block: str, separator: str | None, columns: int) -> tuple[str, int]:
+    """Return the lines with ``nan`` in their empty fields, and the number of lines that have both such and others."""
+    lines, count = block.split("\n"), 0
+    for number, line in enumerate(lines):
+        fields = [field.strip() for field in line.split(separator)]
+        if len(fields) == columns and any(fields) and not all(fields):
+            lines[number] = (separator or " ").join(field or "nan" for field in fields)
+            count += 1
+    return "\n".join(lines), count
 
 
-def _holds_nan(chunk: str) -> bool:
-    return "nan" in chunk.lower()
-
-
-def _what_is_wrong(chunk: str, first_line: int, separator: str | None, columns: int) -> str:
+def _fault(block: str, first_line: int, separator: str | None, columns: int) -> str:
     """Return a sentence about the first line that is not a line of finite numbers."""
-    for line_number, line in _filled_lines(chunk, first_line):
+    for line_number, line in _filled_lines(block, first_line):
         fields = line.split(separator)
         for field in fields:
             number = _number(field)
@@ -209,3 +179,10 @@ def _what_is_wrong(chunk: str, first_line: int, separator: str | None, columns: 
         if len(fields) != columns:
             return f"Line {line_number} holds {len(fields)} numbers and the lines before it {columns}; {ALLOWED}."
     return f"The text cannot be read as numbers; {ALLOWED}."
+
+
+def _interpolate(table: npt.NDArray[np.float64]) -> None:
+    """Replace every NaN of the (columns, rows), in place, by linear interpolation between its neighbours."""
+    for column in table:
+        missing = np.isnan(column)
+        column[missing] = np.interp(np.flatnonzero(missing), np.flatnonzero(~missing), column[~missing])

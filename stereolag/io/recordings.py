@@ -15,9 +15,9 @@ import scipy  # loads scipy.signal on first use only, since that takes a second
 import soundfile
 
 from stereolag.core.jobs import Estimate, check_memory, limits
-from stereolag.io.npy import MAGIC as NPY_MAGIC
-from stereolag.io.npy import parse_npy
 from stereolag.io.number_columns import parse_columns
+from stereolag.io.numpy_files import MAGIC as NPY_MAGIC
+from stereolag.io.numpy_files import parse_npy
 from stereolag.io.sources import HEADER_BYTES, Source, read_bytes
 
 WHAT = "recording"
@@ -54,7 +54,7 @@ class Recording:
     sampling_rate
         Samples per second; None if the file does not state it (text and NPY).
     mended_lines
-        Number of damaged lines of a text that were mended (:mod:`stereolag.io.mending`).
+        Number of damaged lines of a text that were mended.
     resampled_from
         The samples per second of the file if :meth:`resampled` changed them; otherwise None.
     """
@@ -174,7 +174,7 @@ def read_signal(source: Source) -> Recording:
     elif data.startswith(NPY_MAGIC):
         channels = _parse_npy(data)
     else:
-        channels, mended_lines = parse_columns(data, limits().max_samples)
+        channels, mended_lines = parse_columns(data)
         _check_size(*channels.shape)
     bad = sum(channel.size - int(np.isfinite(channel).sum()) for channel in channels)
     if bad:

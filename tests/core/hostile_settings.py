@@ -9,7 +9,7 @@ import zipfile
 import zlib
 
 import numpy as np
-from hostile_cases import MB, READ, HostileFile
+from picture_bytes import MB, READ, Case
 from recording_bytes import saved
 
 ROTATION = "1, 0, 0, 0, 1, 0, 0, 0, 1"
@@ -93,7 +93,7 @@ def members(count: int) -> bytes:
     return file.getvalue()
 
 
-def trees() -> dict[str, tuple[object, str]]:
+def trees() -> dict[str, Case]:
     """Return hostile YAML, XML and NPZ by name."""
     q = saved(np.eye(4))
     return {
@@ -160,7 +160,7 @@ def trees() -> dict[str, tuple[object, str]]:
         "NPZ, packed by LZMA": (lambda: archive(zipfile.ZIP_LZMA, Q=q + bytes(MB)), "no known format"),
         "NPZ, 900 arrays of 64 kB": (
             lambda: archive(**{f"a{n}": q + bytes(60_000) for n in range(900)}),
-            "unpacks to more than 4 MB",
+            "",
         ),
         "NPZ, 30,000 members": (lambda: members(30_000), "holds 30,000 arrays; at most 1,000 are read"),
         "NPZ, of 17 MB": (lambda: b"PK\x03\x04" + bytes(17 * MB), "at most 16,777,216 are accepted"),
@@ -178,9 +178,9 @@ def trees() -> dict[str, tuple[object, str]]:
     }
 
 
-def calibrations() -> list[HostileFile]:
+def calibrations() -> dict[str, Case]:
     far = "from -1e.12 to 1e.12"
-    files = {
+    return {
         "principal point of 1e308": (lambda: plain(cx=1e308, cy=-1e308), far),
         "principal point of 1e9": (lambda: plain(cx=1e9), "allowed are -1e.07 to 1e.07 px"),
         "focal length of 1e-300": (lambda: plain(focal_px=1e-300), "allowed are 0.001 to 1e.07"),
@@ -238,15 +238,14 @@ def calibrations() -> list[HostileFile]:
         "NUL": (lambda: plain() + b"\0", "NUL byte"),
         "not UTF-8": (lambda: b"\xff" + plain(), "not a text file"),
     }
-    return [HostileFile(f"calibration: {name}", "calibration", make, answer) for name, (make, answer) in files.items()]
 
 
 def settings(method: str = "StereoBM", **changes: object) -> bytes:
     return json.dumps({"method": method, "settings": changes}).encode()
 
 
-def matchers() -> list[HostileFile]:
-    files = {
+def matchers() -> dict[str, Case]:
+    return {
         "window a word": (
             lambda: settings(block_size="wide"),
             "block_size is 'wide'; allowed are whole numbers from 5 to 255",
@@ -297,4 +296,3 @@ def matchers() -> list[HostileFile]:
             "filling is 'perhaps'; allowed are True and False",
         ),
     }
-    return [HostileFile(f"settings: {name}", "matcher", make, answer) for name, (make, answer) in files.items()]

@@ -5,15 +5,19 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
-from hostile_cases import MB
 from PIL import Image
 
 RNG_SEED = 7
+MB = 2**20
+
+Case: TypeAlias = tuple[Callable[[], bytes], str]
+"""Makes a file, and says what is expected of its reader: `READ`, a pattern of its refusal, or either if empty."""
+READ = "read"
 
 # PNG
 

@@ -133,6 +133,38 @@ def with_exif(data: bytes, exif: bytes) -> bytes:
     return data[:33] + chunk + data[33:]
 
 
+@pytest.mark.parametrize("tail", [1, 2, 100])
+def test_every_cut_jpeg_is_damaged(tail: int) -> None:
+    whole = encoded(Image.fromarray(np.kron(RGB, np.ones((3, 3, 1), np.uint8))), "JPEG")
+    assert read_image(whole).shape == (39, 51, 3)
+    with pytest.raises(ValueError, match="damaged or cut short"):
+        read_image(whole[:-tail])
+
+
+def test_netpbm_values_are_stretched_to_their_type() -> None:
+    np.testing.assert_array_equal(read_image(b"P5 3 1 15\n\0\x05\x0f"), [[0, 85, 255]])
+    np.testing.assert_array_equal(read_image(b"P6 1 1 3\n\0\1\3"), [[[0, 85, 255]]])
+    np.testing.assert_array_equal(read_image(b"P2 # a\n2 1\n#b\n255 7 255"), [[7, 255]])
+    np.testing.assert_array_equal(read_image(b"P1 4 2 0110 1 0 0 1"), [[255, 0, 0, 255], [0, 255, 255, 0]])
+    deep = np.array([[[1, 2, 65535]]], np.uint16)
+    found = read_image(b"P6 1 1 65535\n" + deep.astype(">u2").tobytes())
+    assert found.dtype == np.uint16
+    np.testing.assert_array_equal(found, deep)
+
+
+def test_a_frame_lies_on_the_canvas_of_its_animation() -> None:
+    stream = io.BytesIO()
+    frames = [Image.fromarray(np.zeros((16, 16, 3), np.uint8) + shade) for shade in (7, 90)]
+    frames[0].save(stream, "WEBP", save_all=True, append_images=frames[1:], lossless=True)
+    data = stream.getvalue()
+    wider = data[:24] + (19).to_bytes(3, "little") + (17).to_bytes(3, "little") + data[30:]
+    image = read_image(wider)
+    assert image.shape == (18, 20, 3)
+    assert (image[:16, :16] == 7).all()
+    assert not image[16:].any()
+    assert not image[:, 16:].any()
+
+
 def test_path_bytes_and_file_are_the_same(tmp_path):
     data = encoded(Image.fromarray(RGB))
     path = tmp_path / "picture.png"
@@ -149,7 +181,7 @@ def test_path_bytes_and_file_are_the_same(tmp_path):
         (b"", "empty file"),
         (b"Dear sir, this is a text that somebody named .png", "not an image.*accepted are PNG, JPEG"),
         (b"%PDF-1.7\n", "not an image"),
-        (encoded(Image.fromarray(RGB))[:20], "not an image that can be read, or its beginning is damaged"),
+        (encoded(Image.fromarray(RGB))[:20], r"\(PNG\) is damaged or cut short"),
         (encoded(Image.fromarray(RGB))[:300], r"\(PNG\) is damaged or cut short"),
         (encoded_by_opencv(RGB16, ".png")[:500], r"\(PNG\) is damaged or cut short"),
         (encoded(Image.fromarray(np.kron(RGB, np.ones((9, 9, 1), np.uint8))), "JPEG")[:2000], "damaged or cut short"),

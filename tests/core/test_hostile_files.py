@@ -1,0 +1,127 @@
+"""Hostile files through the guard: each is read or refused in one sentence, at no cost to the server."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from hostile_files import READERS, hostile_files, valid_files
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from picture_bytes import png
+
+from benchmarks.hostile import measured
+from stereolag.core.jobs import limits, set_defaults
+from stereolag.io.guard import guarded
+from stereolag.io.images import read_image
+from stereolag.io.recordings import read_signal
+
+FILES = hostile_files()
+LONG = re.compile("49 megapixels|40 megapixels|MB|million|[0-9],000|minutes|text, |in a row|overlapping|a short line")
+LARGE = [
+    "PNG, 16-bit colour, IDAT claims 2 GB",
+    "PNG, packed comment of 64 MB",
+    "PNG, 1 pixel and 64 MB behind it",
+    "PNG, EXIF of overlapping tags",
+    "PNG, 49 megapixels, 16-bit RGB",
+    "PNG, comment of 60 MB",
+    "JPEG, comments of 60 MB",
+    "JPEG, 30 million restarts",
+    "TIFF, 20,000 overlapping tags of 1 MB",
+    "TIFF, tile of 30,000 a side",
+    "WEBP, profile of 60 MB",
+    "BMP, one run in 49 megapixels",
+    "PGM, 60 MB of spaces",
+    "recording: text, a short line and one of 60 MB",
+    "recording: text, wrong in the last line",
+    "recording: FLAC, header claims 30 million of 100",
+    "recording: WAV, 30 million samples",
+    "map: PFM, 60 MB of spaces",
+    "calibration: YAML, ten by ten aliases",
+    "calibration: XML, ten by ten entities",
+    "calibration: NPZ, an array of 64 MB that claims 200 bytes",
+]
+SMALL = [name for name in FILES if not LONG.search(name) and name not in LARGE]
+VALID = valid_files()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _as_on_a_server() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("stereolag.core.jobs._defaults", {})
+        set_defaults(max_megasamples=30)
+        yield
+    limits.cache_clear()
+
+
+@pytest.mark.parametrize("name", LARGE + SMALL)
+def test_a_hostile_file_is_read_or_refused_at_no_cost_to_the_server(name: str) -> None:
+    file = FILES[name]
+    reading = measured(name, file.reader, file.make(), file.answer)
+    assert not reading.fault, reading
+    assert len(reading.answer) < 250
+
+
+@st.composite
+def mutated(draw: st.DrawFn, originals: list[bytes]) -> bytes:
+    """Draw a valid file with some bytes replaced, removed, inserted or cut off."""
+    data = bytearray(draw(st.sampled_from(originals)))
+    for _ in range(draw(st.integers(1, 6))):
+        place = draw(st.integers(0, len(data)))
+        change = draw(st.sampled_from(["replace", "insert", "remove", "cut"]))
+        if change == "cut":
+            del data[place:]
+        elif change == "remove":
+            del data[place : place + draw(st.integers(1, 8))]
+        else:
+            new = draw(st.one_of(st.binary(min_size=1, max_size=4), st.sampled_from([b"\xff" * 4, b"9" * 9, b"\0"])))
+            data[place : place + (len(new) if change == "replace" else 0)] = new
+    return bytes(data)
+
+
+def survives(reader: str, data: bytes) -> None:
+    try:
+        guarded(READERS[reader])(data)
+    except ValueError as error:
+        assert str(error).strip()
+        assert "\n" not in str(error)
+
+
+KINDS = {"image": "image", "signal": "signal", "disparity": "disparity"}
+KINDS |= {"disparity ÷ 4": "disparity", "calibration": "calibration", "matcher": "matcher"}
+CASES = pytest.mark.parametrize(("reader", "kind"), KINDS.items(), ids=KINDS)
+
+
+@CASES
+def test_the_originals_are_valid(reader: str, kind: str) -> None:
+    for data in VALID[kind]:
+        READERS[reader](data)
+
+
+@CASES
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(draws=st.data())
+def test_mutated_files(reader: str, kind: str, draws: st.DataObject) -> None:
+    survives(reader, draws.draw(mutated(VALID[kind])))
+
+
+@CASES
+@settings(max_examples=40, deadline=None)
+@given(data=st.one_of(st.binary(max_size=200), st.text(max_size=100).map(lambda text: text.encode("utf-8", "replace"))))
+def test_random_bytes(reader: str, kind: str, data: bytes) -> None:
+    survives(reader, data)
+    survives(reader, VALID[kind][0][:8] + data)
+
+
+def test_whoever_runs_it_sets_the_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stereolag.core.jobs._defaults", {})
+    set_defaults(max_megapixels=4, max_megasamples=1)
+    with pytest.raises(ValueError, match="at most 4 megapixels are accepted"):
+        read_image(png(2001, 2000))
+    assert read_image(png(2000, 2000)).shape == (2000, 2000)
+    with pytest.raises(ValueError, match="at most 1,000,000 in all"):
+        read_signal(b"1\n" * 1_000_001)
+    with pytest.raises(ValueError, match="at most 1,000,000 in all"):
+        read_signal(FILES["recording: FLAC, header claims 30 million of 100"].make())
+    set_defaults(max_megapixels=50, max_megasamples=30)
