@@ -38,12 +38,10 @@ def check_page() -> None:
         The page shows an error, which is the message.
     """
     logging.disable()  # the server will log the same again
-    from streamlit import config
-    from streamlit.testing.v1 import AppTest
+    sys.path.insert(0, str(APP.parent))
+    from stereolag.streamlit_inside import faults_of_script
 
-    config.set_option("client.showErrorDetails", "full")  # visitors may see fewer details
-    page = AppTest.from_file(APP, default_timeout=PATIENCE_S).run()
-    faults = [f"{one.proto.type}: {one.message}" for one in page.exception] + [one.value for one in page.error]
+    faults = faults_of_script(APP, PATIENCE_S)
     if faults:
         raise SystemExit(faults[0])
 
@@ -124,9 +122,9 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
 
         start_guard()
         warm()  # so that the first visitor neither waits for it nor takes its time for that of a map
-        from streamlit.web import cli
+        from stereolag.streamlit_inside import run_server
 
-        cli.main(["run", str(APP), "--server.port", str(options.port), *others], prog_name="streamlit")
+        run_server(APP, options.port, [*others])
     except KeyboardInterrupt:  # before the server handles it
         return 130
     return 0
@@ -134,7 +132,7 @@ def start(options: argparse.Namespace, others: Sequence[str], *, remedy: str) ->
 
 def _probe(port: int) -> int:
     sys.path.insert(0, str(APP.parent))
-    from stereolag.commands.probing import served_fault
+    from stereolag.streamlit_inside import served_fault
 
     fault = served_fault(port)
     if fault:

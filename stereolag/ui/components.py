@@ -15,7 +15,8 @@ from functools import cache
 from pathlib import Path
 
 import streamlit as st
-from streamlit.components.v2.types import ComponentRenderer
+
+from stereolag.streamlit_inside import ComponentRenderer
 
 WEB = Path(__file__).parent / "web"
 

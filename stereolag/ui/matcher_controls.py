@@ -11,13 +11,13 @@ from typing import Any, NamedTuple, cast
 
 import streamlit as st
 from pydantic.fields import FieldInfo
-from streamlit.elements.lib.mutable_expander_container import ExpanderContainer
 
 from stereolag.core.settings import Applies, FitsImage, OfThePair, Settings, SettingsError, Usual, marker
 from stereolag.core.settings.fields import Number, choices, nested
 from stereolag.pair import Pair
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
+from stereolag.streamlit_inside import Expander
 from stereolag.ui.controls import adopt_value, control, kept_value
 from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
 from stereolag.ui.keys import more_key, setting_key
@@ -204,7 +204,7 @@ def _place(
     return _Place(kind, first_settings(kind, pair), kind, "", pair, refused)
 
 
-def _more_settings(key: str) -> ExpanderContainer:
+def _more_settings(key: str) -> Expander:
     """Return the expander for rarely used settings; it is open or closed as when its tab was left.
 
     While closed, its controls are not drawn; opening it triggers a rerun that draws them.
@@ -233,7 +233,7 @@ def _in_use() -> dict[str, StereoMatcher]:
     return matchers
 
 
-def _draw(place: _Place, values: Any, more: ExpanderContainer | None, *, disabled: bool = False) -> None:
+def _draw(place: _Place, values: Any, more: Expander | None, *, disabled: bool = False) -> None:
     """Draw the controls of the settings of a place: those shown first here, the others in `more` while it is open."""
     shown = _first_shown(place.kind)
     for name in shown:
@@ -245,7 +245,7 @@ def _draw(place: _Place, values: Any, more: ExpanderContainer | None, *, disable
                     _draw_setting(place, name, values, None, disabled=disabled)
 
 
-def _draw_setting(place: _Place, name: str, values: Any, more: ExpanderContainer | None, *, disabled: bool) -> None:
+def _draw_setting(place: _Place, name: str, values: Any, more: Expander | None, *, disabled: bool) -> None:
     """Draw the control of one setting.
 
     An optional stage is a switch with the controls of the stage below it; a choice of kinds is a row of buttons with

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import gc
 import logging
 import secrets
 from collections.abc import Callable, Iterator
@@ -12,14 +11,14 @@ from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 import streamlit as st
-from starlette.formparsers import MultiPartParser
 
+from stereolag import streamlit_inside as inside
 from stereolag.core.jobs import set_defaults
 from stereolag.io.guard import start_guard
 from stereolag.ui import prose
 from stereolag.ui.persistence import run_of_page, run_of_part
 from stereolag.ui.states import show_failed, show_out_of_memory
-from stereolag.ui.visits import run_again_when_reconnected, this_visit
+from stereolag.ui.visits import this_visit
 from stereolag.warming import warm
 
 ICON = Path(__file__).with_name("icon.svg")
@@ -54,7 +53,7 @@ def page(title: str, introduction: str = "", try_first: str = "") -> Iterator[No
     own = ICONS / f"{title.lower().replace(' ', '_')}.svg"
     st.set_page_config(page_title=f"{title} · stereolag", page_icon=own if own.exists() else ICON, layout="wide")
     this_visit()
-    st.html(STYLE)
+    inside.show_style(STYLE, inside.PAGE_STYLE)
     with st.container(horizontal=True, gap="medium", vertical_alignment="center", key="page-links"):
         for path, (label, icon) in PAGES.items():
             st.page_link(path, label=label, icon=icon)
@@ -66,7 +65,7 @@ def page(title: str, introduction: str = "", try_first: str = "") -> Iterator[No
     if not _prepare_process.cache_info().currsize:
         with st.spinner("Starting …"):
             _prepare_process()
-    run_again_when_reconnected()
+    inside.run_again_when_reconnected()
     with run_of_page(title), failures_answered():
         yield
 
@@ -87,11 +86,8 @@ def _prepare_process() -> None:
     )
     start_guard()
     warm()
-    # By default, an upload above 1 MB is written to a temporary file on its way into memory.
-    MultiPartParser.spool_max_size = st.get_option("server.maxUploadSize") * 2**20
-    # With many sessions, objects left by the imports lengthen the pauses of garbage collection.
-    gc.collect()
-    gc.freeze()
+    inside.keep_uploads_in_memory()
+    inside.freeze_imports()
 
 
 P = ParamSpec("P")

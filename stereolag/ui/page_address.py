@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
 import streamlit as st
-from streamlit.runtime.scriptrunner import get_script_run_ctx
 
+from stereolag import streamlit_inside as inside
 from stereolag.core.settings import Settings
 from stereolag.io.sources import quoted
 from stereolag.ui import prose
@@ -48,7 +48,7 @@ def new_parameters(written: str) -> dict[str, str] | None:
     written
         The session-state key of the parameters last written by :func:`write_parameters`.
     """
-    state, found, stepped = st.session_state, st.query_params.to_dict(), _stepped()
+    state, found, stepped = st.session_state, st.query_params.to_dict(), inside.is_history_step()
     seen, last = state.get(_seen_key(written)), state.get(written)
     state[_seen_key(written)] = found
     if last and not found and not stepped and from_another_page():
@@ -58,11 +58,6 @@ def new_parameters(written: str) -> dict[str, str] | None:
     if stepped:
         return found if found or not state.get(_bare_key(written)) else None
     return found if found and found != seen else None
-
-
-def _stepped() -> bool:
-    """Return whether this run was caused by a step back or forward in the browser."""
-    return bool(getattr(get_script_run_ctx(), "is_history_navigation", False))
 
 
 def choose_named(found: dict[str, str], choices: Mapping[str, Choice]) -> None:

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import streamlit as st
-from streamlit import runtime
 
+from stereolag import streamlit_inside as inside
 from stereolag.io.results import wav
 
 SECRET_KEY = "private_files.secret"
@@ -84,8 +84,7 @@ class _RecentFiles:
             while self._kept and sum(one.size for one in self._kept) + len(content) > MOST_BYTES:
                 self._forget(self._kept[0])
             coordinates = self._free.pop() if self._free else f"private_files.{len(self._kept)}"
-            files = runtime.get_instance().media_file_mgr
-            files.add(content, media_type, coordinates, file_name, is_for_static_download=True)
+            inside.keep_file(content, file_name, media_type, coordinates)
             timer = threading.Timer(KEPT_S, lambda: self._expire(kept))
             timer.daemon = True
             kept = _KeptFile(coordinates, len(content), timer)
@@ -101,9 +100,7 @@ class _RecentFiles:
         kept.timer.cancel()
         self._kept.remove(kept)
         self._free.append(kept.coordinates)
-        if runtime.exists():
-            # The store drops a file only when another one takes its coordinates.
-            runtime.get_instance().media_file_mgr.add(b"", "text/plain", kept.coordinates, is_for_static_download=True)
+        inside.forget_file(kept.coordinates)
 
 
 _recent_files = _RecentFiles()

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import streamlit as st
-from streamlit.runtime.uploaded_file_manager import UploadedFile
 
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.disparities import DISPARITY_SUFFIXES
 from stereolag.io.sources import quoted
+from stereolag.streamlit_inside import UploadedFile
 from stereolag.ui import prose
 from stereolag.ui.states import show_refused
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import gc
 import sys
 import threading
 import time
@@ -11,8 +10,8 @@ from contextlib import suppress
 from typing import Any
 
 import streamlit as st
-from streamlit import runtime
 
+from stereolag import streamlit_inside as inside
 from stereolag.ui.jobs import Job
 
 AFTERWARDS_S = 2.0
@@ -76,47 +75,8 @@ def _give_memory_back_later() -> None:
 
 
 def _give_memory_back() -> None:
-    _forget_ended_sessions()
-    if runtime.exists():
-        # Otherwise files made for a visitor stay until another script ends, which may be never.
-        runtime.get_instance().media_file_mgr.remove_orphaned_files()
-    # The objects frozen at the first page include reference cycles of the session that opened it.
-    gc.unfreeze()
-    gc.collect()
-    gc.freeze()
+    inside.forget_ended_sessions()
+    inside.freeze_imports()
     if sys.platform == "linux":
         with suppress(AttributeError):  # only glibc retains freed memory, and has this call to release it
             ctypes.CDLL(None).malloc_trim(0)
-
-
-def _forget_ended_sessions() -> None:
-    """Drop the expired sessions; Streamlit itself does so only when the next one ends."""
-    with suppress(AttributeError):  # another version of Streamlit drops them itself, later
-        if runtime.exists():
-            runtime.get_instance()._session_mgr._session_storage._cache.expire()  # type: ignore[attr-defined]
-
-
-KEY = "reconnection"
-
-_watch = st.components.v2.component(
-    "stereolag.reconnection",
-    js="""
-export default function ({ setTriggerValue }) {
-  const app = document.querySelector("[data-testid=stApp]");
-  const connected = () => app.dataset.testConnectionState === "CONNECTED";
-  let before = connected();
-  const observer = new MutationObserver(() => {
-    const now = connected();
-    if (now && !before) setTriggerValue("back", true);
-    before = now;
-  });
-  observer.observe(app, { attributes: true, attributeFilter: ["data-test-connection-state"] });
-  return () => observer.disconnect();
-}
-""",
-)
-
-
-def run_again_when_reconnected() -> None:
-    """Rerun the page when its connection comes back; must be called outside any fragment."""
-    _watch(key=KEY, on_back_change=lambda: None)

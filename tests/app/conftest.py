@@ -21,12 +21,11 @@ from streamlit.runtime.scriptrunner.script_cache import ScriptCache
 from streamlit.runtime.scriptrunner_utils import script_run_context
 from streamlit.testing.v1 import AppTest, app_test, local_script_runner
 
-from stereolag import samples
+from stereolag import samples, streamlit_inside
 from stereolag.figures.pictures import as_rgb, png
 from stereolag.io.images import read_image
 from stereolag.ui import uploads
 from stereolag.ui.calibrate import pictures, result
-from stereolag.ui.depth import maps
 from stereolag.ui.driving import frames
 from tests.app import keys
 from tests.app import uploads as uploaded
@@ -77,7 +76,7 @@ def woken_at_the_end() -> Iterator[None]:
 def nobody_on_the_way() -> Iterator[None]:
     """Remove the waits for a browser to draw and for a second file to arrive: neither exists here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(maps, "HEAD_START_S", 0)
+        patch.setattr(streamlit_inside, "HEAD_START_S", 0)
         patch.setattr(uploads, "ARRIVAL_S", 0.1)
         yield
 

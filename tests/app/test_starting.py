@@ -19,8 +19,8 @@ from threading import Thread
 import pytest
 from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
 
-from stereolag.commands.probing import served_fault
 from stereolag.commands.serving import page_fault
+from stereolag.streamlit_inside import served_fault
 from tests.protocol import visit
 
 PROJECT = Path(__file__).resolve().parents[2]

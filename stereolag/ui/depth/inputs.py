@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 
 from stereolag import samples
 from stereolag.assess.disparities import DIVISORS, likely_divisor
@@ -36,6 +35,7 @@ from stereolag.pair import (
 )
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
+from stereolag.streamlit_inside import BENCH_STYLE, Container, show_style
 from stereolag.ui import prose
 from stereolag.ui.choices import OWN, choose, image_limits, own_or_example, show_limits
 from stereolag.ui.depth.address import recall_choices, recall_settings, take_over
@@ -75,13 +75,13 @@ INTRODUCTION = (
 
 
 @contextmanager
-def head(title: str, *, awaited: bool) -> Iterator[DeltaGenerator]:
+def head(title: str, *, awaited: bool) -> Iterator[Container]:
     """Draw the heading beside an expander; the choice of the pair is drawn inside the ``with`` block.
 
     The expander stays open while files are `awaited`, and closes when they are there. The container yielded,
     between the two, is for :func:`show_name` once the pair is known.
     """
-    st.html(STYLE)
+    show_style(STYLE, BENCH_STYLE)
     if awaited or st.session_state.pop(FOLD_NEXT, False):
         st.session_state[FOLD] = awaited
     with st.container(horizontal=True, vertical_alignment="top", gap="medium", key="depth-head"):
@@ -98,7 +98,7 @@ def head(title: str, *, awaited: bool) -> Iterator[DeltaGenerator]:
             yield name
 
 
-def show_name(place: DeltaGenerator, pair: str) -> None:
+def show_name(place: Container, pair: str) -> None:
     """Show the name of the pair whose maps are shown."""
     with place:
         prose.markdown(f"**{pair}**", width="content")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterable, Mapping, Set
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -12,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 
 from stereolag.core.arrays import FloatMap, ReasonMap, Rgb
 from stereolag.figures.legends import (
@@ -31,6 +29,7 @@ from stereolag.stereo.evaluation import Evaluation, evaluate
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
 from stereolag.stereo.reasons import Reason
+from stereolag.streamlit_inside import Container, give_head_start
 from stereolag.ui import keys, prose
 from stereolag.ui.announcements import announce
 from stereolag.ui.depth.calibrating import calibration_of
@@ -233,9 +232,6 @@ LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
 KEY = "depth.bench"
 SENT = f"{KEY}.sent"
 
-HEAD_START_S = 0.03
-"""Time a browser needs to draw a map; it would process anything that arrives sooner before it shows the map."""
-
 COLUMNS = 2
 """Maps side by side if there is room."""
 
@@ -277,9 +273,7 @@ def show_method(method: type[StereoMatcher], *, instead: bool = False) -> None:
         st.session_state[keys.SHOWN] = [*shown[instead:], method.short_name]
 
 
-def measured(
-    pair: Pair, matcher: StereoMatcher | None, waiting: DeltaGenerator | None = None
-) -> dict[str, DisparityMap]:
+def measured(pair: Pair, matcher: StereoMatcher | None, waiting: Container | None = None) -> dict[str, DisparityMap]:
     """Return the map of one method under its title; show why and return nothing if it cannot be computed.
 
     While a heavy job runs, that is the map of the previous settings, and `waiting` shows the progress.
@@ -333,7 +327,7 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
     digests = [pack.digest for pack in packs.values()]
     if st.session_state.get(SENT) != digests:
         st.session_state[SENT] = digests
-        time.sleep(HEAD_START_S)
+        give_head_start()
     return packs
 
 
@@ -507,7 +501,7 @@ CONTROLS_WIDTH = 320
 """Px."""
 
 
-def bench() -> tuple[DeltaGenerator, DeltaGenerator]:
+def bench() -> tuple[Container, Container]:
     """Return the containers for the controls and, beside them, for the maps."""
     both = st.container(horizontal=True, gap="medium", vertical_alignment="top", key="depth-bench")
     controls = both.container(width=CONTROLS_WIDTH, gap="xsmall", key="depth-bench-controls")

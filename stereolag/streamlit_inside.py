@@ -1,0 +1,247 @@
+"""All that the app takes from the inside of Streamlit, each with its reason; nothing else may reach in there.
+
+Streamlit promises none of these names. `tests/app/test_streamlit_inside.py` fails when one of them moves, and when
+Streamlit offers the thing itself.
+"""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import streamlit as st
+from starlette.formparsers import MultiPartParser
+from streamlit import config, runtime
+from streamlit.components.v2.types import ComponentRenderer
+from streamlit.delta_generator import DeltaGenerator as Container
+from streamlit.elements.lib.mutable_expander_container import ExpanderContainer as Expander
+from streamlit.proto.Alert_pb2 import Alert
+from streamlit.proto.BackMsg_pb2 import BackMsg
+from streamlit.proto.ClientState_pb2 import ClientState
+from streamlit.proto.Element_pb2 import Element
+from streamlit.proto.ForwardMsg_pb2 import ForwardMsg
+from streamlit.runtime.scriptrunner import get_script_run_ctx
+from streamlit.runtime.state.safe_session_state import SafeSessionState
+from streamlit.runtime.uploaded_file_manager import UploadedFile
+from streamlit.testing.v1 import AppTest
+from websockets.exceptions import WebSocketException
+from websockets.sync.client import connect
+
+__all__ = ["ComponentRenderer", "Container", "Expander", "UploadedFile"]
+# Types of values that Streamlit returns, but does not export.
+
+# Styles
+
+
+PAGE_STYLE = """
+/* Readable line lengths, and pictures that fit the screen, however wide it is. */
+[data-testid="stMainBlockContainer"] { max-width: 120rem; margin-inline: auto; }
+[data-testid="stMarkdownContainer"] :is(p, li) { max-width: 52rem; }
+/* A table wider than a phone scrolls within its own box. */
+[data-testid="stMarkdownContainer"]:has(> table) { overflow-x: auto; }
+/* Links within text, because their colours are too close to the text colour. */
+[data-testid="stMarkdownContainer"] :is(p, li) a { text-decoration: underline !important; }
+/* Keyboard focus, which Streamlit marks too faintly here, or not at all. In the primary colours of the themes, which
+   Streamlit exposes only to components. */
+[data-testid="stMain"], [data-testid="stPageLink-NavLink"], [data-testid="stElementToolbar"] button {
+  --ring: 2px solid light-dark(#5a4a9c, #a797f2);
+}
+[data-testid="stMain"]:focus-visible { outline: var(--ring); outline-offset: -2px; }
+[data-testid="stPageLink-NavLink"]:focus-visible, [data-testid="stElementToolbar"] button:focus-visible {
+  outline: var(--ring);
+}
+/* Streamlit shows the buttons over a picture only under the pointer. */
+[data-testid="stElementToolbar"]:focus-within { opacity: 1; }
+/* Streamlit writes white on the theme's colour, which is pale on the dark page, and darkens it under the pointer. */
+button[data-testid="stBaseButton-primary"] { color: light-dark(#fff, #14151b); }
+button[data-testid="stBaseButton-primary"]:hover { background-color: light-dark(#483b7d, #b9adf5); }
+/* Axis numbers and titles, which Streamlit draws at a contrast of 3.6. */
+.stPlotlyChart :is([class$="tick"] text, [class^="g-"][class$="title"] text) {
+  fill: light-dark(#5b5964, #b4b2bd) !important;
+}
+"""
+"""Styles of Streamlit's own elements that no theme option reaches; the classes st-key-… are documented, and in CSS."""
+
+BENCH_STYLE = """
+[data-testid="stMainBlockContainer"] { max-width: none; padding: 0.8rem clamp(0.75rem, 2.3vw, 2.25rem) 4rem; }
+/* The page's links are placed where Streamlit reserves room for a toolbar, of which only the menu is left. */
+[data-testid="stHeader"] { background: transparent; }
+[data-testid="stHeader"], [data-testid="stHeader"] * { pointer-events: none !important; }
+[data-testid="stHeader"] :is(button, button *) { pointer-events: auto !important; }
+"""
+"""The same for the depth page, whose maps take the whole width."""
+
+
+def show_style(sheet: Path, inside: str) -> None:
+    """Apply a style sheet to the page, after these styles of Streamlit's own elements."""
+    st.html(f"<style>{inside}{sheet.read_text(encoding='utf-8')}</style>")
+
+
+# Runs of a page
+
+
+def is_history_step() -> bool:
+    """Return whether this run was caused by a step back or forward in the browser; ``st.context`` does not tell."""
+    return bool(getattr(get_script_run_ctx(), "is_history_navigation", False))
+
+
+HEAD_START_S = 0.03
+"""Time a browser needs to draw a map; it would process anything that arrives sooner before it shows the map."""
+
+
+def give_head_start() -> None:
+    """Let the browser draw what was sent: no element or option of Streamlit says that something is urgent."""
+    time.sleep(HEAD_START_S)
+
+
+_watch = st.components.v2.component(
+    "stereolag.reconnection",
+    js="""
+export default function ({ setTriggerValue }) {
+  const app = document.querySelector("[data-testid=stApp]");
+  const connected = () => app.dataset.testConnectionState === "CONNECTED";
+  let before = connected();
+  const observer = new MutationObserver(() => {
+    const now = connected();
+    if (now && !before) setTriggerValue("back", true);
+    before = now;
+  });
+  observer.observe(app, { attributes: true, attributeFilter: ["data-test-connection-state"] });
+  return () => observer.disconnect();
+}
+""",
+)
+
+
+def run_again_when_reconnected() -> None:
+    """Rerun the page when its connection comes back; must be called outside any fragment.
+
+    Streamlit keeps the old page on the screen, whose files and results may be gone, and tells only its own elements.
+    """
+    _watch(key="reconnection", on_back_change=lambda: None)
+
+
+class _LookedUp(Mapping[str, Any]):
+    """The state of a session by the keys of a script, each looked up when it is asked for."""
+
+    def __init__(self, state: SafeSessionState) -> None:
+        self._state = state
+
+    def __getitem__(self, key: str) -> Any:
+        return self._state[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_whole_state(self._state))
+
+    def __len__(self) -> int:
+        return len(_whole_state(self._state))
+
+
+_whole_state = SafeSessionState.filtered_state.fget  # type: ignore[attr-defined]
+
+# Every number box copies the whole state of the session to look up its own value in the copy: with the depth page's
+# 200 entries and five boxes that was a fifth of the time its script takes after the move of a slider.
+SafeSessionState.filtered_state = property(_LookedUp)  # type: ignore[assignment, method-assign]
+
+
+# Memory
+
+
+def freeze_imports() -> None:
+    """Exempt all present objects from garbage collection, whose pauses they would lengthen with many sessions.
+
+    What was frozen before is collected first: it includes reference cycles of the session that was open then.
+    """
+    gc.unfreeze()
+    gc.collect()
+    gc.freeze()
+
+
+def keep_uploads_in_memory() -> None:
+    """Keep uploads off the disk: by default, one above 1 MB is written to a temporary file on its way into memory."""
+    MultiPartParser.spool_max_size = st.get_option("server.maxUploadSize") * 2**20
+
+
+def forget_ended_sessions() -> None:
+    """Drop expired sessions and their files; Streamlit does so only when the next session or run ends, maybe never."""
+    if runtime.exists():
+        with suppress(AttributeError):  # another version of Streamlit drops them itself, later
+            runtime.get_instance()._session_mgr._session_storage._cache.expire()  # type: ignore[attr-defined]
+        runtime.get_instance().media_file_mgr.remove_orphaned_files()
+
+
+def keep_file(content: bytes, file_name: str, media_type: str, coordinates: str) -> None:
+    """Keep a file in Streamlit's store until another takes its coordinates.
+
+    Streamlit itself drops a file made on demand at the end of the second run after that, of any visitor.
+    """
+    files = runtime.get_instance().media_file_mgr
+    files.add(content, media_type, coordinates, file_name, is_for_static_download=True)
+
+
+def forget_file(coordinates: str) -> None:
+    """Drop a file from the store: it does so only when another one takes the coordinates."""
+    if runtime.exists():
+        runtime.get_instance().media_file_mgr.add(b"", "text/plain", coordinates, is_for_static_download=True)
+
+
+# Starting the server, and asking a running one
+
+
+def faults_of_script(script: Path, patience_s: float) -> list[str]:
+    """Run a page once as Streamlit's own tests do, without a browser or a server, and return its faults in lines.
+
+    Streamlit starts a server whatever happens in a page.
+    """
+    config.set_option("client.showErrorDetails", "full")  # visitors may see fewer details
+    page = AppTest.from_file(script, default_timeout=patience_s).run()
+    return [f"{one.proto.type}: {one.message}" for one in page.exception] + [one.value for one in page.error]
+
+
+def run_server(script: Path, port: int, others: list[str]) -> None:
+    """Serve an app in this process until it is stopped, as ``streamlit run`` does."""
+    from streamlit.web import cli
+
+    cli.main(["run", str(script), "--server.port", str(port), *others], prog_name="streamlit")
+
+
+PROBE_PATIENCE_S = 60
+"""How long a page may take on a busy machine."""
+
+
+def served_fault(port: int) -> str | None:
+    """Return in one line why the app on a local port does not serve its home page, or None if it does.
+
+    Unlike ``/_stcore/health``, this runs the page in the process of the app: the health check of a container.
+    """
+    end = time.monotonic() + PROBE_PATIENCE_S
+    address = f"ws://localhost:{port}/_stcore/stream"
+    try:
+        # A proxy in the environment does not apply to this machine.
+        with connect(address, proxy=None, open_timeout=PROBE_PATIENCE_S, max_size=None) as page:
+            page.send(BackMsg(rerun_script=ClientState()).SerializeToString())
+            while True:
+                message = ForwardMsg.FromString(page.recv(timeout=end - time.monotonic(), decode=False))
+                kind = message.WhichOneof("type")
+                if kind == "delta" and (fault := _fault(message.delta.new_element)):
+                    return fault
+                if kind == "script_finished" and message.script_finished != ForwardMsg.FINISHED_EARLY_FOR_RERUN:
+                    well = message.script_finished == ForwardMsg.FINISHED_SUCCESSFULLY
+                    return None if well else "The page cannot be compiled."
+    except TimeoutError:
+        return f"No page came within {PROBE_PATIENCE_S} s."
+    except (OSError, WebSocketException) as error:
+        return str(error)
+
+
+def _fault(element: Element) -> str | None:
+    """Return the failure that an element reports, in one line, or None if it reports none."""
+    if element.WhichOneof("type") == "exception":
+        return " ".join(f"{element.exception.type}: {element.exception.message}".split())
+    if element.WhichOneof("type") == "alert" and element.alert.format == Alert.ERROR:
+        return " ".join(element.alert.body.split())
+    return None

@@ -1,0 +1,90 @@
+"""What the app takes from Streamlit's inside is there, and Streamlit does not offer it itself: else use what it offers.
+
+A failure after an upgrade of Streamlit means: look at the reason in `stereolag/streamlit_inside.py`, and whether it
+still holds.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+import streamlit as st
+from starlette.formparsers import MultiPartParser
+from streamlit import config
+from streamlit.elements.widgets.number_input import NumberInputMixin
+from streamlit.runtime.memory_media_file_storage import MemoryMediaFileStorage
+from streamlit.runtime.memory_session_storage import MemorySessionStorage
+from streamlit.runtime.runtime import Runtime
+from streamlit.runtime.scriptrunner_utils.script_run_context import ScriptRunContext
+from streamlit.runtime.state.safe_session_state import SafeSessionState
+from streamlit.web.server.starlette import starlette_app
+
+from stereolag import streamlit_inside as inside
+
+PACKAGE = Path(inside.__file__).parent
+STATIC = Path(st.__file__).parent / "static" / "static" / "js"
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("Container", "DeltaGenerator"), ("Expander", "ExpanderContainer"), ("UploadedFile",), ("ComponentRenderer",)],
+)
+def test_types_of_returned_values_are_not_exported(names: tuple[str, ...]) -> None:
+    assert not any(hasattr(st, name) for name in names)
+
+
+def test_the_context_of_a_run_does_not_tell_of_steps_through_the_history() -> None:
+    assert "is_history_navigation" in ScriptRunContext.__annotations__
+    assert not [name for name in dir(st.context) if "histor" in name or "navig" in name]
+
+
+def test_there_is_no_event_of_a_connection_that_comes_back() -> None:
+    assert {name for name in dir(st) if "connect" in name} <= {"_connection", "connection", "connections"}
+    assert "on_reconnect" not in inspect.signature(st.App).parameters
+
+
+def test_a_number_box_copies_the_whole_state_of_the_session() -> None:
+    assert "filtered_state" in inspect.getsource(NumberInputMixin)
+    assert isinstance(SafeSessionState.filtered_state, property)
+
+
+def test_uploads_above_a_megabyte_go_to_the_disk_unless_the_parser_is_told() -> None:
+    assert "spool_max_size" in vars(MultiPartParser)
+    assert not [option for option in config.get_config_options() if "spool" in option]
+    assert "spool_max_size" not in inspect.getsource(starlette_app)
+
+
+def test_expired_sessions_are_dropped_only_by_the_hand_of_the_next_one() -> None:
+    storage = MemorySessionStorage(ttl_seconds=0)
+    assert hasattr(storage._cache, "expire")
+    assert not hasattr(Runtime, "expire_sessions")
+    assert "Timer" not in inspect.getsource(MemorySessionStorage)
+
+
+def test_a_file_made_on_demand_has_no_time_to_live() -> None:
+    parameters = inspect.signature(st.download_button).parameters.keys()
+    assert not [name for name in parameters if name in ("ttl", "keep", "scope", "private")]
+    assert "secret" not in inspect.getsource(MemoryMediaFileStorage)
+
+
+def test_no_option_of_the_theme_sets_what_the_styles_set() -> None:
+    options = " ".join(config.get_config_options())
+    assert not re.search(r"theme\.\S*(?:contentWidth|maxWidth|focus|toolbar|lineLength)", options, re.IGNORECASE)
+
+
+@pytest.mark.parametrize("mark", sorted(set(re.findall(r'data-testid=\\?"?(\w+)', inspect.getsource(inside)))))
+def test_streamlit_s_elements_have_the_marks_that_the_styles_name(mark: str) -> None:
+    scripts = (path.read_text(encoding="utf-8") for path in STATIC.glob("*.js"))
+    pattern = mark.removesuffix("-primary").removesuffix("-NavLink")
+    assert any(pattern in script for script in scripts)
+
+
+def test_no_other_file_reaches_into_streamlit() -> None:
+    imports = r"\bstreamlit\.[a-z]\w*\b(?=[\w.]* import)|from streamlit import|\bstarlette\b"
+    within = re.compile(rf"{imports}|data-test|\.st[A-Z]\w+")
+    files = [path for path in PACKAGE.rglob("*.*") if path.suffix in {".py", ".css", ".js"} and path.stem != "fflate"]
+    reaching = {path.relative_to(PACKAGE).as_posix() for path in files if within.search(path.read_text("utf-8"))}
+    assert reaching == {"streamlit_inside.py"}
