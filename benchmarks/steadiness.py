@@ -11,6 +11,7 @@ from benchmarks.pairs import DATA
 from stereolag.samples import drives
 from stereolag.sequences import (
     SequenceMemory,
+    SequenceSettings,
     Steadiness,
     StereoSequence,
     example_sequence,
@@ -50,7 +51,7 @@ def means(
 ) -> dict[str, list[float]]:
     """Return the mean of every figure over all frames, by method; NaN if a figure is missing."""
     kept = SequenceMemory()
-    run_sequence(sequence, methods, kept, steadiness=steadiness)
+    run_sequence(sequence, methods, kept, settings=SequenceSettings(steadiness=steadiness))
     found = {}
     for method in methods:
         rows = [[getattr(one, name) for name in COLUMNS] for one in kept.records.values() if one.method == method]

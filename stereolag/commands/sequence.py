@@ -12,7 +12,7 @@ from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.matchers import add_choice, chosen_matcher, elsewhere, over_known_range, shortcuts_of
 from stereolag.commands.pair_flags import add_frames
 from stereolag.commands.parsing import DAMAGED, DONE, INTERRUPTED, CommandParser, add_output, one_line, tell
-from stereolag.sequences.settings import SequenceSettings
+from stereolag.sequences.motion import SequenceSettings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName
 
@@ -48,13 +48,9 @@ def run(arguments: Sequence[str]) -> int:
     # Imported only now, so that --help does not wait for them.
     from stereolag.commands.sequence_frames import read_drive
     from stereolag.sequences import run_sequence
-    from stereolag.sequences.motion import motion_watch
 
     drive = read_drive(options)
     matchers = _matchers(over_known_range(matcher, start, options, drive.calibration), options)
-    watch = None
-    if beyond.motion is not None:
-        watch = motion_watch(drive.sequence, next(iter(matchers.values())), drive.calibration, beyond.motion)
     bar = _Bar(hidden=options.json or not sys.stderr.isatty())
     try:
         result = run_sequence(
@@ -62,8 +58,7 @@ def run(arguments: Sequence[str]) -> int:
             matchers,
             options.out,
             calibration=drive.calibration,
-            steadiness=beyond.steadiness,
-            motion=watch,
+            settings=beyond,
             video=options.video,
             disparity_format=options.disparity_format,
             scheduler=options.scheduler,

@@ -89,7 +89,7 @@ class MatchedFrame:
 
 
 @dataclass(frozen=True, eq=False)
-class OwnFrame:
+class FrameMaps:
     """The maps of one frame by itself, which the next frame may use.
 
     Attributes
@@ -115,10 +115,10 @@ def matched_frame(task: FrameTask, progress: Progress | None = None) -> MatchedF
 
     `progress` may raise to end the work early: its exception propagates, unless it is a ``ValueError`` or ``OSError``.
     """
-    return encoded_frame(task, own_frame(task, progress))
+    return encoded_frame(task, match_frame(task, progress))
 
 
-def own_frame(task: FrameTask, progress: Progress | None = None) -> OwnFrame:
+def match_frame(task: FrameTask, progress: Progress | None = None) -> FrameMaps:
     """Read and match one frame, as :func:`matched_frame` does."""
     try:
         frame = task.reader()
@@ -128,11 +128,11 @@ def own_frame(task: FrameTask, progress: Progress | None = None) -> OwnFrame:
             # Scores and vertical displacements are not needed here, and would be sent between machines.
             maps[name] = replace(result, _score=None, _dy=None)
     except (ValueError, OSError) as error:
-        return OwnFrame(problem=_in_one_line(error))
-    return OwnFrame(frame.left, frame.truth, maps)
+        return FrameMaps(problem=_in_one_line(error))
+    return FrameMaps(frame.left, frame.truth, maps)
 
 
-def encoded_frame(task: FrameTask, own: OwnFrame, before: OwnFrame | None = None) -> MatchedFrame:
+def encoded_frame(task: FrameTask, own: FrameMaps, before: FrameMaps | None = None) -> MatchedFrame:
     """Encode and measure the maps of a frame, steadied by those of the previous frame if given."""
     if own.left is None:
         return MatchedFrame(task.number, problem=own.problem)

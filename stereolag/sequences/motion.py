@@ -1,4 +1,4 @@
-"""Motion in a sequence: the flow since the previous frame, our own speed, and things that move against the world."""
+"""Motion in a sequence: the flow since the previous frame, our own speed, and moving things."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import Field
 
 from stereolag.core.arrays import FloatMap, Rgb
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
+from stereolag.core.settings import Settings
 from stereolag.figures.pictures import (
     NO_ANSWER,
     as_rgb,
@@ -24,10 +26,43 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.motion.matcher import optical_flow
 from stereolag.motion.scene_flow import SceneFlow, scene_flow
 from stereolag.sequences.records import MOTION, FrameRecord
-from stereolag.sequences.settings import SequenceMotion
 from stereolag.sequences.sources import StereoFrame, StereoSequence
+from stereolag.sequences.steadying import Steadiness
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 from stereolag.stereo.methods import preset
+
+
+class SequenceMotion(Settings):
+    """Settings for reporting and drawing the motion between frames."""
+
+    arrows: bool = Field(
+        default=False, title="Arrows", description="Draw the flow as arrows on the picture, not as colours."
+    )
+    frame_rate: float | None = Field(
+        default=None,
+        title="Frames a second",
+        description="Frame rate of the camera, for speeds; None: the sequence's own.",
+        gt=0,
+        le=10_000,
+    )
+
+
+class SequenceSettings(Settings):
+    """Settings for the maps of a sequence beyond matching each frame by itself."""
+
+    steadiness: Steadiness | None = Field(
+        default=None,
+        title="Steady",
+        description="Average each map with that of the previous frame, moved along with the picture, where the two "
+        "agree. It reduces the flicker of our own methods, but hardly that of OpenCV's.",
+    )
+    motion: SequenceMotion | None = Field(
+        default=None,
+        title="Motion",
+        description="Show the optical flow since the previous frame and, with a calibration, the car's own speed and "
+        "moving objects. It takes about a second a frame.",
+    )
+
 
 SAMPLED = 5
 """Frames, spread over the sequence, that determine the displacement at the rim of the colour wheel."""
@@ -78,29 +113,34 @@ class MotionWatch:
     ----------
     sequence
         The sequence.
-    matcher
-        Matcher for the disparities, used with a calibration.
+    method
+        Its search range is used with a calibration, for disparities by the fast preset.
     calibration
         Calibration of the left camera; without it only the flow is computed.
     settings
         Settings of the drawing and the speeds.
+    largest
+        Displacement at the rim of the colour wheel, px, if known from an earlier job.
 
     Attributes
     ----------
     largest
-        Displacement at the rim of the colour wheel, px; None until known.
+        The same; None until known.
     """
 
     def __init__(
         self,
         sequence: StereoSequence,
-        matcher: StereoMatcher,
+        method: StereoMatcher,
         calibration: Calibration | None,
         settings: SequenceMotion | None = None,
+        largest: float | None = None,
     ) -> None:
-        self._sequence, self._matcher, self._calibration = sequence, matcher, calibration
+        reach, fast = method.reach(), preset("fast")
+        self._matcher = fast if reach is None else fast.with_search_range(*reach)
+        self._sequence, self._calibration = sequence, calibration
         self.settings = settings or SequenceMotion()
-        self.largest: float | None = None
+        self.largest = largest
         self._last: tuple[int, StereoFrame, DisparityMap | None] | None = None
 
     def since_before(self, number: int, progress: Progress | None = None) -> FrameMotion | None:
@@ -186,12 +226,3 @@ class MotionWatch:
         if self._calibration is None:
             return frame, None
         return frame, self._matcher.compute(frame.left, frame.right, progress=progress)
-
-
-def motion_watch(
-    sequence: StereoSequence, method: StereoMatcher, calibration: Calibration | None, settings: SequenceMotion
-) -> MotionWatch:
-    """Return the motion watch to run beside a method: it uses the fast preset over the method's search range."""
-    reach = method.reach()
-    matcher = preset("fast")
-    return MotionWatch(sequence, matcher if reach is None else matcher.with_search_range(*reach), calibration, settings)

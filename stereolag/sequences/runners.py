@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from stereolag.core.jobs import Progress
 from stereolag.loops.bands import available_cores
-from stereolag.sequences.matching import FrameTask, MatchedFrame, OwnFrame, encoded_frame, matched_frame, own_frame
+from stereolag.sequences.matching import FrameMaps, FrameTask, MatchedFrame, encoded_frame, match_frame, matched_frame
 
 LOCAL = "local"
 """Scheduler address for a cluster of processes on this machine that lasts as long as the job."""
@@ -51,7 +51,7 @@ class Runner(Protocol):
 class PairRunner(Runner, Protocol):
     """Runner that matches frames and can steady each with the previous one."""
 
-    def own(self, task: FrameTask) -> Any:
+    def match(self, task: FrameTask) -> Any:
         """Return a promise of a frame's own maps, to be passed to :meth:`submit_steady`, usually twice."""
 
     def submit_steady(self, task: FrameTask, own: Any, before: Any | None) -> Pending:
@@ -90,7 +90,7 @@ class SteadyRunner:
         """Return the promise of a frame, and drop it after its last use."""
         self._uses[number] -= 1
         if number not in self._promised:
-            self._promised[number] = self._runner.own(self._task(number))
+            self._promised[number] = self._runner.match(self._task(number))
         return self._promised[number] if self._uses[number] > 0 else self._promised.pop(number)
 
 
@@ -170,11 +170,11 @@ class ThreadRunner:
         """Start a frame as soon as a thread is free."""
         return self._pool.submit(matched_frame, task, self._stop_here)
 
-    def own(self, task: FrameTask) -> _Once:
+    def match(self, task: FrameTask) -> LazyFrame:
         """Return a promise of a frame: the first thread that needs it matches it."""
-        return _Once(task, self._stop_here)
+        return LazyFrame(task, self._stop_here)
 
-    def submit_steady(self, task: FrameTask, own: _Once, before: _Once | None) -> Pending:
+    def submit_steady(self, task: FrameTask, own: LazyFrame, before: LazyFrame | None) -> Pending:
         """Start a frame as soon as a thread is free."""
         return self._pool.submit(_steady_frame, task, own, before)
 
@@ -183,22 +183,23 @@ class ThreadRunner:
             raise CancelledError
 
 
-class _Once:
+class LazyFrame:
     """A frame's own maps, computed by the first thread to ask while others wait; it cannot deadlock."""
 
     def __init__(self, task: FrameTask, progress: Progress) -> None:
         self._task, self._progress = task, progress
         self._lock = threading.Lock()
-        self._found: OwnFrame | None = None
+        self._found: FrameMaps | None = None
 
-    def __call__(self) -> OwnFrame:
+    def __call__(self) -> FrameMaps:
+        """Return the maps, matching the frame if nobody has yet."""
         with self._lock:
             if self._found is None:
-                self._found = own_frame(self._task, self._progress)
+                self._found = match_frame(self._task, self._progress)
             return self._found
 
 
-def _steady_frame(task: FrameTask, own: _Once, before: _Once | None) -> MatchedFrame:
+def _steady_frame(task: FrameTask, own: LazyFrame, before: LazyFrame | None) -> MatchedFrame:
     return encoded_frame(task, own(), None if before is None else before())
 
 
@@ -256,9 +257,9 @@ class DaskRunner:
         self._count_workers()
         return _OnWorker(task.number, self._client.submit(matched_frame, task, pure=False))
 
-    def own(self, task: FrameTask) -> Any:
+    def match(self, task: FrameTask) -> Any:
         """Have a worker match a frame and keep the result."""
-        return self._client.submit(own_frame, task, pure=False)
+        return self._client.submit(match_frame, task, pure=False)
 
     def submit_steady(self, task: FrameTask, own: Any, before: Any | None) -> Pending:
         """Send a frame to the worker that has its maps."""

@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,18 +18,63 @@ import numpy as np
 from stereolag.core.inputs import Image
 from stereolag.figures.pictures import as_rgb
 from stereolag.geometry.calibration import Calibration
-from stereolag.sequences.flicker import flicker, same_picture_size, still_pixels
-from stereolag.sequences.folder import SequenceFolder
 from stereolag.sequences.matching import PNG, FrameTask, MatchedFrame, finished_frame
-from stereolag.sequences.motion import MotionWatch
+from stereolag.sequences.motion import MotionWatch, SequenceSettings
 from stereolag.sequences.records import FrameRecord, damaged_records
 from stereolag.sequences.runners import PairRunner, Runner, SteadyRunner, in_order, runner_at
 from stereolag.sequences.sources import StereoSequence, Truth
-from stereolag.sequences.states import SequenceResult, SequenceState
-from stereolag.sequences.steadying import Steadiness
-from stereolag.sequences.targets import SequenceTarget
-from stereolag.sequences.video import VideoWriter, common_range, panels
+from stereolag.sequences.steadying import flicker, same_picture_size, still_pixels
+from stereolag.sequences.targets import SequenceFolder, SequenceTarget
+from stereolag.sequences.video import SequenceVideo, VideoWriter, common_range, panels
 from stereolag.stereo.matcher import StereoMatcher
+
+
+@dataclass(frozen=True)
+class SequenceState:
+    """The progress of a job.
+
+    Attributes
+    ----------
+    done, total
+        Numbers of frames; those finished by an earlier job count as done.
+    damaged
+        Number of them without a map.
+    elapsed_s, remaining_s
+        Seconds; `remaining_s` is NaN until the first frame is done.
+    """
+
+    done: int
+    total: int
+    damaged: int
+    elapsed_s: float
+    remaining_s: float
+
+
+@dataclass(frozen=True)
+class SequenceResult:
+    """The result of a job.
+
+    Attributes
+    ----------
+    total
+        Number of frames in the sequence.
+    matched, finished_before
+        Numbers of frames matched by this job, and finished by an earlier one.
+    damaged
+        {name of the frame: why there is no map}.
+    cancelled
+        Whether it was cancelled before its end; running it again resumes the work.
+    elapsed_s
+        Elapsed time, s.
+    """
+
+    total: int
+    matched: int
+    finished_before: int
+    damaged: Mapping[str, str]
+    cancelled: bool
+    elapsed_s: float
+
 
 SAMPLED = 5
 """Frames, spread over the sequence, that determine the colour range before the first one is drawn."""
@@ -39,11 +86,8 @@ def run_sequence(
     out: str | os.PathLike[str] | SequenceTarget,
     *,
     calibration: Calibration | None = None,
-    steadiness: Steadiness | None = None,
-    video: str | os.PathLike[str] | BinaryIO | VideoWriter | None = None,
-    colours: tuple[float, float] | None = None,
-    truth_in_video: bool = False,
-    motion: MotionWatch | None = None,
+    settings: SequenceSettings | None = None,
+    video: str | os.PathLike[str] | BinaryIO | SequenceVideo | None = None,
     disparity_format: str = PNG,
     scheduler: str | None = None,
     again: bool = False,
@@ -64,17 +108,12 @@ def run_sequence(
         matched again. Or a :class:`~stereolag.sequences.targets.SequenceTarget`, which keeps them elsewhere.
     calibration
         Provides the distance of the nearest obstacle in metres.
-    steadiness
-        Averages each map with the previous one where they agree: our own methods flicker less; off by default.
+    settings
+        Steadying by the previous frame, and motion: a video then shows the flow last, and moving things are outlined in
+        the left picture. Both are off by default.
     video
         An ".mp4" path or a binary file, for the left pictures beside the maps of every method in one colour range; or a
-        video writer, which is left open.
-    colours
-        The disparities at the ends of the colour range, px; by default chosen from five frames.
-    truth_in_video
-        Whether the video also shows the true disparity, after the maps.
-    motion
-        Detects motion; a video then shows the flow last, and moving things are outlined in the left picture.
+        :class:`~stereolag.sequences.video.SequenceVideo`, which says more.
     disparity_format
         ``".png"``, or ``".pfm"`` or ``".npy"``, which can store any disparity.
     scheduler
@@ -96,75 +135,70 @@ def run_sequence(
     ------
     ValueError
         If `out` was made with other settings, frames or version, a search range does not fit the files, a method's name
-        is not valid for a folder, the video has another ending, or `colours` is not a range.
+        is not valid for a folder, or the video has another ending.
     OSError
         If `out` cannot be written, or the scheduler cannot be reached.
     """
     named = {type(matchers).short_name: matchers} if isinstance(matchers, StereoMatcher) else dict(matchers)
+    settings = settings or SequenceSettings()
+    if video is not None and not isinstance(video, SequenceVideo):
+        video = SequenceVideo(video)
     with ExitStack() as stack:
         target: SequenceTarget
         if isinstance(out, str | os.PathLike):
-            target = SequenceFolder(Path(out), sequence, named, disparity_format, calibration, steadiness, again=again)
+            target = SequenceFolder(
+                Path(out), sequence, named, disparity_format, calibration, settings.steadiness, again=again
+            )
         else:
             target = out
         stack.callback(target.close)
-        if colours is not None:
-            low, high = colours
-            if not -math.inf < low < high < math.inf:
-                raise ValueError(
-                    f"colours are {low:g} and {high:g} px; allowed are two finite numbers, the lower first."
-                )
-            target.set_colours(colours)
         writer = None
-        if isinstance(video, VideoWriter):
-            writer = video
-        elif video is not None:
-            writer = stack.enter_context(VideoWriter(video, sequence.frame_rate, len(sequence)))
-        runner = stack.enter_context(runner_at(scheduler))
-        job = _Job(
-            sequence,
+        if video is not None:
+            if video.colours is not None:
+                target.set_colours(video.colours)
+            writer = (
+                video.file
+                if isinstance(video.file, VideoWriter)
+                else stack.enter_context(VideoWriter(video.file, sequence.frame_rate, len(sequence)))
+            )
+        watch = None
+        if settings.motion is not None:
+            method = next(iter(named.values()))
+            watch = MotionWatch(sequence, method, calibration, settings.motion, target.largest_motion)
+        task = FrameTask(
+            0,
+            partial(sequence.frame, 0),
             named,
-            target,
-            writer,
-            runner,
-            calibration,
-            steadiness,
             disparity_format,
-            progress,
-            cancelled,
-            with_truth=truth_in_video and writer is not None,
-            motion=motion,
+            calibration,
+            in_colour=writer is not None,
+            steadiness=settings.steadiness,
+            with_truth=video is not None and video.with_truth,
         )
-        return job.run()
+        runner = stack.enter_context(runner_at(scheduler))
+        return _Job(sequence, task, target, writer, watch, runner, progress, cancelled).run()
 
 
 class _Job:
-    """One run of :func:`run_sequence`."""
+    """One run of :func:`run_sequence`; `task` is the work on a frame but for its number and reader."""
 
     def __init__(
         self,
         sequence: StereoSequence,
-        matchers: Mapping[str, StereoMatcher],
+        task: FrameTask,
         target: SequenceTarget,
         writer: VideoWriter | None,
+        watch: MotionWatch | None,
         runner: PairRunner,
-        calibration: Calibration | None,
-        steadiness: Steadiness | None,
-        suffix: str,
         progress: Callable[[SequenceState], None] | None,
         cancelled: Callable[[], bool] | None,
-        *,
-        with_truth: bool,
-        motion: MotionWatch | None,
     ) -> None:
-        self._sequence, self._matchers, self._target, self._writer = sequence, matchers, target, writer
-        self._calibration, self._steadiness, self._suffix = calibration, steadiness, suffix
-        self._progress, self._cancelled, self._with_truth = progress, cancelled, with_truth
-        self._motion = motion
+        self._sequence, self._each, self._target, self._writer, self._motion = sequence, task, target, writer, watch
+        self._progress, self._cancelled = progress, cancelled
         self._start = time.perf_counter()
         self._missing = [number for number in range(len(sequence)) if number not in target]
         self._done = self._before = len(sequence) - len(self._missing)
-        self._runner: Runner = runner if steadiness is None else SteadyRunner(runner, self._missing, self._task)
+        self._runner: Runner = runner if task.steadiness is None else SteadyRunner(runner, self._missing, self._task)
         self._matched, self._damaged = 0, dict[str, str]()
         self._last: MatchedFrame | None = None
 
@@ -207,12 +241,13 @@ class _Job:
         seen = None
         if self._motion is not None and not frame.problem:
             self._motion.lock_colours(self._look_at)
+            self._target.largest_motion = self._motion.largest
             seen = self._motion.since_before(frame.number, self._look_at)
         if frame.number not in self._target:
             name, moment = self._sequence.names[frame.number], frame.number / self._sequence.frame_rate
             if frame.problem:
                 self._damaged[name] = frame.problem
-                records = damaged_records(frame.number, name, moment, tuple(self._matchers), frame.problem)
+                records = damaged_records(frame.number, name, moment, tuple(self._each.matchers), frame.problem)
             else:
                 changes = self._flicker(frame)
                 records = [
@@ -231,7 +266,7 @@ class _Job:
                 self._writer.write_blank()
             else:
                 disparities = [one.disparity for one in frame.maps.values()]
-                if self._with_truth:
+                if self._each.with_truth:
                     disparities.append(_truth_of(frame, frame.left))
                 left, more = as_rgb(frame.left), []
                 if self._motion is not None:
@@ -242,7 +277,7 @@ class _Job:
         self._look()
 
     def _flicker(self, frame: MatchedFrame) -> dict[str, float]:
-        unknown = dict.fromkeys(self._matchers, math.nan)
+        unknown = dict.fromkeys(self._each.matchers, math.nan)
         before = self._last
         if frame.number == 0:
             return unknown
@@ -261,16 +296,7 @@ class _Job:
         return finished_frame(self._task(number), self._target.files(number))
 
     def _task(self, number: int) -> FrameTask:
-        return FrameTask(
-            number,
-            self._sequence.reader(number),
-            self._matchers,
-            self._suffix,
-            self._calibration,
-            in_colour=self._writer is not None,
-            steadiness=self._steadiness,
-            with_truth=self._with_truth,
-        )
+        return self._each._replace(number=number, reader=self._sequence.reader(number))
 
     def _look_at(self, fraction: float) -> None:
         self._look()

@@ -1,13 +1,15 @@
-"""The video of a sequence: the left picture beside the map of every method, in one colour range throughout."""
+"""Videos of the maps of a sequence: one MP4 file, or the pieces of one while it is being made."""
 
 from __future__ import annotations
 
 import io
+import math
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import IO, Final, Self
+from typing import IO, Any, BinaryIO, Final, Self
 from uuid import uuid4
 
 import av
@@ -33,6 +35,38 @@ AT_ONCE: Final[dict[str, str]] = {"tune": "zerolatency"}
 _QUALITY = "20"
 _SPEED = "ultrafast"
 """Twice as fast as the next preset, with files a sixth larger."""
+
+
+@dataclass(frozen=True)
+class SequenceVideo:
+    """The video of a sequence: the left pictures beside the maps of every method, in one colour range.
+
+    Attributes
+    ----------
+    file
+        An ".mp4" path, a binary file, or a video writer, which is left open.
+    colours
+        The disparities at the ends of the colour range, px; None: chosen from five frames.
+    with_truth
+        Whether the true disparity is shown too, after the maps.
+
+    Raises
+    ------
+    ValueError
+        If `colours` is not a range.
+    """
+
+    file: str | os.PathLike[str] | BinaryIO | VideoWriter
+    colours: tuple[float, float] | None = None
+    with_truth: bool = False
+
+    def __post_init__(self) -> None:
+        if self.colours is not None:
+            low, high = self.colours
+            if not -math.inf < low < high < math.inf:
+                raise ValueError(
+                    f"colours are {low:g} and {high:g} px; allowed are two finite numbers, the lower first."
+                )
 
 
 def common_range(maps: Sequence[FloatMap]) -> tuple[float, float]:
@@ -175,3 +209,80 @@ def _fitted(picture: Rgb, width: int, height: int) -> Rgb:
     if (cols - width, rows - height) in ((0, 1), (1, 0), (1, 1)):
         return np.ascontiguousarray(picture[:height, :width])
     return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+class VideoPieces(VideoWriter):
+    """Writer of pictures to a fragmented MP4 (ISO/IEC 14496-12, §8.8), in memory.
+
+    The first piece has the data that decoders need to start; each following piece is a second of pictures that begins
+    with a keyframe. Players append the pieces as they arrive (Media Source Extensions).
+
+    Parameters
+    ----------
+    frame_rate
+        Hz.
+
+    Attributes
+    ----------
+    pieces
+        The complete pieces, oldest first.
+    collected
+        Number of pictures in them.
+    """
+
+    def __init__(self, frame_rate: float) -> None:
+        self.pieces: list[bytes] = []
+        self.collected = 0
+        self._sink = _Sink()
+        super().__init__(self._sink, frame_rate, 0, fragmented=True)
+
+    def write(self, picture: Rgb) -> None:
+        """Append a picture, as :meth:`VideoWriter.write` does."""
+        super().write(picture)
+        # The picture just written opens the next piece.
+        self._collect(self.frames - 1)
+
+    def close(self) -> None:
+        """Complete the last piece."""
+        super().close()
+        self._collect(self.frames)
+
+    def _collect(self, frames: int) -> None:
+        written = self._sink.taken()
+        if written:
+            self.collected = frames if self.pieces else 0
+            self.pieces.append(written)
+
+
+class _Sink(io.RawIOBase):
+    """A stream that buffers written bytes until they are taken."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._written = bytearray()
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        self._written += data
+        return len(data)
+
+    def taken(self) -> bytes:
+        """Return the bytes written since the last call."""
+        written, self._written = bytes(self._written), bytearray()
+        return written
+
+
+def whole_video(pieces: Sequence[bytes]) -> bytes:
+    """Return the pieces of a video as one file with its index first, without re-encoding the pictures."""
+    file = io.BytesIO()
+    with av.open(io.BytesIO(b"".join(pieces)), "r") as source:
+        pictures = source.streams.video[0]
+        packets = [packet for packet in source.demux(pictures) if packet.dts is not None]
+        with av.open(file, "w", format="mp4", options=index_first(len(packets))) as target:
+            stream = target.add_stream_from_template(pictures)
+            for packet in packets:
+                packet.stream = stream
+                target.mux(packet)
+    return file.getvalue()

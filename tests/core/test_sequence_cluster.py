@@ -18,7 +18,7 @@ from small_drives import pair, write_folders
 from stereolag import preset
 from stereolag.io.disparities import image_png
 from stereolag.io.sources import Source
-from stereolag.sequences import SequenceState, Steadiness, open_sequence, run_sequence, runners
+from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, open_sequence, run_sequence, runners
 
 distributed = pytest.importorskip("distributed")
 DISPARITIES = [4 + number % 6 for number in range(12)]
@@ -96,13 +96,13 @@ def test_a_worker_killed_midway_loses_nothing(cluster: Any, folders: tuple[Path,
         sequence,
         {"maps": ACCURATE},
         away,
-        steadiness=steadiness,
+        settings=SequenceSettings(steadiness=steadiness),
         scheduler=cluster.scheduler_address,
         progress=kill,
     )
     assert killed
     assert (result.matched, list(result.damaged)) == (11, ["007"])
-    run_sequence(sequence, {"maps": ACCURATE}, here, steadiness=steadiness)
+    run_sequence(sequence, {"maps": ACCURATE}, here, settings=SequenceSettings(steadiness=steadiness))
     assert contents(away) == contents(here)
     assert flickers(away) == flickers(here)
 

@@ -15,10 +15,18 @@ from pairs import texture
 from stereolag import Calibration, StereoBM, StereoSGBM
 from stereolag.geometry.scene import ground_of
 from stereolag.io.disparities import kitti_png, pfm, read_disparity
-from stereolag.sequences.flicker import flicker, still_pixels
 from stereolag.sequences.matching import FrameMap, as_stored, read_back
-from stereolag.sequences.obstacles import nearest_obstacle
-from stereolag.sequences.records import COLUMNS, FrameFigures, FrameRecord, figures_of, header, lines, read_records
+from stereolag.sequences.records import (
+    COLUMNS,
+    FrameFigures,
+    FrameRecord,
+    figures_of,
+    header,
+    lines,
+    nearest_obstacle,
+    read_records,
+)
+from stereolag.sequences.steadying import flicker, still_pixels
 
 FloatMap = npt.NDArray[np.float32]
 CALIBRATION = Calibration(focal_px=700.0, baseline_m=0.5)

@@ -9,9 +9,9 @@ import av
 import numpy as np
 from small_drives import COLS, DISPARITIES, ROWS, write_folders
 
-from stereolag.sequences import open_sequence, run_sequence
-from stereolag.sequences.fragments import VideoPieces, whole_video
+from stereolag.sequences import SequenceVideo, open_sequence, run_sequence
 from stereolag.sequences.targets import SequenceMemory
+from stereolag.sequences.video import VideoPieces, whole_video
 from stereolag.stereo.opencv import StereoBM
 
 RATE = 5
@@ -60,7 +60,7 @@ def test_the_job_draws_into_pieces(tmp_path: Path) -> None:
         open_sequence(left, right),
         {"bm": StereoBM(num_disparities=16, block_size=9)},
         kept,
-        video=video,
+        video=SequenceVideo(video),
     )
     video.close()
     assert [number for number, _ in kept.records] == [*range(len(DISPARITIES))]

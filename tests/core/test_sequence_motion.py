@@ -13,10 +13,9 @@ from moving_drives import CAMERA, CAR_KMH, COLS, OWN_KMH, RATE, ROWS, archive, c
 
 from stereolag import preset
 from stereolag.figures.pictures import FRAME, NO_ANSWER, Outline, outline_of, with_outlines
-from stereolag.sequences import SequenceMemory, StereoSequence, open_sequence, run_sequence
-from stereolag.sequences.motion import MotionWatch
+from stereolag.sequences import SequenceMemory, SequenceSettings, StereoSequence, open_sequence, run_sequence
+from stereolag.sequences.motion import MotionWatch, SequenceMotion
 from stereolag.sequences.records import MOTION, header, lines, read_records
-from stereolag.sequences.settings import SequenceMotion
 
 COUNT = 4
 MATCHER = preset("fast", num_disparities=32)
@@ -62,8 +61,8 @@ def test_without_a_calibration_there_is_the_flow_alone(drive: StereoSequence) ->
 
 
 def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:
-    watch, kept, film = MotionWatch(drive, MATCHER, CAMERA), SequenceMemory(), io.BytesIO()
-    run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, video=film, motion=watch)
+    moving, kept, film = SequenceSettings(motion=SequenceMotion()), SequenceMemory(), io.BytesIO()
+    run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, video=film, settings=moving)
     rows = [*csv.DictReader(io.StringIO(header() + lines(kept.records.values())))]
     told = [row for row in rows if row["method"] == MOTION]
     assert [row["number"] for row in told] == ["1", "2", "3"]
@@ -76,10 +75,10 @@ def test_table_and_video_tell_of_motion(drive: StereoSequence) -> None:
     assert np.abs(shown[0][:, 2 * COLS :].astype(int) - NO_ANSWER[0]).max() < 12, "the first frame has none before it"
     assert np.ptp(shown[2][:, 2 * COLS :].astype(int), axis=2).max() > 60
     # A resumed run draws the same, because the colours are locked.
-    largest = watch.largest
+    largest = kept.largest_motion
     again = io.BytesIO()
-    run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, video=again, motion=watch)
-    assert watch.largest == largest and again.getvalue() == film.getvalue()
+    run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, video=again, settings=moving)
+    assert kept.largest_motion == largest and again.getvalue() == film.getvalue()
 
 
 @pytest.mark.parametrize("kept_in", ["memory", "folder"])
@@ -88,8 +87,8 @@ def test_motion_asked_for_later_is_told_of_finished_frames(
 ) -> None:
     kept = SequenceMemory() if kept_in == "memory" else tmp_path / "maps"
     run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA)
-    watch = MotionWatch(drive, MATCHER, CAMERA)
-    later = run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, motion=watch)
+    moving = SequenceSettings(motion=SequenceMotion())
+    later = run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, settings=moving)
     assert later.matched == 0
     records = [*kept.records.values()] if isinstance(kept, SequenceMemory) else read_records(kept / "frames.csv")
     told = [one for one in records if one.method == MOTION]
@@ -97,7 +96,7 @@ def test_motion_asked_for_later_is_told_of_finished_frames(
     assert all(one.own_speed_kmh == pytest.approx(OWN_KMH, rel=0.04) for one in told)
     seen: list[int] = []
     monkeypatch.setattr(MotionWatch, "record", lambda _, number, motion: seen.append(number))
-    run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, motion=watch)
+    run_sequence(drive, {"fast": MATCHER}, kept, calibration=CAMERA, settings=moving)
     assert not seen, "told once"
 
 

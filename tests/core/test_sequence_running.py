@@ -21,7 +21,14 @@ from small_drives import COLS, DISPARITIES, ROWS, archive, numbered, video, writ
 from stereolag import Calibration, StereoBM, StereoSGBM, preset, read_disparity
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
-from stereolag.sequences import SequenceMemory, SequenceState, StereoSequence, open_sequence, run_sequence
+from stereolag.sequences import (
+    SequenceMemory,
+    SequenceState,
+    SequenceVideo,
+    StereoSequence,
+    open_sequence,
+    run_sequence,
+)
 from stereolag.sequences.matching import FrameTask, MatchedFrame
 from stereolag.sequences.runners import in_order
 from stereolag.sequences.video import VideoWriter, common_range, panels
@@ -314,11 +321,11 @@ def test_memory_keeps_the_same_and_touches_no_disk(
     drive: StereoSequence, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
-    run_sequence(drive, BOTH, out, video=tmp_path / "drive.mp4", colours=(0, 16))
+    run_sequence(drive, BOTH, out, video=SequenceVideo(tmp_path / "drive.mp4", (0, 16)))
     kept, film = SequenceMemory(), io.BytesIO()
     monkeypatch.setattr(Path, "open", None, raising=True)
     uploaded = open_sequence(archive())
-    run_sequence(uploaded, BOTH, kept, video=film, colours=(0, 16))
+    run_sequence(uploaded, BOTH, kept, video=SequenceVideo(film, (0, 16)))
     monkeypatch.undo()
     maps = {f"{method}/{number:03d}.png": data for (number, method), data in kept.maps.items()}
     assert maps == contents(out)
@@ -356,8 +363,6 @@ def test_frames_on_their_way_may_become_more_than_are_allowed() -> None:
 
 
 @pytest.mark.parametrize("colours", [(5.0, 5.0), (9.0, 1.0), (math.nan, 1.0), (0.0, math.inf)])
-def test_colours_that_are_no_range_are_refused(
-    drive: StereoSequence, tmp_path: Path, colours: tuple[float, float]
-) -> None:
+def test_colours_that_are_no_range_are_refused(colours: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match=r"colours are .* allowed are two finite numbers, the lower first"):
-        run_sequence(drive, StereoBM(num_disparities=16), tmp_path / "out", colours=colours)
+        SequenceVideo("drive.mp4", colours)

@@ -19,10 +19,9 @@ from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
 from stereolag.core.settings import SettingsError
 from stereolag.io.disparities import image_png, kitti_png
-from stereolag.sequences import SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence
-from stereolag.sequences.flicker import flicker, still_pixels
-from stereolag.sequences.matching import FrameTask, encoded_frame, own_frame
-from stereolag.sequences.steadying import motion_since, steadied
+from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence
+from stereolag.sequences.matching import FrameTask, encoded_frame, match_frame
+from stereolag.sequences.steadying import flicker, motion_since, steadied, still_pixels
 from stereolag.stereo.matcher import DisparityMap, PixelMatches
 from stereolag.stereo.reasons import Reason
 
@@ -90,7 +89,7 @@ def made(disparity: FloatMap, reason: Reason | npt.NDArray[np.uint8] = Reason.ME
 def test_every_method_flickers_less_and_errs_no_more(tmp_path: Path, step: int) -> None:
     sequence = drive(tmp_path / "drive", step=step)
     run_sequence(sequence, METHODS, tmp_path / "alone")
-    run_sequence(sequence, METHODS, tmp_path / "steady", steadiness=Steadiness())
+    run_sequence(sequence, METHODS, tmp_path / "steady", settings=SequenceSettings(steadiness=Steadiness()))
     for method in METHODS:
         figures = {
             column: (mean_of(tmp_path / "alone", column, method), mean_of(tmp_path / "steady", column, method))
@@ -178,13 +177,11 @@ def test_the_motion_is_the_same_on_any_number_of_threads() -> None:
 
 
 def test_a_run_that_is_resumed_and_a_frame_alone_are_the_same(tmp_path: Path) -> None:
-    sequence, matchers, steadiness = (
-        drive(tmp_path / "drive", step=7),
-        {"bm": Counting(num_disparities=16)},
-        Steadiness(),
-    )
+    sequence, matchers = drive(tmp_path / "drive", step=7), {"bm": Counting(num_disparities=16)}
+    steadiness = Steadiness()
+    steady = SequenceSettings(steadiness=steadiness)
     matched.clear()
-    run_sequence(sequence, matchers, tmp_path / "whole", steadiness=steadiness, video=tmp_path / "drive.mp4")
+    run_sequence(sequence, matchers, tmp_path / "whole", settings=steady, video=tmp_path / "drive.mp4")
     assert len(matched) == FRAMES, "each once, also those that choose the colours"
     whole, out, done = contents(tmp_path / "whole"), tmp_path / "parts", 0
 
@@ -192,16 +189,16 @@ def test_a_run_that_is_resumed_and_a_frame_alone_are_the_same(tmp_path: Path) ->
         nonlocal done
         done = state.done
 
-    run_sequence(sequence, matchers, out, steadiness=steadiness, progress=note, cancelled=lambda: done >= 3)
+    run_sequence(sequence, matchers, out, settings=steady, progress=note, cancelled=lambda: done >= 3)
     matched.clear()
-    assert run_sequence(sequence, matchers, out, steadiness=steadiness).finished_before == 3
+    assert run_sequence(sequence, matchers, out, settings=steady).finished_before == 3
     assert len(matched) == FRAMES - 3 + 1
     assert contents(out) == whole
     assert (out / "frames.csv").read_text().splitlines()[0] and mean_of(out, "flicker_px", "bm") == mean_of(
         tmp_path / "whole", "flicker_px", "bm"
     )
     tasks = [FrameTask(number, sequence.reader(number), matchers, steadiness=steadiness) for number in (2, 3)]
-    alone = encoded_frame(tasks[1], own_frame(tasks[1]), own_frame(tasks[0]))
+    alone = encoded_frame(tasks[1], match_frame(tasks[1]), match_frame(tasks[0]))
     assert alone.maps["bm"].data == whole["bm/003.png"]
 
 
@@ -209,7 +206,9 @@ def test_without_it_nothing_changes_and_a_damaged_frame_takes_no_part(tmp_path: 
     sequence, matcher = drive(tmp_path / "drive", step=7, count=4), METHODS["fast"]
     (tmp_path / "drive" / "right" / "001.png").write_bytes(b"no picture")
     run_sequence(sequence, {"fast": matcher}, tmp_path / "alone")
-    result = run_sequence(sequence, {"fast": matcher}, tmp_path / "steady", steadiness=Steadiness())
+    result = run_sequence(
+        sequence, {"fast": matcher}, tmp_path / "steady", settings=SequenceSettings(steadiness=Steadiness())
+    )
     assert [*result.damaged] == ["001"]
     alone, steady = contents(tmp_path / "alone"), contents(tmp_path / "steady")
     for number in (0, 2, 3):
@@ -218,7 +217,9 @@ def test_without_it_nothing_changes_and_a_damaged_frame_takes_no_part(tmp_path: 
         same = alone[f"fast/{number:03d}.png"] == steady[f"fast/{number:03d}.png"]
         assert same == (number != 3), "the first has none before it, the third a damaged one"
     with pytest.raises(ValueError, match="made with other steadiness"):
-        run_sequence(sequence, {"fast": matcher}, tmp_path / "alone", steadiness=Steadiness())
+        run_sequence(
+            sequence, {"fast": matcher}, tmp_path / "alone", settings=SequenceSettings(steadiness=Steadiness())
+        )
 
 
 @pytest.mark.parametrize("limit", [0, 17])

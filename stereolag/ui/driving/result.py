@@ -11,14 +11,14 @@ import streamlit as st
 
 from stereolag.figures.legends import Legend, disparity_legends, wheel_legend
 from stereolag.figures.pictures import VIRIDIS
-from stereolag.sequences.fragments import whole_video
 from stereolag.sequences.records import MOTION, header, lines
+from stereolag.sequences.video import whole_video
 from stereolag.ui import prose
 from stereolag.ui.announcements import announce
 from stereolag.ui.depth.restoring import transfer
 from stereolag.ui.driving.frames import KEY, Drive
 from stereolag.ui.driving.player import Played, show_player
-from stereolag.ui.driving.settings import MOTION_TITLE, Asked, title_of
+from stereolag.ui.driving.settings import MOTION_TITLE, DriveSettings, title_of
 from stereolag.ui.driving.work import DriveWork, go_on
 from stereolag.ui.navigation import failures_answered
 from stereolag.ui.private_files import download_button
@@ -30,12 +30,12 @@ DEPTH_PAGE = "pages/3_Depth_maps.py"
 OPENED = f"{KEY}.opened"
 
 
-def show_work(work: DriveWork, drive: Drive, asked: Asked) -> None:
+def show_work(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     """Show the work so far, and refresh it while it is being computed."""
     st.fragment(_watch, run_every=BETWEEN_LOOKS_S if work.job.running else None)(work, drive, asked)
 
 
-def _watch(work: DriveWork, drive: Drive, asked: Asked) -> None:
+def _watch(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     running = work.job.running
     if not running and st.session_state.get(f"{KEY}.watched") == work.name:
         del st.session_state[f"{KEY}.watched"]
@@ -58,7 +58,7 @@ def _watch(work: DriveWork, drive: Drive, asked: Asked) -> None:
         [*work.kept.records.values()],
         computed=computed,
         done=not running,
-        legends=_legends(work, drive),
+        legends=_legends(work, drive, asked),
         key=f"{KEY}.player",
         on_open=lambda number: st.session_state.update({OPENED: number}),
     )
@@ -66,16 +66,16 @@ def _watch(work: DriveWork, drive: Drive, asked: Asked) -> None:
         _open_on_depth_page(drive, int(st.session_state.pop(OPENED)))
 
 
-def _legends(work: DriveWork, drive: Drive) -> tuple[Legend, ...]:
+def _legends(work: DriveWork, drive: Drive, asked: DriveSettings) -> tuple[Legend, ...]:
     if work.kept.colours is None:
         return ()
     legends = disparity_legends(*work.kept.colours, VIRIDIS, drive.calibration)
-    if work.watch is None or work.watch.largest is None or work.watch.settings.arrows:
+    if work.kept.largest_motion is None or asked.motion is None or asked.motion.arrows:
         return legends
-    return *legends, wheel_legend("motion since the previous frame", work.watch.largest)
+    return *legends, wheel_legend("motion since the previous frame", work.kept.largest_motion)
 
 
-def _show_progress(work: DriveWork, drive: Drive, asked: Asked) -> None:
+def _show_progress(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     state, total = work.state, len(drive.sequence)
     with st.container(horizontal=True, vertical_alignment="center", key=f"{KEY}.progress"):
         if work.job.running:

@@ -36,7 +36,7 @@ USUAL_DISPARITIES = 64
 """Number of disparities searched if the range is unknown."""
 
 
-class Asked(NamedTuple):
+class DriveSettings(NamedTuple):
     """The settings for the maps of a sequence; the names of the methods are valid folder names."""
 
     matchers: dict[str, StereoMatcher]
@@ -51,7 +51,7 @@ class Asked(NamedTuple):
         return ["Left image", *map(title_of, self.matchers), *more]
 
 
-def ask_methods(drive: Drive) -> Asked:
+def ask_methods(drive: Drive) -> DriveSettings:
     """Ask for the methods and for the range that they search."""
     own = {f"own_{one.short_name}": one for one in matchers_in_use()}
     titles = OFFERED | {name: f"{one.title}, {FROM_DEPTH_PAGE}" for name, one in own.items()}
@@ -83,7 +83,7 @@ def ask_methods(drive: Drive) -> Asked:
     with st.container(horizontal=True, vertical_alignment="bottom", gap="medium"):
         motion = _ask_motion(drive)
         truth = drive.sequence.has_truth and st.toggle(TRUTH_TITLE, **persistent(f"{KEY}.truth"))
-        return Asked(found, truth, motion, _ask_steadiness())
+        return DriveSettings(found, truth, motion, _ask_steadiness())
 
 
 def _ask_range(drive: Drive) -> tuple[int, int]:

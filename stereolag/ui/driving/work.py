@@ -12,12 +12,11 @@ from cachetools import LRUCache
 
 from stereolag.core.jobs import Estimate
 from stereolag.motion.matcher import FlowMatcher
-from stereolag.sequences import SequenceResult, SequenceState, run_sequence
-from stereolag.sequences.fragments import VideoPieces
-from stereolag.sequences.motion import MotionWatch, motion_watch
+from stereolag.sequences import SequenceResult, SequenceSettings, SequenceState, SequenceVideo, run_sequence
 from stereolag.sequences.targets import SequenceMemory
+from stereolag.sequences.video import VideoPieces
 from stereolag.ui.driving.frames import KEY, Drive
-from stereolag.ui.driving.settings import Asked
+from stereolag.ui.driving.settings import DriveSettings
 from stereolag.ui.jobs import Job
 from stereolag.ui.visits import this_visit
 
@@ -40,8 +39,6 @@ class DriveWork:
     ----------
     name
         Identifies the sequence and the settings.
-    watch
-        Measures motion; None if that was not requested.
     kept, video
         Maps, figures and pictures so far; in memory, like everything a visitor uploads.
     state
@@ -55,7 +52,6 @@ class DriveWork:
     name: str
     kept: SequenceMemory
     video: VideoPieces
-    watch: MotionWatch | None = None
     state: SequenceState | None = None
     begun: int = 1
     job: Job[SequenceResult] = field(init=False)
@@ -71,7 +67,7 @@ class DriveWork:
         return self.video.collected
 
 
-def work_on(drive: Drive, asked: Asked) -> DriveWork:
+def work_on(drive: Drive, asked: DriveSettings) -> DriveWork:
     """Return the work on a sequence with these settings; start it if there is none, in place of any other."""
     settings = [f"{name} {matcher.model_dump_json()}" for name, matcher in asked.matchers.items()]
     job = map(repr, (drive.calibration, asked.truth_in_video, asked.motion, asked.steadiness))
@@ -84,25 +80,21 @@ def work_on(drive: Drive, asked: Asked) -> DriveWork:
     with _examples_lock:
         work = _examples.get(name)
     if work is None:
-        video, watch = VideoPieces(drive.sequence.frame_rate), None
-        if asked.motion is not None:
-            method = next(iter(asked.matchers.values()))
-            watch = motion_watch(drive.sequence, method, drive.calibration, asked.motion)
-        work = DriveWork(name, SequenceMemory(), video, watch)
+        work = DriveWork(name, SequenceMemory(), VideoPieces(drive.sequence.frame_rate))
         _begin(work, drive, asked)
     st.session_state[WORK] = work
     return work
 
 
-def go_on(work: DriveWork, drive: Drive, asked: Asked) -> None:
+def go_on(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     """Resume cancelled work: finished frames are drawn again, not computed again."""
     video = VideoPieces(drive.sequence.frame_rate)
-    again = DriveWork(work.name, work.kept, video, work.watch, begun=work.begun + 1)
+    again = DriveWork(work.name, work.kept, video, begun=work.begun + 1)
     _begin(again, drive, asked)
     st.session_state[WORK] = again
 
 
-def _begin(work: DriveWork, drive: Drive, asked: Asked) -> None:
+def _begin(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     def told(state: SequenceState) -> None:
         work.state = state
 
@@ -113,10 +105,8 @@ def _begin(work: DriveWork, drive: Drive, asked: Asked) -> None:
                 asked.matchers,
                 work.kept,
                 calibration=drive.calibration,
-                steadiness=asked.steadiness,
-                video=work.video,
-                truth_in_video=asked.truth_in_video,
-                motion=work.watch,
+                settings=SequenceSettings(steadiness=asked.steadiness, motion=asked.motion),
+                video=SequenceVideo(work.video, with_truth=asked.truth_in_video),
                 progress=told,
                 cancelled=lambda: job.cancelled,
             )
@@ -131,7 +121,7 @@ def _begin(work: DriveWork, drive: Drive, asked: Asked) -> None:
     this_visit().jobs[WORK] = work.name, work.job
 
 
-def estimate(drive: Drive, asked: Asked) -> Estimate:
+def estimate(drive: Drive, asked: DriveSettings) -> Estimate:
     """Return the cost of computing the maps of all frames."""
     left = drive.first.left
     each = [matcher.estimate(left.shape, left.dtype) for matcher in asked.matchers.values()]
