@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import cv2
 import numpy as np
@@ -32,6 +32,9 @@ NO_LIMIT = 1 << 20
 
 class BlockMatcher(StereoMatcher):
     """Base class of both OpenCV matchers: search range, checks, and conversion of the result."""
+
+    cost_row: ClassVar[str]
+    """Row of the cost table; a class derived from a matcher costs what that one does."""
 
     num_disparities: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
         default=64,
@@ -67,7 +70,7 @@ class BlockMatcher(StereoMatcher):
         """Return the memory and time of :meth:`compute` for images of a shape (rows, cols[, channels]) and dtype."""
         pixels = shape[0] * shape[1]
         cells = pixels * self.num_disparities
-        return COSTS[type(self).__name__].estimate(
+        return COSTS[self.cost_row].estimate(
             grey=grey_bytes(shape, dtype),
             pixels=pixels,
             stretched=pixels * (np.dtype(dtype) != np.uint8),
@@ -135,6 +138,7 @@ class StereoBM(BlockMatcher):
     """
 
     short_name = "bm"
+    cost_row: ClassVar = "StereoBM"
     first_shown = ("block_size", "num_disparities", "min_disparity", "uniqueness_ratio", "texture_threshold")
 
     pre_filter_cap: int = Field(
@@ -194,6 +198,7 @@ class StereoSGBM(BlockMatcher):
     """
 
     short_name = "sgbm"
+    cost_row: ClassVar = "StereoSGBM"
     first_shown = ("block_size", "num_disparities", "min_disparity", "uniqueness_ratio", "p1", "p2")
 
     block_size: BlockSize = 5
