@@ -5,7 +5,7 @@ import streamlit as st
 from stereolag.core.searches import LagSearch
 from stereolag.figures import recordings as figures
 from stereolag.signals import SignalLag, estimate_lag, signal_lag
-from stereolag.signals.overlaps import overlap_slices
+from stereolag.signals.correlation import overlap_slices
 from stereolag.ui import prose
 from stereolag.ui.controls import control, last_valid
 from stereolag.ui.lag.comparison import compare_methods

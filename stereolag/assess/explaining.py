@@ -237,8 +237,6 @@ class MatchExplanation:
         The window in the left image.
     search
         The part of the right image that was searched, clipped to the frame.
-    found
-        The matching window in the right image; None if no lag could be scored.
     surface
         (n_dy, n_dx) float64 scores over the search area; NaN = no candidate.
     dy, dx
@@ -271,7 +269,6 @@ class MatchExplanation:
 
     window: Box
     search: Box
-    found: Box | None
     surface: Surface
     dy: npt.NDArray[np.intp]
     dx: npt.NDArray[np.intp]
@@ -294,6 +291,15 @@ class MatchExplanation:
         dy = self.peak[0] if self.peak else int(self.dy[np.argmin(np.abs(self.dy))])
         scores: Surface = self.surface[dy - int(self.dy[0])]
         return scores
+
+    def window_at(self, lag: Lag) -> Box:
+        """Return the window moved by (dy, dx): its place in the right image."""
+        return replace(self.window, row=self.window.row + lag[0], col=self.window.col + lag[1])
+
+    @property
+    def found(self) -> Box | None:
+        """Return the matching window in the right image; None if no lag could be scored."""
+        return None if self.peak is None else self.window_at(self.peak)
 
     def score_at(self, lag: Lag) -> float:
         """Return the score at a (dy, dx); NaN if it was not searched or is not a candidate."""
@@ -413,7 +419,6 @@ def explain_match(
     return MatchExplanation(
         window=Box(top, start, size, size),
         search=_reached(top, start, size, asked, (height, width)),
-        found=found,
         surface=surface,
         dy=dy,
         dx=dx,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import cv2
@@ -56,7 +56,7 @@ class Colours:
 
     low: float
     high: float
-    palette: Rgb
+    palette: Rgb = field(default_factory=lambda: FAR_TO_NEAR)
     outlines: str = ""
 
 

@@ -228,7 +228,7 @@ def aligned_wav(signal_1: npt.ArrayLike, signal_2: npt.ArrayLike, lag: int, samp
     ValueError
         As :func:`check_aligned_wav` does.
     """
-    from stereolag.signals.alignment import aligned, aligned_length
+    from stereolag.signals.lag import aligned, aligned_length
 
     # They keep their type: a converted copy of an hour would take a gigabyte.
     first, second = np.asarray(signal_1), np.asarray(signal_2)
@@ -252,7 +252,7 @@ def check_aligned_wav(size_1: int, size_2: int, lag: int, sampling_rate: float) 
     ValueError
         A sampling rate that a WAV file cannot store, or recordings too long for one.
     """
-    from stereolag.signals.alignment import aligned_length
+    from stereolag.signals.lag import aligned_length
 
     lowest, highest = WAV_RATES
     if not lowest <= sampling_rate <= highest:

@@ -1,28 +1,181 @@
-"""The lag between two recordings of one event."""
+"""The lag between two recordings of one event, and the recordings with it removed."""
 
 from __future__ import annotations
 
+import math
 import operator
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import get_args
+from numbers import Real
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
+from stereolag.core.arrays import Vector
 from stereolag.core.inputs import checked_signal
-from stereolag.core.jobs import Progress, Pulse, check_memory, silent
+from stereolag.core.jobs import COSTS, Estimate, Progress, Pulse, check_memory, silent
 from stereolag.core.searches import SignalMethod
-from stereolag.signals.blocks import CentredRecording
-from stereolag.signals.estimates import algorithm, estimate_lag
-from stereolag.signals.finding import normalised, search_blocks, search_votes, search_whole
-from stereolag.signals.long_pairs import LongPair
-from stereolag.signals.long_search import search_bands
-from stereolag.signals.rates import check_positive, common_rate
+from stereolag.signals.correlation import transform_length
+from stereolag.signals.search import (
+    AROUND,
+    SHORTEST_BLOCK,
+    CentredRecording,
+    block_length,
+    cell_size,
+    normalised,
+    search_bands,
+    search_blocks,
+    search_votes,
+    search_whole,
+    suits_blocks,
+)
 from stereolag.signals.verdict import Judgement, Verdict, judge
-from stereolag.signals.whitening import Pair, WhitePair
+from stereolag.signals.whitening import LongPair, Pair, WhitePair
+
+AUDIO_RATE = 44_100.0
+"""Samples per second if neither the caller nor a recording gives a rate."""
+
+
+def common_rate(signal_1: object, signal_2: object, given: float | None) -> float:
+    """Return the sampling rate of both recordings, samples per second.
+
+    Parameters
+    ----------
+    signal_1, signal_2
+        Arrays, or recordings with a `sampling_rate` of their own, which may be None.
+    given
+        The requested rate; None: the rate of the recordings, or 44,100 if neither has one.
+
+    Raises
+    ------
+    ValueError
+        A rate that is not positive and finite, two recordings with different rates, or a given rate that differs from a
+        recording's.
+    """
+    if given is not None:
+        check_positive(given, "sampling_rate", "samples per second")
+    named = (("signal_1", signal_1), ("signal_2", signal_2))
+    own = {name: rate for name, signal in named if (rate := _own_rate(signal)) is not None}
+    if len(set(own.values())) > 1:
+        raise ValueError(
+            f"signal_1 has {own['signal_1']:,.10g} Hz and signal_2 {own['signal_2']:,.10g} Hz; a lag is measured at "
+            "one rate: resample one of them (`Recording.resampled`)."
+        )
+    for name, rate in own.items():
+        check_positive(rate, f"the sampling_rate of {name}", "samples per second")
+        if given is not None and rate != given:
+            raise ValueError(
+                f"sampling_rate is {given:,.10g} Hz and {name} has {rate:,.10g} Hz; leave sampling_rate out, or give "
+                "the samples alone (`channels[0]`)."
+            )
+    if given is not None:
+        return float(given)
+    return next(iter(own.values()), AUDIO_RATE)
+
+
+def check_positive(value: float, name: str, unit: str) -> None:
+    """Raise a ValueError for a number that is not positive and finite."""
+    if not (np.isfinite(value) and value > 0):
+        raise ValueError(f"{name} is {value!r} {unit}; it must be a positive, finite number.")
+
+
+def _own_rate(signal: object) -> float | None:
+    rate = getattr(signal, "sampling_rate", None)
+    return float(rate) if isinstance(rate, Real) else None
+
+
+Algorithm: TypeAlias = Literal["whole", "blocks", "bands"]
+
+LONGEST_WHOLE = 2**23
+"""Longest recording that is always transformed as a whole, samples: three minutes at 44.1 kHz, 1.2 GB."""
+
+
+def estimate_lag(size_1: int, size_2: int, *, method: SignalMethod = "fft", max_lag: int | None = None) -> Estimate:
+    """Return the memory and time that :func:`stereolag.signals.signal_lag` needs.
+
+    "fft" with a `max_lag` that is small against the recordings takes one block of each at a time, and a few bands of
+    both for every lag of recordings above ``LONGEST_WHOLE`` samples; otherwise both recordings are kept as float64,
+    with what the method's row of :data:`stereolag.core.jobs.COSTS` lists.
+
+    Parameters
+    ----------
+    size_1, size_2
+        Samples of the recordings, 2 or more.
+    method, max_lag
+        As for :func:`~stereolag.signals.signal_lag`.
+    """
+    total, longest, shortest = size_1 + size_2, max(size_1, size_2), min(size_1, size_2)
+    reach = longest - 1 if max_lag is None else max_lag
+    lags = _lag_count(size_1, size_2, reach)
+    chosen = algorithm(size_1, size_2, method, reach)
+    if chosen == "blocks":
+        return _estimate_blocks(size_1, size_2, lags)
+    if chosen == "bands":
+        step = cell_size(size_1, size_2)
+        points, around = total // step, _estimate_blocks(SHORTEST_BLOCK, SHORTEST_BLOCK, 16 * AROUND)
+        return COSTS["lag by bands"].estimate(
+            samples=total,
+            longest=longest,
+            points=points,
+            turns=step // 2 * points * math.log2(points),
+            cells=lags // step + 2,
+            blocks=around.memory,
+        )
+    points = transform_length(longest)
+    sorted_or_transformed = longest if method == "sampled" else points
+    row = {"sampled": "lag by votes", "direct": "lag by products"}.get(method, "lag by fft")
+    return COSTS[row].estimate(
+        samples=total,
+        longest=longest,
+        shortest=shortest,
+        lags=lags,
+        ties=min(lags, longest),
+        points=points,
+        turns=sorted_or_transformed * math.log2(sorted_or_transformed),
+        products=product_count(size_1, size_2, reach),
+    )
+
+
+def algorithm(size_1: int, size_2: int, method: SignalMethod, reach: int) -> Algorithm:
+    """Return how recordings of these sizes are searched, for lags up to `reach` both ways."""
+    longest = max(size_1, size_2)
+    if method != "fft":
+        return "whole"
+    if suits_blocks(longest, _lag_count(size_1, size_2, reach)):
+        return "blocks"
+    return "whole" if longest <= LONGEST_WHOLE else "bands"
+
+
+def _lag_count(size_1: int, size_2: int, reach: int) -> int:
+    return min(reach, size_1 - 1) + min(reach, size_2 - 1) + 1
+
+
+def _estimate_blocks(size_1: int, size_2: int, lags: int) -> Estimate:
+    points = block_length(lags)
+    blocks = -(-min(size_1, size_2) // (points - lags + 1))
+    return COSTS["lag by blocks"].estimate(
+        samples=size_1 + size_2,
+        longest=max(size_1, size_2),
+        points=points,
+        turns=blocks * points * math.log2(points),
+    )
+
+
+def product_count(size_1: int, size_2: int, reach: int) -> int:
+    """Return the number of sample pairs that overlap, over all lags up to `reach` both ways."""
+
+    def of_one_sign(first: int, second: int) -> int:
+        """Sum ``min(first, second - lag)`` over the lags from 0 on."""
+        count = min(reach, second - 1) + 1
+        whole = min(count, max(0, second - first + 1))
+        rest = count - whole
+        return whole * first + rest * second - (whole + count - 1) * rest // 2
+
+    return of_one_sign(size_1, size_2) + of_one_sign(size_2, size_1) - min(size_1, size_2)
+
 
 _SEARCHING = 0.8
 """Share of the time that the search of long recordings takes; the rest is the judgement."""
@@ -46,7 +199,8 @@ class SignalLag:
         Pearson's correlation of the samples that overlap at `lag`, -1..1.
     peak_ratio
         Height of the peak over the highest value outside its main lobe
-        (:func:`stereolag.signals.peaks.peak_ratio`); for "sampled" the votes for the lag over those for the runner-up.
+        (:func:`stereolag.signals.correlation.peak_ratio`); for "sampled" the votes for the lag over those for the
+        runner-up.
         Infinite if there is no rival, NaN if nothing outside the main lobe was searched or the peak is not positive.
     ties
         Number of equally good lags, including this one: more than 1 for periodic recordings.
@@ -168,7 +322,7 @@ def signal_lag(
         Search ``-max_lag..max_lag`` only, samples. If that is small compared with the recordings, "fft" processes them
         in blocks, with the same result: an hour takes only the memory of a few `max_lag`. Above 8 million samples
         (3 minutes at 44.1 kHz) every other "fft" search works in bands of frequency
-        (:func:`stereolag.signals.long_search.search_bands`): the lag is that of the whole curve wherever the recordings
+        (:func:`stereolag.signals.search.search_bands`): the lag is that of the whole curve wherever the recordings
         have something in common, `correlation` is reduced, and `peak_ratio` and `ties` do not exceed those of the whole
         curve. The other methods process the recordings whole, and refuse them if that takes too much memory.
     seed
@@ -269,3 +423,71 @@ def _checked_reach(max_lag: int | None, longest: int) -> int:
             "recording."
         )
     return reach
+
+
+def aligned(
+    signal_1: Vector,
+    signal_2: Vector,
+    lag: int,
+    first: int = 0,
+    last: int | None = None,
+    *,
+    means: tuple[float, float] | None = None,
+) -> Vector:
+    """Return both recordings side by side, (samples, 2) float64, shifted so that the lag between them is 0.
+
+    Nothing is cut off: before its start and after its end, a recording is padded with its mean, which no correlation
+    sees.
+
+    Parameters
+    ----------
+    signal_1, signal_2
+        (N1,) and (N2,) finite numbers.
+    lag
+        Samples, as in :class:`~stereolag.signals.SignalLag`: positive if signal 2 records the event later.
+    first, last
+        Range of samples to return, out of :func:`aligned_length`; all by default.
+    means
+        Means of both recordings, if known.
+    """
+    last = aligned_length(signal_1.size, signal_2.size, lag) if last is None else last
+    both = np.empty((max(0, last - first), 2))
+    means = means or (float(signal_1.mean()), float(signal_2.mean()))
+    for column, (signal, offset) in enumerate(zip((signal_1, signal_2), _offsets(lag), strict=True)):
+        start, stop = (min(max(offset + end, first), last) for end in (0, signal.size))
+        both[:, column] = means[column]
+        both[start - first : stop - first, column] = signal[start - offset : stop - offset]
+    return both
+
+
+def aligned_length(size_1: int, size_2: int, lag: int) -> int:
+    """Return the number of samples from the earlier start to the later end of the aligned recordings."""
+    offset_1, offset_2 = _offsets(lag)
+    return max(offset_1 + size_1, offset_2 + size_2)
+
+
+def mix(signal_1: Vector, signal_2: Vector, lag: int, most: int) -> Vector:
+    """Return both recordings mixed equally loud, (samples,) float64: an echo, or one sound with the lag removed.
+
+    Parameters
+    ----------
+    signal_1, signal_2
+        (N1,) and (N2,) finite numbers.
+    lag
+        Lag to remove, samples; 0 leaves the recordings as they were made.
+    most
+        Largest number of samples. A longer mix is cut to start where both recordings have started.
+    """
+    if aligned_length(signal_1.size, signal_2.size, lag) > most:
+        later_2, later_1 = _offsets(lag)
+        signal_1, signal_2, lag = signal_1[later_1:][:most], signal_2[later_2:][:most], 0
+    both = np.zeros(aligned_length(signal_1.size, signal_2.size, lag))
+    for signal, offset in zip((signal_1, signal_2), _offsets(lag), strict=True):
+        centred = signal - signal.mean()
+        both[offset : offset + signal.size] += centred / (centred.std() or 1.0)
+    return both
+
+
+def _offsets(lag: int) -> tuple[int, int]:
+    """Return the start of each recording on the common clock, samples."""
+    return max(0, lag), max(0, -lag)

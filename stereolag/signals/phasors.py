@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereolag.core.arrays import Vector
-from stereolag.signals.overlaps import overlap_slices
+from stereolag.signals.correlation import overlap_slices
 from stereolag.signals.whitening import loudest_stretch
 
 SIZE = 125

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from stereolag.core.arrays import Vector
 from stereolag.core.jobs import Progress
 from stereolag.loops.compilation import compiled
-from stereolag.signals.overlaps import FLAT, running_sums
+from stereolag.signals.correlation import FLAT, running_sums
 
 SLICE_LENGTH = 100
 """Samples correlated for each candidate, as in the source report."""
@@ -21,6 +21,10 @@ _ROUNDS = ((512, 256, 16), (1024, 256, 1024), (2048, 256, 8192))
 _VALID_SHARE = 0.8
 _DECISIVE_SHARE = 0.1
 _DECISIVE_LEAD = 2
+
+
+LEAST_VOTES = 5
+"""Out of 256 samples looked up; among thousands of lags, chance brings two or three votes together."""
 
 
 class _Slices:
@@ -121,6 +125,11 @@ def _count(lags: Indices) -> dict[int, int]:
 def _decisive(votes: dict[int, int]) -> bool:
     counts = [*votes.values(), 0, 0]
     return counts[0] >= max(_DECISIVE_SHARE * sum(counts), _DECISIVE_LEAD * counts[1], 2)
+
+
+def enough_votes(votes: dict[int, int], lag: int) -> bool:
+    """Return whether `lag` and its neighbours have more votes than chance would bring together."""
+    return sum(votes.get(near, 0) for near in (lag - 1, lag, lag + 1)) >= LEAST_VOTES
 
 
 Indices = npt.NDArray[np.int64]

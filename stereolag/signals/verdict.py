@@ -1,4 +1,4 @@
-"""Whether a lag is reliable: sure, ambiguous, or nothing but chance; in codes and numbers, without sentences."""
+"""Whether a lag can be relied on: its agreement beyond chance, other lags that fit, and the drift of the clocks."""
 
 from __future__ import annotations
 
@@ -7,21 +7,290 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
+from scipy import fft
 
 from stereolag.core.arrays import Vector
-from stereolag.signals.drift import Drift, measure_drift
-from stereolag.signals.peaks import Lags
-from stereolag.signals.rivals import regular_spacing, rivals_of, tone_rivals
-from stereolag.signals.whitening import Agreement, Pair
+from stereolag.signals.correlation import REACH, Lags, main_lobe, overlap_length, overlap_slices, refine_peak
+from stereolag.signals.sampling import enough_votes
+from stereolag.signals.whitening import Agreement, Pair, local_curve
+
+
+def median_line(places: Vector, values: Vector) -> tuple[float, float]:
+    """Return slope and intercept of the median line of Theil (1950) and Sen (1968).
+
+    Agrees with :func:`scipy.stats.theilslopes`, whose package takes a second to import.
+
+    Parameters
+    ----------
+    places, values
+        (points,) abscissae, not all equal, and ordinates.
+    """
+    apart = places[:, np.newaxis] - places
+    later = apart > 0
+    slope = float(np.median((values[:, np.newaxis] - values)[later] / apart[later]))
+    return slope, float(np.median(values) - slope * np.median(places))
+
+
+_BLOCKS = 16
+_SHORTEST, _LONGEST = 1024, 2**14
+"""Shortest and longest block, samples; of longer blocks the middle is used."""
+
+_FARTHEST_PPM = 300
+_CLEAR = 5.5
+"""The peak of a block is clear above this many standard deviations of noise; the highest of 1,600 lags is at 3.8."""
+
+_STRAY = 2.0
+"""A block this far off the line has found something else, samples."""
+
+_MOST, _FEWEST = 0.6, 5
+"""Least share and least number of blocks on the line."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """The lag as a function of time.
+
+    Attributes
+    ----------
+    start
+        Lag at the first sample common to both recordings, samples.
+    ppm
+        Growth of the lag, samples per million; positive if the clock of recording 2 runs faster.
+    error_ppm
+        Standard error of `ppm`.
+    spread
+        Standard deviation of the blocks' lags about the line, samples.
+    span
+        Change of the lag from the first to the last common sample, samples, signed.
+    places, lags
+        (blocks,) centre of each block on the line, as a position in recording 1, and its lag, samples.
+    """
+
+    start: float
+    ppm: float
+    error_ppm: float
+    spread: float
+    span: float
+    places: tuple[float, ...]
+    lags: tuple[float, ...]
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks on the line."""
+        return len(self.lags)
+
+    @property
+    def shows(self) -> bool:
+        """Whether the lag changes by more than its uncertainty, and by enough to smear the peak."""
+        return abs(self.span) >= 1.0 and abs(self.ppm) > 4 * self.error_ppm
+
+
+def measure_drift(pair: Pair, lag: int) -> Drift | None:
+    """Return the drift of the lag around `lag`; None if the blocks are too short or share no line.
+
+    The overlap is cut into at most 16 blocks. Each is searched separately, up to 300 ppm of the overlap (at least 32
+    samples) on either side of `lag`. The drift is a straight line through the blocks with a clear peak, by the median
+    of all slopes (P. K. Sen, "Estimates of the regression coefficient based on Kendall's tau", J. Am. Stat. Assoc. 63
+    (1968)) and then least squares.
+    """
+    part_1, _ = overlap_slices(*pair.sizes, lag)
+    size = part_1.stop - part_1.start
+    count = min(_BLOCKS, size // _SHORTEST)
+    if count < _FEWEST:
+        return None
+    starts, length = _cut(size, count)
+    reach = int(np.clip(_FARTHEST_PPM * 1e-6 * size, REACH, length // 4))
+    curves = _block_curves(*pair.blocks(lag, starts, length, reach), reach)
+    tops = np.argmax(curves, axis=1)
+    noise = 1.4826 * np.median(np.abs(curves - np.median(curves, axis=1, keepdims=True)), axis=1)
+    clear = (curves.max(axis=1) > _CLEAR * noise) & (tops > 0) & (tops < 2 * reach)
+    if clear.sum() < max(_FEWEST, _MOST * count):
+        return None
+    lags = np.array([_refined(curve, int(top)) for curve, top in zip(curves[clear], tops[clear], strict=True)]) - reach
+    return _line(part_1.start, starts[clear] + length / 2, lag + lags, size, count)
+
+
+def _cut(size: int, count: int) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], int]:
+    """Return the starts of `count` blocks, and their length."""
+    whole = size // count
+    length = min(whole, _LONGEST)
+    return np.arange(count) * whole + (whole - length) // 2, length
+
+
+def _block_curves(blocks_1: Vector, blocks_2: Vector, reach: int) -> Vector:
+    """Return (blocks, 2 * reach + 1) product sums of each block with recording 2, up to `reach` on either side."""
+    points = int(fft.next_fast_len(blocks_2.shape[1], real=True))
+    spectra = np.conj(fft.rfft(blocks_1, points)) * fft.rfft(blocks_2, points)
+    return np.asarray(fft.irfft(spectra, points)[:, : 2 * reach + 1])
+
+
+def _refined(curve: Vector, top: int) -> float:
+    around = min(REACH, top, curve.size - 1 - top)
+    return top + refine_peak(np.ascontiguousarray(curve[top - around : top + around + 1]))
+
+
+def _line(start: int, places: Vector, lags: Vector, size: int, count: int) -> Drift | None:
+    slope, intercept = median_line(places, lags)
+    near = np.abs(lags - intercept - slope * places) <= _STRAY
+    if near.sum() < max(_FEWEST, _MOST * count):
+        return None
+    (slope, intercept), covariance = np.polyfit(places[near], lags[near], 1, cov=True)
+    spread = float(np.std(lags[near] - intercept - slope * places[near], ddof=2))
+    return Drift(
+        float(intercept),
+        1e6 * float(slope),
+        1e6 * float(np.sqrt(covariance[0, 0])),
+        spread,
+        float(slope) * size,
+        tuple((start + places[near]).tolist()),
+        tuple(lags[near].tolist()),
+    )
+
+
+_RIVAL = 0.85
+"""Another lag is as good from this share of the height on; noise alone lowers a tooth of a comb by a few per cent."""
+
+_STRETCH, _REACH = 2**16, 2**14
+"""Length of the stretch searched for repetition, and largest distance between repeats, samples."""
+
+_LINES, _LINE_SHARE = 8, 0.7
+"""Most lines in the spectrum of a tonal curve, and the least share of its power that they contain."""
+
+_FEWEST_PERIODS = 8
+_FAINT = 0.05
+"""Lines below this share of the strongest line's power are noise."""
+
+_TEETH_SHARE = 0.5
+"""Least share of the curve over which the teeth of a tone extend."""
+
+_REGULAR = 0.75
+"""Least share of the rivals that are evenly spaced."""
+
+_MOST_RIVALS = 16
+
+
+def rivals_of(
+    pair: Pair,
+    agreement: Agreement,
+    first: int,
+    last: int,
+    needed: float,
+    lags: Lags | None,
+    curve: Vector | None,
+) -> tuple[int, ...]:
+    """Return the lags from `first` to `last` at which the whitened recordings agree equally well, nearest first."""
+    nearby = _repetitions(pair, agreement.lag, first, last, needed)
+    if agreement.height >= needed and lags is not None and curve is not None:
+        for other in _high_points(pair, agreement.lag, lags, curve):
+            there = pair.best_agreement(other)
+            if there.score >= _RIVAL * agreement.score and there.height >= needed:
+                nearby.add(there.lag)
+    rivals = _nearest(nearby, agreement.lag)
+    # A horn blown twice fits itself again, but the sounds around it do not: a rival fits with and without whitening.
+    least = _RIVAL * pair.pearson(agreement.lag) if rivals else 0.0
+    return tuple(other for other in rivals if pair.pearson(other) >= least)
+
+
+def _nearest(found: set[int], lag: int) -> tuple[int, ...]:
+    return tuple(sorted(found - {lag}, key=lambda other: (abs(other - lag), other))[:_MOST_RIVALS])
+
+
+def tone_rivals(pair: Pair, lag: int, first: int, last: int) -> tuple[int, ...]:
+    """Return the lags around `lag` at which tones common to both recordings line up.
+
+    Whitening removes tones, and noise hides their teeth in the curve. The curve's spectrum reveals them: a few lines
+    contain most of its power. The curve rebuilt from these lines alone has the teeth without the noise.
+    """
+    one, other = pair.loudest(lag, _STRETCH, white=False)
+    reach = min(_REACH, one.size // 2)
+    count = min(_LINES, reach // 64)
+    if count == 0:
+        return ()
+    curve = local_curve(one, other, reach)
+    spectrum = fft.rfft(curve * np.hanning(curve.size))
+    power = spectrum.real**2 + spectrum.imag**2
+    left = power.copy()
+    left[: 2 * _FEWEST_PERIODS] = 0.0
+    held = np.zeros(power.size, dtype=np.bool_)
+    for _ in range(count):
+        line = int(np.argmax(left))
+        if left[line] < _FAINT * power[held].max(initial=0.0):
+            break
+        held[max(0, line - 2) : line + 3] = True
+        left[max(0, line - 2) : line + 3] = 0.0
+    if power[held].sum() < _LINE_SHARE * power.sum():
+        return ()
+    # Only the middle half, where the window is not small.
+    middle = slice(reach // 2, curve.size - reach // 2)
+    clean = (fft.irfft(np.where(held, spectrum, 0.0), curve.size) / np.maximum(np.hanning(curve.size), 0.1))[middle]
+    best = int(np.argmax(clean))
+    tops = _tops(clean, best, _RIVAL * clean[best])
+    # Two sounds that happen to share a note for a while give a few teeth; a tone gives them everywhere.
+    if tops.size < 2 or tops.size * float(np.median(np.diff(tops))) < _TEETH_SHARE * clean.size:
+        return ()
+    found = {lag - reach + middle.start + int(top) for top in (best, *tops)}
+    return _nearest({each for each in found if first <= each <= last}, lag)
+
+
+def _repetitions(pair: Pair, lag: int, first: int, last: int, needed: float) -> set[int]:
+    """Return the lags around `lag` at which the loudest common stretch fits as well as at its best lag."""
+    one, other = pair.loudest(lag, _STRETCH)
+    reach = min(_REACH, one.size // 2)
+    if reach < 2:
+        return set()
+    curve = local_curve(one, other, reach)
+    curve = curve[max(0, first - lag + reach) : max(0, last - lag + reach) + 1]
+    start = lag - reach + max(0, first - lag + reach)
+    best = int(np.argmax(curve))
+    if pair.agreement(start + best).height < needed:
+        return set()
+    tops = _tops(curve, best, _RIVAL * curve[best])
+    return {start + int(top) for top in tops} | ({start + best} if tops.size else set())
+
+
+def _high_points(pair: Pair, lag: int, lags: Lags, curve: Vector) -> list[int]:
+    """Return the lags of the curve's highest points outside the main lobe of `lag`, best first."""
+    peak = int(np.searchsorted(lags, lag))
+    if peak >= lags.size:
+        return []
+    overlap = overlap_length(*pair.sizes, lags)
+    high = _tops(curve, peak, 0.6 * curve[peak])
+    high = high[overlap[high] >= 0.25 * overlap[peak]]
+    best = high[np.argsort(-curve[high], kind="stable")[:_MOST_RIVALS]]
+    return [int(each) for each in lags[best]]
+
+
+def _tops(curve: Vector, peak: int, least: float) -> Lags:
+    """Return where the curve has a maximum of at least `least`, outside the main lobe of `peak`."""
+    begin, end = main_lobe(curve, peak)
+    high = np.flatnonzero(curve >= least)
+    high = high[((high < begin) | (high >= end)) & (high > 0) & (high < curve.size - 1)]
+    return np.asarray(high[(curve[high] > curve[high - 1]) & (curve[high] >= curve[high + 1])])
+
+
+def regular_spacing(rivals: tuple[int, ...], lag: int) -> float | None:
+    """Return the spacing of evenly spaced rivals, within one sample or 2 %; None if they are irregular."""
+    if len(rivals) < 2:
+        return None
+    places = np.array(sorted({*rivals, lag}), dtype=np.float64)
+    apart = float(np.median(np.diff(places)))
+    numbers = np.round((places - rivals[0]) / apart)
+    if np.unique(numbers).size < 3:
+        return None
+    # By medians, because a lag that a method put between two teeth is not on the grid.
+    spacing, _ = median_line(numbers, places)
+    away = places - spacing * numbers
+    regular = np.abs(away - np.median(away)) <= max(1.0, 0.02 * apart)
+    if regular.mean() < _REGULAR or np.unique(numbers[regular]).size < 3:
+        return None
+    return float(np.polyfit(numbers[regular], places[regular], 1)[0])
+
 
 Verdict: TypeAlias = Literal["sure", "ambiguous", "nothing"]
 Reason: TypeAlias = Literal["clear", "drift", "repeats", "rivals", "chance", "too_little", "few_votes", "opposite_sign"]
 
 MARGIN = 1.8
 """An agreement this many standard deviations above the highest expected by chance is not due to chance."""
-
-LEAST_VOTES = 5
-"""Out of 256 samples looked up; among thousands of lags, chance brings two or three votes together."""
 
 _SAMPLED = 2**16
 """Points of a curve used to estimate its spread."""
@@ -141,7 +410,7 @@ def _decided(
 ) -> tuple[Verdict, Reason]:
     if rivals:
         return "ambiguous", "repeats" if regular_spacing(rivals, agreement.lag) is not None else "rivals"
-    if votes is not None and _pooled(votes, agreement.lag) < LEAST_VOTES:
+    if votes is not None and not enough_votes(votes, agreement.lag):
         return "nothing", "few_votes" if opposite is None else "opposite_sign"
     if drift is not None and drift.shows:
         return "sure", "drift"
@@ -150,15 +419,6 @@ def _decided(
     if opposite is not None:
         return "nothing", "opposite_sign"
     return "nothing", "too_little" if agreement.reachable < needed else "chance"
-
-
-def enough_votes(votes: dict[int, int], lag: int) -> bool:
-    """Return whether `lag` and its neighbours have more votes than chance would bring together."""
-    return _pooled(votes, lag) >= LEAST_VOTES
-
-
-def _pooled(votes: dict[int, int], lag: int) -> int:
-    return sum(votes.get(near, 0) for near in (lag - 1, lag, lag + 1))
 
 
 def _height(curve: Vector, chance: float) -> tuple[float, tuple[float, float]]:

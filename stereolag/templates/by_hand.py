@@ -15,9 +15,9 @@ import numpy.typing as npt
 from stereolag.core.arrays import Mask, Rgb
 from stereolag.core.inputs import Image, as_image
 from stereolag.figures.pictures import as_rgb
-from stereolag.templates.correlation import scores_at
-from stereolag.templates.exact_pixels import AnchorStages, Indices, anchor_stages, rare_pixels
-from stereolag.templates.patterns import Pattern, alike, opaque_pixels, pattern_of
+from stereolag.templates.exact_pixels import AnchorStages, anchor_stages, rare_pixels
+from stereolag.templates.patterns import Pattern, opaque_pixels, pattern_of, same_channels
+from stereolag.templates.score_maps import Indices, scores_at
 from stereolag.templates.search import match_template
 
 ScoreMap = npt.NDArray[np.float32]
@@ -100,7 +100,7 @@ def reduced_search(
     """
     whole, small = as_image(image, "image"), as_image(template, "template")
     opaque = opaque_pixels(small, mask)
-    colours, sought = (as_rgb(one[:, :, 0] if one.shape[2] == 1 else one) for one in alike(whole, small))
+    colours, sought = (as_rgb(one[:, :, 0] if one.shape[2] == 1 else one) for one in same_channels(whole, small))
     wanted = math.ceil(math.sqrt(whole.shape[0] * whole.shape[1] / pixels))
     factor = max(1, min(wanted, min(opaque.shape) // LEAST_SIDE))
     place = near or (0, 0)
@@ -250,7 +250,7 @@ def anchors(image: Image, template: Image, mask: Image | None, *, seed: int | No
         If the template is constant, or image and template differ in dtype.
     """
     large, small = as_image(image, "image"), as_image(template, "template")
-    searched, colours = alike(large, small)
+    searched, colours = same_channels(large, small)
     if searched.dtype != colours.dtype:
         raise ValueError(f"image holds {searched.dtype} and template {colours.dtype} pixels; both must be of one type.")
     searched = np.ascontiguousarray(searched)

@@ -1,6 +1,7 @@
-"""The correlation coefficient (ZNCC) of a template at every place of an image: fast by FFT, or plainly by sliding.
+"""The correlation coefficient (ZNCC) of a template at every place of an image, and the peaks of that map.
 
-Both compute, over the opaque pixels of the template T and the window I under them, channels c with their own means:
+By FFT or plainly by sliding, over the opaque pixels of the template T and the window I under them, channels c with
+their own means:
 ``sum_c (I_c - mean I_c)(T_c - mean T_c) / sqrt(sum_c (I_c - mean I_c)**2 * sum_c (T_c - mean T_c)**2)``.
 Removing the mean of the template alone already cancels the window's mean in the products; the window's spread follows
 from its sums (Lewis, Fast Normalized Cross-Correlation, 1995), or under a mask from correlations with the mask
@@ -18,13 +19,174 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from stereolag.core.inputs import Image
+from stereolag.core.inputs import Image, flat_energy
 from stereolag.core.jobs import Progress
-from stereolag.templates.correlation import fill_pearson, pearson, running_box_energy
+from stereolag.loops.compilation import compiled
 from stereolag.templates.patterns import Pattern
 
 Plane = npt.NDArray[np.float64]
-Planes = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+
+def pearson(products: Plane, energy: Plane, norm: float, tolerance: float) -> npt.NDArray[np.float32]:
+    """Return the score of each window, -1..1, NaN where the window is flat.
+
+    Parameters
+    ----------
+    products
+        (rows, cols), the sum of products of the deviations of window and template.
+    energy
+        (rows, cols), the sum of squared deviations of the window.
+    norm
+        Root of the summed squared deviations of the template.
+    tolerance
+        A window with no more energy than this is flat.
+    """
+    varies = energy > tolerance
+    scores = products / (norm * np.sqrt(np.where(varies, energy, 1.0)))
+    return np.where(varies, np.clip(scores, -1.0, 1.0), np.nan).astype(np.float32)
+
+
+@compiled
+def fill_pearson(scores: npt.NDArray[Any], products: Plane, energy: Plane, norm: float, tolerance: float) -> None:
+    """Write :func:`pearson` into `scores` (rows, cols); the other arrays may be larger; their excess is not read."""
+    rows, cols = scores.shape
+    # A separate contiguous line lets the compiler vectorise over the columns.
+    line = np.empty(cols, dtype=np.float32)
+    for row in range(rows):
+        for col in range(cols):
+            score = products[row, col] / (norm * np.sqrt(energy[row, col]))
+            score = 1.0 if score > 1.0 else score
+            score = -1.0 if score < -1.0 else score
+            line[col] = score if energy[row, col] > tolerance else np.nan
+        scores[row] = line
+
+
+def running_box_energy_reference(planes: Plane, height: int, width: int) -> Plane:
+    """Return the squared deviations of each window from the mean of each channel, summed over all channels.
+
+    Parameters
+    ----------
+    planes
+        (channels, rows, cols).
+    height, width
+        Size of the window, px.
+
+    Returns
+    -------
+    ndarray
+        (rows - height + 1, cols - width + 1).
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(planes, (height, width), axis=(1, 2))
+    deviations = windows - windows.mean(axis=(3, 4), keepdims=True)
+    return np.asarray(np.square(deviations).sum(axis=(0, 3, 4)))
+
+
+@compiled
+def running_box_energy(planes: Plane, height: int, width: int) -> Plane:
+    """Return the result of :func:`running_box_energy_reference` at a cost independent of the window.
+
+    Sums run down the columns, then along the row. Sums of integers below 2**26 are exact. Shift the mean of other
+    numbers near 0 first: a running sum adds and subtracts every value, with a rounding error relative to the largest.
+    """
+    channels, rows, cols = planes.shape
+    energy: Plane = np.zeros((rows - height + 1, cols - width + 1))
+    share = 1.0 / (height * width)
+    for channel in range(channels):
+        plane = planes[channel]
+        column_sums = np.zeros(cols)
+        column_squares = np.zeros(cols)
+        for row in range(rows):
+            for col in range(cols):
+                value = plane[row, col]
+                column_sums[col] += value
+                column_squares[col] += value * value
+            if row < height - 1:
+                continue
+            top = row - height + 1
+            total = 0.0
+            total_squares = 0.0
+            for col in range(width - 1):
+                total += column_sums[col]
+                total_squares += column_squares[col]
+            for col in range(cols - width + 1):
+                total += column_sums[col + width - 1]
+                total_squares += column_squares[col + width - 1]
+                energy[top, col] += total_squares - total * total * share
+                total -= column_sums[col]
+                total_squares -= column_squares[col]
+            for col in range(cols):
+                value = plane[top, col]
+                column_sums[col] -= value
+                column_squares[col] -= value * value
+    return energy
+
+
+def score_at(
+    image: npt.NDArray[Any], deviations: npt.NDArray[np.float64], opaque: npt.NDArray[np.bool_], row: int, col: int
+) -> float:
+    """Return the score of one position, -1..1, NaN where the window is flat.
+
+    Parameters
+    ----------
+    image
+        (rows, cols, channels).
+    deviations
+        (channels, height, width), the template with its mean removed, 0 where not opaque.
+    opaque
+        (height, width), the pixels that are compared.
+    row, col
+        Top-left pixel of the position.
+    """
+    height, width = opaque.shape
+    pixels = image[row : row + height, col : col + width][opaque].astype(np.float64)
+    relative = pixels - pixels[0]
+    window = relative - relative.mean(axis=0)
+    norm = np.linalg.norm(window) * np.linalg.norm(deviations)
+    if norm == 0:
+        return float("nan")
+    return float(np.clip(np.sum(window * deviations[:, opaque].T) / norm, -1.0, 1.0))
+
+
+@compiled
+def scores_at(
+    image: npt.NDArray[Any],
+    deviations: npt.NDArray[np.float64],
+    opaque: npt.NDArray[np.bool_],
+    rows: Indices,
+    cols: Indices,
+) -> npt.NDArray[np.float64]:
+    """Return :func:`score_at` at each of `rows`, `cols`."""
+    height, width = opaque.shape
+    channels = deviations.shape[0]
+    template_energy = (deviations**2).sum()
+    count = opaque.sum()
+    scores = np.empty(len(rows))
+    for index in range(len(rows)):
+        top, left = rows[index], cols[index]
+        product = 0.0
+        energy = 0.0
+        for channel in range(channels):
+            # Relative to its first pixel, a flat window is exactly 0, and a large offset costs no precision.
+            first = float(image[top, left, channel])
+            total = 0.0
+            for row in range(height):
+                for col in range(width):
+                    if opaque[row, col]:
+                        total += float(image[top + row, left + col, channel]) - first
+            mean = total / count
+            for row in range(height):
+                for col in range(width):
+                    if opaque[row, col]:
+                        deviation = float(image[top + row, left + col, channel]) - first - mean
+                        product += deviation * deviations[channel, row, col]
+                        energy += deviation * deviation
+        scores[index] = np.nan
+        if energy > 0:
+            scores[index] = max(-1.0, min(1.0, product / np.sqrt(template_energy * energy)))
+    return scores
+
+
 ScoreMap = npt.NDArray[np.float32]
 
 LONGEST_FFT = 720
@@ -32,12 +194,6 @@ LONGEST_FFT = 720
 
 FFT_UNIT = 48
 """OpenCV transforms doubles fastest at 48 · 2**i · 3**j · 5**k points; 512 points take twice as long."""
-
-FLAT_INTEGERS = 0.25
-"""For integers, the squared deviations of any window that varies sum to 0.5 or more."""
-
-FLAT_FLOATS = 1e-11
-"""A window of floats is flat if its variance is below this share of the largest square: the rounding error of 0."""
 
 
 def direct_score_map(image: Image, pattern: Pattern, progress: Progress) -> ScoreMap:
@@ -168,7 +324,7 @@ def _positions(spectrum: Plane, rows: int) -> Plane:
     return np.asarray(cv2.dft(spectrum, dst=spectrum, flags=inverse, nonzeroRows=rows), dtype=np.float64)[:rows]
 
 
-def _centred(image: Image) -> Planes:
+def _centred(image: Image) -> Plane:
     """Return the channels (channels, rows, cols) as float64 around 0; integers stay integers."""
     planes = np.moveaxis(image, 2, 0).astype(np.float64, order="C")
     means = planes.mean(axis=(1, 2), keepdims=True)
@@ -176,11 +332,9 @@ def _centred(image: Image) -> Planes:
     return planes
 
 
-def _flatness(image: Image, planes: Planes, pattern: Pattern) -> float:
+def _flatness(image: Image, planes: Plane, pattern: Pattern) -> float:
     """Return the sum of squared deviations up to which a window counts as flat."""
-    if image.dtype.kind == "u":
-        return FLAT_INTEGERS
-    return FLAT_FLOATS * pattern.count * float(np.square(planes).max())
+    return flat_energy(pattern.count, float(np.abs(planes).max()), exact=image.dtype.kind == "u")
 
 
 def tiling(places: int, size: int) -> tuple[int, int]:
@@ -204,3 +358,103 @@ def finished(jobs: list[Future[Any]]) -> Iterator[float]:
         for job in done:
             job.result()
         yield 1 - len(pending) / len(jobs)
+
+
+Scores = npt.NDArray[np.floating[Any]]
+
+ROWS_AT_ONCE = 256
+"""Rows of a score map searched for peaks at a time, to keep the copies small."""
+
+NEIGHBOURS = np.ones((3, 3), dtype=np.uint8)
+
+
+def peaks(score_map: npt.NDArray[np.float32], min_score: float) -> tuple[Indices, Indices]:
+    """Return rows and columns of the local maxima of at least `min_score`: no neighbour scores higher.
+
+    The slopes of a peak are left out, so they do not come back as matches just outside its suppressed half.
+    NaN is never a peak.
+    """
+    found = [
+        _peaks_of_rows(score_map, first, min(first + ROWS_AT_ONCE, len(score_map)), min_score)
+        for first in range(0, len(score_map), ROWS_AT_ONCE)
+    ]
+    return np.concatenate([rows for rows, _ in found]), np.concatenate([cols for _, cols in found])
+
+
+def _peaks_of_rows(
+    score_map: npt.NDArray[np.float32], first: int, end: int, min_score: float
+) -> tuple[Indices, Indices]:
+    """Return the peaks of the rows from `first` to `end`, compared with the adjacent rows too."""
+    start = max(0, first - 1)
+    part = np.nan_to_num(score_map[start : end + 1], nan=-2.0)
+    highest = (part >= cv2.dilate(part, NEIGHBOURS).reshape(part.shape)) & (part >= max(min_score, -1.0))
+    rows, cols = np.divmod(np.flatnonzero(highest[first - start : end - start]), score_map.shape[1])
+    return rows + first, cols
+
+
+Shape = tuple[int | Indices, int | Indices]
+"""Height and width of the rectangles: one for all positions, or one each."""
+
+
+def suppress(rows: Indices, cols: Indices, scores: Scores, shape: Shape, max_matches: int) -> list[int]:
+    """Return the indices of the positions kept, best first: each removes those it overlaps by more than half.
+
+    Positions are rectangles of `shape` with their top-left pixel at (row, col). Half refers to the smaller of the two;
+    of equal scores the first listed wins.
+    """
+    boxes = _Boxes(rows, cols, shape)
+    left = np.arange(len(rows))
+    kept: list[int] = []
+    while left.size and len(kept) < max_matches:
+        best = int(left[np.argmax(scores[left])])
+        kept.append(best)
+        left = left[2 * boxes.shared(left, best) <= np.minimum(boxes.areas(left), boxes.areas(best))]
+    return kept
+
+
+def next_elsewhere(rows: Indices, cols: Indices, scores: Scores, shape: Shape, kept: list[int]) -> list[float]:
+    """Return, for each position kept, the best score elsewhere than it and those before it, -1 if there is none.
+
+    A position on the flank of a peak shares most of its pixels: only one that shares none is another place.
+    """
+    boxes = _Boxes(rows, cols, shape)
+    left = np.arange(len(rows))
+    found = []
+    for one in kept:
+        left = left[boxes.shared(left, one) == 0]
+        found.append(float(scores[left].max()) if left.size else -1.0)
+    return found
+
+
+def elsewhere(rows: Indices, cols: Indices, scores: Scores, shape: Shape, kept: list[int], count: int) -> list[int]:
+    """Return the indices of the `count` best positions that share no pixel with those kept or with one another."""
+    boxes = _Boxes(rows, cols, shape)
+    left = np.arange(len(rows))
+    for one in kept:
+        left = left[boxes.shared(left, one) == 0]
+    found: list[int] = []
+    while left.size and len(found) < count:
+        best = int(left[np.argmax(scores[left])])
+        found.append(best)
+        left = left[boxes.shared(left, best) == 0]
+    return found
+
+
+class _Boxes:
+    """Rectangles at the positions."""
+
+    def __init__(self, rows: Indices, cols: Indices, shape: Shape) -> None:
+        self._rows, self._cols = rows, cols
+        self._heights, self._widths = (np.broadcast_to(side, rows.shape) for side in shape)
+
+    def shared(self, some: Indices, one: int) -> Indices:
+        """Return the number of pixels that each of some rectangles shares with one."""
+        down = np.minimum(self._rows[some] + self._heights[some], self._rows[one] + self._heights[one])
+        right = np.minimum(self._cols[some] + self._widths[some], self._cols[one] + self._widths[one])
+        down -= np.maximum(self._rows[some], self._rows[one])
+        right -= np.maximum(self._cols[some], self._cols[one])
+        return np.asarray(np.maximum(down, 0) * np.maximum(right, 0))
+
+    def areas(self, some: Indices | int) -> Indices:
+        """Return the number of pixels in each rectangle."""
+        return np.asarray(self._heights[some] * self._widths[some])

@@ -1,10 +1,28 @@
-"""Whether a template is found: its place must score high enough, and fit clearly better than any other place."""
+"""From scored places to an answer: matches, rivals, and whether a match is the template and has a clear lead."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, replace
+from itertools import permutations
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from stereolag.core.inputs import Image
+from stereolag.core.jobs import silent
+from stereolag.templates.patterns import Pattern, warped
+from stereolag.templates.score_maps import (
+    Indices,
+    Scores,
+    Shape,
+    elsewhere,
+    fft_score_map,
+    next_elsewhere,
+    score_at,
+    suppress,
+)
 
 Reason: TypeAlias = Literal["clear", "look_alikes", "low_score", "other_colours", "mirrored"]
 """Reason of a verdict: one or more places lead all others clearly; others fit as well; no place scores high enough;
@@ -62,3 +80,238 @@ def verdict(scores: Sequence[float], next_scores: Sequence[float]) -> Verdict:
     clear = [leads(score, after) for score, after in zip(scores, next_scores, strict=True)]
     count = len(clear) - clear[::-1].index(True) if any(clear) else 0
     return Verdict(count, "clear" if count else "look_alikes")
+
+
+@dataclass(frozen=True)
+class TemplateMatch:
+    """One position of the template in the image.
+
+    Parameters
+    ----------
+    row, col
+        Top-left pixel, px; for a rotated template, of the upright box around it.
+    height, width
+        Size of the template there, px; for a rotated template, of that box.
+    score
+        Pearson's correlation coefficient, -1..1: 1 for an exact copy, whatever its brightness and contrast.
+    scale
+        Size in the image over size of the template.
+    rotation
+        Rotation of the template in the image, degrees, positive counter-clockwise as seen.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> image = np.random.default_rng(0).integers(0, 256, (120, 160), dtype=np.uint8)
+    >>> match = sl.match_template(image, image[40:60, 70:100]).matches[0]
+    >>> match.row, match.col, match.height, match.width  # px
+    (40, 70, 20, 30)
+    >>> round(match.score, 3)
+    1.0
+    """
+
+    row: int
+    col: int
+    height: int
+    width: int
+    score: float
+    scale: float = 1.0
+    rotation: float = 0.0
+
+
+@dataclass(frozen=True)
+class TemplateSearch:
+    """The result of :func:`match_template`.
+
+    Parameters
+    ----------
+    matches
+        Places that score high enough, best first, never overlapping by more than half of their area; empty if no score
+        is high enough. Only the first `clear` of them are reliable.
+    score_map
+        (rows - height + 1, cols - width + 1) float32: the score with the template's top-left pixel at each
+        (row, col), NaN where the window is flat. None for "sampled", and if sizes or angles were searched.
+    candidates
+        Number of positions scored.
+    elapsed_s
+        Seconds the search took.
+    best
+        The place with the highest score, high enough or not; None if nothing could be scored.
+    rivals
+        The best places other than the clear matches (other than the best place if no match is clear), best first; they
+        share no pixel with those or with one another.
+    clear
+        Number of matches, best first, that fit clearly better than every other place.
+    reason
+        Reason for `found`: "clear"; "look_alikes" if others fit about as well; "low_score" if no place scores high
+        enough; "other_colours" or "mirrored" if the best place fits clearly better with the template's colour channels
+        in another order, or with its mirror image.
+
+    Examples
+    --------
+    A template that occurs twice is found only if two are wanted:
+
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> image = np.random.default_rng(0).integers(0, 256, (120, 160), dtype=np.uint8)
+    >>> image[80:100, 10:40] = image[40:60, 70:100]
+    >>> one = sl.match_template(image, image[40:60, 70:100])
+    >>> one.found, one.reason
+    (False, 'look_alikes')
+    >>> two = sl.match_template(image, image[40:60, 70:100], max_matches=2)
+    >>> two.found, sorted((match.row, match.col) for match in two.matches)  # px
+    (True, [(40, 70), (80, 10)])
+    """
+
+    matches: list[TemplateMatch]
+    score_map: npt.NDArray[np.float32] | None
+    candidates: int
+    elapsed_s: float
+    best: TemplateMatch | None
+    rivals: list[TemplateMatch]
+    clear: int
+    reason: Reason
+
+    @property
+    def found(self) -> bool:
+        """Whether the template is in the image: at least one place scores high enough and has a clear lead."""
+        return self.clear > 0
+
+    @property
+    def look_alikes(self) -> list[TemplateMatch]:
+        """The best place and the rivals without a clear gap to it, best first; empty for any other reason."""
+        best = self.best
+        if best is None or self.reason != "look_alikes":
+            return []
+        return [best, *(rival for rival in self.rivals if not leads(best.score, rival.score))]
+
+
+@dataclass(frozen=True)
+class Places:
+    """Scored positions of a template.
+
+    Parameters
+    ----------
+    rows, cols, scores
+        One for each position; no score is NaN.
+    shape
+        Height and width of the template, px; arrays if the template is resized or rotated.
+    poses
+        Scale and rotation at each position, None if the template is searched only as given.
+    """
+
+    rows: Indices
+    cols: Indices
+    scores: Scores
+    shape: Shape
+    poses: list[tuple[float, float]] | None = None
+
+    def match(self, index: int) -> TemplateMatch:
+        """Return one position as a match."""
+        height, width = (int(side if isinstance(side, int) else side[index]) for side in self.shape)
+        scale, rotation = (1.0, 0.0) if self.poses is None else self.poses[index]
+        row, col, score = int(self.rows[index]), int(self.cols[index]), float(self.scores[index])
+        return TemplateMatch(row, col, height, width, score, scale, rotation)
+
+    def joined(self, rows: Indices, cols: Indices, scores: Scores) -> Places:
+        """Return these positions followed by others."""
+        joined: list[npt.NDArray[Any]] = [
+            np.concatenate(pair) for pair in ((self.rows, rows), (self.cols, cols), (self.scores, scores))
+        ]
+        return Places(joined[0], joined[1], joined[2], self.shape)
+
+
+def judged(
+    places: Places,
+    max_matches: int,
+    min_score: float,
+    *,
+    score_map: npt.NDArray[np.float32] | None,
+    candidates: int,
+    matchable: int | None = None,
+) -> TemplateSearch:
+    """Return the result of a search.
+
+    Parameters
+    ----------
+    places
+        Every position that may be a match or a rival.
+    max_matches, min_score
+        As for :func:`~stereolag.templates.match_template`.
+    score_map, candidates
+        Passed on to the result, whose `elapsed_s` is left at 0.
+    matchable
+        Number of places, from the first on, that may be matches; all of them by default.
+    """
+    rows, cols, scores, shape = places.rows, places.cols, places.scores, places.shape
+    enough = np.flatnonzero(scores[:matchable] >= min_score)
+    height, width = (side if isinstance(side, int) else side[enough] for side in shape)
+    kept = [
+        int(enough[one]) for one in suppress(rows[enough], cols[enough], scores[enough], (height, width), max_matches)
+    ]
+    judgement = verdict([float(scores[one]) for one in kept], next_elsewhere(rows, cols, scores, shape, kept))
+    best = int(np.argmax(scores)) if scores.size else None
+    sure = kept[: judgement.clear] or ([] if best is None else [best])
+    return TemplateSearch(
+        matches=[places.match(one) for one in kept],
+        score_map=score_map,
+        candidates=candidates,
+        elapsed_s=0.0,
+        best=None if best is None else places.match(best),
+        rivals=[places.match(one) for one in elsewhere(rows, cols, scores, shape, sure, MOST_RIVALS)],
+        clear=judgement.clear,
+        reason=judgement.reason,
+    )
+
+
+MOVED = 4
+"""A mirror image is searched within the template's side over this number around the place that resembles it."""
+
+
+def reject_variants(search: TemplateSearch, image: Image, pattern: Pattern) -> TemplateSearch:
+    """Return a search whose clear matches end before the first that fits clearly better with a variant of the template.
+
+    Lighting and cameras change the brightness and contrast of each channel, but never swap channels. Upside down is
+    a mirror image turned by 180 degrees.
+    """
+    if not search.found:
+        return search
+    clear = 0
+    reason: Reason | None = None
+    for match in search.matches[: search.clear]:
+        reason = _better_variant(image, pattern, match)
+        if reason is not None:
+            break
+        clear += 1
+    return replace(search, clear=clear, reason="clear" if clear else reason or search.reason)
+
+
+def _better_variant(image: Image, pattern: Pattern, match: TemplateMatch) -> Reason | None:
+    """Return why a match does not count; None if no variant fits clearly better."""
+    upright = (match.scale, match.rotation) == (1.0, 0.0)
+    posed = pattern if upright else warped(pattern, match.scale, match.rotation)
+    if posed is None:
+        return None
+    own = score_at(image, posed.deviations, posed.opaque, match.row, match.col)
+    if not leads(1.0, own):
+        return None
+    if pattern.colours.shape[2] == 3 and leads(_in_other_colours(image, posed, match), own):
+        return "other_colours"
+    return "mirrored" if leads(_mirrored(image, posed, match), own) else None
+
+
+def _in_other_colours(image: Image, pattern: Pattern, match: TemplateMatch) -> float:
+    """Return the best score of a place with the channels in another order."""
+    orders = [list(order) for order in permutations(range(3))][1:]
+    return max(score_at(image, pattern.deviations[order], pattern.opaque, match.row, match.col) for order in orders)
+
+
+def _mirrored(image: Image, pattern: Pattern, match: TemplateMatch) -> float:
+    """Return the best score of the mirror image around a place."""
+    (height, width), (row, col) = pattern.shape, (match.row, match.col)
+    down, across = height // MOVED, width // MOVED
+    around = image[max(0, row - down) : row + height + down, max(0, col - across) : col + width + across]
+    colours, opaque, deviations = pattern.colours[:, ::-1], pattern.opaque[:, ::-1], pattern.deviations[:, :, ::-1]
+    mirrored = Pattern(*map(np.ascontiguousarray, (colours, opaque, deviations)))
+    return float(np.nanmax(fft_score_map(np.ascontiguousarray(around), mirrored, silent), initial=-1.0))

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
+import plotly.graph_objects as go
 import streamlit as st
 
 from stereolag.core.jobs import Progress
@@ -32,6 +33,11 @@ def show_numbers(numbers: Iterable[Number]) -> None:
     with st.container(horizontal=True, gap="small"):
         for label, value, meaning in numbers:
             st.metric(label, typeset(value), help=typeset(meaning), width="content")
+
+
+def show_chart(figure: go.Figure, key: str, alt: str) -> None:
+    """Show a chart without a tool bar; `alt` describes it for screen readers."""
+    st.plotly_chart(figure, key=key, config={"displayModeBar": False}, alt=alt)
 
 
 def show_png(data: bytes, alt: str, caption: str | None = None, *, stretch: bool = True) -> None:

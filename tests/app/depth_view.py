@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereolag.figures.legends import disparity_range
+from stereolag.figures.legends import Colours, disparity_range
 from stereolag.geometry.calibration import Calibration
 from stereolag.pair import PairId, example_pair
 from stereolag.samples import stereo_pairs
@@ -44,4 +44,4 @@ def small_view(*, calibrated: bool = True, truth: bool = True) -> DepthView:
     }
     results = {name: matcher.compute(pair.left, pair.right) for name, matcher in matchers.items()}
     low, high = disparity_range([result.disparity for result in results.values()])
-    return DepthView(pair, results, low, high)
+    return DepthView(pair, results, Colours(low, high))

@@ -26,6 +26,7 @@ pytestmark = pytest.mark.usefixtures("small_pairs")
 def panel() -> None:
     import streamlit as st
 
+    from stereolag.figures.legends import Colours
     from stereolag.stereo.opencv import StereoBM
     from stereolag.ui.depth.doctor import show_doctor, with_chosen_remedies
     from stereolag.ui.depth.maps import DepthView
@@ -34,7 +35,7 @@ def panel() -> None:
     pair = with_chosen_remedies(st.session_state["pair"])
     matcher = ask_matcher(StereoBM, pair)
     if matcher is not None:
-        show_doctor(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, 0, 64))
+        show_doctor(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, Colours(0, 64)))
     st.session_state["shown"] = pair
 
 

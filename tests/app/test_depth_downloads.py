@@ -14,6 +14,7 @@ from streamlit.testing.v1 import AppTest
 
 from stereolag import CorrelationMatcher, SearchArea, StereoBM, read_disparity, read_image, read_matcher
 from stereolag.core.jobs import Estimate
+from stereolag.figures.legends import Colours
 from stereolag.geometry.calibration import Calibration
 from stereolag.io.disparities import VERTEX
 from stereolag.io.settings import settings_json
@@ -39,13 +40,14 @@ def small_pair(dtype: type = np.uint8) -> Pair:
 
 def view_of(pair: Pair, *matchers: StereoMatcher) -> DepthView:
     results = {type(matcher).__name__: matcher.compute(pair.left, pair.right) for matcher in matchers}
-    return DepthView(pair, results, 0.0, 16.0)
+    return DepthView(pair, results, Colours(0.0, 16.0))
 
 
 def section() -> None:
     import streamlit as st
 
     from stereolag import StereoBM
+    from stereolag.figures.legends import Colours
     from stereolag.ui.depth.address import take_over
     from stereolag.ui.depth.downloads import show_downloads
     from stereolag.ui.depth.maps import DepthView
@@ -54,7 +56,7 @@ def section() -> None:
     pair = st.session_state["pair"]
     take_over(pair)
     matcher = ask_matcher(StereoBM, pair) or StereoBM()
-    show_downloads(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, 0, 16))
+    show_downloads(DepthView(pair, {"StereoBM": matcher.compute(pair.left, pair.right)}, Colours(0, 16)))
     st.session_state["matcher"] = matcher
 
 
@@ -116,7 +118,7 @@ def test_what_cannot_be_had_says_why_and_is_left_out_of_the_zip() -> None:
 def estimating() -> None:
     import streamlit as st
 
-    from stereolag.ui.depth.comparing import show_estimates
+    from stereolag.ui.depth.comparing import show_scoreboard
     from stereolag.ui.depth.exports import files
     from stereolag.ui.depth.subjects import Subject
 
@@ -126,7 +128,7 @@ def estimating() -> None:
         return next(str(file.make()) for file in files(Subject.of(view, "StereoBM")) if file.name == "metrics.csv")
 
     before = table()
-    show_estimates(view)
+    show_scoreboard(view)
     st.session_state["tables"] = before, table()
 
 
@@ -151,7 +153,7 @@ def large_view(*matchers: StereoMatcher) -> DepthView:
         scene[:, :-20], scene[:, 20:], PairId("large noise"), truth=truth, calibration=calibration, num_disparities=64
     )
     view = view_of(resized(pair, 2), *matchers)
-    return replace(view, high=32.0)
+    return replace(view, colours=Colours(0.0, 32.0))
 
 
 @pytest.mark.parametrize("heavy", [False, True])

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from streamlit.testing.v1 import AppTest
 
+from stereolag import samples
 from stereolag.figures.pictures import edge_path
 from stereolag.pair import example_pair
-from stereolag.samples import stereo_pairs
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui.depth import maps
 from stereolag.ui.depth.maps import OUTLINED
@@ -37,7 +37,7 @@ def test_the_switch_lays_the_edges_of_the_left_image_over_every_map(
         app.toggle(key=OUTLINED).set_value(True).run()
     assert not app.exception
     assert computed == []
-    assert outlines(app) == {"depth.bench": edge_path(example_pair(stereo_pairs()["cube"]).left)}
+    assert outlines(app) == {"depth.bench": edge_path(example_pair(samples.stereo_pairs()["cube"]).left)}
     assert [picture["digest"] for picture in viewers(app)[0]["pictures"]] == pictures
     app.slider(key=keys.WINDOW).set_value(25).run()
     app.button_group(key=keys.PART).set_value("Compare").run()

@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag.assess.explaining import Box
 from stereolag.core.typography import typeset
 from stereolag.figures.match import window_grid
-from stereolag.ui.depth.explaining import overlap_in_words
+from stereolag.ui.depth.sentences import overlap_in_words
 
 
 def part() -> None:

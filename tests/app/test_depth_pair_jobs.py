@@ -16,13 +16,14 @@ from tests.app.test_depth_restoring import given, packed, pair_of
 
 def sweeping_on_a_set() -> None:
     from stereolag import StereoBM
+    from stereolag.figures.legends import Colours
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import DepthView
     from stereolag.ui.depth.tuning import show_sweep
 
     pair = choose_pair()
     matcher = StereoBM(num_disparities=16, block_size=9)
-    show_sweep(DepthView(pair, {matcher.title: matcher.compute(pair.left, pair.right)}, 0, 16))
+    show_sweep(DepthView(pair, {matcher.title: matcher.compute(pair.left, pair.right)}, Colours(0, 16)))
 
 
 def swept() -> AppTest:

@@ -135,7 +135,7 @@ def test_a_session_opens_the_page_as_it_was(box: str) -> None:
     assert found[StereoBM] == StereoBM(num_disparities=32, block_size=13, min_disparity=-4)
     assert found[StereoSGBM] == StereoSGBM(num_disparities=16, mode="hh")
     view = app.session_state["shown"][2]
-    assert (view.low, view.high) == (-3.0, 21.5)
+    assert (view.colours.low, view.colours.high) == (-3.0, 21.5)
     assert [*view.results] == ["StereoBM", "StereoSGBM"]
     said = " ".join(caption.value for caption in app.caption)
     assert "A desk. x" in said
@@ -277,13 +277,14 @@ def table_page() -> None:
     import streamlit as st
 
     from stereolag import StereoBM
+    from stereolag.figures.legends import Colours
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import DepthView
     from stereolag.ui.depth.pair_sets import show_all_pairs
 
     pair = choose_pair()
     matcher = StereoBM(num_disparities=16, block_size=st.session_state.get("block", 9))
-    show_all_pairs(DepthView(pair, {matcher.title: matcher.compute(pair.left, pair.right)}, 0, 16))
+    show_all_pairs(DepthView(pair, {matcher.title: matcher.compute(pair.left, pair.right)}, Colours(0, 16)))
 
 
 def test_the_table_is_computed_when_asked_for_and_again_for_other_settings() -> None:

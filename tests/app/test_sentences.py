@@ -38,9 +38,7 @@ from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
-from stereolag.templates.degradation import Degradation
-from stereolag.templates.opencv import OpenCVSearch, opencv_search
-from stereolag.templates.trials import Trial, try_methods
+from stereolag.templates.trials import Degradation, OpenCVSearch, Trial, opencv_search, try_methods
 from stereolag.templates.verdict import Reason as SearchReason
 from stereolag.ui.depth import sentences
 from stereolag.ui.depth.sentences import (

@@ -11,7 +11,7 @@ from streamlit.testing.v1 import AppTest
 from stereolag import samples
 from stereolag.io.images import read_image
 from stereolag.templates import match_template
-from stereolag.templates.opencv import opencv_search
+from stereolag.templates.trials import opencv_search
 from stereolag.ui.search.hand_marks import PaintedMask
 from stereolag.ui.search.sentences import differences
 from tests.app import uploads

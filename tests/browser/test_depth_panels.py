@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from stereolag import samples
+from stereolag.figures.legends import Colours
 from stereolag.pair import example_pair
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.depth.comparing import show_comparison
@@ -156,7 +157,7 @@ def test_the_keyboard_moves_the_crosshair_and_picks(open_part: OpenPart) -> None
 @pytest.fixture(scope="module")
 def fence(show_parts: ShowParts) -> Parts:
     pair, matcher = example_pair(samples.stereo_pairs()["fence"]), CorrelationMatcher(window_size=15)
-    view = DepthView(pair, {"Convolution": matcher.compute(pair.left, pair.right)}, 0, 64)
+    view = DepthView(pair, {"Convolution": matcher.compute(pair.left, pair.right)}, Colours(0, 64))
     parts = show_parts(lambda: show_inspection(view))
     parts.page.locator(".curve .scores").wait_for()
     return parts

@@ -22,7 +22,7 @@ from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import estimate_search, match_template
-from stereolag.templates.opencv import estimate_opencv, opencv_search
+from stereolag.templates.trials import estimate_opencv, opencv_search
 
 __all__ = [
     "CorrelationMatcher",

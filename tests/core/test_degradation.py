@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from stereolag.templates.degradation import Degradation, DegradedPart, degraded_part
+from stereolag.templates.trials import Degradation, DegradedPart, degraded_part
 
 RANDOM = np.random.default_rng(7)
 SCENE = RANDOM.integers(60, 190, (700, 900, 3), dtype=np.uint8)

@@ -34,7 +34,7 @@ from stereolag.io.results import (
     matches_json,
     search_figures,
 )
-from stereolag.signals.alignment import aligned, together
+from stereolag.signals.lag import aligned, mix
 from tests.programs import run_program
 
 Signal = npt.NDArray[np.float64]
@@ -147,7 +147,7 @@ def test_what_a_wav_cannot_hold_is_refused() -> None:
 
 def test_together_the_recordings_are_one_sound_once_the_lag_is_undone() -> None:
     first, second = apart(400)
-    before, after = together(first, second, 0, 10**6), together(first, 50 * second + 3, 400, 10**6)
+    before, after = mix(first, second, 0, 10**6), mix(first, 50 * second + 3, 400, 10**6)
     assert after.size == 3400
     assert before.var() == pytest.approx(2, rel=0.1)  # two sounds
     assert after[400:3000].var() == pytest.approx(4, rel=0.2)  # one, twice as loud
@@ -156,7 +156,7 @@ def test_together_the_recordings_are_one_sound_once_the_lag_is_undone() -> None:
 @pytest.mark.parametrize("lag", [-400, 400])
 def test_of_long_recordings_one_hears_where_both_have_begun(lag: int) -> None:
     first, second = apart(lag)
-    heard = together(first, second, lag, 1000)
+    heard = mix(first, second, lag, 1000)
     assert heard.size == 1000
     assert heard.var() == pytest.approx(4, rel=0.01)
 

@@ -22,7 +22,7 @@ from stereolag.figures.recordings import (
     waveforms,
 )
 from stereolag.signals import signal_lag
-from stereolag.signals.overlaps import overlap_slices
+from stereolag.signals.correlation import overlap_slices
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from tests.app.uploads import noise
 

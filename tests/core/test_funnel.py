@@ -14,7 +14,7 @@ from stereolag.templates.by_hand import (
     anchors,
 )
 from stereolag.templates.exact_pixels import anchor_stages
-from stereolag.templates.patterns import alike, opaque_pixels, pattern_of
+from stereolag.templates.patterns import opaque_pixels, pattern_of, same_channels
 
 PLACE = (23, 41)
 
@@ -117,7 +117,7 @@ def test_types_that_differ_are_refused() -> None:
 
 def test_the_stages_of_the_library_are_places_of_the_template() -> None:
     image, sprite = scene()
-    searched, colours = alike(image, sprite)
+    searched, colours = same_channels(image, sprite)
     pattern = pattern_of(colours, opaque_pixels(sprite, None))
     stages = anchor_stages(np.ascontiguousarray(searched), pattern, 7, 8)
     assert stages.run == (1, 15)
@@ -128,7 +128,7 @@ def test_the_stages_of_the_library_are_places_of_the_template() -> None:
 def test_without_a_find_the_anchor_that_came_closest_tells_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
     image, sprite = scene()
     image[23:32, 41:58] = 77  # the upper part is covered
-    searched, colours = alike(image, sprite)
+    searched, colours = same_channels(image, sprite)
     pattern = pattern_of(colours, opaque_pixels(sprite, None))
     every = exact_pixels.rare_pixels(searched, pattern, 0)
 

@@ -20,7 +20,7 @@ from stereolag.assess.diagnosis import diagnose
 from stereolag.core import jobs
 from stereolag.core.jobs import COSTS, Estimate, check_memory, limits, machine_memory, set_defaults
 from stereolag.signals import estimate_lag, signal_lag
-from stereolag.signals.estimates import product_count
+from stereolag.signals.lag import product_count
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.signals.overlaps import (
+from stereolag.signals.correlation import (
     cross_spectrum,
     cross_spectrum_reference,
     running_sums,

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from scipy import signal as scipy_signal
 
 from stereolag.core.inputs import as_signal
-from stereolag.signals import blocks, estimate_lag, signal_lag
-from stereolag.signals.blocks import CentredRecording, block_curve, block_pearson, block_products
-from stereolag.signals.estimates import algorithm
-from stereolag.signals.overlaps import overlap_pearson, weighted_pearson_reference
+from stereolag.signals import estimate_lag, signal_lag
+from stereolag.signals import search as blocks
+from stereolag.signals.correlation import overlap_pearson, weighted_pearson_reference
+from stereolag.signals.lag import algorithm
+from stereolag.signals.search import CentredRecording, block_curve, block_pearson, block_products
 
 
 def recording(size: int, seed: int = 0) -> np.ndarray:

@@ -8,7 +8,7 @@ import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.signals.median_lines import median_line
+from stereolag.signals.verdict import median_line
 
 POINTS = st.lists(
     st.tuples(st.integers(-1_000, 1_000), st.integers(-(10**6), 10**6)),

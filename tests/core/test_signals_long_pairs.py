@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from benchmarks.verdict import common, drifting, noise, tones, unrelated
-from stereolag.signals import long_pairs, signal_lag
-from stereolag.signals.blocks import CentredRecording
-from stereolag.signals.long_pairs import (
+from stereolag.signals import signal_lag
+from stereolag.signals import whitening as long_pairs
+from stereolag.signals.search import CentredRecording
+from stereolag.signals.verdict import judge
+from stereolag.signals.whitening import (
     LongPair,
     add_agreement,
     add_agreement_reference,
@@ -22,7 +24,6 @@ from stereolag.signals.long_pairs import (
     whiten,
     whiten_reference,
 )
-from stereolag.signals.verdict import judge
 
 
 def repeated() -> tuple[np.ndarray, np.ndarray]:

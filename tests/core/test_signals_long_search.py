@@ -12,22 +12,20 @@ from scipy import signal as scipy_signal
 
 from benchmarks.verdict import coloured, common, drifting, noise, tones, unrelated
 from stereolag.io.recordings import read_signal
-from stereolag.signals import SignalLag, estimates, long_search, signal_lag
-from stereolag.signals.blocks import CentredRecording
-from stereolag.signals.long_search import cell_size
-from stereolag.signals.overlaps import weighted_pearson_reference
-from stereolag.signals.subbands import band_energies, band_products, band_signals
+from stereolag.signals import SignalLag, signal_lag
+from stereolag.signals.correlation import weighted_pearson_reference
+from stereolag.signals.search import CentredRecording, _Bound, band_energies, band_products, band_signals, cell_size
 
 
 @pytest.fixture
 def both_ways(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[SignalLag, SignalLag]]:
     """Return a function that measures a lag from the whole, and as if the recordings were long."""
-    monkeypatch.setattr(long_search, "LAGS_OF_A_BAND", 20_000)
+    monkeypatch.setattr("stereolag.signals.search.LAGS_OF_A_BAND", 20_000)
 
     def measured(one: Any, other: Any, **given: Any) -> tuple[SignalLag, SignalLag]:
         results = []
         for longest in (2**40, 0):
-            monkeypatch.setattr(estimates, "LONGEST_WHOLE", longest)
+            monkeypatch.setattr("stereolag.signals.lag.LONGEST_WHOLE", longest)
             results.append(signal_lag(one, other, **given))
         return results[0], results[1]
 
@@ -133,7 +131,7 @@ def test_bands_hold_the_energy_and_their_products_the_correlation(step: int) -> 
 def test_no_correlation_is_above_its_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     one, other = common(3000, 200, 0)
     given = [signal - signal.mean() for signal in (one, other)]
-    bound = long_search._Bound(*(CentredRecording(signal) for signal in given), 2999, 8)
+    bound = _Bound(*(CentredRecording(signal) for signal in given), 2999, 8)
     parts = [band_signals(CentredRecording(signal), range(4), 8) for signal in given]
     for band, first, second in zip(range(4), *parts, strict=True):
         bound.add(band, first, second)

@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereolag.signals.overlaps import cross_spectrum, turn_back, turn_forth
-from stereolag.signals.peaks import REACH, find_peak, main_lobe, peak_ratio, refine_peak
+from stereolag.signals.correlation import (
+    REACH,
+    cross_spectrum,
+    find_peak,
+    main_lobe,
+    peak_ratio,
+    refine_peak,
+    turn_back,
+    turn_forth,
+)
 
 
 def peak_of(values: list[float], first_lag: int) -> tuple[int, int]:

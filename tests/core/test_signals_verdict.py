@@ -13,10 +13,8 @@ from benchmarks.verdict import UNRELATED, coloured, common, drifting, tones, unr
 from stereolag import samples
 from stereolag.io.recordings import read_signal
 from stereolag.signals import SignalLag, SignalMethod, signal_lag
-from stereolag.signals.overlaps import overlap_length
-from stereolag.signals.peaks import find_peak
-from stereolag.signals.rivals import regular_spacing
-from stereolag.signals.verdict import Judgement, judge
+from stereolag.signals.correlation import find_peak, overlap_length
+from stereolag.signals.verdict import Judgement, judge, regular_spacing
 from stereolag.signals.whitening import WhitePair, local_curve
 
 METHODS = get_args(SignalMethod)

@@ -7,7 +7,7 @@ import pytest
 from scipy import signal as scipy_signal
 
 from stereolag.signals import signal_lag
-from stereolag.signals.overlaps import running_sums
+from stereolag.signals.correlation import running_sums
 from stereolag.signals.sampling import best_matches
 
 LAG = 3210

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.templates.correlation import (
+from stereolag.templates.score_maps import (
     fill_pearson,
     pearson,
     running_box_energy,

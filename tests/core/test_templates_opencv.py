@@ -9,9 +9,7 @@ from stereolag import samples
 from stereolag.core.inputs import Image
 from stereolag.io.images import read_image
 from stereolag.templates import match_template
-from stereolag.templates.degradation import Degradation, degraded_part
-from stereolag.templates.opencv import is_masked, opencv_search
-from stereolag.templates.trials import Trial, try_methods
+from stereolag.templates.trials import Degradation, Trial, degraded_part, is_masked, opencv_search, try_methods
 
 RANDOM = np.random.default_rng(3)
 SCENE = RANDOM.integers(0, 256, (90, 120, 3), dtype=np.uint8)

@@ -19,9 +19,8 @@ from benchmarks.rocketman import absent_scenes, drawn, posed_scenes
 from stereolag.core.searches import TemplateQuery
 from stereolag.core.settings import Bounds
 from stereolag.templates import estimate_search, match_template
-from stereolag.templates.patterns import pattern_of
-from stereolag.templates.pose_ranges import PoseRange
-from stereolag.templates.warping import warped, warped_shape
+from stereolag.templates.patterns import pattern_of, warped, warped_shape
+from stereolag.templates.poses import PoseRange
 
 Array = npt.NDArray[Any]
 

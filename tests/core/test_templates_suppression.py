@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereolag.templates import TemplateMatch, match_template
-from stereolag.templates.peaks import peaks, suppress
+from stereolag.templates.score_maps import peaks, suppress
 
 
 def overlap(one: TemplateMatch, other: TemplateMatch) -> float:

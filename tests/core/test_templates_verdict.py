@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stereolag.templates import TemplateMethod, match_template
-from stereolag.templates.peaks import elsewhere, next_elsewhere
+from stereolag.templates.score_maps import elsewhere, next_elsewhere
 from stereolag.templates.verdict import Verdict, leads, verdict
 
 Array = npt.NDArray[Any]

@@ -17,7 +17,6 @@ from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher
 from stereolag.ui import downloads
 from stereolag.ui.depth.comparing import evaluations
-from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.pair_exports import PAIR_EXPORTS, Export, Text, image_names
 from stereolag.ui.depth.subjects import Subject
 from stereolag.ui.downloads import File
@@ -30,7 +29,7 @@ def _of_map(ending: str) -> Callable[[Subject], str]:
 
 def _coloured(subject: Subject) -> bytes:
     low, high = subject.colour_range
-    return coloured_png(subject.result.disparity, low, high, subject.view.palette)
+    return coloured_png(subject.result.disparity, low, high, subject.view.colours.palette)
 
 
 def _confidence(subject: Subject) -> FloatMap:
@@ -61,7 +60,7 @@ def _metrics(subject: Subject) -> str:
     """Return the figures of every method on the page as CSV, for comparison."""
     judged: dict[str, Evaluation] = {}
     for name, result in subject.each_result():
-        judged |= evaluations(DepthView(subject.pair, {name: result}, *subject.colour_range))
+        judged |= evaluations(subject.pair, {name: result})
     maps: dict[str, DisparityMap] = {**subject.view.results}
     if not subject.enlarged:
         maps[subject.method] = subject.result

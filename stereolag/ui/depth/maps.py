@@ -5,23 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Set
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 import streamlit as st
 
-from stereolag.core.arrays import FloatMap, ReasonMap, Rgb
-from stereolag.figures.legends import (
-    FAR_TO_NEAR,
-    PALETTES,
-    Colours,
-    Legend,
-    disparity_legends,
-    disparity_range,
-    searched_range,
-)
+from stereolag.core.arrays import FloatMap, ReasonMap
+from stereolag.core.inputs import Image
+from stereolag.figures.legends import PALETTES, Colours, Legend, disparity_legends, disparity_range, searched_range
 from stereolag.figures.pictures import as_rgb, edge_path, thinned
 from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
 from stereolag.pair import Pair
@@ -35,27 +28,39 @@ from stereolag.ui.announcements import announce
 from stereolag.ui.depth.calibrating import calibration_of
 from stereolag.ui.depth.sentences import map_in_words, photograph_in_words
 from stereolag.ui.first_settings import DISPARITIES_AT_FIRST, first_settings
-from stereolag.ui.keys import COLOURS, SHOWN, TAB, preset_key
 from stereolag.ui.linked_pictures import linked_pictures, send_picture
 from stereolag.ui.matcher_controls import AsSet, ask_matcher, matchers_in_use, set_controls
-from stereolag.ui.packing import (
-    DepthScale,
-    Figure,
-    PackedPicture,
-    Picture,
-    Reading,
-    no_depth,
-    packed,
-)
+from stereolag.ui.packing import DepthScale, Figure, PackedPicture, Picture, Reading, no_depth, packed
 from stereolag.ui.persistence import persistent
 from stereolag.ui.results import computed_at_once, computed_before, computed_in_turn, remembered
 from stereolag.ui.sentences import REASON_WORDS, beyond_the_colours, duration, percent
 from stereolag.ui.states import show_refused
 
+LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
+KEY = "depth.bench"
+SENT = f"{KEY}.sent"
+
+COLUMNS = 2
+"""Maps side by side if there is room."""
+
+CONTROLS_WIDTH = 320
+"""Px."""
+
+SHOWN_AT_FIRST = [method.short_name for method in METHODS[:COLUMNS]]
+
+PALETTE, INVERTED, OUTLINED = (f"{keys.COLOURS}.{name}" for name in ("palette", "inverted", "outlined"))
+FIRST_PALETTE = "viridis"
+MOST_BEYOND = 0.02
+"""Share of a map beyond the colours above which the page says so."""
+
+WITH_A_DISPARITY = {Reason.MEASURED: "", Reason.FILLED: REASON_WORDS[Reason.FILLED]}
+REASON_READINGS = tuple(WITH_A_DISPARITY.get(reason, f"no disparity: {REASON_WORDS[reason]}") for reason in Reason)
+"""The text under a map for each reason."""
+
 
 @dataclass(frozen=True, eq=False)
 class DepthView:
-    """One pair, the map of each method, and the colour range that all maps share.
+    """One pair, the map of each method, and the colours that all maps share.
 
     Attributes
     ----------
@@ -63,35 +68,44 @@ class DepthView:
         The images, with truth, mask and calibration if known.
     results
         {name of the method as the page shows it: its map}, in the order shown; its settings are ``result.settings``.
-    low, high
-        The locked colour range, px of disparity.
-    palette
-        (256, 3) uint8 RGB from far to near.
-    outlines
-        Outlines of the left image over the maps, as an SVG path; "" = none.
+    colours
+        The locked colour range, the palette, and the outlines over the maps.
     late
         Names of the maps whose settings have changed since: the new map is still being computed.
     """
 
     pair: Pair
     results: Mapping[str, DisparityMap]
-    low: float
-    high: float
-    palette: Rgb = field(default_factory=lambda: FAR_TO_NEAR)
-    outlines: str = ""
+    colours: Colours
     late: Set[str] = frozenset()
 
-    @property
-    def colours(self) -> Colours:
-        """Return the colours that all maps share."""
-        return Colours(self.low, self.high, self.palette, self.outlines)
+    def kept(self, name: str, more: str = "") -> dict[str, Any]:
+        """Return what identifies a result about one map, as :func:`.kept_for` does; `more` is what else it needs."""
+        return kept_for(self.pair, f"{settings_key(self.results[name])} {more}")
 
 
-PALETTE, INVERTED = f"{COLOURS}.palette", f"{COLOURS}.inverted"
-OUTLINED = f"{COLOURS}.outlined"
-FIRST_PALETTE = "viridis"
-MOST_BEYOND = 0.02
-"""Share of a map beyond the colours above which the page says so."""
+def kept_for(pair: Pair, settings: str = "") -> dict[str, Any]:
+    """Return what identifies a result about a pair: see :func:`stereolag.ui.results.computed`."""
+    return {"inputs": pair.digest, "settings": settings, "shared": pair.shared}
+
+
+def settings_key(result: DisparityMap) -> str:
+    """Return the cache key of a map: its matcher and that matcher's settings."""
+    return f"{type(result.settings).__name__} {result.settings.model_dump_json()}"
+
+
+def known_truth(pair: Pair) -> FloatMap | None:
+    """Return the ground truth of a pair; None if it is not known for any pixel."""
+    return pair.truth if pair.truth is not None and np.isfinite(pair.truth).any() else None
+
+
+def all_maps(view: DepthView) -> dict[str, FloatMap]:
+    """Return the disparities of every method and the ground truth if there is one, by name."""
+    truth = {} if view.pair.truth is None else {TRUTH: view.pair.truth}
+    return {name: result.disparity for name, result in view.results.items()} | truth
+
+
+# The colours
 
 
 def coloured_alike(pair: Pair, results: Mapping[str, DisparityMap]) -> DepthView:
@@ -100,76 +114,32 @@ def coloured_alike(pair: Pair, results: Mapping[str, DisparityMap]) -> DepthView
     The range is the one searched by all maps shown together, until the visitor sets another; without a map, the
     initial range of the pair.
     """
-    key = range_key(pair)
     first, count = pair.min_disparity, pair.num_disparities or DISPARITIES_AT_FIRST
     searched = searched_range(results.values()) if results else (float(first), float(first + count))
-    low, high = st.session_state.get(key) or searched
-    palette = st.session_state.get(PALETTE, FIRST_PALETTE)
-    inverted = st.session_state.get(INVERTED, False)
-    outlined = st.session_state.get(OUTLINED, False)
-    colours = st.popover("Colours", icon=":material/palette:", key=f"{COLOURS}.opened", on_change="rerun")
-    if colours.open:  # drawing hidden controls would cost time in every run
-        with colours:
-            _ask_range(key, pair, results, (low, high))
-            palette = st.segmented_control(
-                "Palette",
-                [*PALETTES],
-                default=FIRST_PALETTE,
-                format_func=str.capitalize,
-                required=True,
-                **persistent(PALETTE),
-            )
-            inverted = st.toggle(
-                "Invert: far is bright",
-                **persistent(INVERTED),
-                help="Near things are dark, as in the source report’s maps. The report’s preset switches this on.",
-            )
-            outlined = st.toggle(
-                "Outlines of the left image",
-                **persistent(OUTLINED),
-                help="Draws the edges of the left image over every map: where a depth edge lies beside its outline, "
-                "the window has smeared it.",
-            )
-    colours_of = PALETTES[palette]
-    if inverted:
-        colours_of = colours_of[::-1]
-    return DepthView(pair, results, low, max(high, low + 1), colours_of, _outlines(pair) if outlined else "")
+    low, high = st.session_state.get(range_key(pair)) or searched
+    popover = st.popover("Colours", icon=":material/palette:", key=f"{keys.COLOURS}.opened", on_change="rerun")
+    if popover.open:  # drawing hidden controls would cost time in every run
+        with popover:
+            _ask_colours(pair, results, (low, high))
+    palette = PALETTES[st.session_state.get(PALETTE, FIRST_PALETTE)]
+    outlines = ""
+    if st.session_state.get(OUTLINED):
+        outlines = remembered("outlines", lambda: edge_path(pair.left), **kept_for(pair))
+    direction = -1 if st.session_state.get(INVERTED) else 1
+    return DepthView(pair, results, Colours(low, max(high, low + 1), palette[::direction], outlines))
 
 
-def offer_fit(view: DepthView) -> None:
-    """Name the maps with more than `MOST_BEYOND` outside the colours, and offer to fit the range to them."""
-    beyond = {name: _share_beyond(view, name) for name in view.results}
-    beyond = {name: share for name, share in beyond.items() if share > MOST_BEYOND}
-    if not beyond:
-        return
-    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        prose.markdown(f":orange[:material/palette:] {beyond_the_colours(beyond)}", width="content")
-        fit = (range_key(view.pair), view.pair, view.results)
-        st.button("Fit the colours", key=f"{COLOURS}.fit_beyond", on_click=_fit, args=fit)
-
-
-def set_inverted(inverted: bool) -> None:
-    """Set whether far things are bright, instead of near ones; the switch must not have been drawn yet."""
-    st.session_state[INVERTED] = inverted
-
-
-def _outlines(pair: Pair) -> str:
-    """Return the outlines of the left image; from memory if they were drawn before."""
-    return remembered("outlines", lambda: edge_path(pair.left), inputs=pair.digest, settings="", shared=pair.shared)
-
-
-def _ask_range(key: str, pair: Pair, results: Mapping[str, DisparityMap], shown: tuple[float, float]) -> None:
-    """Ask for the ends of the colour range, and offer to fit it or to let it follow the search."""
-    low, high = shown
+def _ask_colours(pair: Pair, results: Mapping[str, DisparityMap], shown: tuple[float, float]) -> None:
+    """Ask for the ends of the colour range, or to fit it or let it follow the search, for palette and outlines."""
+    key = range_key(pair)
     with st.container(horizontal=True, gap="small"):
-        for end, value in (("far", low), ("near", high)):
-            box = f"{key}.{end}"
-            st.session_state[box] = float(value)
+        for end, value in zip(("far", "near"), shown, strict=True):
+            st.session_state[f"{key}.{end}"] = float(value)
             st.number_input(
                 f"{end.capitalize()} end, px",
                 step=1.0,
                 format="%g",
-                key=box,
+                key=f"{key}.{end}",
                 width=130,
                 on_change=_set_range,
                 args=(key,),
@@ -177,63 +147,80 @@ def _ask_range(key: str, pair: Pair, results: Mapping[str, DisparityMap], shown:
     with st.container(horizontal=True, gap="small"):
         st.button(
             "Fit to the maps",
-            on_click=_fit,
-            args=(key, pair, results),
-            key=f"{COLOURS}.fit",
+            on_click=_fit_range,
+            args=(pair, results),
+            key=f"{keys.COLOURS}.fit",
             disabled=not results,
         )
         st.button(
             "Follow the search",
             on_click=st.session_state.pop,
             args=(key, None),
-            key=f"{COLOURS}.follow",
+            key=f"{keys.COLOURS}.follow",
             disabled=key not in st.session_state,
             help="The colours then span the disparities that are searched.",
         )
-
-
-def _set_range(key: str) -> None:
-    low, high = st.session_state[f"{key}.far"], st.session_state[f"{key}.near"]
-    st.session_state[key] = min(low, high), max(low, high)
-
-
-def _fit(key: str, pair: Pair, results: Mapping[str, DisparityMap]) -> None:
-    """Set the range to cover every map shown and the truth, except the outermost 1 % at either end of each."""
-    maps: list[FloatMap] = [one.disparity for one in results.values()]
-    ranges = [disparity_range([one]) for one in (maps if pair.truth is None else [*maps, pair.truth])]
-    st.session_state[key] = min(low for low, _ in ranges), max(high for _, high in ranges)
-
-
-def _share_beyond(view: DepthView, name: str) -> float:
-    """Return the share of a map's disparities beyond the colours, 0..1."""
-    result = view.results[name]
-
-    def share() -> float:
-        values = thinned(result.disparity)
-        known = np.isfinite(values)
-        outside = (values < view.low - 1) | (values > view.high + 1)
-        return float((outside & known).sum()) / max(1.0, float(known.sum()))
-
-    return remembered(
-        "share beyond the colours",
-        share,
-        inputs=view.pair.digest,
-        settings=f"{name} {result.settings.model_dump_json()} {view.low} {view.high}",
-        shared=view.pair.shared,
+    st.segmented_control(
+        "Palette",
+        [*PALETTES],
+        default=FIRST_PALETTE,
+        format_func=str.capitalize,
+        required=True,
+        **persistent(PALETTE),
+    )
+    st.toggle(
+        "Invert: far is bright",
+        **persistent(INVERTED),
+        help="Near things are dark, as in the source report’s maps. The report’s preset switches this on.",
+    )
+    st.toggle(
+        "Outlines of the left image",
+        **persistent(OUTLINED),
+        help="Draws the edges of the left image over every map: where a depth edge lies beside its outline, "
+        "the window has smeared it.",
     )
 
 
 def range_key(pair: Pair) -> str:
     """Return the key of the visitor's range for a pair; while it is unset, the range follows the search."""
-    return f"{COLOURS}.range.{pair.digest}"
+    return f"{keys.COLOURS}.range.{pair.digest}"
 
 
-LEFT, RIGHT, TRUTH = "Left image", "Right image", "Ground truth"
-KEY = "depth.bench"
-SENT = f"{KEY}.sent"
+def _set_range(key: str) -> None:
+    ends = st.session_state[f"{key}.far"], st.session_state[f"{key}.near"]
+    st.session_state[key] = min(ends), max(ends)
 
-COLUMNS = 2
-"""Maps side by side if there is room."""
+
+def _fit_range(pair: Pair, results: Mapping[str, DisparityMap]) -> None:
+    """Set the range to cover every map shown and the truth, except the outermost 1 % at either end of each."""
+    truth = [] if pair.truth is None else [pair.truth]
+    ends = [disparity_range([one]) for one in (*(result.disparity for result in results.values()), *truth)]
+    st.session_state[range_key(pair)] = min(low for low, _ in ends), max(high for _, high in ends)
+
+
+def offer_fit(view: DepthView) -> None:
+    """Name the maps with more than `MOST_BEYOND` outside the colours, and offer to fit the range to them."""
+    low, high = view.colours.low, view.colours.high
+
+    def beyond(result: DisparityMap) -> float:
+        values = thinned(result.disparity)
+        known = np.isfinite(values)
+        outside = (values < low - 1) | (values > high + 1)
+        return float((outside & known).sum()) / max(1.0, float(known.sum()))
+
+    shares = {
+        name: remembered("share beyond the colours", partial(beyond, result), **view.kept(name, f"{low} {high}"))
+        for name, result in view.results.items()
+    }
+    shares = {name: share for name, share in shares.items() if share > MOST_BEYOND}
+    if shares:
+        with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+            prose.markdown(f":orange[:material/palette:] {beyond_the_colours(shares)}", width="content")
+            fit = partial(_fit_range, view.pair, view.results)
+            st.button("Fit the colours", key=f"{keys.COLOURS}.fit_beyond", on_click=fit)
+
+
+# The maps
 
 
 def map_task(matcher: StereoMatcher) -> str:
@@ -245,9 +232,6 @@ def shown_methods() -> list[type[StereoMatcher]]:
     """Return the methods whose maps are shown, in the order of the list of methods."""
     names = st.session_state.get(keys.SHOWN, SHOWN_AT_FIRST)
     return [method for method in METHODS if method.short_name in names]
-
-
-SHOWN_AT_FIRST = [method.short_name for method in METHODS[:COLUMNS]]
 
 
 def choose_maps() -> None:
@@ -288,11 +272,9 @@ def measured(pair: Pair, matcher: StereoMatcher | None, waiting: Container | Non
         return {}
     last = f"{KEY}.last.{matcher.short_name}"
     if result is not None:
-        st.session_state[last] = pair.digest, matcher.model_dump_json()
-        return {matcher.title: result}
-    digest, settings = st.session_state.get(last, ("", ""))
-    if digest == pair.digest:
-        result = computed_before(map_task(matcher), inputs=digest, settings=settings, shared=pair.shared)
+        st.session_state[last] = kept_for(pair, matcher.model_dump_json())
+    elif (before := st.session_state.get(last)) and before["inputs"] == pair.digest:
+        result = computed_before(map_task(matcher), **before)
     return {} if result is None else {matcher.title: result}
 
 
@@ -301,9 +283,7 @@ def _computation(pair: Pair, matcher: StereoMatcher) -> dict[str, Any]:
         "task": map_task(matcher),
         "compute": lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
         "estimate": matcher.estimate(pair.left.shape, pair.left.dtype),
-        "inputs": pair.digest,
-        "settings": matcher.model_dump_json(),
-        "shared": pair.shared,
+        **kept_for(pair, matcher.model_dump_json()),
     }
 
 
@@ -331,15 +311,24 @@ def send_ahead(pair: Pair, matchers: Iterable[StereoMatcher | None]) -> dict[str
     return packs
 
 
+def _packed(pair: Pair, picture: Picture, result: DisparityMap | None) -> PackedPicture:
+    """Return a picture packed for the browser; from memory if it was packed before."""
+    shows = picture.title if result is None else settings_key(result)
+    return remembered("packed picture", partial(packed, picture), **kept_for(pair, shows))
+
+
 def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
     """Show the maps of the view with their numbers under one crosshair, and the images as thumbnails.
 
     Pictures already `sent` are not sent again.
     """
-    pictures = [_map_with_figures(view, name) for name in view.results]
-    pictures += [left_picture(view, small=True), right_picture(view, small=True), *truth_picture(view, small=True)]
     linked_pictures(
-        pictures,
+        [
+            *(map_picture(view, name, with_figures=True) for name in view.results),
+            photograph(LEFT, view.pair.left, small=True),
+            photograph(RIGHT, view.pair.right, small=True),
+            *truth_picture(view, small=True),
+        ],
         key=KEY,
         columns=COLUMNS,
         colours=view.colours,
@@ -347,92 +336,49 @@ def show_maps(view: DepthView, sent: Mapping[str, PackedPicture]) -> None:
         pack=lambda picture: _packed(view.pair, picture, view.results.get(picture.title)),
         sent=sent,
     )
-    announce(" ".join(_said_of(view, name) for name in view.results))
-
-
-def _said_of(view: DepthView, name: str) -> str:
-    """Return a sentence with the numbers of a map, except the time it took."""
-    return f"{name}: {', '.join(f'{one.label} {one.value}' for one in _figures(view, name)[1:])}."
-
-
-def _packed(pair: Pair, picture: Picture, result: DisparityMap | None) -> PackedPicture:
-    """Return a picture packed for the browser; from memory if it was packed before."""
-    return remembered(
-        "packed picture",
-        partial(packed, picture),
-        inputs=pair.digest,
-        settings=picture.title if result is None else settings_key(result),
-        shared=pair.shared,
-    )
+    numbers = {name: [f"{one.label} {one.value}" for one in _figures(view, name)[1:]] for name in view.results}
+    announce(" ".join(f"{name}: {', '.join(of_map)}." for name, of_map in numbers.items()))
 
 
 def _figures(view: DepthView, name: str) -> tuple[Figure, ...]:
-    """Return the numbers of a map."""
-    result = view.results[name]
-    figures: tuple[Figure, ...] = (
+    """Return the numbers of a map; the first is the time it took."""
+    result, truth = view.results[name], view.pair.truth
+    figures = [
         Figure("Took", duration(result.elapsed_s), "Time of the computation alone, when first run."),
         Figure("Coverage", percent(result.coverage), "Share of the pixels that have a disparity."),
-    )
+    ]
     if name in view.late:
-        figures = *figures, Figure("Of", "the settings before", "The map of these settings is not computed yet.")
-    if view.pair.truth is None:
-        return figures
-    judgement = judged(view.pair, result, view.pair.truth)
-    return (
-        *figures,
-        Figure("Bad-2", f"{judgement.bad[2.0]:.1f} %", "Pixels off by more than 2 px or without a disparity."),
-        Figure("EPE", f"{judgement.epe:.2f} px", "Mean error of the pixels that have a disparity."),
-    )
+        figures.append(Figure("Of", "the settings before", "The map of these settings is not computed yet."))
+    if truth is not None:
+        judged: Evaluation = remembered("evaluation", lambda: evaluate(result.disparity, truth), **view.kept(name))
+        figures += [
+            Figure("Bad-2", f"{judged.bad[2.0]:.1f} %", "Pixels off by more than 2 px or without a disparity."),
+            Figure("EPE", f"{judged.epe:.2f} px", "Mean error of the pixels that have a disparity."),
+        ]
+    return tuple(figures)
 
 
-def judged(pair: Pair, result: DisparityMap, truth: FloatMap) -> Evaluation:
-    """Return the figures of a map over all pixels with truth; from memory if they were computed before."""
-    return remembered(
-        "evaluation",
-        lambda: evaluate(result.disparity, truth),
-        inputs=pair.digest,
-        settings=settings_key(result),
-        shared=pair.shared,
-    )
+# The pictures
 
 
-def settings_key(result: DisparityMap) -> str:
-    """Return the cache key of a map: its matcher and that matcher's settings."""
-    return f"{type(result.settings).__name__} {result.settings.model_dump_json()}"
+def photograph(title: str, image: Image, *, small: bool = False) -> Picture:
+    """Return one of the two images."""
+    said = partial(photograph_in_words, image)
+    return Picture(title, as_rgb(image), photograph=True, thumbnail=small, alternative=said)
 
 
-def left_picture(view: DepthView, *, small: bool = False) -> Picture:
-    """Return the left image."""
-    left = view.pair.left
-    return Picture(LEFT, as_rgb(left), photograph=True, thumbnail=small, alternative=partial(photograph_in_words, left))
+def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None, *, with_figures: bool = False) -> Picture:
+    """Return the map of a method with readings of disparity, depth and score, and the reason for a blank pixel.
 
-
-def right_picture(view: DepthView, *, small: bool = False) -> Picture:
-    """Return the right image."""
-    right = view.pair.right
-    return Picture(
-        RIGHT, as_rgb(right), photograph=True, thumbnail=small, alternative=partial(photograph_in_words, right)
-    )
-
-
-def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None) -> Picture:
-    """Return the map of a method with readings of disparity, depth and score, and the reason for a blank pixel."""
-    result = view.results[name]
-    score = Reading(result.score, label="score", digits=2)
-    readings = *_readings(result, partial(_depth, view, name), reason=reason), score
-    return Picture(name, None, readings, alternative=partial(map_in_words, result.disparity))
-
-
-def _map_with_figures(view: DepthView, name: str) -> Picture:
-    """Return the map of a method with its numbers; without scores and to 0.1 px, only a third of the data is sent."""
-    result = view.results[name]
-    readings = _readings(result, partial(_depth, view, name), digits=1)
+    With figures, it has the numbers of the whole map in place of scores and hundredths: a third of the data is sent.
+    """
+    result, depth = view.results[name], partial(_depth_scale, view, name)
     said = partial(map_in_words, result.disparity)
-    return Picture(name, None, readings, partial(_figures, view, name), alternative=said)
-
-
-def _depth(view: DepthView, name: str) -> DepthScale | None:
-    return depth_scale(view.pair, disparity_error(view, name))
+    if with_figures:
+        numbers = partial(_figures, view, name)
+        return Picture(name, None, _readings(result, depth, digits=1), numbers, alternative=said)
+    readings = *_readings(result, depth, reason=reason), Reading(result.score, label="score", digits=2)
+    return Picture(name, None, readings, alternative=said)
 
 
 def _readings(
@@ -444,7 +390,7 @@ def _readings(
 ) -> tuple[Reading, Reading]:
     return (
         Reading(result.disparity, unit="px", digits=digits, depth=depth),
-        Reading(result.reason if reason is None else reason, words=tuple(_said(cause) for cause in Reason)),
+        Reading(result.reason if reason is None else reason, words=REASON_READINGS),
     )
 
 
@@ -453,52 +399,36 @@ def truth_picture(view: DepthView, *, small: bool = False) -> list[Picture]:
     truth = view.pair.truth
     if truth is None:
         return []
-    reading = Reading(truth, unit="px", digits=2, depth=lambda: depth_scale(view.pair, 0.0))
+    reading = Reading(truth, unit="px", digits=2, depth=partial(_depth_scale, view, TRUTH))
     return [Picture(TRUTH, None, (reading,), thumbnail=small, alternative=partial(map_in_words, truth))]
 
 
 def map_legends(view: DepthView) -> tuple[Legend, ...]:
     """Return the legends of the maps of a pair."""
-    return disparity_legends(view.low, view.high, view.palette, calibration_of(view.pair))
-
-
-def _said(reason: Reason) -> str:
-    """Return the text for a reason under a map; "" for a measured pixel."""
-    if reason is Reason.MEASURED:
-        return ""
-    return REASON_WORDS[reason] if reason is Reason.FILLED else f"no disparity: {REASON_WORDS[reason]}"
-
-
-def known_truth(pair: Pair) -> FloatMap | None:
-    """Return the ground truth of a pair; None if it is not known for any pixel."""
-    return pair.truth if pair.truth is not None and np.isfinite(pair.truth).any() else None
+    colours = view.colours
+    return disparity_legends(colours.low, colours.high, colours.palette, calibration_of(view.pair))
 
 
 def disparity_error(view: DepthView, name: str) -> float:
-    """Return the typical error of a method's disparities, px; measured if the ground truth is known."""
-    if view.pair.truth is None:
-        return DISPARITY_ERROR
-    truth, result = view.pair.truth, view.results[name]
-    error = remembered(
-        "typical error",
-        lambda: typical_error(result.disparity, truth),
-        inputs=view.pair.digest,
-        settings=f"{name} {result.settings.model_dump_json()}",
-        shared=view.pair.shared,
-    )
+    """Return the typical error of a method's disparities, px; measured if the ground truth is known, whose own is 0."""
+    truth = view.pair.truth
+    if name == TRUTH or truth is None:
+        return 0.0 if name == TRUTH else DISPARITY_ERROR
+    disparity = view.results[name].disparity
+    error: float = remembered("typical error", lambda: typical_error(disparity, truth), **view.kept(name))
     return DISPARITY_ERROR if math.isnan(error) else error
 
 
-def depth_scale(pair: Pair, error: float) -> DepthScale | None:
+def _depth_scale(view: DepthView, name: str) -> DepthScale | None:
     """Return the numbers that the browser needs to show depths; None without a calibration."""
-    calibration = calibration_of(pair)
+    calibration = calibration_of(view.pair)
     if calibration is None:
         return None
-    return DepthScale(calibration.focal_px * calibration.baseline_m, calibration.doffs_px, error)
+    factor = calibration.focal_px * calibration.baseline_m
+    return DepthScale(factor, calibration.doffs_px, disparity_error(view, name))
 
 
-CONTROLS_WIDTH = 320
-"""Px."""
+# The controls beside them
 
 
 def bench() -> tuple[Container, Container]:
@@ -513,21 +443,20 @@ def show_controls(pair: Pair, as_set: Mapping[type[StereoMatcher], AsSet]) -> No
 
     Selecting a method also shows its map, so that moving its controls has a visible effect.
     """
-    names = [kind.short_name for kind in METHODS]
-    by_name = dict(zip(names, METHODS, strict=True))
+    by_name = {method.short_name: method for method in METHODS}
     tab = st.segmented_control(
         "Settings of",
-        names,
-        default=names[0],
+        [*by_name],
+        default=next(iter(by_name)),
         required=True,
         format_func=lambda name: by_name[name].title,
-        **persistent(TAB),
+        **persistent(keys.TAB),
         label_visibility="collapsed",
-        on_change=lambda: show_method(by_name[st.session_state[TAB]]),
+        on_change=lambda: show_method(by_name[st.session_state[keys.TAB]]),
     )
-    for kind, found in as_set.items():
-        if kind.short_name == tab:
-            ask_matcher(kind, pair, found)
+    for method, found in as_set.items():
+        if method.short_name == tab:
+            ask_matcher(method, pair, found)
         elif found.refusal is not None:
             show_refused(found.refusal)
 
@@ -536,10 +465,10 @@ def show_presets(pair: Pair) -> None:
     """Draw a button for each preset, and one that resets all methods to their initial settings."""
     with st.container(horizontal=True, gap="xxsmall", vertical_alignment="center"):
         for name, one in PRESETS.items():
-            st.button(one.title, key=preset_key(name), help=one.meaning, on_click=partial(_set_preset, name, pair))
+            st.button(one.title, key=keys.preset_key(name), help=one.meaning, on_click=partial(_set_preset, name, pair))
         st.button(
             "Reset",
-            key=preset_key("reset"),
+            key=keys.preset_key("reset"),
             icon=":material/restart_alt:",
             help="Sets all methods back to their initial settings.",
             type="tertiary",
@@ -549,7 +478,7 @@ def show_presets(pair: Pair) -> None:
 
 def _set_preset(name: PresetName, pair: Pair) -> None:
     """Show a preset in its own colours, over the range of the method whose settings are shown."""
-    tab = st.session_state.get(TAB, METHODS[0].short_name)
+    tab = st.session_state.get(keys.TAB, METHODS[0].short_name)
     searched = [matcher.search_range() for matcher in matchers_in_use() if matcher.short_name == tab]
     # A square search area reaches equally far to both sides, which makes no range for a strip.
     strips = [one for one in searched if one is not None and one[0] + one[1] - 1 != -one[0]]
@@ -557,13 +486,13 @@ def _set_preset(name: PresetName, pair: Pair) -> None:
     matcher = preset(name, count, first)
     set_controls(matcher, pair)
     show_method(type(matcher), instead=True)
-    set_inverted(name == "report")
-    st.session_state[TAB] = matcher.short_name
+    st.session_state[INVERTED] = name == "report"
+    st.session_state[keys.TAB] = matcher.short_name
 
 
 def _reset(pair: Pair) -> None:
-    st.session_state[SHOWN] = SHOWN_AT_FIRST
-    st.session_state[TAB] = METHODS[0].short_name
-    set_inverted(False)
-    for kind in METHODS:
-        set_controls(first_settings(kind, pair), pair)
+    st.session_state[keys.SHOWN] = SHOWN_AT_FIRST
+    st.session_state[keys.TAB] = METHODS[0].short_name
+    st.session_state[INVERTED] = False
+    for method in METHODS:
+        set_controls(first_settings(method, pair), pair)

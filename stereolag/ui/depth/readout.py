@@ -8,28 +8,27 @@ import streamlit as st
 
 from stereolag.core.arrays import FloatMap
 from stereolag.figures.pictures import PEAK
+from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import FIELD_OF_VIEW, SeenPoint, calibrated_by, distance_between
 from stereolag.pair import Pair
-from stereolag.stereo.reasons import Reason
 from stereolag.ui import prose
 from stereolag.ui.depth.calibrating import KnownDistance, calibration_of, keep_known_distance, known_distance
-from stereolag.ui.depth.explaining import reasons_of
+from stereolag.ui.depth.explaining import Pixel, disparity_in_words, reasons_of
 from stereolag.ui.depth.maps import (
-    TRUTH,
+    LEFT,
     DepthView,
+    all_maps,
     disparity_error,
-    left_picture,
     map_legends,
     map_picture,
+    photograph,
     truth_picture,
 )
+from stereolag.ui.depth.sentences import length_in_words, markdown_table, metres_in_words, uncertainty_in_words
 from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.sentences import REASON_WORDS
 
 KEY = "depth.readout"
-
-Pixel = tuple[int, int]
 
 
 @fragment
@@ -41,123 +40,66 @@ def show_readout(view: DepthView) -> None:
     def pick(row: int, col: int) -> None:
         st.session_state[points_key] = [*points, (row, col)] if len(points) == 1 else [(row, col)]
 
-    prose.markdown(_calibration_in_words(view))
-    pictures = [left_picture(view)]
-    pictures += [map_picture(view, name, reasons_of(view, name)) for name in view.results]
+    prose.markdown(_source_of_metres(view))
+    line = [Mark(*points[0], PEAK, to=points[1])] if len(points) == 2 else []
     linked_pictures(
-        [*pictures, *truth_picture(view)],
+        [
+            photograph(LEFT, view.pair.left),
+            *(map_picture(view, name, reasons_of(view, name)) for name in view.results),
+            *truth_picture(view),
+        ],
         key=KEY,
         colours=view.colours,
         legends=map_legends(view),
         hint="Click two points to measure the distance between them; a third click starts over.",
-        marks=_marks(points),
+        marks=[*line, *(Mark(*point, PEAK, label=letter) for point, letter in zip(points, "AB", strict=False))],
         on_pick=pick,
     )
     if points:
-        prose.markdown(_table(view, points))
-        prose.caption(_uncertainty_in_words(view))
+        prose.markdown(markdown_table(_table(view, points)))
+        errors = {name: disparity_error(view, name) for name in view.results}
+        prose.caption(uncertainty_in_words(errors, measured=view.pair.truth is not None))
     _ask_known_distance(view, points)
 
 
-def _marks(points: list[Pixel]) -> list[Mark]:
-    lines = [Mark(*points[0], PEAK, to=points[1])] if len(points) == 2 else []
-    return [*lines, *(Mark(*point, PEAK, label=letter) for point, letter in zip(points, "AB", strict=False))]
+def _source_of_metres(view: DepthView) -> str:
+    known = known_distance(view.pair)
+    place = f"the **{known.metres:g} m** that you entered for row {known.row}, column {known.col}" if known else ""
+    return metres_in_words(calibration_of(view.pair), place)
 
 
-def _calibration_in_words(view: DepthView) -> str:
-    """Return a sentence about the source of the metres."""
-    known, calibration = known_distance(view.pair), calibration_of(view.pair)
-    if calibration is None:
-        return (
-            "**Relative**: without a calibration, disparity tells which point is nearer, but not how many metres away "
-            "it is. One known distance is enough: click a point and enter its distance below."
-        )
-    product = f"focal length × baseline = **{calibration.focal_px * calibration.baseline_m:.4g} px·m**"
-    if known:
-        place = f"row {known.row}, column {known.col}"
-        return f"**Metric**, from the **{known.metres:g} m** that you entered for {place}: {product}."
-    factors = f"{calibration.focal_px:.6g} px × {calibration.baseline_m:.4g} m"
-    return f"**Metric**, from the pair’s calibration: {factors}, {product}."
-
-
-def _table(view: DepthView, points: list[Pixel]) -> str:
-    """Return the values of each method at the points, as a Markdown table."""
-    metric = calibration_of(view.pair) is not None
-    heads = [
-        "",
-        *(f"{letter}: {what}" for letter in "AB"[: len(points)] for what in ("disparity", "depth")[: 1 + metric]),
-    ]
-    if len(points) == 2 and metric:
-        heads.append("A to B")
-    lines = [heads, ["---"] * len(heads)]
-    maps: dict[str, FloatMap] = {name: result.disparity for name, result in view.results.items()}
-    if view.pair.truth is not None:
-        maps[TRUTH] = view.pair.truth
-    for name, disparity in maps.items():
-        cells = [f"**{name}**"]
+def _table(view: DepthView, points: list[Pixel]) -> list[list[str]]:
+    """Return the values of each method at the points, with a line of headings."""
+    calibration = calibration_of(view.pair)
+    values = ("disparity",) if calibration is None else ("disparity", "depth")
+    lines = [["", *(f"{letter}: {value}" for letter in "AB"[: len(points)] for value in values)]]
+    apart = calibration is not None and len(points) == 2
+    if apart:
+        lines[0].append("A to B")
+    for name, disparity in all_maps(view).items():
+        lines.append([f"**{name}**"])
         for point in points:
-            cells.append(_disparity_in_words(view, name, point, float(disparity[point])))
-            if metric:
-                cells.append(_depth_in_words(view, name, float(disparity[point])))
-        if len(points) == 2 and metric:
-            cells.append(_distance_in_words(view, name, disparity, points))
-        lines.append(cells)
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+            lines[-1].append(disparity_in_words(view, name, point, score=True))
+            if calibration is not None:
+                lines[-1].append(_depth(view, name, calibration, float(disparity[point])))
+        if calibration is not None and apart:
+            lines[-1].append(_distance(view, name, calibration, disparity, points))
+    return lines
 
 
-def _disparity_in_words(view: DepthView, name: str, point: Pixel, disparity: float) -> str:
-    """Return the disparity with its score, or why there is none."""
-    if math.isnan(disparity):
-        return "unknown" if name == TRUTH else f"none: {REASON_WORDS[Reason(reasons_of(view, name)[point])]}"
-    said = f"{disparity:.2f} px"
-    if name == TRUTH:
-        return said
-    result = view.results[name]
-    if result.reason[point] == Reason.FILLED:
-        said += ", filled in"
-    score = float(result.score[point])
-    return said if math.isnan(score) else f"{said}, score {score:.3f}"
-
-
-def _depth_in_words(view: DepthView, name: str, disparity: float) -> str:
-    calibration = calibration_of(view.pair)
-    depth = math.nan if calibration is None else float(calibration.depth(disparity))
-    if calibration is None or math.isnan(depth):
+def _depth(view: DepthView, name: str, calibration: Calibration, disparity: float) -> str:
+    depth = float(calibration.depth(disparity))
+    if math.isnan(depth):
         return "–"
-    return _metres(depth, float(calibration.depth_uncertainty(disparity, _error(view, name))))
+    return length_in_words(depth, float(calibration.depth_uncertainty(disparity, disparity_error(view, name))))
 
 
-def _distance_in_words(view: DepthView, name: str, disparity: FloatMap, points: list[Pixel]) -> str:
-    calibration = calibration_of(view.pair)
-    if calibration is None:
-        return "–"
+def _distance(view: DepthView, name: str, calibration: Calibration, disparity: FloatMap, points: list[Pixel]) -> str:
     height, width = disparity.shape
     seen = [SeenPoint(*point, float(disparity[point])) for point in points]
-    apart = distance_between(
-        calibration, seen[0], seen[1], width=width, height=height, disparity_error=_error(view, name)
-    )
-    return "–" if math.isnan(apart.metres) else f"**{_metres(apart.metres, apart.error)}**"
-
-
-def _error(view: DepthView, name: str) -> float:
-    return 0.0 if name == TRUTH else disparity_error(view, name)
-
-
-def _metres(metres: float, error: float) -> str:
-    """Return a length with its error, to two significant digits of the error and at most 4 decimals."""
-    if error == 0:
-        return f"{metres:.4g} m"
-    decimals = min(max(1 - math.floor(math.log10(error)), 0), 4)
-    return f"{metres:.{decimals}f} ± {error:.{decimals}f} m"
-
-
-def _uncertainty_in_words(view: DepthView) -> str:
-    """Return a sentence about the source of the uncertainty."""
-    formula = "The uncertainty of a depth is Z² · δd / (f · B)"
-    if view.pair.truth is None:
-        return f"{formula}, with δd = {disparity_error(view, next(iter(view.results))):g} px, typical of a good match."
-    errors = ", ".join(f"{name} {disparity_error(view, name):.2f} px" for name in view.results)
-    return f"{formula}, where δd is the median error of each method against the ground truth: {errors}."
+    error = disparity_error(view, name)
+    apart = distance_between(calibration, seen[0], seen[1], width=width, height=height, disparity_error=error)
+    return "–" if math.isnan(apart.metres) else f"**{length_in_words(apart.metres, apart.error)}**"
 
 
 def _ask_known_distance(view: DepthView, points: list[Pixel]) -> None:
@@ -173,7 +115,8 @@ def _ask_known_distance(view: DepthView, points: list[Pixel]) -> None:
 
 
 def _ask_distance_of(view: DepthView, point: Pixel, letter: str) -> None:
-    doffs = view.pair.calibration.doffs_px if view.pair.calibration else 0.0
+    pair = view.pair
+    doffs = pair.calibration.doffs_px if pair.calibration else 0.0
     disparities = {name: float(one.disparity[point]) for name, one in view.results.items()}
     near = [name for name, disparity in disparities.items() if disparity + doffs > 0]
     if not near:
@@ -190,9 +133,9 @@ def _ask_distance_of(view: DepthView, point: Pixel, letter: str) -> None:
             disabled=metres is None,
             type="primary",
             on_click=_use_distance,
-            args=(view.pair, point, disparities[name], metres),
+            args=(pair, point, disparities[name], metres),
         )
-    if view.pair.calibration is None:
+    if pair.calibration is None:
         prose.caption(
             "Depths follow from this one distance. Distances across the image also need the focal length: "
             f"a horizontal field of view of {FIELD_OF_VIEW:g}° is assumed."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,11 +12,13 @@ from stereolag.assess.explaining import DEEP_VALLEY, ExampleKind, MatchExplanati
 from stereolag.assess.judging import Criterion, Unjudged
 from stereolag.assess.remedies import Remedy
 from stereolag.assess.suggestion import Outcome, Suggestion
-from stereolag.core.arrays import FloatMap, ReasonMap
+from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image
 from stereolag.core.settings import Settings
 from stereolag.core.typography import typeset, typesets
 from stereolag.figures.maps import ContactSheet
+from stereolag.figures.match import WindowGrid
+from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.reasons import Reason
 from stereolag.ui.sentences import REASON_WORDS, percent
@@ -238,6 +240,7 @@ EVERY = 4
 """Sampling step of rows and columns: enough for the range of a map, in a sixteenth of the time."""
 
 
+ORDINALS = {2: "second", 3: "third"}
 ERROR_COLOURS_IN_WORDS = typeset("Colours of the errors: blue at 0 px, red from 4 px on.")
 
 
@@ -263,6 +266,22 @@ def difference_in_words(difference: FloatMap) -> str:
         f"{percent(float(np.mean(np.abs(known) <= 1)))} of the pixels that both measured differ by 1 px at most, "
         f"{percent(float(np.mean(known > 1)))} are larger in the first, {percent(float(np.mean(known < -1)))} smaller"
     )
+
+
+def agreement_in_words(count: int, agreed: Mask, wrong: Sequence[float] | None = None, *, strong: bool = False) -> str:
+    """Return how many pixels all methods agree on, in bold or not.
+
+    `wrong` is, in %, how many of those are wrong, then how many of the pixels that each method measured.
+    """
+    everyone = "Both methods" if count == 2 else f"All {count} methods"
+    share = percent(float(agreed.mean()))
+    said = f"{everyone} agree to 1 px on {f'**{share}**' if strong else share} of the pixels"
+    if wrong is not None:
+        said += (
+            f". There, **{wrong[0]:.1f} %** are wrong by more than 1 px; of all the pixels each method measured, "
+            f"{min(wrong[1:]):.1f} to {max(wrong[1:]):.1f} %. Methods that work differently seldom make the same errors"
+        )
+    return f"{said}." if strong else said
 
 
 @typesets
@@ -311,6 +330,59 @@ def coverage_curves_in_words(curves: Mapping[str, CoverageCurve]) -> str:
         return f"{whole}, {curve.bad[half]:.1f} % at {percent(float(curve.coverage[half]))}"
 
     return "Error against coverage. " + "; ".join(told(name, curve) for name, curve in curves.items()) + "."
+
+
+@typesets
+def overlap_in_words(grid: WindowGrid, asked: float) -> str:
+    """Return the text beside the figure of overlapping windows; `asked` is the overlap in the settings, 0..1."""
+    overlap = f"{percent(asked)} overlap"
+    if percent(asked) != percent(grid.overlap):
+        overlap += f" ({percent(grid.overlap)} in whole pixels)"
+    values = "1 value" if grid.values == 1 else f"{grid.values:,} values"
+    said = (
+        f"{grid.middle.height} px windows, {overlap}: one every {grid.step} px, so {values} in this cut. "
+        "Each dot is the centre of a window and becomes one value of the map."
+    )
+    if grid.every > 1:
+        said += f" Only every {ORDINALS.get(grid.every, f'{grid.every}th')} window and dot is drawn."
+    return said
+
+
+def metres_in_words(calibration: Calibration | None, entered: str) -> str:
+    """Return a sentence about the source of the metres; `entered` names the distance that the visitor entered."""
+    if calibration is None:
+        return (
+            "**Relative**: without a calibration, disparity tells which point is nearer, but not how many metres away "
+            "it is. One known distance is enough: click a point and enter its distance below."
+        )
+    product = f"focal length × baseline = **{calibration.focal_px * calibration.baseline_m:.4g} px·m**"
+    if entered:
+        return f"**Metric**, from {entered}: {product}."
+    factors = f"{calibration.focal_px:.6g} px × {calibration.baseline_m:.4g} m"
+    return f"**Metric**, from the pair’s calibration: {factors}, {product}."
+
+
+def length_in_words(metres: float, error: float) -> str:
+    """Return a length with its error, to two significant digits of the error and at most 4 decimals."""
+    if error == 0:
+        return f"{metres:.4g} m"
+    decimals = min(max(1 - math.floor(math.log10(error)), 0), 4)
+    return f"{metres:.{decimals}f} ± {error:.{decimals}f} m"
+
+
+def uncertainty_in_words(errors: Mapping[str, float], *, measured: bool) -> str:
+    """Return a sentence about the source of the uncertainty, from the error of each method's disparities, px."""
+    formula = "The uncertainty of a depth is Z² · δd / (f · B)"
+    if not measured:
+        return f"{formula}, with δd = {next(iter(errors.values())):g} px, typical of a good match."
+    told = ", ".join(f"{name} {error:.2f} px" for name, error in errors.items())
+    return f"{formula}, where δd is the median error of each method against the ground truth: {told}."
+
+
+def markdown_table(lines: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table; the first line holds the headings."""
+    head, *rest = (f"| {' | '.join(cells)} |" for cells in lines)
+    return "\n".join([head, "|---" * len(lines[0]) + "|", *rest])
 
 
 @typesets

@@ -131,7 +131,7 @@ class Subject:
     @property
     def colour_range(self) -> tuple[float, float]:
         """Return the colour range, px at the pair's own size."""
-        return self.view.low * self.factor, self.view.high * self.factor
+        return self.view.colours.low * self.factor, self.view.colours.high * self.factor
 
 
 def _session(view: DepthView, pair: Pair, factor: float) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from stereolag.io.disparities import npy
 from stereolag.io.programs import lag_command, lag_script
 from stereolag.io.results import aligned_wav, check_aligned_wav, curve_csv, lag_json
 from stereolag.signals import SignalLag
-from stereolag.signals.alignment import aligned_length, together
+from stereolag.signals.lag import aligned_length, mix
 from stereolag.ui import prose
 from stereolag.ui.announcements import announce
 from stereolag.ui.downloads import File, archive, show_reproduction, show_taken, too_large
@@ -187,7 +187,7 @@ def _hear_both(pair: RecordingPair, result: SignalLag, sampling_rate: float) -> 
         with column:
             sound = remembered(
                 "both together",
-                partial(together, pair.signal_1, pair.signal_2, lag, most),
+                partial(mix, pair.signal_1, pair.signal_2, lag, most),
                 inputs=pair.digest,
                 settings=json.dumps([lag, most]),
                 shared=pair.shared,

@@ -15,7 +15,7 @@ from stereolag.core.searches import LagSearch
 from stereolag.core.typography import typeset, typesets
 from stereolag.io.recordings import Recording
 from stereolag.signals import SignalLag, phasors
-from stereolag.signals.drift import Drift
+from stereolag.signals.verdict import Drift
 from stereolag.ui.sentences import duration, length
 
 ECHO_S = 0.03

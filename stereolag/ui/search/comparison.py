@@ -10,9 +10,16 @@ import streamlit as st
 from stereolag.core.jobs import Estimate
 from stereolag.figures.templates import trial_jpeg
 from stereolag.templates import TemplateSearch, estimate_search
-from stereolag.templates.degradation import Degradation, degraded_part, part_shape
-from stereolag.templates.opencv import estimate_opencv, is_masked, opencv_search
-from stereolag.templates.trials import Trial, try_methods
+from stereolag.templates.trials import (
+    Degradation,
+    Trial,
+    degraded_part,
+    estimate_opencv,
+    is_masked,
+    opencv_search,
+    part_shape,
+    try_methods,
+)
 from stereolag.ui import prose
 from stereolag.ui.controls import control
 from stereolag.ui.elements import show_jpeg

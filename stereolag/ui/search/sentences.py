@@ -10,9 +10,7 @@ from stereolag.core.searches import TemplateQuery
 from stereolag.figures.pictures import FRAME, VIRIDIS
 from stereolag.templates import TemplateMatch, TemplateSearch
 from stereolag.templates.by_hand import ReducedSearch
-from stereolag.templates.degradation import Degradation
-from stereolag.templates.opencv import OpenCVSearch
-from stereolag.templates.trials import Trial
+from stereolag.templates.trials import Degradation, OpenCVSearch, Trial
 from stereolag.ui.searches import TEMPLATE_METHODS
 from stereolag.ui.sentences import duration
 
