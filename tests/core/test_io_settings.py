@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag import CorrelationMatcher, SearchArea, SemiGlobalMatcher, StereoBM, StereoSGBM, read_image, samples
-from stereolag.io.settings import opencv_yaml, read_matcher, settings_json
+from stereolag.io.settings import opencv_yaml, read_matcher, settings_json, write_matcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import BlockMatcher
 from stereolag.version import VERSION
@@ -39,8 +39,9 @@ def test_files_name_the_version():
 
 
 @pytest.mark.parametrize("matcher", MATCHERS, ids=repr)
-def test_json_makes_the_same_matcher_again(matcher):
-    back = read_matcher(settings_json(matcher).encode())
+def test_a_file_makes_the_same_matcher_again(matcher, tmp_path):
+    write_matcher(tmp_path / "matcher.json", matcher)
+    back = read_matcher(tmp_path / "matcher.json")
     assert type(back) is type(matcher)
     assert back == matcher
 

@@ -1,67 +1,133 @@
-"""Arbitrary pictures become a pair of one size, with a matching calibration."""
+"""Files that belong together are found by their names."""
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.geometry.calibration import Calibration
-from stereolag.geometry.rectification import calibration_for, cropped_alike, halves, preview_divisor
-from stereolag.io.pairing import natural_order
+from stereolag.io.pairing import PairFiles, matched_pairs, natural_order
 
-CALIBRATION = Calibration(900.0, 0.1, 3.0, 319.5, 239.5, width=640, height=480, num_disparities=64)
+FOLDS: dict[str, tuple[list[str], list[tuple[str | None, ...]]]] = {
+    "left and right": (["left.png", "right.png"], [("left.png", "right.png", None, None)]),
+    "OpenCV's chessboards": (
+        ["left01.jpg", "right01.jpg", "left02.jpg", "right02.jpg", "left10.jpg", "right10.jpg", "left03.jpg"],
+        [(f"left{n}.jpg", f"right{n}.jpg", None, None) for n in ("01", "02", "10")],
+    ),
+    "L and R": (
+        ["scene_L.png", "scene_R.png", "L2.bmp", "R2.bmp"],
+        [("L2.bmp", "R2.bmp", None, None), ("scene_L.png", "scene_R.png", None, None)],
+    ),
+    "capitals within": (["imageLeft1.png", "imageRight1.png"], [("imageLeft1.png", "imageRight1.png", None, None)]),
+    "Cityscapes": (
+        ["leftImg8bit/ulm_0_9.png", "rightImg8bit/ulm_0_9.png"],
+        [("leftImg8bit/ulm_0_9.png", "rightImg8bit/ulm_0_9.png", None, None)],
+    ),
+    "folders": (
+        ["set/left/000.png", "set/left/001.png", "set/right/000.png", "set/right/001.png", "set/calib.yml"],
+        [(f"set/left/{n}.png", f"set/right/{n}.png", None, "set/calib.yml") for n in ("000", "001")],
+    ),
+    "Middlebury 2014": (
+        [
+            f"{scene}/{name}"
+            for scene in ("Adirondack", "Pipes")
+            for name in ("im0.png", "im1.png", "disp0.pfm", "disp1.pfm", "calib.txt")
+        ],
+        [(f"{n}/im0.png", f"{n}/im1.png", f"{n}/disp0.pfm", f"{n}/calib.txt") for n in ("Adirondack", "Pipes")],
+    ),
+    "Middlebury 2003": (
+        ["teddy/im2.png", "teddy/im6.png", "teddy/disp2.png", "teddy/disp6.png"],
+        [("teddy/im2.png", "teddy/im6.png", "teddy/disp2.png", None)],
+    ),
+    "Middlebury 2006": (
+        ["Aloe/view1.png", "Aloe/view5.png", "Aloe/disp1.png", "Aloe/disp5.png"],
+        [("Aloe/view1.png", "Aloe/view5.png", "Aloe/disp1.png", None)],
+    ),
+    "KITTI 2015": (
+        [f"training/{folder}/00000{n}_{f}.png" for folder in ("image_2", "image_3") for n in "01" for f in ("10", "11")]
+        + [f"training/{kind}_0/00000{n}_10.png" for kind in ("disp_occ", "disp_noc") for n in "01"]
+        + [f"training/calib_cam_to_cam/00000{n}.txt" for n in "01"],
+        [
+            (
+                f"training/image_2/00000{n}_{f}.png",
+                f"training/image_3/00000{n}_{f}.png",
+                f"training/disp_occ_0/00000{n}_10.png" if f == "10" else None,
+                f"training/calib_cam_to_cam/00000{n}.txt",
+            )
+            for n in "01"
+            for f in ("10", "11")
+        ],
+    ),
+    "KITTI's sequences": (
+        [f"{folder}/0000{n}.png" for folder in ("image_0", "image_1", "image_2", "image_3") for n in "01"],
+        [(f"image_{a}/0000{n}.png", f"image_{a + 1}/0000{n}.png", None, None) for a in (0, 2) for n in "01"],
+    ),
+    "EuRoC": (
+        ["mav0/cam0/data/14031.png", "mav0/cam1/data/14031.png"],
+        [("mav0/cam0/data/14031.png", "mav0/cam1/data/14031.png", None, None)],
+    ),
+    "cameras from 1": (["cam1_5.png", "cam2_5.png"], [("cam1_5.png", "cam2_5.png", None, None)]),
+    "numbers behind": (
+        ["desk_0.png", "desk_1.png", "box_0.png", "box_1.png"],
+        [("box_0.png", "box_1.png", None, None), ("desk_0.png", "desk_1.png", None, None)],
+    ),
+    "truth with the pair's name": (
+        ["a_left.png", "a_right.png", "a_gt.png", "b_left.png", "b_right.png", "b_disp.pfm", "calib.json"],
+        [
+            ("a_left.png", "a_right.png", "a_gt.png", "calib.json"),
+            ("b_left.png", "b_right.png", "b_disp.pfm", "calib.json"),
+        ],
+    ),
+    "data as here": (
+        ["tsukuba/left.png", "tsukuba/right.png", "tsukuba/gt.pgm", "tsukuba/mask_nonocc.png", "tsukuba/calib.json"],
+        [("tsukuba/left.png", "tsukuba/right.png", "tsukuba/gt.pgm", "tsukuba/calib.json")],
+    ),
+    "a set without a truth beside one with": (
+        ["a/left.png", "a/right.png", "a/gt.png", "b/left.png", "b/right.png"],
+        [("a/left.png", "a/right.png", "a/gt.png", None), ("b/left.png", "b/right.png", None, None)],
+    ),
+    "OpenCV's two files": (
+        ["left01.jpg", "right01.jpg", "stereo_calib.xml", "intrinsics.yml", "extrinsics.yml"],
+        [("left01.jpg", "right01.jpg", None, "extrinsics.yml", "intrinsics.yml")],
+    ),
+    "ROS's two files": (
+        ["left/0.png", "right/0.png", "left.yaml", "right.yaml"],
+        [("left/0.png", "right/0.png", None, "left.yaml", "right.yaml")],
+    ),
+    "the side in folder and file": (
+        ["left/left_0.png", "right/right_0.png", "left/left_1.png"],
+        [("left/left_0.png", "right/right_0.png", None, None)],
+    ),
+    "nothing that matches": (["a.png", "b.png", "leftover.png", "notes.txt"], []),
+    "one side alone": (["left1.png", "left2.png", "right3.png"], []),
+    "two of one side": (["left.png", "left.jpg", "right.png"], []),
+}
 
 
-@pytest.mark.parametrize("cols", [2, 3, 10, 11])
-@pytest.mark.parametrize("channels", [(), (3,), (4,)])
-def test_a_side_by_side_picture_is_split_down_the_middle(cols: int, channels: tuple[int, ...]) -> None:
-    image = np.random.default_rng(0).integers(0, 255, (4, cols, *channels), dtype=np.uint8)
-    left, right = halves(image)
-    assert left.shape == right.shape == (4, cols // 2, *channels)
-    np.testing.assert_array_equal(left, image[:, : cols // 2])
-    np.testing.assert_array_equal(right, image[:, cols - cols // 2 :])
+@pytest.mark.parametrize("name", FOLDS)
+def test_pairs_are_matched_by_name(name: str) -> None:
+    names, expected = FOLDS[name]
+    found = matched_pairs(names)
+    assert [(pair.left, pair.right, pair.truth, *(pair.calibrations or (None,))) for pair in found] == expected
+    assert matched_pairs(names[::-1]) == found
 
 
-def test_one_column_cannot_be_split() -> None:
-    with pytest.raises(ValueError, match="1 pixel wide"):
-        halves(np.zeros((4, 1)))
+def test_pairs_are_called_by_what_their_names_share() -> None:
+    names = ["set/left/000.png", "set/right/000.png", "x/im0.png", "x/im1.png", "left.png", "right.png"]
+    assert [pair.name for pair in matched_pairs(names)] == ["pair", "set 000", "x"]
+    assert [pair.name for pair in matched_pairs([f"all/{name}" for name in names[:4]])] == ["set 000", "x"]
 
 
-@given(rows=st.integers(40, 60), cols=st.integers(40, 60))
-def test_what_differs_by_a_few_pixels_is_cropped_and_nothing_else(rows: int, cols: int) -> None:
-    left, right = np.arange(50 * 50).reshape(50, 50), np.zeros((rows, cols))
-    if abs(rows - 50) > 0.03 * max(rows, 50) or abs(cols - 50) > 0.03 * max(cols, 50):
-        with pytest.raises(ValueError, match=f"left is 50 × 50 and right is {cols} × {rows} pixels"):
-            cropped_alike(left, right)
-    else:
-        cropped = cropped_alike(left, right)
-        assert cropped[0].shape == cropped[1].shape == (min(rows, 50), min(cols, 50))
-        assert cropped[0][0, 0] == left[0, 0]
-
-
-def test_a_calibration_fits_the_images_it_was_made_for_resized_or_cropped_a_little() -> None:
-    assert calibration_for(CALIBRATION, 640, 480) is CALIBRATION
-    assert calibration_for(CALIBRATION, 636, 478) is CALIBRATION
-    half = calibration_for(CALIBRATION, 320, 240)
-    assert (half.focal_px, half.doffs_px, half.width, half.num_disparities) == (450, 1.5, 320, 32)
-    unsized = Calibration(900.0, 0.1)
-    assert calibration_for(unsized, 11, 7) is unsized
-
-
-def test_a_calibration_for_another_shape_is_refused() -> None:
-    with pytest.raises(ValueError, match="for 640 × 480 pixels and the images are 640 × 360"):
-        calibration_for(CALIBRATION, 640, 360)
-
-
-@pytest.mark.parametrize(
-    ("size", "divisor"), [((881, 400), 1), ((1000, 1000), 1), ((1001, 1000), 2), ((3000, 2000), 3)]
-)
-def test_a_preview_has_at_most_a_megapixel(size: tuple[int, int], divisor: int) -> None:
-    assert preview_divisor(*size) == divisor
-    assert size[0] * size[1] / divisor**2 <= 1_000_000
-
-
-def test_a_raised_two_in_a_name_is_a_letter_like_others() -> None:
+def test_ten_comes_after_two() -> None:
+    names = [f"{side}{number}.png" for number in (10, 2, 1) for side in ("left", "right")]
+    assert [pair.left for pair in matched_pairs(names)] == ["left1.png", "left2.png", "left10.png"]
     assert sorted(["a10", "a²", "a2"], key=natural_order) == ["a2", "a10", "a²"]
+
+
+@given(st.lists(st.text("lrLRefthig01_2/.npgcm \0\\", max_size=20).map(lambda stem: f"{stem}.png"), unique=True))
+def test_no_file_is_in_two_pairs(names: list[str]) -> None:
+    pairs = matched_pairs(names)
+    used = [name for pair in pairs for name in (pair.left, pair.right)]
+    assert len(used) == len(set(used))
+    assert set(used) <= set(names)
+    assert all(isinstance(pair, PairFiles) and pair.name for pair in pairs)

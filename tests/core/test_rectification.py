@@ -1,4 +1,4 @@
-"""A rig with distortion and rotated cameras sees marks on a slanted board: rows and depths must be right."""
+"""Rectified pairs: rows and depths of marks on a slanted board are right; pairs are split, cropped and reduced."""
 
 from __future__ import annotations
 
@@ -7,9 +7,21 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from stereolag.geometry.calibration import Calibration, Rectification, StereoRig
-from stereolag.geometry.rectification import rectified_calibration, rectify
+from stereolag.geometry.rectification import (
+    as_deep,
+    calibration_for,
+    cropped_alike,
+    halves,
+    preview_divisor,
+    rectified_calibration,
+    rectify,
+    scaled_disparity,
+    scaled_image,
+)
 from stereolag.io.calibrations import read_calibration
 
 WIDTH, HEIGHT = 480, 360
@@ -217,3 +229,98 @@ def test_the_chessboard_pairs_of_opencv_are_rectified_as_by_its_own_sample(data_
         to_rows = (how.left_rotation, how.left_projection) if side == 0 else (how.right_rotation, how.right_projection)
         corners.append(cv2.undistortPoints(where, files[f"M{side + 1}"], files[f"D{side + 1}"], None, *to_rows)[:, 0])
     assert np.abs(corners[0][:, 1] - corners[1][:, 1]).mean() < 0.5
+
+
+CALIBRATION = Calibration(900.0, 0.1, 3.0, 319.5, 239.5, width=640, height=480, num_disparities=64)
+
+
+@pytest.mark.parametrize("cols", [2, 3, 10, 11])
+@pytest.mark.parametrize("channels", [(), (3,), (4,)])
+def test_a_side_by_side_picture_is_split_down_the_middle(cols: int, channels: tuple[int, ...]) -> None:
+    image = np.random.default_rng(0).integers(0, 255, (4, cols, *channels), dtype=np.uint8)
+    left, right = halves(image)
+    assert left.shape == right.shape == (4, cols // 2, *channels)
+    np.testing.assert_array_equal(left, image[:, : cols // 2])
+    np.testing.assert_array_equal(right, image[:, cols - cols // 2 :])
+
+
+def test_one_column_cannot_be_split() -> None:
+    with pytest.raises(ValueError, match="1 pixel wide"):
+        halves(np.zeros((4, 1)))
+
+
+@given(rows=st.integers(40, 60), cols=st.integers(40, 60))
+def test_what_differs_by_a_few_pixels_is_cropped_and_nothing_else(rows: int, cols: int) -> None:
+    left, right = np.arange(50 * 50).reshape(50, 50), np.zeros((rows, cols))
+    if abs(rows - 50) > 0.03 * max(rows, 50) or abs(cols - 50) > 0.03 * max(cols, 50):
+        with pytest.raises(ValueError, match=f"left is 50 × 50 and right is {cols} × {rows} pixels"):
+            cropped_alike(left, right)
+    else:
+        cropped = cropped_alike(left, right)
+        assert cropped[0].shape == cropped[1].shape == (min(rows, 50), min(cols, 50))
+        assert cropped[0][0, 0] == left[0, 0]
+
+
+def test_a_calibration_fits_the_images_it_was_made_for_resized_or_cropped_a_little() -> None:
+    assert calibration_for(CALIBRATION, 640, 480) is CALIBRATION
+    assert calibration_for(CALIBRATION, 636, 478) is CALIBRATION
+    half = calibration_for(CALIBRATION, 320, 240)
+    assert (half.focal_px, half.doffs_px, half.width, half.num_disparities) == (450, 1.5, 320, 32)
+    unsized = Calibration(900.0, 0.1)
+    assert calibration_for(unsized, 11, 7) is unsized
+
+
+def test_a_calibration_for_another_shape_is_refused() -> None:
+    with pytest.raises(ValueError, match="for 640 × 480 pixels and the images are 640 × 360"):
+        calibration_for(CALIBRATION, 640, 360)
+
+
+@pytest.mark.parametrize(
+    ("size", "divisor"), [((881, 400), 1), ((1000, 1000), 1), ((1001, 1000), 2), ((3000, 2000), 3)]
+)
+def test_a_preview_has_at_most_a_megapixel(size: tuple[int, int], divisor: int) -> None:
+    assert preview_divisor(*size) == divisor
+    assert size[0] * size[1] / divisor**2 <= 1_000_000
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("shape", [(60, 90), (60, 90, 3), (61, 91, 4)])
+def test_an_image_keeps_its_type_and_its_mean(dtype: type, shape: tuple[int, ...]) -> None:
+    image = np.random.default_rng(0).integers(0, 200, shape).astype(dtype)
+    small = scaled_image(image, 0.5)
+    assert small.dtype == dtype
+    assert small.shape[:2] == (30, round(shape[1] * 0.5))
+    assert small.mean() == pytest.approx(image.mean(), rel=0.02)
+
+
+def test_a_disparity_shrinks_with_its_picture_and_invents_nothing() -> None:
+    disparity = np.full((40, 60), np.nan)
+    disparity[:20] = 10
+    disparity[:, 30:] = 40
+    small = scaled_disparity(disparity, 0.5)
+    assert small.shape == (20, 30)
+    assert set(small[np.isfinite(small)]) == {5.0, 20.0}
+    assert np.isnan(small[10:, :15]).all()
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, 1.5, 0.001])
+def test_a_factor_out_of_bounds_is_named(factor: float) -> None:
+    with pytest.raises(ValueError, match=f"factor is {factor}"):
+        scaled_image(np.zeros((20, 30), dtype=np.uint8), factor)
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+@pytest.mark.parametrize("deep_is_left", [True, False])
+def test_8_bits_beside_16_become_one_range(bits: int, deep_is_left: bool) -> None:
+    shallow = np.random.default_rng(0).integers(20, 230, (40, 60, 3), dtype=np.uint8)
+    deep = np.rint(shallow / 255 * (2**bits - 1)).astype(np.uint16)
+    found = as_deep(deep, shallow) if deep_is_left else as_deep(shallow, deep)
+    assert [image.dtype for image in found] == [np.uint16, np.uint16]
+    # One grey level of a camera with this many bits is the tolerance.
+    assert np.abs(found[0].astype(float) - found[1]).max() <= 65535 / (2**bits - 1)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_images_of_one_type_stay_as_they_are(kind: type) -> None:
+    pair = np.ones((3, 4), kind), np.zeros((3, 4), kind)
+    assert all(one is other for one, other in zip(as_deep(*pair), pair, strict=True))

@@ -1,48 +1,20 @@
-"""A pair made smaller: the same scene, the same settings, the same disparities."""
+"""Settings for smaller or larger images: the same part of them, as far as is allowed."""
 
 from __future__ import annotations
 
 from typing import Annotated
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
 from stereolag.core.settings import Applies, Pixels, Settings, scaled_settings
-from stereolag.geometry.rectification import as_deep, scaled_disparity, scaled_image
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName, preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-@pytest.mark.parametrize("shape", [(60, 90), (60, 90, 3), (61, 91, 4)])
-def test_an_image_keeps_its_type_and_its_mean(dtype: type, shape: tuple[int, ...]) -> None:
-    image = np.random.default_rng(0).integers(0, 200, shape).astype(dtype)
-    small = scaled_image(image, 0.5)
-    assert small.dtype == dtype
-    assert small.shape[:2] == (30, round(shape[1] * 0.5))
-    assert small.mean() == pytest.approx(image.mean(), rel=0.02)
-
-
-def test_a_disparity_shrinks_with_its_picture_and_invents_nothing() -> None:
-    disparity = np.full((40, 60), np.nan)
-    disparity[:20] = 10
-    disparity[:, 30:] = 40
-    small = scaled_disparity(disparity, 0.5)
-    assert small.shape == (20, 30)
-    assert set(small[np.isfinite(small)]) == {5.0, 20.0}
-    assert np.isnan(small[10:, :15]).all()
-
-
-@pytest.mark.parametrize("factor", [0.0, -1.0, 1.5, 0.001])
-def test_a_factor_out_of_bounds_is_named(factor: float) -> None:
-    with pytest.raises(ValueError, match=f"factor is {factor}"):
-        scaled_image(np.zeros((20, 30), dtype=np.uint8), factor)
 
 
 def test_settings_shrink_alike() -> None:
@@ -94,20 +66,3 @@ def test_a_preset_is_allowed_on_larger_images_and_comes_back(name: PresetName, f
         assert large.step == 1
     back = scaled_settings(large, 1 / factor)
     assert back.search_range() == small.search_range()
-
-
-@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
-@pytest.mark.parametrize("deep_is_left", [True, False])
-def test_8_bits_beside_16_become_one_range(bits: int, deep_is_left: bool) -> None:
-    shallow = np.random.default_rng(0).integers(20, 230, (40, 60, 3), dtype=np.uint8)
-    deep = np.rint(shallow / 255 * (2**bits - 1)).astype(np.uint16)
-    found = as_deep(deep, shallow) if deep_is_left else as_deep(shallow, deep)
-    assert [image.dtype for image in found] == [np.uint16, np.uint16]
-    # One grey level of a camera with this many bits is the tolerance.
-    assert np.abs(found[0].astype(float) - found[1]).max() <= 65535 / (2**bits - 1)
-
-
-@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
-def test_images_of_one_type_stay_as_they_are(kind: type) -> None:
-    pair = np.ones((3, 4), kind), np.zeros((3, 4), kind)
-    assert all(one is other for one, other in zip(as_deep(*pair), pair, strict=True))

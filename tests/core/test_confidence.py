@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 from pairs import shifted_pair
 
 import stereolag as sl
-from stereolag.io.disparities import confidence_png, measured_mask_png
 from stereolag.stereo.confidence import confidence
 from stereolag.stereo.matcher import StereoMatcher
 
@@ -47,20 +45,6 @@ def test_a_flat_image_is_trusted_nowhere() -> None:
     flat = np.full((60, 90), 80, np.uint8)
     result = sl.StereoSGBM(num_disparities=16, disp12_max_diff=-1, uniqueness_ratio=0).compute(flat, flat)
     assert not np.nan_to_num(confidence(result, flat, flat)).any()
-
-
-def test_the_png_keeps_none_apart_from_nothing_sure() -> None:
-    image = cv2.imdecode(np.frombuffer(confidence_png([[np.nan, 0, 0.5, 1]]), np.uint8), cv2.IMREAD_UNCHANGED)
-    assert image.dtype == np.uint16
-    np.testing.assert_array_equal(image, [[0, 1, 32768, 65535]])
-
-
-def test_the_mask_is_of_what_was_measured_alone() -> None:
-    left, right = shifted_pair(60, 90, 0, -5)
-    result = sl.preset("fast", 16).compute(left, right)
-    assert result.filled.any()
-    mask = cv2.imdecode(np.frombuffer(measured_mask_png(result), np.uint8), cv2.IMREAD_UNCHANGED)
-    np.testing.assert_array_equal(mask > 0, result.valid & ~result.filled)
 
 
 @pytest.mark.parametrize("matcher", [sl.StereoBM(num_disparities=16, block_size=9), sl.preset("fast", 16)])

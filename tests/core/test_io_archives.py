@@ -1,8 +1,7 @@
-"""One ZIP with everything, including the scoreboard."""
+"""One ZIP with everything."""
 
 from __future__ import annotations
 
-import csv
 import io
 import zipfile
 
@@ -13,10 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from stereolag import Evaluation, StereoBM, evaluate, read_disparity
+from stereolag import read_disparity
 from stereolag.io.archive_writing import bundle, file_name
 from stereolag.io.disparities import image_png, kitti_png, pfm
-from stereolag.io.results import metrics_csv
 
 names = st.dictionaries(st.text(max_size=300), st.binary(max_size=50), min_size=1, max_size=4)
 
@@ -91,47 +89,3 @@ def test_two_files_of_one_name_are_refused(files):
 def test_an_empty_archive_is_refused():
     with pytest.raises(ValueError, match="empty"):
         bundle({})
-
-
-def test_metrics_come_back_from_the_table():
-    truth = np.array([[1.0, 2.0, 3.0, 40.0]])
-    found = evaluate([[1.0, 2.75, np.nan, 44.0]], truth)
-    nothing = evaluate(np.full((1, 4), np.nan), truth, thresholds=(3.0,))
-    rows = list(csv.DictReader(io.StringIO(metrics_csv({"BM, 21 px": found, "none": nothing}))))
-    assert [row["method"] for row in rows] == ["BM, 21 px", "none"]
-    assert list(rows[0])[:7] == [
-        "method",
-        "truth_pixels",
-        "density",
-        "epe_px",
-        "d1_all_percent",
-        "bad_0.5_percent",
-        "bad_1_percent",
-    ]
-    assert float(rows[0]["epe_px"]) == found.epe
-    assert float(rows[0]["density"]) == 0.75
-    assert float(rows[0]["bad_0.5_percent"]) == found.bad[0.5] == 75
-    assert float(rows[0]["bad_measured_4_percent"]) == found.bad_measured[4.0]
-    assert rows[0]["bad_3_percent"] == rows[1]["epe_px"] == rows[1]["bad_measured_3_percent"] == ""
-    assert float(rows[1]["bad_3_percent"]) == float(rows[1]["d1_all_percent"]) == 100
-
-
-def test_a_table_without_methods_has_its_heading():
-    assert metrics_csv({}) == "method,truth_pixels,density,epe_px,d1_all_percent\n"
-
-
-def test_evaluations_are_named_by_the_mapping():
-    evaluation = Evaluation(1.0, 0.0, {}, {}, 0.0, 4)
-    assert metrics_csv({"a": evaluation}).splitlines()[1] == "a,4,1.0,0.0,0.0"
-
-
-def test_coverage_and_time_need_no_ground_truth():
-    images = np.random.default_rng(0).integers(0, 255, (2, 40, 90), dtype=np.uint8)
-    maps = {"BM": StereoBM(num_disparities=16, block_size=9).compute(*images)}
-    truth = evaluate([[1.0]], [[1.0]])
-    rows = list(csv.DictReader(io.StringIO(metrics_csv({"BM (non-occluded)": truth}, maps, {"BM": 12.5}))))
-    assert [row["method"] for row in rows] == ["BM (non-occluded)", "BM"]
-    assert float(rows[1]["coverage"]) == float(rows[1]["measured"]) == maps["BM"].coverage
-    assert float(rows[1]["elapsed_s"]) == maps["BM"].elapsed_s
-    assert float(rows[1]["estimated_bad_2_percent"]) == 12.5
-    assert rows[1]["epe_px"] == rows[0]["coverage"] == ""

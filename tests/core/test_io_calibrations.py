@@ -1,0 +1,267 @@
+"""Calibrations: one camera is read from every format, and what is written is read back, by OpenCV too."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import camera_files as files
+import cv2
+import numpy as np
+import pytest
+import yaml
+from camera_files import BOTH_CAMERAS, D1, D2, M1, M2, P1, P2, R1, R2, RAW, RECTIFIED, RECTIFYING, SIZE, Q, R, T, opencv
+
+from stereolag.geometry.calibration import Calibration, StereoRig
+from stereolag.geometry.rectification import rectified_calibration
+from stereolag.io.calibrations import calibration_json, opencv_calibration, read_calibration, ros_calibration
+
+BASELINE = float(np.linalg.norm(T))
+MIDDLEBURY = b"""cam0=[3979.911 0 1244.772; 0 3979.911 1019.507; 0 0 1]
+cam1=[3979.911 0 1369.115; 0 3979.911 1019.507; 0 0 1]
+doffs=124.343
+baseline=193.001
+width=2964
+height=1988
+ndisp=270
+isint=0
+"""
+KITTI = b"""calib_time: 09-Jan-2012 13:57:47
+P_rect_02: 7.2e+02 0 6.0e+02 4.5e+01 0 7.2e+02 1.7e+02 2.1e-01 0 0 1 2.7e-03
+R_rect_02: 1 0 0 0 1 0 0 0 1
+P_rect_03: 7.2e+02 0 6.0e+02 -3.39e+02 0 7.2e+02 1.7e+02 2.2e+00 0 0 1 2.7e-03
+"""
+
+
+def is_this_camera(calibration: Calibration, tolerance: float = 1e-9) -> None:
+    rig = calibration.rig
+    assert rig is not None
+    for found, expected in (
+        (rig.left_matrix, M1),
+        (rig.right_matrix, M2),
+        (rig.rotation, R),
+        (rig.translation, T[:, 0]),
+    ):
+        np.testing.assert_allclose(found, expected, atol=tolerance)
+    for found, expected in ((rig.left_distortion, D1[0]), (rig.right_distortion, D2[0])):
+        np.testing.assert_allclose(found, expected[: found.size])
+
+
+def is_rectified_as_here(calibration: Calibration, tolerance: float = 1e-6) -> None:
+    assert calibration.focal_px == pytest.approx(P1[0, 0], rel=tolerance)
+    assert calibration.baseline_m == pytest.approx(BASELINE, rel=tolerance)
+    assert calibration.doffs_px == pytest.approx(P2[0, 2] - P1[0, 2], abs=1e-6)
+    assert (calibration.cx, calibration.cy) == pytest.approx((P1[0, 2], P1[1, 2]), rel=tolerance)
+
+
+@pytest.mark.parametrize("name", RAW)
+def test_both_cameras(name):
+    calibration = read_calibration(*RAW[name]())
+    is_this_camera(calibration)
+    assert calibration.rig.rectification is None
+    assert (calibration.width, calibration.height) == SIZE
+    # The fifth coefficient is 0 here, so Kalibr's four describe the whole lens.
+    is_rectified_as_here(calibration)
+
+
+@pytest.mark.parametrize("name", RECTIFYING)
+def test_both_cameras_and_how_to_rectify_them(name):
+    calibration = read_calibration(*RECTIFYING[name]())
+    is_this_camera(calibration, 1e-6)
+    is_rectified_as_here(calibration)
+    how = calibration.rig.rectification
+    found = how.left_rotation, how.right_rotation, how.left_projection, how.right_projection
+    for one, expected in zip(found, (R1, R2, P1, P2), strict=True):
+        np.testing.assert_allclose(one, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", RECTIFIED)
+def test_the_rectified_pair(name):
+    calibration = read_calibration(*RECTIFIED[name]())
+    assert calibration.rig is None
+    is_rectified_as_here(calibration)
+
+
+def test_middlebury_has_millimetres_and_another_centre_in_the_right_image():
+    assert read_calibration(MIDDLEBURY) == Calibration(
+        3979.911, 193.001 / 1000, 124.343, 1244.772, 1019.507, width=2964, height=1988, num_disparities=270
+    )
+
+
+def test_the_colour_cameras_of_kitti_come_before_the_grey_ones():
+    assert read_calibration(KITTI).baseline_m == pytest.approx((45 + 339) / 720)
+    row = "{}: 720 0 600 {} 0 720 170 0 0 0 1 0\n"
+    text = "".join(row.format(f"P{camera}", x) for camera, x in enumerate((0, -387, 45, -339)))
+    text += "R0_rect 1 0 0 0 1 0 0 0 1\nTr: 1 0 0 0 0 1 0 0 0 0 1 0\n"
+    assert read_calibration(text.encode()).baseline_m == pytest.approx(384 / 720)
+    grey = "".join(text.splitlines(keepends=True)[:2])
+    assert read_calibration(grey.encode()).baseline_m == pytest.approx(387 / 720)
+
+
+def test_lengths_without_a_unit_are_in_that_which_is_said():
+    millimetres = BOTH_CAMERAS | {"T": T * 1000, "R1": R1, "R2": R2, "P1": P1, "P2": P2 * [[1, 1, 1, 1000]]}
+    is_this_camera(read_calibration(files.npz(**millimetres), length_unit_m=0.001))
+    is_rectified_as_here(read_calibration(io.BytesIO(files.npz(**millimetres)), length_unit_m=0.001))
+    for metres in ([files.kalibr()], [files.ros("left"), files.ros("right")]):
+        assert read_calibration(*metres, length_unit_m=0.001).baseline_m == pytest.approx(BASELINE)
+
+
+def test_cameras_of_unknown_size_are_rectified_at_the_size_of_the_images():
+    calibration = read_calibration(opencv(".yml", M1=M1, D1=D1, M2=M2, D2=D2), opencv(".yml", R=R, T=T, Q=Q))
+    assert calibration.rig.width is None
+    assert calibration.focal_px == pytest.approx(P1[0, 0], rel=0.1)
+    assert rectified_calibration(calibration.rig, SIZE).focal_px == pytest.approx(P1[0, 0])
+
+
+def test_doffs_from_q_agrees_with_opencv():
+    _, _, p1, p2, q, *_ = cv2.stereoRectify(M1, D1, M2, D2, SIZE, R, T, flags=0, alpha=0)
+    expected = p2[0, 2] - p1[0, 2]
+    assert abs(expected) > 1
+    for data in (opencv(".yml", Q=q), opencv(".yml", P1=p1, P2=p2)):
+        assert read_calibration(data).doffs_px == pytest.approx(expected)
+    disparity = np.full((2, 2), 40, np.float32)
+    depth = cv2.reprojectImageTo3D(disparity, q)[:, :, 2]
+    np.testing.assert_allclose(read_calibration(opencv(".yml", Q=q)).depth(disparity), depth, rtol=1e-5)
+
+
+def test_aliases_of_yaml_are_followed_and_a_second_document_is_not_read():
+    matrix = M1.tolist()
+    data = yaml.safe_dump({"K1": matrix, "K2": matrix, "R": R.tolist(), "T": T.ravel().tolist()})
+    assert "*id" in data
+    np.testing.assert_array_equal(read_calibration(data.encode()).rig.right_matrix, M1)
+    is_this_camera(read_calibration(opencv(".yml", **BOTH_CAMERAS) + b"...\n---\nM1: 3\n"))
+
+
+def test_a_comma_forgotten_at_the_end_of_a_line():
+    data = (
+        b"projection_matrix:\n  rows: 3\n  cols: 4\n  data: [700, 0, 320, -70\n    0, 700, 240, 0,\n    0, 0, 1, 0]\n"
+    )
+    assert read_calibration(data).baseline_m == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("sources", "message"),
+    [
+        ([], "at least one file"),
+        ([b""], "empty file"),
+        ([b"hello"], "holds no names with values: it is in no known format, or lacks both cameras; accepted are files"),
+        ([b'{"focal_px": 700}'], "has no baseline_m"),
+        ([b'{"focal_px": "much", "baseline_m": 1}'], "“focal_px” in the calibration must hold numbers, not “much”"),
+        ([b'{"focal_px": [1, 2], "baseline_m": 1}'], "must hold 1 numbers; it holds 2"),
+        ([b'{"focal_px": 700, "baseline_m": 1, "width": -1}'], "allowed are 1 to 100000"),
+        ([b"cam0=[1 0 2; 0 1 2]\nbaseline=3"], "“cam0” in the calibration must hold 9 numbers; it holds 6"),
+        ([b"P2: 1 2 3\nP3: 1 2 3"], "“P2” in the calibration must hold 12 numbers"),
+        ([b"1 2 3\n4 5 6\n"], "must hold 12 numbers"),
+        ([KITTI.replace(b"7.2e+02", b"0")], "focal length 0 px"),
+        ([KITTI.replace(b"-3.39e+02", b"9e+02")], "baseline_m is -"),
+        ([b"%YAML:1.0\n---\nM1: !!opencv-matrix\n  rows: 3\n  data: [1, 2"], "cut short at line 6"),
+        ([b"%YAML:1.0\n---\nM1: !!opencv-matrix\n  rows: 3\n  cols: 3\n  data: [1, 2]"], "announces 3 × 3"),
+        ([b"%YAML:1.0\n---\nQ: !!opencv-matrix\n  rows: .Nan\n  cols: 3\n  data: [1, 2]"], "finite numbers"),
+        ([opencv(".yml", Q=np.zeros((4, 4)))], "infinite baseline"),
+        ([opencv(".yml", M1=M1, D1=D1, M2=M2, D2=D2, R=R, T=-T)], "stands to the right of the first"),
+        ([files.npz(M1=M1, D1=D1, M2=M2, D2=D2)], r"has M1, D1, M2, D2, but lacks rotation \(R\), translation \(T\)"),
+        ([files.npz(mtxL=M1, distL=D1, R=R, T=T)], r"lacks right camera matrix \(M2\)"),
+        ([files.npz(mtx=M1, dist=D1, rms=np.array(0.2))], r"of one camera alone \(mtx, dist, rms\); give the file of"),
+        ([files.ros("left")], "left camera alone: “projection_matrix” has no baseline"),
+        ([files.ros("left", model="equidistant"), files.ros("right")], "allowed are plumb_bob"),
+        ([files.npz(mtx=M1, dist=D1)] * 3, "3 files hold the calibration of one camera each"),
+        ([files.npz(stereoMapL_x=np.zeros((480, 640)))], "holds no names with values"),
+        ([files.npz(E=np.eye(3), F=np.eye(3))], "holds E, F: it is in no known format, or lacks both cameras"),
+        ([files.npz(K1=np.array([None]), K2=M2, R=R, T=T)], "lacks left camera matrix"),
+        ([files.kalibr(distortion_model="equidistant")], "“equidistant” for “cam1.distortion_model”.*are plumb"),
+        ([files.kalibr(camera_model="omni")], "“omni” for “cam1.camera_model”.*allowed are pinhole"),
+        ([files.as_json(fx=700, fy=700, cx=3)], "has no baseline_m; .* It has fx, fy, cx"),
+        ([files.npz(**(BOTH_CAMERAS | {"R1": np.eye(3)[::-1] * [1, -1, 1], "R2": R2, "P1": P1, "P2": P2}))], "R1"),
+        ([files.npz(**(BOTH_CAMERAS | {"R1": R1, "R2": R2, "P1": P1, "P2": P2 + np.eye(3, 4) * 9}))], "second row"),
+        ([b"!!python/object/apply:os.system ['true']"], "no known format"),
+        ([opencv(".xml", M1=M1)[:150]], "XML: it is broken or cut short at line"),
+        ([np.arange(3).tobytes() + b"\xff"], "not a text file .* or an .npz"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_in_one_sentence(sources, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        read_calibration(*sources)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_unit_of_length_is_above_0():
+    with pytest.raises(ValueError, match="length_unit_m is 0"):
+        read_calibration(MIDDLEBURY, length_unit_m=0)
+
+
+def test_real_calibrations(data_dir):
+    folder = data_dir / "sequences" / "kitti_seq1"
+    from_text, from_json = read_calibration(folder / "calib.txt"), read_calibration(folder / "calib.json")
+    assert from_text == from_json
+    assert from_text.baseline_m == pytest.approx(0.53715, abs=1e-5)
+    motorcycle = read_calibration(data_dir / "stereo" / "motorcycle_q" / "calib.json")
+    assert (motorcycle.focal_px, motorcycle.baseline_m, motorcycle.doffs_px) == (999.421, 0.193001, 32.778)
+    with pytest.raises(ValueError, match="no known format"):
+        read_calibration(data_dir / "stereo" / "teddy" / "calib.json")
+
+
+def test_the_chessboard_cameras_of_opencv(data_dir):
+    folder = data_dir / "calibration" / "opencv_chessboard"
+    calibration = read_calibration(folder / "intrinsics.yml", folder / "extrinsics.yml")
+    assert calibration.rig.left_matrix[0, 0] == pytest.approx(533.98795381630)
+    assert calibration.rig.right_distortion.size == 14
+    assert calibration.focal_px == pytest.approx(439.64859505829611)
+    assert (calibration.cx, calibration.cy) == pytest.approx((319.32437133789062, 239.45363616943359))
+    assert calibration.baseline_m == pytest.approx(1469.7622406427524 / 439.64859505829611)
+    assert calibration.rig.rectification.left_projection[0, 0] == calibration.focal_px
+
+
+def calibrated(coefficients: int = 5) -> Calibration:
+    distortion = np.zeros(coefficients)
+    distortion[:4] = [-0.28, 0.09, 0.0005, -0.0004]
+    distortion[-1] = 0.01
+    rig = StereoRig(M1, distortion, M2, 0.9 * distortion, R, T, *SIZE)
+    return replace(rectified_calibration(rig, SIZE), rig=rig, rms=0.2)
+
+
+def check_same(read: Calibration, written: Calibration) -> None:
+    for name in ("left_matrix", "right_matrix", "left_distortion", "right_distortion", "rotation", "translation"):
+        np.testing.assert_allclose(getattr(read.rig, name), getattr(written.rig, name), rtol=1e-9, atol=1e-12)
+    assert (read.width, read.height) == SIZE
+    assert read.focal_px == pytest.approx(written.focal_px)
+    assert read.baseline_m == pytest.approx(written.baseline_m)
+
+
+@pytest.mark.parametrize("coefficients", [5, 8, 12])
+def test_opencv_reads_its_yaml_and_so_do_we(coefficients):
+    written = calibrated(coefficients)
+    text = opencv_calibration(written)
+    check_same(read_calibration(text.encode()), written)
+    storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    names = ("M1", "D1", "M2", "D2", "R", "T", "R1", "R2", "P1", "P2", "Q")
+    read = {name: storage.getNode(name).mat() for name in names}
+    np.testing.assert_allclose(read["T"].ravel(), written.rig.translation)
+    cameras = [read[name] for name in names[:4]]
+    expected = cv2.stereoRectify(*cameras, SIZE, read["R"], read["T"], flags=cv2.CALIB_ZERO_DISPARITY, alpha=0)
+    for name, matrix in zip(names[6:], expected[:5], strict=True):
+        np.testing.assert_allclose(read[name], matrix, atol=1e-6, err_msg=name)
+
+
+@pytest.mark.parametrize(("coefficients", "model"), [(5, "plumb_bob"), (8, "rational_polynomial")])
+def test_the_ros_pair_is_read_back(coefficients, model):
+    written = calibrated(coefficients)
+    left, right = ros_calibration(written)
+    check_same(read_calibration(left.encode(), right.encode()), written)
+    assert f"distortion_model: {model}" in left
+
+
+def test_our_json_is_read_back_in_metres_whatever_unit_is_said_of_other_files():
+    written = replace(calibrated(), num_disparities=96)
+    read = read_calibration(calibration_json(written).encode(), length_unit_m=0.001)
+    check_same(read, written)
+    assert read.num_disparities == 96
+    plain = Calibration(700.0, 0.12, 3.0, 320.0, 240.0, width=640, height=480, num_disparities=96)
+    assert read_calibration(calibration_json(plain).encode()) == plain
+
+
+def test_what_a_format_cannot_hold_is_refused():
+    with pytest.raises(ValueError, match="12 distortion coefficients"):
+        ros_calibration(calibrated(12))
+    for write in (opencv_calibration, ros_calibration):
+        with pytest.raises(ValueError, match="no rig"):
+            write(Calibration(700.0, 0.12))

@@ -1,0 +1,300 @@
+"""Disparity maps as files: read as their makers intended, written for this library, OpenCV, Pillow and PLY readers."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from pairs import shifted_pair
+from PIL import Image
+from ply_reader import read_ply
+
+import stereolag as sl
+from stereolag import read_disparity, read_image, write_disparity
+from stereolag.io.disparities import (
+    DISPARITY_FORMATS,
+    FORMATS,
+    check_kitti,
+    confidence_png,
+    image_png,
+    image_tiff,
+    kitti_png,
+    measured_mask_png,
+    npy,
+    pfm,
+    ply,
+    valid_mask_png,
+)
+
+DISPARITY = np.array([[1.5, np.nan, 30.25], [255.99, 1 / 1024, 0.0]], dtype=np.float32)
+QUANTUM = 1 / 256
+NAN = st.just(float("nan"))
+
+shapes = st.tuples(st.integers(1, 12), st.integers(1, 12))
+
+
+def opencv(data: bytes) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+def png(pixels: np.ndarray) -> bytes:
+    return cv2.imencode(".png", pixels)[1].tobytes()
+
+
+def pfm_of(disparity: np.ndarray, scale: str = "-1.0") -> bytes:
+    rows, cols = disparity.shape
+    body = disparity[::-1].astype("<f4" if scale.startswith("-") else ">f4")
+    return f"Pf\n{cols} {rows}\n{scale}\n".encode() + body.tobytes()
+
+
+@pytest.mark.parametrize("suffix", [*DISPARITY_FORMATS, ".PNG"])
+@given(disparity=hnp.arrays(np.float32, shapes, elements=NAN | st.floats(QUANTUM, 255.75, width=32)))
+def test_a_map_comes_back(tmp_path_factory: pytest.TempPathFactory, suffix: str, disparity: np.ndarray) -> None:
+    disparity[0, 0] = 5.0
+    path = tmp_path_factory.getbasetemp() / f"disparity{suffix}"
+    write_disparity(path, disparity)
+    back = read_disparity(path)
+    assert back.dtype == np.float32
+    np.testing.assert_allclose(back, disparity, atol=QUANTUM / 2 if suffix.lower() == ".png" else 0, rtol=0)
+
+
+@pytest.mark.parametrize("suffix", DISPARITY_FORMATS)
+@pytest.mark.parametrize("shape", [(3,), (2, 2, 3), (0, 4)])
+def test_anything_but_a_map_is_refused(tmp_path: Path, suffix: str, shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match=r"disparity has shape .*allowed is \(rows, cols\)"):
+        write_disparity(tmp_path / f"map{suffix}", np.ones(shape))
+
+
+@pytest.mark.parametrize("name", ["map.tiff", "map", "map.npz"])
+def test_another_suffix_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ValueError, match=r"path ends in '.*'; a disparity map is written as .pfm, .npy, .png"):
+        write_disparity(tmp_path / name, np.ones((2, 2)))
+
+
+def test_the_documentation_names_every_format() -> None:
+    pages = (Path(__file__).parents[2] / "docs" / "pages.md").read_text(encoding="utf-8")
+    row = next(line for line in pages.splitlines() if line.startswith("| ground truth |"))
+    assert all(suffix.upper() in row for one in FORMATS for suffix in one.suffixes)
+
+
+def test_a_failure_leaves_the_file_that_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "map.pfm"
+    write_disparity(path, np.full((2, 2), 7.0))
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        write_disparity(tmp_path / "nowhere" / "map.npy", np.ones((2, 2)))
+    with pytest.raises(ValueError, match=r"from -40.25 to 300.50 px; KITTI's PNG holds 0 to 255.99"):
+        write_disparity(tmp_path / "wide.png", [[-40.25, 300.5]])
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_disparity(path, np.full((2, 2), 9.0))
+    assert (read_disparity(path) == 7).all()
+    assert [*tmp_path.iterdir()] == [path]
+
+
+@given(
+    disparity=hnp.arrays(np.float32, shapes, elements=st.floats(width=32)).filter(lambda a: np.isfinite(a).any()),
+    scale=st.sampled_from(["-1.0", "1.0", "-0.003922", "2e-3"]),
+)
+def test_a_pfm_is_read_in_both_byte_orders_whatever_its_scale(disparity, scale):
+    found = read_disparity(pfm_of(disparity, scale))
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, np.where(np.isfinite(disparity), disparity, np.nan))
+
+
+@given(pixels=hnp.arrays(np.uint16, shapes).filter(np.any))
+def test_16_bits_are_divided_by_256_and_0_is_unknown(pixels):
+    found = read_disparity(png(pixels))
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(np.isnan(found), pixels == 0)
+    np.testing.assert_array_equal(np.nan_to_num(found) * 256, pixels)
+
+
+@given(pixels=hnp.arrays(np.uint8, shapes).filter(np.any), divisor=st.sampled_from([1, 2, 4, 16]))
+def test_8_bits_with_a_divisor(pixels, divisor):
+    rows, cols = pixels.shape
+    pgm = f"P5\n# made by hand\n{cols} {rows}\n255\n".encode() + pixels.tobytes()
+    for data in (png(pixels), pgm):
+        found = read_disparity(data, divisor=divisor)
+        np.testing.assert_array_equal(np.nan_to_num(found) * divisor, pixels)
+        np.testing.assert_array_equal(np.isnan(found), pixels == 0)
+
+
+@pytest.mark.parametrize(
+    ("data", "divisor", "expected"),
+    [
+        (b"P5 2 1 15\n\x05\x0f", 1, [[5, 15]]),  # not stretched to 255
+        (b"P5 2 1 4095\n" + np.array([512, 4095], ">u2").tobytes(), None, [[2, 4095 / 256]]),
+        (npy(np.array([[0, 7]])), None, [[0, 7]]),  # 0 is a disparity here
+        (npy(np.array([[6.0, 8.0]])), 4, [[1.5, 2.0]]),
+        (npy(np.array([[1e300, 7]])), None, [[np.nan, 7]]),
+        (b"Pf\n2 1\n-1\n\x00\x00\xa0\x7f" + np.float32(3).tobytes(), None, [[np.nan, 3]]),  # a signalling NaN
+        (b"Pf\r\n1 1\r\n-1\r\n" + np.float32(3).tobytes(), None, [[3]]),
+        (pfm(np.array([[3, 7]], np.uint8)), None, [[3, 7]]),
+    ],
+)
+def test_special_files(data, divisor, expected):
+    np.testing.assert_array_equal(read_disparity(data, divisor=divisor), expected)
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "message"),
+    [
+        (b"", {}, "empty file"),
+        (b"words", {}, r"accepted are PFM, PNG or PGM of 16 bits \(÷ 256\) or 8 bits \(with a divisor\), and NPY\."),
+        (png(np.full((2, 2), 9, np.uint8)), {}, "8 bits per pixel: its divisor must be given"),
+        (b"P5 1 1 255\n\x07", {}, "8 bits per pixel: its divisor must be given"),
+        (png(np.full((2, 2, 3), 9, np.uint8)), {"divisor": 4}, r"shape \(2, 2, 3\); allowed is one channel"),
+        (png(np.zeros((2, 2), np.uint16)), {}, "no disparity at all"),
+        (pfm_of(np.full((2, 2), np.inf)), {}, "no disparity at all"),
+        (png(np.ones((2, 2), np.uint16)), {"divisor": 0}, "divisor is 0"),
+        (png(np.ones((2, 2), np.uint16)), {"divisor": float("nan")}, "divisor is nan"),
+        (pfm_of(np.ones((3, 3)))[:-1], {}, "cut short: 3 × 3 pixels need 36 bytes, it has 35"),
+        (pfm_of(np.ones((3, 3)), "0"), {}, "scale 0"),
+        (pfm_of(np.ones((3, 3)), "1e"), {}, "scale 1e"),
+        (b"PF\n1 1\n-1\n" + bytes(12), {}, "not a grey PFM"),
+        (b"Pf\n0 5\n-1\n", {}, "0 × 5 pixels: it holds none"),
+        (b"Pf\n30000 30000\n-1\n", {}, "30000 × 30000 pixels.*at most 50 megapixels"),
+        (b"P5\n30000 30000\n255\n", {}, "30000 × 30000 pixels.*at most 50 megapixels"),
+        (b"P5\n2 2\n255\n\x01", {}, "cut short: 2 × 2 pixels need 4 bytes, it has 1"),
+        (b"P5\n2 2\n70000\n", {}, "70000 for its largest value; allowed are 1 to 65535"),
+        (b"P5 1 1 7\n\x09", {}, "holds 9, above the 7"),
+        (b"P2 1 1 7\n1", {}, "not a binary PGM"),
+        (b"P5 nonsense", {}, "not a binary PGM"),
+        (npy(np.ones(4)), {}, r"shape \(4,\)"),
+        (npy(np.ones((2, 2), complex)), {}, "holds complex128"),
+    ],
+)
+def test_bad_files_are_one_clear_sentence(data, options, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        read_disparity(data, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_every_real_ground_truth(data_dir):
+    truths = sorted((data_dir / "stereo").glob("*/gt.*"))
+    assert len(truths) == 10
+    for path in truths:
+        notes = json.loads((path.parent / "calib.json").read_text())
+        disparity = read_disparity(path, divisor=notes["disparity_divisor"])
+        assert 4 < np.nanmin(disparity) < np.nanmax(disparity) < notes["max_disparity"]
+        assert 0.1 < np.isfinite(disparity).mean() < 1
+
+
+def test_a_real_pfm_by_hand(data_dir):
+    data = (data_dir / "stereo" / "motorcycle_q" / "gt.pfm").read_bytes()
+    raw = np.frombuffer(data[-741 * 497 * 4 :], "<f4").reshape(497, 741)[::-1]
+    np.testing.assert_array_equal(read_disparity(data), np.where(np.isinf(raw), np.nan, raw))
+
+
+def test_opencv_and_pillow_read_the_pfm_as_it_is():
+    disparity = np.random.default_rng(0).uniform(-40, 300, (40, 50)).astype(np.float32)
+    data = pfm(disparity)
+    np.testing.assert_array_equal(opencv(data), disparity)
+    np.testing.assert_array_equal(np.array(Image.open(io.BytesIO(data))), disparity)
+
+
+def test_no_answer_is_infinite_in_a_pfm_as_middlebury_has_it():
+    data = pfm([[1.0, np.nan], [-np.inf, 4.0]])
+    stored = np.frombuffer(data[-16:], "<f4").reshape(2, 2)[::-1]
+    np.testing.assert_array_equal(stored, [[1, np.inf], [np.inf, 4]])
+    np.testing.assert_array_equal(np.isfinite(opencv(data)), [[True, False], [False, True]])
+
+
+def test_the_trap_is_the_scale_by_whose_size_opencv_divides():
+    """Middlebury's files have 0.00392157 (1/255), others 1/256: OpenCV multiplies the others by 256, we do not."""
+    theirs = pfm([[10.0, 20.0]]).replace(b"-1.0", b"-0.00390625")
+    np.testing.assert_array_equal(opencv(theirs), [[2560, 5120]])
+    np.testing.assert_array_equal(read_disparity(theirs), [[10, 20]])
+
+
+def test_kitti_png_is_the_disparity_times_256_for_everyone():
+    expected = np.array([[384, 0, 7744], [65533, 1, 1]], dtype=np.uint16)
+    data = kitti_png(DISPARITY)
+    for pixels in (opencv(data), np.array(Image.open(io.BytesIO(data))), read_image(data)):
+        assert pixels.dtype == np.uint16
+        np.testing.assert_array_equal(pixels, expected)
+    assert not opencv(kitti_png(np.full((2, 3), np.nan))).any()
+    # The sub-pixel fit may end half a pixel behind infinity.
+    assert opencv(kitti_png(np.array([[-0.5, np.nextafter(-0.5, -1), 3]]))).tolist() == [[1, 1, 768]]
+
+
+@pytest.mark.parametrize("value", [-0.51, -3.0, 256.0, 255.9985, 1e6])
+def test_what_kitti_png_cannot_hold_is_told_before_it_is_written(value):
+    for act in (check_kitti, kitti_png):
+        with pytest.raises(ValueError, match=f"{min(value, 9.0):.2f} to {max(value, 9.0):.2f} px; KITTI's PNG holds"):
+            act([[9.0, value]])
+    check_kitti(DISPARITY)
+    check_kitti(np.full((2, 2), np.nan))
+
+
+def test_npy_writes_no_objects():
+    with pytest.raises(ValueError, match="Object arrays"):
+        npy(np.array([{}]))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("shape", [(5, 4), (5, 4, 3), (5, 4, 4)])
+def test_pictures_come_back_without_loss(dtype, shape):
+    image = np.random.default_rng(1).integers(0, np.iinfo(dtype).max, shape, dtype, endpoint=True)
+    back = read_image(image_png(image))
+    assert back.dtype == dtype
+    np.testing.assert_array_equal(back, image)
+    opencv_order = image if len(shape) == 2 else image[:, :, [2, 1, 0, 3][: shape[2]]]
+    np.testing.assert_array_equal(opencv(image_png(image)), opencv_order)
+
+
+def test_floats_come_back_from_a_tiff_bit_for_bit():
+    image = np.random.default_rng(0).normal(0, 1e3, (7, 9)).astype(np.float32)
+    np.testing.assert_array_equal(read_image(image_tiff(image)), image)
+    for bad in (image.astype(np.uint8), np.stack([image] * 3, axis=-1)):
+        with pytest.raises(ValueError, match="allowed is"):
+            image_tiff(bad)
+    with pytest.raises(ValueError, match="float32"):
+        image_png(image)
+
+
+def test_masks_and_confidence_hold_what_the_result_says():
+    result = sl.preset("fast", 16).compute(*shifted_pair(60, 90, 0, -5))
+    assert result.filled.any()
+    np.testing.assert_array_equal(opencv(valid_mask_png(result)), np.where(result.valid, 255, 0))
+    np.testing.assert_array_equal(opencv(measured_mask_png(result)) > 0, result.valid & ~result.filled)
+    sure = opencv(confidence_png([[np.nan, 0, 0.5, 1]]))
+    assert sure.dtype == np.uint16
+    np.testing.assert_array_equal(sure, [[0, 1, 32768, 65535]])
+
+
+@given(
+    hnp.arrays(np.float32, st.tuples(st.integers(0, 20), st.just(3)), elements=st.floats(-1e6, 1e6, width=32)),
+    st.integers(0, 255),
+)
+def test_ply_holds_the_points_and_their_colours(points, shade):
+    colours = np.arange(points.size, dtype=np.uint8).reshape(points.shape) + np.uint8(shade)
+    vertices = read_ply(ply(points, colours))
+    assert list(vertices) == ["x", "y", "z", "red", "green", "blue"]
+    np.testing.assert_array_equal(np.array([vertices[axis] for axis in "xyz"], dtype=np.float32).T, points)
+    np.testing.assert_array_equal(np.array([vertices[name] for name in ("red", "green", "blue")]).T, colours)
+
+
+@pytest.mark.parametrize(
+    ("points", "colours", "message"),
+    [
+        (np.zeros((4, 3)), np.zeros((3, 3), np.uint8), "shape"),
+        (np.zeros((4, 2)), np.zeros((4, 2), np.uint8), "shape"),
+        (np.zeros((4, 3)), np.zeros((4, 3)), "float64"),
+        ([[0, 0, np.nan], [0, 0, 1]], np.zeros((2, 3), np.uint8), "1 points that are NaN"),
+    ],
+)
+def test_ply_refuses_what_is_no_cloud(points, colours, message):
+    with pytest.raises(ValueError, match=message):
+        ply(points, colours)

@@ -1,0 +1,300 @@
+"""The scene in metres: distances, clouds without flying pixels, their view from above, and rigid motions."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from stereolag import Calibration
+from stereolag.geometry.scene import (
+    SeenPoint,
+    calibrated_by,
+    clean_point_cloud,
+    distance_between,
+    flying_pixels,
+    rigid_motion,
+    seen_from_above,
+    subsampled,
+    typical_error,
+)
+
+CAMERA = Calibration(800.0, 0.1, doffs_px=3.0, cx=320.0, cy=240.0)
+SIZE = {"width": 640, "height": 480}
+
+places = st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(1, 20))
+
+
+def seen(place: tuple[float, float, float]) -> SeenPoint:
+    x, y, z = place
+    return SeenPoint(240 + 800 * y / z, 320 + 800 * x / z, 800 * 0.1 / z - 3)
+
+
+@given(places, places)
+def test_the_distance_of_projected_points_is_that_of_the_points(first: tuple, second: tuple) -> None:
+    apart = distance_between(CAMERA, seen(first), seen(second), **SIZE)
+    assert apart.metres == pytest.approx(math.dist(first, second), abs=1e-4)
+    back = distance_between(CAMERA, seen(second), seen(first), **SIZE)
+    assert (back.metres, back.error) == pytest.approx((apart.metres, apart.error))
+
+
+def test_its_error_is_what_noisy_disparities_spread_it_by() -> None:
+    rng = np.random.default_rng(0)
+    first, second = seen((-1.0, 0.2, 4.0)), seen((1.5, -0.5, 6.0))
+    spread = [
+        distance_between(
+            CAMERA,
+            SeenPoint(first.row, first.col, first.disparity + rng.normal(0, 0.05)),
+            SeenPoint(second.row, second.col, second.disparity + rng.normal(0, 0.05)),
+            **SIZE,
+        ).metres
+        for _ in range(2000)
+    ]
+    apart = distance_between(CAMERA, first, second, **SIZE, disparity_error=0.05)
+    assert apart.error == pytest.approx(np.std(spread), rel=0.06)
+
+
+def test_the_middle_of_the_picture_stands_in_for_an_unknown_principal_point() -> None:
+    plain, told = Calibration(800.0, 0.1), Calibration(800.0, 0.1, cx=319.5, cy=239.5)
+    points = SeenPoint(10, 20, 8.0), SeenPoint(300, 500, 16.0)
+    assert distance_between(plain, *points, **SIZE) == distance_between(told, *points, **SIZE)
+
+
+def test_a_point_without_depth_has_no_distance() -> None:
+    apart = distance_between(CAMERA, SeenPoint(1, 1, math.nan), SeenPoint(2, 2, 10.0), **SIZE)
+    assert math.isnan(apart.metres)
+    assert math.isnan(apart.error)
+
+
+def test_a_known_distance_makes_depths_metric_whatever_was_known_before() -> None:
+    for known in (None, CAMERA):
+        calibration = calibrated_by(known, 25.0, 3.0, width=640)
+        assert float(calibration.depth(25.0)) == pytest.approx(3.0)
+    assert calibrated_by(CAMERA, 25.0, 3.0, width=640).focal_px == 800
+    # With a 60° field of view, half the picture is tan 30° times the focal length wide.
+    assert 320 / calibrated_by(None, 25.0, 3.0, width=640).focal_px == pytest.approx(math.tan(math.radians(30)))
+
+
+@pytest.mark.parametrize(("disparity", "metres"), [(0.0, 3.0), (-2.0, 3.0), (25.0, 0.0), (25.0, math.nan)])
+def test_a_distance_that_says_nothing_is_refused(disparity: float, metres: float) -> None:
+    with pytest.raises(ValueError, match="above 0"):
+        calibrated_by(None, disparity, metres, width=640)
+
+
+def test_the_typical_error_is_the_median_where_both_are_known() -> None:
+    disparity = np.array([1.0, 2.5, np.nan, 4.0, 90.0])
+    truth = np.array([1.1, 2.0, 3.0, np.nan, 5.0])
+    assert typical_error(disparity, truth) == pytest.approx(0.5)
+    assert math.isnan(typical_error(disparity, np.full(5, np.nan)))
+
+
+def two_walls() -> np.ndarray:
+    disparity = np.full((30, 40), 10, dtype=np.float32)
+    disparity[:, 20:] = 30
+    return disparity
+
+
+def test_surfaces_with_sharp_edges_and_corners_are_kept():
+    disparity = two_walls()
+    disparity[5:12, 5:9] = 50
+    assert not flying_pixels(disparity).any()
+
+
+def test_the_smear_between_near_and_far_flies():
+    disparity = two_walls()
+    disparity[:, 18:22] = [14, 18, 22, 26]
+    expected = np.zeros(disparity.shape, dtype=bool)
+    expected[:, 18:22] = True
+    np.testing.assert_array_equal(flying_pixels(disparity), expected)
+
+
+def test_a_slanted_surface_is_none():
+    cols = np.arange(60, dtype=np.float32)
+    assert not flying_pixels(np.tile(cols, (20, 1))).any()
+
+
+@pytest.mark.parametrize("hole", [np.nan, np.inf, -np.inf])
+def test_islands_fly_and_holes_do_not(hole):
+    disparity = np.full((20, 20), hole, dtype=np.float32)
+    disparity[4:6, 4:7] = 12
+    disparity[10:15, 10:15] = 12
+    flying = flying_pixels(disparity)
+    assert flying.sum() == 6
+    assert flying[4:6, 4:7].all()
+
+
+@given(hnp.arrays(np.float32, (7, 9), elements=st.just(float("nan")) | st.floats(-50, 50, width=32)), st.floats(0, 9))
+def test_flying_pixels_are_those_with_fewer_than_nine_alike_of_25(disparity, tolerance):
+    flying = flying_pixels(disparity, tolerance=tolerance)
+    rows, cols = ([*range(2, 0, -1), *range(size), size - 2, size - 3] for size in disparity.shape)  # mirrored
+    for row, col in np.ndindex(disparity.shape):
+        square = disparity[np.ix_(rows[row : row + 5], cols[col : col + 5])]
+        alike = np.count_nonzero(np.abs(square - disparity[row, col]) <= np.float32(tolerance))
+        assert flying[row, col] == (np.isfinite(disparity[row, col]) and alike < 9)
+
+
+@pytest.mark.parametrize(("shape", "tolerance"), [((4,), 1.0), ((4, 4), -1.0), ((4, 4), np.nan)])
+def test_flying_pixels_refuses(shape, tolerance):
+    with pytest.raises(ValueError, match="allowed"):
+        flying_pixels(np.zeros(shape), tolerance=tolerance)
+
+
+def test_a_subsample_is_the_same_every_time_and_spread_evenly():
+    points = np.arange(30_000, dtype=np.float32).reshape(10_000, 3)
+    colours = (points % 256).astype(np.uint8)
+    some, their_colours = subsampled(points, colours, 1000)
+    np.testing.assert_array_equal(some, subsampled(points, colours, 1000)[0])
+    assert len(np.unique(some[:, 0])) == 1000
+    np.testing.assert_array_equal(some % 256, their_colours)
+    counts = np.histogram(some[:, 0], bins=10, range=(0, 30_000))[0]
+    assert counts.min() > 60
+
+
+@pytest.mark.parametrize("most", [3, 4])
+def test_few_points_are_all_kept_in_order(most):
+    points, colours = np.eye(3, dtype=np.float32), np.eye(3, dtype=np.uint8)
+    np.testing.assert_array_equal(subsampled(points, colours, most)[0], points)
+
+
+def test_no_points_at_all_is_refused():
+    with pytest.raises(ValueError, match="max_points is 0"):
+        subsampled(np.zeros((1, 3), np.float32), np.zeros((1, 3), np.uint8), 0)
+
+
+def test_a_clean_cloud_leaves_out_what_flies_and_keeps_colours_in_place():
+    disparity = two_walls()
+    disparity[:, 19] = 20
+    colour = np.full((30, 40, 3), 200, dtype=np.uint8)
+    colour[:, 19] = 7
+    calibration = Calibration(100.0, 0.5)
+    points, colours = clean_point_cloud(calibration, disparity, colour)
+    assert len(points) == 30 * 39
+    np.testing.assert_allclose(np.unique(points[:, 2]), [50 / 30, 5])
+    assert (colours == 200).all()
+    assert len(clean_point_cloud(calibration, disparity, colour, max_points=100)[0]) == 100
+    assert len(clean_point_cloud(calibration, np.ones((400, 400)), np.ones((400, 400)), max_points=None)[0]) == 160_000
+
+
+GREY = np.uint8([[100, 100, 100]])
+
+
+def test_points_fall_into_their_cells_whatever_their_height() -> None:
+    points = np.array([[0, 5, 1], [0, -5, 1], [9.9, 0, 1], [0, 0, 10.9]])
+    colours = np.uint8([[10, 20, 30], [30, 40, 50], [0, 0, 255], [255, 0, 0]])
+    view = seen_from_above(points, colours, cells=10)
+    assert view.picture.shape == (10, 10, 4)
+    assert view.cell == pytest.approx(0.99)
+    assert (view.left, view.near) == (0, 1)
+    assert view.picture[0, 0, :3].tolist() == [20, 30, 40]
+    assert view.picture[0, 9, :3].tolist() == [0, 0, 255]
+    assert view.picture[9, 0, :3].tolist() == [255, 0, 0]
+    assert np.count_nonzero(view.picture[:, :, 3]) == 3
+
+
+def test_cells_with_more_points_are_more_opaque() -> None:
+    points = np.array([[0.0, 0, 1]] * 40 + [[1, 0, 1]] * 3 + [[2, 0, 1]])
+    opacity = seen_from_above(points, GREY.repeat(44, axis=0), cells=3).picture[0, :, 3]
+    assert opacity[0] == 255
+    assert opacity[0] > opacity[1] > opacity[2] > 0
+
+
+@given(st.integers(1, 300), st.integers(1, 64), st.integers(0, 2**32 - 1))
+def test_every_point_is_in_the_picture(count: int, cells: int, seed: int) -> None:
+    points = np.random.default_rng(seed).normal(0, 5, (count, 3)).astype(np.float32)
+    view = seen_from_above(points, GREY.repeat(count, axis=0), cells=cells)
+    rows, cols = view.picture.shape[:2]
+    assert max(rows, cols) <= cells
+    reach = np.array([view.left, view.near]) + view.cell * np.array([cols, rows])
+    assert np.all(points[:, [0, 2]] <= reach + 1e-4)
+    assert 1 <= np.count_nonzero(view.picture[:, :, 3]) <= count
+
+
+def test_what_is_no_cloud_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"must be \(n, 3\)"):
+        seen_from_above(np.empty((0, 3)), np.empty((0, 3), dtype=np.uint8))
+    with pytest.raises(ValueError, match="cells is 0"):
+        seen_from_above(np.ones((1, 3)), GREY, cells=0)
+
+
+CALIBRATION = Calibration(400.0, 0.3, cx=21.0, cy=13.5)
+SHAPE = (30, 40)
+
+
+def turn_and_move(turn: tuple[float, ...], move: tuple[float, ...]) -> np.ndarray:
+    pose = np.eye(4)
+    pose[:3, :3] = cv2.Rodrigues(np.array(turn, dtype=float))[0]
+    pose[:3, 3] = move
+    return pose
+
+
+def moving_scene(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    disparity = rng.uniform(0.5, 60, SHAPE)
+    objects = rng.integers(0, 3, SHAPE).astype(np.uint8)
+    motions = [turn_and_move(rng.normal(0, 0.03, 3), rng.normal(0, 0.2, 3)) for _ in range(3)]
+    return disparity, objects, np.stack(motions)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_points_land_where_opencv_projects_them(seed: int) -> None:
+    disparity, objects, motions = moving_scene(seed)
+    found = rigid_motion(disparity, objects, motions, CALIBRATION)
+    camera = np.array([[400.0, 0, 21.0], [0, 400.0, 13.5], [0, 0, 1]])
+    rows, columns = np.indices(SHAPE)
+    depth = 400.0 * 0.3 / disparity
+    points = np.stack([(columns - 21.0) / 400 * depth, (rows - 13.5) / 400 * depth, depth], -1)
+    for body, motion in enumerate(motions):
+        chosen = objects == body
+        turn = cv2.Rodrigues(motion[:3, :3])[0]
+        left, _ = cv2.projectPoints(points[chosen], turn, motion[:3, 3], camera, None)
+        right, _ = cv2.projectPoints(points[chosen], turn, motion[:3, 3] - [0.3, 0, 0], camera, None)
+        np.testing.assert_allclose(columns[chosen] + found.dx[chosen], left[:, 0, 0], atol=1e-3)
+        np.testing.assert_allclose(rows[chosen] + found.dy[chosen], left[:, 0, 1], atol=1e-3)
+        disparity_after = left[:, 0, 0] - right[:, 0, 0]
+        np.testing.assert_allclose(disparity[chosen] + found.disparity_change[chosen], disparity_after, atol=1e-3)
+
+
+def test_driving_ahead_spreads_the_picture_and_raises_disparities() -> None:
+    """From 10 m away to 9 m after one metre: everything grows by 10/9 about the principal point."""
+    disparity = np.full(SHAPE, 400.0 * 0.3 / 10)
+    found = rigid_motion(disparity, np.zeros(SHAPE, np.uint8), turn_and_move((0, 0, 0), (0, 0, -1))[None], CALIBRATION)
+    assert found.dx[0, 39] == pytest.approx((39 - 21.0) / 9, abs=1e-4)
+    assert found.dy[0, 39] == pytest.approx((0 - 13.5) / 9, abs=1e-4)
+    assert found.disparity_change[0, 0] == pytest.approx(12 / 9, abs=1e-4)
+
+
+@pytest.mark.parametrize("nothing", [0.0, np.nan])
+def test_the_sky_follows_the_rotation_alone(nothing: float) -> None:
+    objects = np.zeros(SHAPE, np.uint8)
+    moved, still = (
+        rigid_motion(np.full(SHAPE, nothing), objects, turn_and_move((0, 0.01, 0), move)[None], CALIBRATION)
+        for move in ((3.0, -2.0, -5.0), (0.0, 0.0, 0.0))
+    )
+    np.testing.assert_array_equal(moved.dx, still.dx)
+    np.testing.assert_array_equal(moved.dy, still.dy)
+    assert moved.dx.mean() == pytest.approx(4.0, abs=0.1)
+    assert not moved.disparity_change.any()
+
+
+def test_what_ends_up_behind_the_camera_has_no_flow() -> None:
+    disparity = np.full(SHAPE, 400.0 * 0.3 / 10)
+    found = rigid_motion(disparity, np.zeros(SHAPE, np.uint8), turn_and_move((0, 0, 0), (0, 0, -11))[None], CALIBRATION)
+    assert np.isnan(found.dx).all()
+    assert np.isnan(found.dy).all()
+    assert np.isnan(found.disparity_change).all()
+
+
+def test_errors_name_what_is_wrong() -> None:
+    flat, body = np.ones(SHAPE), np.zeros(SHAPE, np.uint8)
+    with pytest.raises(ValueError, match=r"objects is \(2, 2\)"):
+        rigid_motion(flat, np.zeros((2, 2), np.uint8), np.eye(4)[None], CALIBRATION)
+    with pytest.raises(ValueError, match=r"motions is \(4, 4\)"):
+        rigid_motion(flat, body, np.eye(4), CALIBRATION)
+    with pytest.raises(ValueError, match="number 2; allowed are 0 to 0"):
+        rigid_motion(flat, body + np.uint8(2), np.eye(4)[None], CALIBRATION)
