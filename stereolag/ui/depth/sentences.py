@@ -25,6 +25,16 @@ from stereolag.ui.sentences import REASON_WORDS, percent
 
 DOCTOR_HEALTHY = "**Input doctor:** no problems found."
 
+REMEDIES_OFFERED = {
+    Remedy.SWAP_SIDES: "Swap left and right",
+    Remedy.ALIGN_ROWS: "Align the rows",
+    Remedy.LEVEL: "Rectify from the images alone (depth becomes relative)",
+    Remedy.RECTIFY: "Rectify both images for now (depth becomes relative)",
+    Remedy.MATCH_EXPOSURE: "Match the brightness",
+    Remedy.SET_RANGE: "Search {suggested_num_disparities:.0f} disparities from {suggested_min_disparity:.0f}",
+}
+"""The label of the button that applies each remedy, with the numbers of its finding."""
+
 
 def problems_in_words(count: int) -> str:
     """Return a sentence with the number of problems found."""
@@ -38,21 +48,7 @@ def finding_in_words(finding: Finding) -> str:
 
 def remedy_in_words(finding: Finding) -> str:
     """Return the label of the button that applies the remedy of a finding."""
-    match finding.remedy:
-        case Remedy.SWAP_SIDES:
-            return "Swap left and right"
-        case Remedy.ALIGN_ROWS:
-            return "Align the rows"
-        case Remedy.LEVEL:
-            return "Rectify from the images alone (depth becomes relative)"
-        case Remedy.RECTIFY:
-            return "Rectify both images for now (depth becomes relative)"
-        case Remedy.MATCH_EXPOSURE:
-            return "Match the brightness"
-        case Remedy.SET_RANGE:
-            first, count = (finding.numbers[f"suggested_{name}"] for name in ("min_disparity", "num_disparities"))
-            return f"Search {count:.0f} disparities from {first:.0f}"
-    return ""
+    return REMEDIES_OFFERED[finding.remedy].format(**finding.numbers) if finding.remedy else ""
 
 
 def _matches(finding: Finding) -> str:

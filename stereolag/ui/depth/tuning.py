@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -55,13 +56,68 @@ def tuning_pairs(pairs: Iterable[Pair], search_range: tuple[int, int] | None, jo
         )
 
 
-SWEEP = "depth.sweep"
+SWEEP, SUGGEST = "depth.sweep", "depth.suggest"
 FEWER, MORE = 5, 7
 """Initial number of values, down and across."""
 
 MOST_VALUES = 10
-
 SHEETS = {"maps": "Small maps", "bad": "How wrong each is"}
+BUDGETS_S = (10, 20, 60)
+
+
+def ask_method(view: DepthView, *, key: str) -> StereoMatcher:
+    """Ask for a method; return its settings."""
+    names = list(view.results)
+    name = st.segmented_control("Method", names, default=names[0], required=True, key=key)
+    return view.results[name].settings
+
+
+def _offer_job(key: str, label: str, icon: str, begun: PairJob | None, begin: Callable[[], None]) -> None:
+    """Offer to begin a job unless one is running."""
+    running = begun is not None and begun.job.running
+    st.button(label, key=f"{key}.start", on_click=begin, type="primary", icon=icon, disabled=running)
+
+
+def _follow_job(
+    key: str, begun: PairJob, asked: object, told: Callable[[Any], str], ending: str, show: Callable[[Any], None]
+) -> None:
+    """Show the progress of a job and then its result; or why it failed, if that is still what the visitor asks for.
+
+    Parameters
+    ----------
+    key, begun
+        The part of the page, and its job.
+    asked
+        The request that the controls make now.
+    told
+        Returns the text beside the progress, for the best result so far or None.
+    ending
+        What stays if the job is ended early.
+    show
+        Shows the result.
+    """
+    running = begun.job.running
+
+    def look() -> None:
+        if begun.job.running:
+            show_busy(begun.job, told(begun.job.so_far), key=f"{key}.cancel", ending=ending)
+            return
+        if running:
+            st.rerun(scope="app")
+        try:
+            found = begun.job.result()
+        except CancelledError:  # cancelled before its turn came
+            return
+        except ValueError as error:
+            if asked == begun.asked:
+                show_refused(error)
+            return
+        show(found)
+
+    st.fragment(look, run_every=BETWEEN_LOOKS_S if running else None)()
+
+
+# Two parameters in all combinations
 
 
 @dataclass(frozen=True)
@@ -70,6 +126,11 @@ class Axis:
 
     parameter: Parameter
     values: tuple[Number, ...]
+
+    @property
+    def current(self) -> int | None:
+        """Return the index of the parameter's current value; None if it is not among the values."""
+        return self.values.index(self.parameter.value) if self.parameter.value in self.values else None
 
 
 @fragment
@@ -92,36 +153,21 @@ def show_sweep(view: DepthView) -> None:
         if begun.job.running:
             forget_job(SWEEP)
         begun = None
-    running = begun is not None and begun.job.running
-    st.button(
-        f"Sweep {len(axes[0].values) * len(axes[1].values)} combinations",
-        key=f"{SWEEP}.start",
-        on_click=_begin_sweep,
-        args=(view.pair, matcher, axes),
-        type="primary",
-        icon=":material/grid_on:",
-        disabled=running,
-    )
+    label = f"Sweep {len(axes[0].values) * len(axes[1].values)} combinations"
+    _offer_job(SWEEP, label, ":material/grid_on:", begun, partial(_begin_sweep, view.pair, matcher, axes))
     if begun is not None:
-        st.fragment(_show_job, run_every=BETWEEN_LOOKS_S if running else None)(view, matcher, axes, begun, running)
-
-
-def ask_method(view: DepthView, *, key: str) -> StereoMatcher:
-    """Ask for a method; return its settings."""
-    names = list(view.results)
-    name = st.segmented_control("Method", names, default=names[0], required=True, key=key)
-    return view.results[name].settings
+        elsewhere = ", not of the pair in use" if begun.files != view.pair.id.files else ""
+        show = partial(_show_sheet, view, matcher, axes, f"{begun.place}{elsewhere}")
+        ending = "Ends the sweep; the maps made so far stay."
+        _follow_job(SWEEP, begun, asked, lambda _: "Trying all combinations …", ending, show)
 
 
 def _ask_axes(matcher: StereoMatcher) -> tuple[Axis, Axis] | None:
     """Ask for the parameters to vary and their values; show why and return None if they cannot be used."""
     known = parameters(matcher)
-    at_first = _likeliest(known)
     try:
-        down, across = (
-            _ask_axis(label, matcher, known, at_first[number], (FEWER, MORE)[number])
-            for number, label in enumerate(("Down", "Across"))
-        )
+        down = _ask_axis("Down", matcher, known, ("num_disparities", "search_size"), FEWER)
+        across = _ask_axis("Across", matcher, known, ("window_size", "block_size"), MORE)
     except ValueError as error:
         show_refused(error)
         return None
@@ -131,29 +177,24 @@ def _ask_axes(matcher: StereoMatcher) -> tuple[Axis, Axis] | None:
     return down, across
 
 
-def _likeliest(known: Mapping[str, Parameter]) -> tuple[int, int]:
-    """Return the initial parameters: number of disparities or search size, and window or block size."""
-    names = [name.rpartition(".")[2] for name in known]
-    sizes = [number for number, name in enumerate(names) if name in ("window_size", "block_size")]
-    ranges = [number for number, name in enumerate(names) if name in ("num_disparities", "search_size")]
-    return (ranges or [0])[0], (sizes or [1])[0]
-
-
-def _ask_axis(label: str, matcher: StereoMatcher, known: Mapping[str, Parameter], at_first: int, count: int) -> Axis:
-    """Ask for one parameter and its values."""
-    method = type(matcher).__name__
+def _ask_axis(
+    label: str, matcher: StereoMatcher, known: Mapping[str, Parameter], likely: tuple[str, str], count: int
+) -> Axis:
+    """Ask for one parameter, at first one of the `likely` ones, and its values."""
+    names = list(known)
+    likeliest = [number for number, name in enumerate(names) if name.rpartition(".")[2] in likely]
+    key = f"{SWEEP}.{type(matcher).__name__}.{label}"
     with st.container(horizontal=True, gap="medium", vertical_alignment="bottom"):
         name = st.selectbox(
             label,
-            list(known),
-            index=at_first,
+            names,
+            index=(likeliest or [int(label == "Across")])[0],
             format_func=lambda one: known[one].title,
-            key=f"{SWEEP}.{method}.{label}",
+            key=key,
             width=280,
         )
-        key = f"{SWEEP}.{method}.{label}.{name}"
-        st.session_state.setdefault(key, ", ".join(f"{value:g}" for value in known[name].values(count)))
-        text = st.text_input(f"{known[name].title}: values", key=key, width=420)
+        st.session_state.setdefault(f"{key}.{name}", ", ".join(f"{value:g}" for value in known[name].values(count)))
+        text = st.text_input(f"{known[name].title}: values", key=f"{key}.{name}", width=420)
     return Axis(known[name], _numbers(text or "", type(known[name].value)))
 
 
@@ -206,37 +247,17 @@ def _begin_sweep(pair: Pair, matcher: StereoMatcher, axes: tuple[Axis, Axis]) ->
     begin_job(pair, SWEEP, _asked(matcher, axes), work, estimate)
 
 
-def _show_job(
-    view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], begun: PairJob, was_running: bool
-) -> None:
-    """Show the progress of the sweep, or its result."""
-    if begun.job.running:
-        ending = "Ends the sweep; the maps made so far stay."
-        show_busy(begun.job, "Trying all combinations …", key=f"{SWEEP}.cancel", ending=ending)
-        return
-    if was_running:
-        st.rerun(scope="app")
-    try:
-        sheet: ContactSheet = begun.job.result()
-    except CancelledError:  # cancelled before its turn came
-        return
-    except ValueError as error:
-        show_refused(error)
-        return
-    elsewhere = begun.files != view.pair.id.files
-    _show(view, matcher, axes, sheet, f"{begun.place}, not of the pair in use" if elsewhere else begun.place)
-
-
-def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], sheet: ContactSheet, of: str) -> None:
+def _show_sheet(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], of: str, sheet: ContactSheet) -> None:
     """Show a sweep, with maps of the pair that `of` names, and adopt the settings of a cell that was clicked."""
     titles = axes[0].parameter.title, axes[1].parameter.title
-    cell = _cell_of(axes)
+    row, col = axes[0].current, axes[1].current
+    cell = None if row is None or col is None else (row, col)
     figures = [("maps", sweep_maps(sheet, titles, view.colours, cell))]
     if sheet.judged:
         figures.append(("bad", sweep_bad(sheet, titles, cell)))
-    clicked = None
     # A chart keeps its selection; a new key starts without one, so that the same cell can be clicked again.
     clicks = st.session_state.setdefault(f"{SWEEP}.clicks", 0)
+    clicked: list[int] = []
     for column, (kind, figure) in zip(st.columns([3, 2], gap="medium"), figures, strict=False):
         event = column.plotly_chart(
             figure,
@@ -246,15 +267,14 @@ def _show(view: DepthView, matcher: StereoMatcher, axes: tuple[Axis, Axis], shee
             config={"displayModeBar": False},
             alt=f"{SHEETS[kind]}: {sheet_in_words(sheet, titles)}",
         )
-        if event.selection.point_indices:
-            clicked = int(event.selection.point_indices[0])
+        clicked += event.selection.point_indices[:1]
     prose.caption(sweep_in_words(sheet.criterion, judged=sheet.judged, finished=sheet.finished, of=of))
     listed = _ask_cell(sheet, titles, key=f"{SWEEP}.cell.{clicks}")
-    clicked = listed if clicked is None else clicked
-    if clicked is not None:
+    clicked += [] if listed is None else [listed]
+    if clicked:
         st.session_state[f"{SWEEP}.clicks"] = clicks + 1
         try:
-            chosen = settings_of_cell(matcher, axes, *divmod(clicked, len(axes[1].values)))
+            chosen = settings_of_cell(matcher, axes, *divmod(int(clicked[0]), len(axes[1].values)))
         except ValueError as error:
             show_refused(error)
         else:
@@ -282,16 +302,7 @@ def settings_of_cell(matcher: StereoMatcher, axes: tuple[Axis, Axis], row: int, 
     return changed(matcher, {down.parameter.name: down.values[row], across.parameter.name: across.values[col]})
 
 
-def _cell_of(axes: tuple[Axis, Axis]) -> tuple[int, int] | None:
-    """Return the cell whose settings are in use; None if the grid does not contain it."""
-    down, across = axes
-    if down.parameter.value not in down.values or across.parameter.value not in across.values:
-        return None
-    return down.values.index(down.parameter.value), across.values.index(across.parameter.value)
-
-
-SUGGEST = "depth.suggest"
-BUDGETS_S = (10, 20, 60)
+# A search for better settings
 
 
 @fragment
@@ -315,21 +326,23 @@ def show_suggest(view: DepthView) -> None:
         key=f"{SUGGEST}.budget",
     )
     begun = job_on(view.pair, SUGGEST)
-    running = begun is not None and begun.job.running
     if criterion is Criterion.ESTIMATED_BAD_2 and judges_itself(matcher):
         prose.info(UNJUDGED[Unjudged.JUDGES_ITSELF], icon=":material/balance:")
     else:
-        st.button(
-            "Suggest settings",
-            key=f"{SUGGEST}.start",
-            on_click=_begin_search,
-            args=(view.pair, matcher, budget_s),
-            type="primary",
-            icon=":material/auto_fix_high:",
-            disabled=running,
-        )
+        begin = partial(_begin_search, view.pair, matcher, budget_s)
+        _offer_job(SUGGEST, "Suggest settings", ":material/auto_fix_high:", begun, begin)
     if begun is not None:
-        st.fragment(_show_search, run_every=BETWEEN_LOOKS_S if running else None)(view, matcher, begun, running)
+        start = begun.asked
+
+        def told(found: Suggestion | None) -> str:
+            return search_so_far(found) if found else f"Looking at the {start.title} settings in use …"
+
+        def show(found: Suggestion) -> None:
+            if matcher in (start, found.matcher):
+                _show_suggestion(view, found)
+
+        ending = "Ends the search; the best settings found so far stay."
+        _follow_job(SUGGEST, begun, matcher, told, ending, show)
 
 
 def _begin_search(pair: Pair, matcher: StereoMatcher, budget_s: float) -> None:
@@ -350,28 +363,6 @@ def _begin_search(pair: Pair, matcher: StereoMatcher, budget_s: float) -> None:
         matcher, pair.left.shape, pair.left.dtype, blind=known_truth(pair) is None, budget_s=budget_s
     )
     begin_job(pair, SUGGEST, matcher, work, estimate)
-
-
-def _show_search(view: DepthView, matcher: StereoMatcher, begun: PairJob, was_running: bool) -> None:
-    """Show the progress of the search, or its result if `matcher` has the settings it started from or found."""
-    if begun.job.running:
-        so_far: Suggestion | None = begun.job.so_far
-        text = search_so_far(so_far) if so_far else f"Looking at the {begun.asked.title} settings in use …"
-        ending = "Ends the search; the best settings found so far stay."
-        show_busy(begun.job, text, key=f"{SUGGEST}.cancel", ending=ending)
-        return
-    if was_running:
-        st.rerun(scope="app")
-    try:
-        found: Suggestion = begun.job.result()
-    except CancelledError:  # cancelled before its turn came
-        return
-    except ValueError as error:
-        if matcher == begun.asked:
-            show_refused(error)
-        return
-    if matcher in (begun.asked, found.matcher):
-        _show_suggestion(view, found)
 
 
 def _show_suggestion(view: DepthView, found: Suggestion) -> None:
