@@ -10,12 +10,11 @@ import streamlit as st
 
 from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, diagnose, estimate_diagnosis, judge_range
 from stereolag.assess.remedies import Remedy
-from stereolag.core.jobs import Estimate
 from stereolag.pair import Change, Pair, Preparation
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.calibrating import prepared
-from stereolag.ui.depth.maps import DepthView
+from stereolag.ui.depth.maps import DepthView, kept_for
 from stereolag.ui.depth.sentences import (
     DOCTOR_HEALTHY,
     finding_in_words,
@@ -55,7 +54,7 @@ def show_doctor(view: DepthView) -> None:
         if ill:
             prose.warning(problems_in_words(len(ill)), icon=":material/stethoscope:")
         for one in ill:
-            _show(one)
+            _show(*one)
         for number, change in enumerate(pair.remedies):
             _show_remedy(pair, number, change)
         _show_all(advice, "All checks" if ill else HEALTHY)
@@ -63,8 +62,8 @@ def show_doctor(view: DepthView) -> None:
 
 def diagnosis_at_once(pair: Pair) -> Diagnosis | None:
     """Return the diagnosis, or None if it takes long and is not known yet; `show_doctor` then computes it."""
-    if is_heavy(_estimate(pair)):
-        found: Diagnosis | None = computed_before(TASK, inputs=pair.digest, settings="", shared=pair.shared)
+    if is_heavy(estimate_diagnosis(pair.left.shape, pair.left.dtype)):
+        found: Diagnosis | None = computed_before(TASK, **kept_for(pair))
         return found
     return _diagnosis(pair)
 
@@ -74,16 +73,10 @@ def _diagnosis(pair: Pair) -> Diagnosis | None:
     return computed_in_turn(
         TASK,
         lambda progress: diagnose(pair.left, pair.right),
-        _estimate(pair),
-        inputs=pair.digest,
-        settings="",
-        shared=pair.shared,
+        estimate_diagnosis(pair.left.shape, pair.left.dtype),
+        **kept_for(pair),
         label="Examining the pair …",
     )
-
-
-def _estimate(pair: Pair) -> Estimate:
-    return estimate_diagnosis(pair.left.shape, pair.left.dtype)
 
 
 class Advice(NamedTuple):
@@ -101,15 +94,11 @@ def _advice(diagnosis: Diagnosis, view: DepthView) -> list[Advice]:
         for finding in diagnosis.findings
         if finding.code != FindingCode.RANGE
     ]
-    judged = [
-        (judge_range(diagnosis, *searched), matcher)
-        for matcher in (result.settings for result in view.results.values())
-        if (searched := matcher.reach()) is not None
-    ]
-    ranges = [finding for finding, _ in judged if finding is not None]
+    searched = {result.settings: reach for result in view.results.values() if (reach := result.settings.reach())}
+    ranges = [finding for reach in searched.values() if (finding := judge_range(diagnosis, *reach)) is not None]
     if ranges:
         chosen = next((finding for finding in ranges if not finding.healthy), ranges[0])
-        advice.append(Advice(chosen, partial(_set_ranges, diagnosis, [matcher for _, matcher in judged], pair)))
+        advice.append(Advice(chosen, partial(_set_ranges, diagnosis, [*searched], pair)))
     return advice
 
 
@@ -127,43 +116,45 @@ def _prescribe(pair: Pair, remedy: Remedy | None) -> None:
     if remedy is Remedy.SWAP_SIDES and remedy in applied:
         _undo(pair, applied.index(remedy))
     else:
-        st.session_state.setdefault(REMEDIES_KEY, {})[pair.id.untreated] = (*applied, remedy)
+        _choose(pair, (*applied, remedy))
 
 
 def _undo(pair: Pair, number: int) -> None:
     applied = pair.id.remedies
-    st.session_state.setdefault(REMEDIES_KEY, {})[pair.id.untreated] = (*applied[:number], *applied[number + 1 :])
+    _choose(pair, (*applied[:number], *applied[number + 1 :]))
+
+
+def _choose(pair: Pair, remedies: tuple[Remedy, ...]) -> None:
+    st.session_state.setdefault(REMEDIES_KEY, {})[pair.id.untreated] = remedies
 
 
 def _show_all(advice: list[Advice], heading: str) -> None:
     """Show every finding in a collapsed expander."""
     with st.expander(heading):
-        prose.markdown("\n\n".join(f"{_mark(one.finding)} {finding_in_words(one.finding)}" for one in advice))
+        prose.markdown("\n\n".join(_told(one.finding) for one in advice))
 
 
-def _show(advice: Advice) -> None:
-    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        prose.markdown(f"{_mark(advice.finding)} {finding_in_words(advice.finding)}", width="stretch")
-        if advice.finding.remedy:
-            _button(remedy_in_words(advice.finding), f"depth.doctor.{advice.finding.remedy}", advice.apply)
-    if advice.finding.code == FindingCode.BENT_ROWS and CALIBRATE in PAGES:
+def _show(finding: Finding, apply: Callable[[], None]) -> None:
+    _show_line(_told(finding), remedy_in_words(finding), f"depth.doctor.{finding.remedy}", apply)
+    if finding.code == FindingCode.BENT_ROWS and CALIBRATE in PAGES:
         label, icon = PAGES[CALIBRATE]
         st.page_link(CALIBRATE, label=label, icon=icon)
 
 
 def _show_remedy(pair: Pair, number: int, change: Change) -> None:
+    earlier = pair.remedies[:number].count(change)
+    key = f"depth.doctor.undo.{change.code}" + (f".{earlier}" if earlier else "")
+    _show_line(f":blue[:material/healing:] {change.sentence}", "Undo", key, partial(_undo, pair, number))
+
+
+def _show_line(said: str, label: str, key: str, act: Callable[[], None]) -> None:
+    """Show a sentence with a button beside it, whose click affects the whole page; without a label, no button."""
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        prose.markdown(f":blue[:material/healing:] {change.sentence}", width="stretch")
-        earlier = pair.remedies[:number].count(change)
-        key = f"depth.doctor.undo.{change.code}" + (f".{earlier}" if earlier else "")
-        _button("Undo", key, partial(_undo, pair, number))
+        prose.markdown(said, width="stretch")
+        if label and st.button(label, key=key, on_click=act):
+            st.rerun()
 
 
-def _button(label: str, key: str, act: Callable[[], None]) -> None:
-    """Draw a button whose click affects the whole page, not only this part."""
-    if st.button(label, key=key, on_click=act):
-        st.rerun()
-
-
-def _mark(finding: Finding) -> str:
-    return ":green[:material/check_circle:]" if finding.healthy else ":orange[:material/warning:]"
+def _told(finding: Finding) -> str:
+    mark = ":green[:material/check_circle:]" if finding.healthy else ":orange[:material/warning:]"
+    return f"{mark} {finding_in_words(finding)}"

@@ -13,10 +13,9 @@ from stereolag.figures.clouds import birds_eye, point_cloud
 from stereolag.figures.pictures import as_rgb
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import MOST_POINTS, BirdsEyeView, clean_point_cloud, seen_from_above, subsampled
-from stereolag.stereo.matcher import DisparityMap
 from stereolag.ui import prose
 from stereolag.ui.depth.calibrating import calibration_of
-from stereolag.ui.depth.maps import DepthView, settings_key
+from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.navigation import fragment
 from stereolag.ui.results import computed
 
@@ -81,7 +80,7 @@ def show_space(view: DepthView) -> None:
         seen_from = st.segmented_control(
             "Seen from", list(VIEWS), default=next(iter(VIEWS)), required=True, key=f"{KEY}.seen_from"
         )
-    space = _space(view, view.results[name], calibration, float(np.nanpercentile(depth, nearest)))
+    space = _space(view, name, calibration, float(np.nanpercentile(depth, nearest)))
     if space.above is None:
         prose.info("Nothing but flying pixels: no surface is larger than a few pixels.")
         return
@@ -133,11 +132,12 @@ def _worth_showing(depth: npt.NDArray[np.float32]) -> int:
     return int(np.clip(share, LEAST_SHARE, MOST_AT_FIRST))
 
 
-def _space(view: DepthView, result: DisparityMap, calibration: Calibration, farthest: float) -> Space:
+def _space(view: DepthView, name: str, calibration: Calibration, farthest: float) -> Space:
     """Return the points of a map up to a distance; from memory if they were computed before."""
+    disparity = view.results[name].disparity
 
     def work_out(_: object) -> Space:
-        near_enough = np.where(calibration.depth(result.disparity) <= farthest, result.disparity, np.float32(np.nan))
+        near_enough = np.where(calibration.depth(disparity) <= farthest, disparity, np.float32(np.nan))
         points, colours = clean_point_cloud(calibration, near_enough, as_rgb(view.pair.left), max_points=None)
         flying = int(np.count_nonzero(np.isfinite(near_enough))) - len(points)
         some, their_colours = subsampled(points, colours, MOST_POINTS)
@@ -147,9 +147,7 @@ def _space(view: DepthView, result: DisparityMap, calibration: Calibration, fart
     return computed(
         "points",
         work_out,
-        inputs=view.pair.digest,
-        settings=f"{settings_key(result)} {calibration} {farthest}",
-        shared=view.pair.shared,
+        **view.kept(name, f"{calibration} {farthest}"),
         label="Placing the points …",
     )
 
