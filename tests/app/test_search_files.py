@@ -168,17 +168,6 @@ def test_both_are_heard_together_once_that_is_opened(open_page: OpenPage) -> Non
     assert any("With the lag undone it comes once." in caption for caption in captions)
 
 
-@pytest.mark.parametrize(
-    ("lag", "rate", "said"),
-    [(123, 1000.0, "comes twice"), (123, 44_100.0, "colour"), (0, 1000.0, "nothing to undo"), (None, 1.0, "No lag is")],
-)
-def test_what_is_heard_is_said(lag: int | None, rate: float, said: str) -> None:
-    sound = noise(4000)
-    second = noise(4000, seed=1) if lag is None else sound[: 4000 - lag]
-    result = sl.signal_lag(sound[lag or 0 :], second, sampling_rate=rate)
-    assert said in lag_files.heard_in_words(result)
-
-
 def test_a_zip_that_takes_too_much_memory_is_refused(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lag_files, "BYTES_OF_A_SAMPLE", 10**6)
     app = open_page(LAG)

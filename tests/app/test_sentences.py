@@ -32,12 +32,13 @@ from stereolag.assess.remedies import Remedy
 from stereolag.core.searches import TemplateQuery
 from stereolag.io.recordings import Recording
 from stereolag.pair import REMEDIES_DONE, RectificationDecision
-from stereolag.signals import signal_lag
+from stereolag.signals import phasors, signal_lag
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
+from stereolag.templates.by_hand import reduced_search
 from stereolag.templates.trials import Degradation, OpenCVSearch, Trial, opencv_search, try_methods
 from stereolag.templates.verdict import Reason as SearchReason
 from stereolag.ui.depth import sentences
@@ -55,7 +56,9 @@ from stereolag.ui.depth.sentences import (
 from stereolag.ui.lag.sentences import (
     curve_in_words,
     drift_in_words,
+    heard_in_words,
     own_facts,
+    own_in_words,
     run_times_in_words,
     verdict_explained,
     verdict_in_words,
@@ -63,10 +66,12 @@ from stereolag.ui.lag.sentences import (
 )
 from stereolag.ui.search.sentences import (
     differences,
+    doubtful,
     framed_in_words,
     headline,
     lesson,
     numbers_of,
+    scale_of,
     table,
     why_no_score_map,
     why_not_found,
@@ -103,6 +108,15 @@ def test_lags(snapshot: Snapshot) -> None:
     said["recordings"] = [waveforms_in_words(clip, late, 1000.0), run_times_in_words(np.array([0.1, 0.2, 0.4]))]
     rows = np.zeros((1, 16))
     own = (Recording(rows, None, mended_lines=2), Recording(rows, 8_000.0, resampled_from=16_000.0))
+    said["heard"] = [
+        heard_in_words(signal_lag(clip, late, sampling_rate=100)),
+        heard_in_words(results["sure"]),
+        heard_in_words(results["at the same time"]),
+        heard_in_words(results["unrelated"]),
+    ]
+    far, near = phasors.tone(), phasors.common_stretch("own", clip, clip, 0)
+    assert near is not None
+    said["arrows"] = [own_in_words(one)["said"]["plain"] for one in (near, far)]
     snapshot(said | {"own recordings": own_facts(own, (1, 2), (1, 2))})
 
 
@@ -138,6 +152,11 @@ def test_searches(snapshot: Snapshot) -> None:
     for name, query in queries.items():
         said |= {f"{one}{name}": [why_not_found(results[one], query)] for one in ("low score", "nothing") if name}
         said |= {f"no score map{name}": [why_no_score_map(query)] for _ in name[:1]}
+    scene = uploads.texture(60, 90)
+    small = reduced_search(scene, scene[20:40, 30:50], None)
+    said["by hand"] = [scale_of(replace(small, factor=one, part=part)) for one, part in ((1, False), (4, True))]
+    counts = [doubtful(results[name]) for name in ("one", "look-alikes", "low score")]
+    assert [len(one) for one in counts] == [0, 4, 1]
     snapshot(said)
 
 

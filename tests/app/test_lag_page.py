@@ -1,0 +1,217 @@
+"""The lag page: the verdict before the lag, recordings of one's own, all methods in a table, and the panels."""
+
+from __future__ import annotations
+
+import base64
+import string
+import time
+from collections.abc import Callable
+from typing import Any, get_args
+
+import numpy as np
+import numpy.typing as npt
+import plotly.io
+import pytest
+from scipy import signal
+from streamlit.testing.v1 import AppTest
+
+from benchmarks.verdict import coloured, tones, unrelated
+from stereolag.core.typography import typeset
+from stereolag.signals import by_hand
+from stereolag.signals.phasors import LAG, SIZE
+from stereolag.signals.verdict import Reason
+from stereolag.ui.lag import comparison
+from stereolag.ui.lag.panels import SLIDERS, START
+from stereolag.ui.lag.sentences import DISTURBANCE_EXAMPLES, DISTURBANCE_WORDS
+from tests.app import uploads
+from tests.packed import told
+
+OpenPage = Callable[..., AppTest]
+Sound = npt.NDArray[np.float64]
+PAGE = "pages/1_Sensor_lag.py"
+
+
+def measured(open_page: OpenPage, *files: tuple[str, bytes]) -> AppTest:
+    """Return the page after uploading recordings."""
+    app = open_page(PAGE, {"recordings": "own"})
+    for number, (name, data) in enumerate(files, start=1):
+        app.file_uploader(key=f"recordings.file_{number}").upload(name, data, "application/octet-stream")
+    app.run()
+    assert not app.exception and not app.error
+    return app
+
+
+def two_waves(first: Sound, second: Sound) -> tuple[tuple[str, bytes], tuple[str, bytes]]:
+    one, other = (uploads.wav(sound, 44_100) for sound in (first, second))
+    return ("1.wav", one), ("2.wav", other)
+
+
+def numbers(app: AppTest) -> dict[str, str]:
+    return {metric.label: metric.value for metric in app.metric}
+
+
+def captions(app: AppTest) -> str:
+    return "\n".join(caption.value for caption in app.caption)
+
+
+# The verdict
+
+REVERSED = coloured(6000, 0.8, np.random.default_rng(4))
+
+
+@pytest.mark.parametrize(
+    ("pair", "said"),
+    [
+        (unrelated("noise and noise", 20_000, 0), "Nothing in common found: the highest point is at chance level."),
+        (tones(6_000, 0.01, 0.0, 0), "Cannot tell: it repeats every **100 samples**."),
+        ((REVERSED[1000:5000], -REVERSED[:4000]), "Nothing in common found, but **the opposite sign fits**"),
+    ],
+)
+def test_no_metres_and_no_lag_where_it_is_not_sure(open_page: OpenPage, pair: tuple[Sound, Sound], said: str) -> None:
+    app = measured(open_page, *two_waves(*pair))
+    assert app.header[0].value.startswith(said)
+    assert {"Lag, samples", "Time", "Path difference"}.isdisjoint(numbers(app))
+    assert "Highest point, samples" in numbers(app)
+
+
+def test_a_sure_lag_has_its_path_difference_and_how_far_it_can_be_off(open_page: OpenPage) -> None:
+    app = open_page(PAGE)
+    assert numbers(app)["Path difference"] == typeset("378.17 m")
+    assert any(typeset("varies by less than ± 0.01 samples, ± 0.076 mm of") in one.value for one in app.markdown)
+    fair = drawn(app)
+    app.button_group(key="lag.curve").set_value("Plain Pearson").run()
+    plain = drawn(app)
+    assert fair[-1]["x"] == plain[-1]["x"] == [50_082]
+    assert fair[-1]["y"][0] == pytest.approx(plain[-1]["y"][0] * np.sqrt(1 - 50_082 / 176_401), abs=1e-3)
+    assert float(numbers(app)["Score"]) == pytest.approx(plain[-1]["y"][0], abs=1e-3)
+
+
+def drawn(app: AppTest) -> list[dict[str, list[float]]]:
+    """Return the traces of the correlation curve."""
+    specs = [plotly.io.from_json(one.proto.spec, skip_invalid=True).to_dict() for one in app.get("plotly_chart")]
+    (curve,) = [spec for spec in specs if "lag, samples" in str(spec["layout"]["xaxis"].get("title"))]
+    return list(curve["data"])
+
+
+# Recordings of one's own
+
+SOUND = signal.resample_poly(uploads.noise(2_400), 4, 1)
+
+
+def test_another_rate_is_brought_to_the_lower_and_said(open_page: OpenPage) -> None:
+    slow = uploads.wav(signal.resample_poly(SOUND, 1, 2), 8_000)
+    app = measured(open_page, ("a.wav", uploads.wav(SOUND[1_000:], 16_000)), ("b.wav", slow))
+    assert numbers(app)["Lag, samples"] == "500"
+    assert numbers(app)["Time"] == typeset("0.0625 s")
+    assert typeset("Sensor 1: 0.5375 s, 4,300 samples, 8,000 Hz, resampled from 16,000 Hz.") in captions(app)
+
+
+def test_an_assumed_rate_is_said_aloud_and_mended_lines_are_counted(open_page: OpenPage) -> None:
+    lines = uploads.csv(SOUND).split(b"\n")
+    lines[7] += b"\0"
+    app = measured(open_page, ("a.csv", b"\n".join(lines)), ("b.csv", uploads.csv(SOUND)))
+    assert typeset("no rate in the file: 44,100 Hz assumed unless set below, 1 damaged line mended.") in captions(app)
+
+
+def test_the_channel_and_the_limits_are_named(open_page: OpenPage) -> None:
+    app = measured(open_page, ("both.wav", uploads.wav(np.column_stack((SOUND[100:], SOUND[:-100])))))
+    assert "channel 1 of 2." in captions(app) and "channel 2 of 2." in captions(app)
+    limits = "At most 64 MB and 30 million samples per file, over all channels: 11 minutes of one"
+    assert typeset(limits) in captions(app)
+
+
+# All methods
+
+
+def waited(app: AppTest) -> AppTest:
+    """Return the page once its job is done."""
+    for _ in range(300):
+        if not any(one.label == "Cancel" for one in app.button):
+            return app
+        time.sleep(0.2)
+        app.run()
+    raise AssertionError("the job goes on and on")
+
+
+def test_every_method_has_a_row_and_runs_are_timed(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(comparison, "LONGEST_S", 3.0)
+    app = open_page(PAGE)
+    assert not app.dataframe
+    app.button(key="lag.comparison.recordings coast.button").click().run()
+    table = waited(app).dataframe[0].value
+    assert list(table["Method"]) == ["FFT", "GCC-PHAT", "Sampled", "Direct"]
+    assert list(table["Lag, samples"]) == ["50,082"] * 3 + ["–"]
+    assert list(table["Verdict"]) == ["sure"] * 3 + ["left out"]
+    assert table["Took"][3].startswith("about ")
+    app.slider(key="lag.runs").set_value(10).run()
+    app.button(key="lag.run_times.recordings coast.button").click().run()
+    waited(app)
+    assert "FFT: half of the runs took less than " in captions(app)
+    app.slider(key="lag.runs").set_value(20).run()
+    assert "half of the runs" not in captions(app)
+
+
+# The panels
+
+PANELS = {
+    "sliding": (["seven", "coast", "tone", "noise", "loud"], {"plain", "normalised"}),
+    "phasors": (["knock", "coast", "harbour", "tone", "noise"], {"plain", "whitened"}),
+}
+
+
+def test_the_panels_show_the_same_whatever_is_measured(open_page: OpenPage) -> None:
+    app = open_page(PAGE)
+    names = (*PANELS, "disturbances")
+    panels = {name: told(app, name) for name in names}
+    for name, (examples, said) in PANELS.items():
+        (panel,) = panels[name]
+        assert [example["name"] for example in panel["examples"]] == examples
+        assert all(one["title"] and one["try"] and set(one["said"]) == said for one in panel["examples"])
+    slides, arrows = (panels[name][0]["examples"] for name in PANELS)
+    assert all(len(one["cut"]) < len(one["recording"]) for one in slides)
+    assert [one["name"] for one in slides if one["whole"]] == ["seven"]
+    assert all(len(one[part]) == SIZE // 2 for one in arrows for part in ("magnitude_1", "magnitude_2", "turns"))
+    coast = arrows[1]
+    assert coast["offset"] + LAG * coast["step"] == 50_082
+    assert f"mean of {coast['step']} samples" in coast["try"] and f"{coast['offset']:,} samples later" in coast["try"]
+    (mixed,) = panels["disturbances"]
+    parts, expected = mixed["parts"], by_hand.ingredients()
+    arrays = (expected.fresh, expected.pattern, expected.noise_1, expected.noise_2)
+    for text, array in zip((parts["fresh"], parts["pattern"], *parts["noises"]), arrays, strict=True):
+        np.testing.assert_array_equal(np.frombuffer(base64.b64decode(text), dtype=np.int8), array)
+    assert parts["lag"] == by_hand.LAG and mixed["reach"] == by_hand.MAX_LAG
+    app.button_group(key="recordings").set_value("harbour").run()
+    assert {name: told(app, name) for name in names} == panels  # painted values stay in the browser
+
+
+def test_ones_own_arrows_come_first_once_their_lag_is_found(open_page: OpenPage) -> None:
+    scene = uploads.noise(12_000)
+    app = measured(open_page, *two_waves(scene[:-500], scene[500:]))
+    own, *others = told(app, "phasors")[0]["examples"]
+    assert [example["name"] for example in others] == PANELS["phasors"][0]
+    assert own["title"] == "Your recordings"
+    assert own["offset"] + LAG * own["step"] == -500
+    assert own["said"]["whitened"] == "The chain reaches furthest at lag 4, as in the whole recordings."
+    app = measured(open_page, *two_waves(uploads.noise(9_000, seed=1), uploads.noise(9_000, seed=2)))
+    assert [one["name"] for one in told(app, "phasors")[0]["examples"]] == PANELS["phasors"][0]
+
+
+def test_every_example_can_be_set_with_the_sliders() -> None:
+    names = [slider["name"] for slider in SLIDERS]
+    assert list(START) == names and set(DISTURBANCE_WORDS["sliders"]) == set(names)
+    for example in DISTURBANCE_EXAMPLES:
+        settings: dict[str, Any] = START | example["settings"]
+        assert list(settings) == names
+        for slider in SLIDERS:
+            value = settings[slider["name"]]
+            assert slider["low"] <= value <= slider["high"]
+            assert (value - slider["low"]) % slider["step"] == 0
+
+
+def test_every_verdict_on_disturbed_recordings_has_its_words() -> None:
+    words = DISTURBANCE_WORDS
+    reasons = {*get_args(Reason), "wrong"} - {"few_votes"}  # this method has no votes
+    assert set(words["verdicts"]) == set(words["lessons"]) == reasons
+    known = {"lag", "true", "delay", "period", "spacing", "rivals", "from", "to", "searched", "evidence", "needed"}
+    texts = [*words["verdicts"].values(), *words["lessons"].values(), *words["notes"].values(), words["numbers"]]
+    assert {name for text in texts for _, name, _, _ in string.Formatter().parse(text) if name} <= known
