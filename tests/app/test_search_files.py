@@ -110,6 +110,10 @@ def test_the_zip_of_a_search_finds_it_again(
     monkeypatch.chdir(tmp_path)
     framed = sl.read_image("framed.png")
     assert framed.shape[:2] == picture.shape
+    if dtype is np.uint8:  # framed outside the match, and nothing within is touched
+        changed = np.argwhere((framed != picture[..., np.newaxis]).any(axis=2))
+        assert (changed.min(axis=0) < (20, 30)).all() and (changed.max(axis=0) >= (40, 60)).all()
+        np.testing.assert_array_equal(framed[23:37, 33:57, 0], picture[23:37, 33:57])
     names = [file.name for file in files if not file.label]
     assert len(names) == 2 + masked
     kept = json.loads((tmp_path / "matches.json").read_text())

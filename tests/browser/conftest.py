@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, expect
 
-from tests.browser.depth_page import Given, OwnPair
 from tests.browser.parts import ShowParts, parts_alone
 from tests.browser.serving import CHROMIUM, Server, chromium, chromium_path
 from tests.browser.visits import TIMEOUT_MS, OpenPage, faultless_pages
@@ -50,13 +48,6 @@ def keep_page(browser: Browser, address: str) -> Iterator[OpenPage]:
     """Return a function that opens a page shared by all tests of a module."""
     with faultless_pages(browser, address) as opened:
         yield opened
-
-
-@pytest.fixture(scope="module")
-def motorcycle(data_dir: Path) -> OwnPair:
-    """Return a pair of real photographs with ground truth and calibration."""
-    folder = data_dir / "stereo" / "motorcycle_q"
-    return OwnPair(*(Given.of(folder / name) for name in ("left.png", "right.png", "gt.pfm", "calib.json")))
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,9 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
-import numpy as np
 from playwright.sync_api import Locator, Page, TimeoutError, expect
 
-from stereolag.samples import stereo_pairs
-from tests.browser.visits import OpenPage, expect_visible, screenshot, settled
+from tests.browser.visits import OpenPage, expect_visible, file_of, screenshot, settled
 
 DEPTH_MAPS = "Depth_maps?pair="
 
@@ -38,20 +35,8 @@ class OwnPair(NamedTuple):
     calibration: Given
 
 
-def example_files(name: str) -> OwnPair:
-    """Return the files of a bundled pair as if they were a visitor's own."""
-    example = stereo_pairs()[name]
-    return OwnPair(*map(Given.of, (example.left, example.right, example.disparity, example.calibration)))
-
-
 CELLS = "(rows) => rows.map((row) => [...row.querySelectorAll('td')].map((cell) => cell.innerText))"
 """Read in one call: a table read cell by cell could be redrawn in between."""
-
-
-def picture_file(name: str, image: np.ndarray) -> Given:
-    """Return an RGB or grey image as a PNG file."""
-    shown = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
-    return Given(name, cv2.imencode(".png", shown)[1].tobytes())
 
 
 class DepthPage:
@@ -130,7 +115,7 @@ class DepthPage:
     def give(self, label: str, file: Given) -> None:
         """Upload a file to the box with this label."""
         box = self.page.get_by_test_id("stFileUploader").filter(has_text=label).locator("input[type=file]")
-        box.set_input_files({"name": file.name, "mimeType": "application/octet-stream", "buffer": file.data})
+        box.set_input_files(file_of(*file))
         self.settle()
 
     def download(self, label: str) -> bytes:
@@ -189,12 +174,6 @@ class DepthPage:
         """Return the rows of the last Markdown table, keyed by their first cell."""
         rows = self.page.locator("[data-testid=stMarkdown] table").last.locator("tbody tr")
         return {first: others for first, *others in rows.evaluate_all(CELLS)}
-
-    def frame(self, columns: int, which: int = 0) -> list[list[str]]:
-        """Return the rows of a data table without its header, once it has this many columns."""
-        rows = self.page.get_by_test_id("stDataFrame").nth(which).locator("tbody tr")
-        expect(rows.first.locator("td")).to_have_count(columns)
-        return rows.evaluate_all(CELLS)  # type: ignore[no-any-return]
 
     def said(self, text: str | re.Pattern[str]) -> Locator:
         return self.page.get_by_text(text).first

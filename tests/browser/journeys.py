@@ -9,9 +9,9 @@ import numpy as np
 from playwright.sync_api import Locator, Page, expect
 
 from tests.app.test_driving_page import drive
+from tests.app.uploads import wav
 from tests.browser.axe import COLOURS_ALONE, Audit
-from tests.browser.sounds import wav_file
-from tests.browser.visits import expect_visible, settled
+from tests.browser.visits import expect_visible, file_of, settled
 
 MOST_IN_A_ROW = 10
 
@@ -80,7 +80,7 @@ def announced(page: Page) -> Locator:
 def _give(page: Page, name: str, data: bytes) -> None:
     """Upload a file to the first box on the page."""
     box = page.get_by_test_id("stFileUploader").locator("input[type=file]").first
-    box.set_input_files({"name": name, "mimeType": "application/octet-stream", "buffer": data})
+    box.set_input_files(file_of(name, data))
 
 
 def through_home(page: Page, audit: Audit) -> None:
@@ -111,7 +111,8 @@ def through_sensor_lag(page: Page, audit: Audit) -> None:
     choose(page, "Your own files", begin="Harbour in the wind")
     audit.check(page, "Sensor lag: own files")
     boxes, sound = page.get_by_test_id("stFileUploader"), np.random.default_rng(0).uniform(-0.5, 0.5, 4_510)
-    for box, file in ((boxes.first, wav_file("first.wav", sound[100:])), (boxes.nth(1), wav_file("second.wav", sound))):
+    files = file_of("first.wav", wav(sound[100:])), file_of("second.wav", wav(sound))
+    for box, file in zip((boxes.first, boxes.nth(1)), files, strict=True):
         with page.expect_file_chooser() as asked:
             box.get_by_test_id("stBaseButton-secondary").press("Enter")
         asked.value.set_files(file)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page
+from playwright.sync_api import Browser, FloatRect, Locator, Page
 from streamlit.components.v2 import manifest_scanner
 from streamlit.proto.BidiComponent_pb2 import BidiComponent
 from streamlit.proto.WidgetStates_pb2 import WidgetState, WidgetStates
@@ -107,6 +107,31 @@ class Parts:
         assert not self._app.exception, self._app.exception
         parts = [_described(element.proto) for element in self._app.get("bidi_component")]
         self.page.evaluate("(text) => handOver(text)", json.dumps({"themes": themes(), "parts": parts}))
+
+
+def box_of(found: Locator) -> FloatRect:
+    """Return where an element lies on the screen, px."""
+    box = found.bounding_box()
+    assert box is not None
+    return box
+
+
+def drag(page: Page, *places: tuple[float, float], finger: bool = False) -> None:
+    """Press the mouse or a finger at the first of some places on the screen, px, and release it at the last."""
+    touch = page.context.new_cdp_session(page) if finger else None
+    for number, (x, y) in enumerate(places):
+        if touch is not None:
+            kind = "touchMove" if number else "touchStart"
+            touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
+            continue
+        page.mouse.move(x, y, steps=4)
+        if not number:
+            page.mouse.down()
+    if touch is None:
+        page.mouse.up()
+    else:
+        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        touch.detach()
 
 
 @contextmanager

@@ -1,4 +1,7 @@
-"""Every task of the depth page, done as a visitor would, on an example or on an own pair."""
+"""The depth page as a visitor's: own files, values in metres, a sweep, files taken away, links and sessions.
+
+What each part says of a pair is tested without a browser, in ``tests/app``.
+"""
 
 from __future__ import annotations
 
@@ -18,43 +21,21 @@ from stereolag.geometry.scene import SeenPoint, distance_between
 from stereolag.io.calibrations import read_calibration
 from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
-from stereolag.stereo.evaluation import evaluate
-from stereolag.stereo.methods import METHODS
-from stereolag.stereo.opencv import StereoBM
-from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, example_files, number_in
-from tests.browser.visits import OpenPage, expect_fitting, expect_visible, resized
+from tests.browser.depth_page import DepthPage, Given, OwnPair, choose_cell, number_in
+from tests.browser.visits import OpenPage, expect_fitting, expect_visible, file_of, resized, screenshot, settled
 from tests.programs import run_program_alone
-
-EXAMPLE, OWN = "cube", "motorcycle"
 
 
 @pytest.fixture(scope="module")
-def example_page(keep_page: OpenPage) -> DepthPage:
-    return DepthPage.with_example(keep_page, EXAMPLE)
+def motorcycle(data_dir: Path) -> OwnPair:
+    """Return a pair of real photographs with ground truth and calibration."""
+    folder = data_dir / "stereo" / "motorcycle_q"
+    return OwnPair(*(Given.of(folder / name) for name in ("left.png", "right.png", "gt.pfm", "calib.json")))
 
 
 @pytest.fixture(scope="module")
 def own_page(keep_page: OpenPage, motorcycle: OwnPair) -> DepthPage:
     return DepthPage.with_files(keep_page, motorcycle)
-
-
-@pytest.fixture
-def visit(request: pytest.FixtureRequest) -> DepthPage:
-    """Return the page with the pair that a test names: an example, or an own pair if its files are present."""
-    page: DepthPage = request.getfixturevalue("example_page" if request.param == EXAMPLE else "own_page")
-    page.press("Reset")
-    return page
-
-
-@pytest.fixture
-def pair(request: pytest.FixtureRequest) -> OwnPair:
-    """Return the files of the pair that `visit` shows."""
-    shown = request.node.callspec.params["visit"]
-    files: OwnPair = example_files(EXAMPLE) if shown == EXAMPLE else request.getfixturevalue("motorcycle")
-    return files
-
-
-# Inputs
 
 
 def test_own_files_are_measured_in_metres_and_resized_with_all_that_belongs_to_them(
@@ -79,45 +60,12 @@ def test_own_files_are_measured_in_metres_and_resized_with_all_that_belongs_to_t
     assert visit.number("EPE") == pytest.approx(error, rel=0.1)  # a window of 11 px becomes 6 and then 12
 
 
-# Compare
-
-
-@pytest.mark.parametrize("visit", [OWN], indirect=True)
-def test_maps_are_compared_in_one_locked_range_under_one_crosshair(visit: DepthPage, pair: OwnPair) -> None:
-    truth = read_disparity(pair.truth.data)
-    row, col = 240, 420
-    visit.choose("Compare")
-    visit.hover("Left image", row, col)
-    legend = visit.pictures.locator(".legends")
-    colours = legend.inner_text()
-    assert re.search(r"FAR\s+\d+\s", colours)
-    found, true = number_in(visit.reading("Convolution")), number_in(visit.reading("Ground truth"))
-    assert true == pytest.approx(truth[row, col], abs=0.01)
-    assert number_in(visit.reading("Convolution − Ground truth")) == pytest.approx(found - true, abs=0.02)
-    crosses = visit.pictures.locator("svg .cross")
-    assert crosses.count() == visit.pictures.locator(".viewport").count() == 8
-    expect_visible(visit.page.get_by_text("All 4 methods agree to 1 px on"))
-    visit.screenshot(f"compare-{visit.name}-light")
-
-    visit.move("Window", "End")
-    assert visit.value("Window") == 101
-    assert legend.inner_text() == colours
-    visit.pick("Minus", "StereoSGBM")
-    expect_visible(visit.figure("Convolution − StereoSGBM"))
-
-    visit.pictures.get_by_role("button", name="Before / after").click()
-    visit.pictures.get_by_label("Image on the right").select_option("Ground truth")
-    visit.pictures.get_by_role("slider", name="How much of the image on the left").fill("30")
-    expect(visit.pictures.locator(".layer").nth(1)).to_have_css("clip-path", "inset(0px 0px 0px 30%)")
-    visit.screenshot(f"before-after-{visit.name}-light")
-
-
-# Value under the cursor
-
-
-@pytest.mark.parametrize("visit", [OWN], indirect=True)
-def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(visit: DepthPage, pair: OwnPair) -> None:
-    truth, known = read_disparity(pair.truth.data), read_calibration(pair.calibration.data)
+def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(
+    own_page: DepthPage, motorcycle: OwnPair
+) -> None:
+    visit = own_page
+    visit.press("Reset")
+    truth, known = read_disparity(motorcycle.truth.data), read_calibration(motorcycle.calibration.data)
     height, width = truth.shape
     a, b = (300, 330), (250, 420)
     visit.choose("Values")
@@ -155,77 +103,8 @@ def test_values_are_read_and_two_clicks_and_a_known_distance_give_metres(visit: 
     expect_visible(visit.said("from the pair’s calibration"))
 
 
-# Why this match?
-
-
-LESSONS = {
-    "A clear match": "One clear peak",
-    "A pattern that repeats": "the pattern repeats",
-    "A bare wall": "A bare wall",
-}
-
-
-@pytest.mark.parametrize("visit", [EXAMPLE], indirect=True)
-def test_a_click_explains_a_match_and_the_buttons_find_walls_and_fences(visit: DepthPage, pair: OwnPair) -> None:
-    truth = read_disparity(pair.truth.data)
-    row, col = 250, 420
-    visit.choose("Why this match?")
-    visit.choose("From above")  # without a graphics card, drawing the surface takes seconds
-    visit.click("Left image: point at it, or click", row, col)
-    expect(visit.pictures.locator(".where")).to_have_text(f"row {row}, column {col}")
-    assert number_in(visit.table()["Ground truth"][0]) == pytest.approx(truth[row, col], abs=0.01)
-    verdict = visit.page.get_by_text("the ground truth is")
-    expect(verdict).to_contain_text(f"the ground truth is {truth[row, col]:.2f} px")
-    visit.screenshot(f"why-{visit.name}-light")
-    said = visit.page.get_by_test_id("stAlertContainer").last
-    for lesson, finding in LESSONS.items():
-        visit.press(lesson)
-        expect(said).to_contain_text(finding)
-
-
-# Why is it blank?
-
-
-@pytest.mark.parametrize("visit", [OWN], indirect=True)
-def test_blank_pixels_have_a_reason_and_the_shares_add_up(visit: DepthPage) -> None:
-    coverage = [visit.number("Coverage", method=method) for method in (0, 1)]
-    visit.choose("Why blank?")
-    visit.hover("StereoBM", 240, 8)
-    assert visit.reading("StereoBM") == "out of frame"
-    chart = visit.page.get_by_test_id("stPlotlyChart").last.locator(".js-plotly-plot")
-    shares = np.array(
-        chart.evaluate("plot => plot._fullData.filter(one => !one.name.includes('filled')).map(one => [...one.x])")
-    )
-    assert 100 - shares.sum(axis=0)[:2] == pytest.approx(coverage, abs=0.51)
-    visit.screenshot(f"blank-{visit.name}-light")
-
-
-# Scoreboard
-
-
-@pytest.mark.parametrize("visit", [EXAMPLE], indirect=True)
-def test_the_scoreboard_says_what_the_evaluation_says(visit: DepthPage, pair: OwnPair) -> None:
-    truth = read_disparity(pair.truth.data)
-    visit.choose("Scoreboard")
-    matcher = StereoBM(num_disparities=int(visit.value("Disparities searched")))
-    judged = evaluate(matcher.compute(read_image(pair.left.data), read_image(pair.right.data)).disparity, truth)
-    rows = {first: [float(one) for one in others] for first, *others in visit.frame(8)}
-    expected = [100 * judged.density, judged.epe, *judged.bad.values(), judged.d1_all]
-    assert rows["StereoBM"] == pytest.approx(expected, rel=1e-5)
-    assert rows.keys() == {method.title for method in METHODS}
-    visit.screenshot(f"scoreboard-{visit.name}-light")
-    visit.choose("are left out")
-    rows = {first: [float(one) for one in others] for first, *others in visit.frame(7)}
-    assert rows["StereoBM"][2:] == pytest.approx(list(judged.bad_measured.values()), rel=1e-5)
-    lines = visit.download("Figures as CSV").decode().splitlines()
-    assert {line.split(",")[0] for line in lines[1:]} >= rows.keys()
-
-
-# Sweep
-
-
-@pytest.mark.parametrize("visit", [EXAMPLE], indirect=True)
-def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(visit: DepthPage) -> None:
+def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(open_page: OpenPage) -> None:
+    visit = DepthPage.with_example(open_page, "cube")
     visit.choose("Sweep")
     visit.page.get_by_role("radio", name="StereoBM").last.click()
     visit.settle()
@@ -250,11 +129,11 @@ def test_a_click_on_a_cell_of_the_sweep_takes_its_settings_over(visit: DepthPage
     assert visit.number("Bad-2", method=1) == pytest.approx(np.min(bad), abs=0.06)
 
 
-# Take it away
-
-
-@pytest.mark.parametrize("visit", [OWN], indirect=True)
-def test_everything_is_taken_away_read_back_and_reproduced(visit: DepthPage, pair: OwnPair, tmp_path: Path) -> None:
+def test_everything_is_taken_away_read_back_and_reproduced(
+    own_page: DepthPage, motorcycle: OwnPair, tmp_path: Path
+) -> None:
+    visit, pair = own_page, motorcycle
+    visit.press("Reset")
     visit.move("Window", "ArrowLeft", "ArrowLeft", "ArrowLeft")
     window, covered = visit.value("Window"), visit.number("Coverage")
     visit.unfold("Take it away")
@@ -289,3 +168,68 @@ def test_everything_is_taken_away_read_back_and_reproduced(visit: DepthPage, pai
     visit.give("Load settings", Given.of(tmp_path / "settings.json"))
     expect(visit.slider("Window").first).to_have_value(f"{window:g}")
     assert visit.number("Coverage") == covered
+
+
+# Links and sessions
+
+ADDRESS = "Depth_maps?pair=square&size=1/2&maps=bm,sgbm&bm.block_size=13&sgbm.mode=hh"
+OTHER_ADDRESS = "Depth_maps?pair=square&window_size=31&bm.block_size=9"
+
+
+def test_a_link_opens_the_page_as_it_was_and_one_zip_whatever_the_page_shows(open_page: OpenPage) -> None:
+    before = DepthPage(open_page(ADDRESS))
+    before.press("Colours")
+    before.choose("Turbo")
+    before.page.keyboard.press("Escape")
+    before.settle()
+    bad = [before.number("Bad-2", method=method) for method in range(2)]
+    before.unfold("Take it away")
+    expect_visible(before.said("All files are for the images at full size, 480 × 480 pixels."))
+    data = before.download("Session ZIP")
+    assert before.download("Settings JSON").count(b'"block_size": 25') == 1  # for the full-size images
+    address, own_map = before.download_from("NPY", exact=True)
+
+    after = DepthPage(open_page(OTHER_ADDRESS))
+    lead_there_and_back(after)
+    after.open_head()
+    after.choose("Your own files")
+    box = after.page.get_by_test_id("stFileUploader").filter(has_text="Left image").locator("input[type=file]")
+    box.set_input_files(file_of("stereolag-session.zip", data))
+    expect(after.slider("Block")).to_have_value("13")
+    after.settle()
+    after.open_head()
+    expect_visible(after.said("240 × 240 of 480 × 480 pixels"))
+    assert [after.number("Bad-2", method=method) for method in range(2)] == bad
+    after.turn_to("StereoSGBM")
+    after.unfold("More settings")
+    expect(after.page.get_by_role("radio", name="8", exact=True)).to_be_checked()
+    after.press("Colours")
+    expect(after.page.get_by_role("radio", name="Turbo", exact=True)).to_be_checked()
+    screenshot(after.page, "restored")
+    after.page.keyboard.press("Escape")
+    after.unfold("Take it away")
+    # The same result for two visitors has the same bytes, but an address that the other visitor's does not reveal.
+    other_address, same_map = after.download_from("NPY", exact=True)
+    assert same_map == own_map
+    assert other_address != address
+
+
+def lead_there_and_back(visit: DepthPage) -> None:
+    """Change the settings of a link, go back to them, and reset them."""
+    page = visit.page
+    window, block = page.get_by_role("slider", name="Window"), page.get_by_role("slider", name="Block")
+    expect(window).to_have_value("31")
+    page.get_by_role("radio", name="StereoBM").click()
+    expect(block).to_have_value("9")
+    page.get_by_role("radio", name="Convolution").click()
+    page.get_by_role("button", name="Fast").click()
+    expect(window).to_have_value("11")
+    expect(page).to_have_url(re.compile("pair=square&window_size=11.*left_right=on.*bm.block_size=9"))
+    settled(page)
+    page.go_back()
+    expect(window).to_have_value("31")
+    settled(page)
+    page.get_by_role("button", name="Reset").click()
+    expect(window).to_have_value("20")
+    expect(page).to_have_url(re.compile(r"Depth_maps\?pair=square$"))
+    settled(page)

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, Position, expect
 
 from stereolag import samples
 from stereolag.figures.legends import Colours
+from stereolag.figures.pictures import edge_path
 from stereolag.pair import example_pair
+from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.ui.depth.comparing import show_comparison
 from stereolag.ui.depth.explaining import show_blanks, show_inspection
 from stereolag.ui.depth.maps import DepthView
 from stereolag.ui.depth.readout import show_readout
 from tests.app.depth_view import small_view
-from tests.browser.parts import Parts, ShowParts, sent
+from tests.browser.parts import Parts, ShowParts, box_of, redrawn, sent
 from tests.browser.visits import expect_fitting, resized, screenshot, turned_dark
 
 OpenPart = Callable[[str], Parts]
@@ -46,14 +49,13 @@ def open_part(show_parts: ShowParts) -> Callable[[str], Parts]:
     return opened
 
 
-def point(picture: Locator, across: float, down: float) -> dict[str, float]:
-    box = picture.bounding_box()
-    assert box is not None
+def point(picture: Locator, across: float, down: float) -> Position:
+    box = box_of(picture)
     return {"x": box["width"] * across, "y": box["height"] * down}
 
 
 def hover(picture: Locator, across: float, down: float) -> None:
-    picture.hover(position=point(picture, across, down))  # type: ignore[arg-type]
+    picture.hover(position=point(picture, across, down))
 
 
 def reading(page: Page, title: str) -> Locator:
@@ -83,11 +85,11 @@ def test_a_readout_follows_the_cursor_under_every_map_and_two_clicks_measure(ope
     expect(reading(page, "StereoBM")).to_have_text("no disparity: out of frame")
     assert parts.sent() == []
 
-    left.click(position=point(left, 0.5, 0.6))  # type: ignore[arg-type]
+    left.click(position=point(left, 0.5, 0.6))
     parts.answer()
     assert "A: depth" in parts.said()
     page.wait_for_timeout(400)  # longer than a double click
-    left.click(position=point(left, 0.7, 0.2))  # type: ignore[arg-type]
+    left.click(position=point(left, 0.7, 0.2))
     parts.answer()
     assert "A to B" in parts.said()
     expect(page.locator(".viewport").first.locator("svg text")).to_have_text(["A", "B"])
@@ -111,7 +113,7 @@ def test_all_pictures_zoom_and_move_together(open_part: OpenPart) -> None:
     moved = views.first.get_attribute("viewBox")
     assert moved not in (zoomed, whole)
     assert {view.get_attribute("viewBox") for view in views.all()} == {moved}
-    picture.dblclick(position=point(picture, 0.5, 0.5))  # type: ignore[arg-type]
+    picture.dblclick(position=point(picture, 0.5, 0.5))
     expect(views.first).to_have_attribute("viewBox", whole)
     screenshot(page, "depth-comparison-light")
 
@@ -151,6 +153,47 @@ def test_the_keyboard_moves_the_crosshair_and_picks(open_part: OpenPart) -> None
     screenshot(page, "depth-inspection-light")
 
 
+# Outlines
+
+
+def test_outlines_lie_over_the_maps_follow_the_zoom_and_go(show_parts: ShowParts) -> None:
+    plain = small_view()
+    outlined = replace(plain, colours=replace(plain.colours, outlines=edge_path(plain.pair.left)))
+    parts = show_parts(lambda: show_comparison(plain))
+    page = parts.page
+    over = {
+        title: page.locator("figure", has=page.get_by_text(title, exact=True)).locator(".outlines")
+        for title in ("Left image", "Convolution", "StereoBM", "StereoSGBM", "Ground truth", "Agreement")
+    }
+    expect(page.locator("figure")).to_have_count(7)
+    expect(page.locator(".outlines")).to_have_count(0)
+    parts.hand_over(lambda: show_comparison(outlined))
+    for title, outlines in over.items():
+        expect(outlines).to_have_count(int(title not in {"Left image", "Agreement"}))  # a photograph gets none
+    expect(page.locator(".outlines")).to_have_count(4)
+    path = over["StereoBM"].locator("path.outline")
+    expect(path).to_have_attribute("d", outlined.colours.outlines)
+    path.evaluate("(path) => { path.kept = true; }")
+    pair = plain.pair
+    map_shown = page.locator("figure", has=page.get_by_text("StereoBM", exact=True)).locator("canvas")
+    other = StereoBM(num_disparities=64, block_size=31).compute(pair.left, pair.right)
+    changed = replace(outlined, results={**plain.results, "StereoBM": other})
+    with redrawn(map_shown):
+        parts.hand_over(lambda: show_comparison(changed))
+    assert path.evaluate("(path) => path.kept")  # not redrawn with the map
+
+    page.get_by_role("button", name="Zoom in").click()
+    zoomed = page.locator(".viewport > svg").first.get_attribute("viewBox")
+    assert zoomed != "0 0 280 160"
+    expect(over["Convolution"]).to_have_attribute("viewBox", str(zoomed))
+    screenshot(page, "depth-outlines-light")
+    turned_dark(page, width=420)
+    expect(page.locator(".outlines")).to_have_count(4)
+    screenshot(page, "depth-outlines-dark")
+    parts.hand_over(lambda: show_comparison(plain))
+    expect(page.locator(".outlines")).to_have_count(0)
+
+
 # The match under the pointer
 
 
@@ -170,9 +213,7 @@ def test_the_search_follows_the_pointer_the_keys_and_leaves_again(fence: Parts) 
     chosen = reading.text_content()
     framed = [frame.get_attribute("d") for frame in frames.all()]
     picture = page.locator(".viewport").first
-    box = picture.bounding_box()
-    assert box is not None
-    picture.hover(position={"x": box["width"] * 303.5 / 640, "y": box["height"] * 332.5 / 480})
+    picture.hover(position=point(picture, 303.5 / 640, 332.5 / 480))
     expect(reading).to_have_text(re.compile(r"^Row 33\d, column 30\d: two peaks as good as each other"))
     expect(reading).to_contain_text("true place 26.50 px")
     places = [int(found) for found in re.findall(r"(?:best|runner-up) (\d+)\spx", reading.text_content() or "")]
@@ -196,9 +237,7 @@ def test_a_click_still_asks_for_the_whole_explanation(fence: Parts) -> None:
     turned_dark(page, width=420)
     assert "Two places fit almost equally well" not in fence.said()
     picture = page.locator(".viewport").first
-    box = picture.bounding_box()
-    assert box is not None
-    picture.click(position={"x": box["width"] * 303.5 / 640, "y": box["height"] * 332.5 / 480})
+    picture.click(position=point(picture, 303.5 / 640, 332.5 / 480))
     fence.answer()
     assert "Two places fit almost equally well" in fence.said()
     page.mouse.move(2, 2)

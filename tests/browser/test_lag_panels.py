@@ -11,7 +11,7 @@ from playwright.sync_api import Locator, Page, expect
 from stereolag import signal_lag
 from stereolag.ui.lag.panels import fool_it, show_phasors, show_plan, slide_it_yourself
 from stereolag.ui.recordings import example_recordings
-from tests.browser.parts import ShowParts, sent
+from tests.browser.parts import ShowParts, box_of, drag, sent
 from tests.browser.visits import expect_fitting, screenshot, turned_dark
 
 
@@ -21,16 +21,6 @@ def painted(panel: Locator) -> int:
 
 
 # A cut slid over a recording
-
-
-def slide_to(page: Page, sample: float, *, of: int, start: float) -> None:
-    """Drag the cut from one sample of recording 2 to another."""
-    box = page.locator(".sliding svg").bounding_box()
-    assert box is not None
-    pitch = (box["width"] - 64) / of
-    for way, place in (("down", start), ("up", sample)):
-        page.mouse.move(box["x"] + 6 + (place + 0.5) * pitch, box["y"] + 60, steps=4)
-        getattr(page.mouse, way)()
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +34,9 @@ def test_the_curve_grows_where_one_has_been_and_play_paints_the_rest(slides_page
     said = page.locator(".sliding .said")
     expect(where).to_have_text("Lag 0 · sum 10")
     stage.scroll_into_view_if_needed()
-    slide_to(page, 11, of=20, start=3)
+    box = box_of(page.locator(".sliding svg"))
+    pitch = (box["width"] - 64) / 20
+    drag(page, *((box["x"] + 6 + (sample + 0.5) * pitch, box["y"] + 60) for sample in (3, 11)))
     expect(where).to_have_text("Lag 8 · sum 72")
     assert painted(page.locator(".sliding")) == 9
     assert page.locator(".sliding .peak").count() == 0
@@ -90,17 +82,11 @@ def test_the_slide_reads_in_dark_and_on_a_phone(slides_page: Page) -> None:
 # Arrows turned back
 
 
-def drag(page: Page, drawing: str, *points: tuple[float, float]) -> None:
-    """Press at the first of these points, in fractions of the drawing's size, and release at the last."""
-    found = page.locator(f".phasors .{drawing}")
-    found.evaluate("drawing => drawing.scrollIntoView({ block: 'center' })")
-    box = found.bounding_box()
-    assert box is not None
-    for number, (x, y) in enumerate(points):
-        page.mouse.move(box["x"] + x * box["width"], box["y"] + y * box["height"], steps=4)
-        if not number:
-            page.mouse.down()
-    page.mouse.up()
+def drag_in(drawing: Locator, *places: tuple[float, float]) -> None:
+    """Drag through places of a drawing, in fractions of its size."""
+    drawing.evaluate("drawing => drawing.scrollIntoView({ block: 'center' })")
+    box = box_of(drawing)
+    drag(drawing.page, *((box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in places))
 
 
 @pytest.fixture(scope="module")
@@ -140,10 +126,10 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page:
     root.get_by_role("button", name="Coast, up close").click()
     expect(where).to_contain_text("Lag 0 (50,070 in the recordings)")
     assert painted(root) == 1
-    drag(page, "lags", (0.01, 0.5), (0.99, 0.5))
+    drag_in(root.locator(".lags"), (0.01, 0.5), (0.99, 0.5))
     expect(slider).to_have_value("12")
     assert painted(root) == 97
-    drag(page, "phases", (0.4, 0.6), (0.5, 0.2), (0.97, 0.15))  # two turns at half a turn per sample
+    drag_in(root.locator(".phases"), (0.4, 0.6), (0.5, 0.2), (0.97, 0.15))  # two turns at half a turn per sample
     expect(slider).to_have_value(re.compile(r"3\.5|3\.75|4|4\.25|4\.5"))
     root.locator(".play").click()
     expect(where).to_have_text("Lag 4 (50,082 in the recordings) · correlation 0.99")
@@ -191,13 +177,7 @@ def test_the_verdict_turns_under_the_mouse_and_the_keyboard(fooling_page: Page) 
     numbers = page.locator(".disturbances .numbers")
     expect(verdict).to_have_text("Sure: recording 2 lags by 640 samples.")
     expect(said).to_contain_text("The peak is at 640 because")
-    slider(page, "noise").scroll_into_view_if_needed()
-    box = slider(page, "noise").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + box["width"] / 3, box["y"] + box["height"] / 2)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 0.98 * box["width"], box["y"] + box["height"] / 2, steps=5)
-    page.mouse.up()
+    drag_in(slider(page, "noise"), (0.33, 0.5), (0.7, 0.5), (0.98, 0.5))
     expect(verdict).to_have_text("Nothing in common found: the highest point is at chance level.")
     expect(said).to_contain_text("Noise never lines up")
     expect(page.locator(".disturbances svg .peak.doubtful")).to_have_count(2)
@@ -264,12 +244,7 @@ def test_the_source_is_moved_by_mouse_and_keys_and_the_sensors_set_apart(plan_pa
     expect(said).to_contain_text("the lag is 0")
     stage.press("Shift+ArrowRight")
     expect(said).to_contain_text("The path to sensor 1 is")
-    box = stage.bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 50)
-    page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] * 0.1, box["y"] + box["height"] / 2, steps=4)
-    page.mouse.up()
+    drag_in(stage, (0.5, 0.17), (0.1, 0.5))
     expect(said).to_contain_text("450")
     plan.locator("input").focus()
     page.keyboard.press("Home")

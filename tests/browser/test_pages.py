@@ -134,3 +134,11 @@ def test_axe_looks_into_components(page: Page, audit: Audit) -> None:
     page.locator(".linked .layer canvas").first.evaluate("(one) => one.removeAttribute('aria-label')")
     assert "button-name" in {one.rule for one in audit.findings(page)}
     assert len(nameless(page)) == 1
+
+
+def test_components_of_the_search_have_their_place(open_page: OpenPage) -> None:
+    in_place.rocketman(open_page("Rocketman_search"))
+
+
+def test_components_of_the_depth_page_have_their_place(open_page: OpenPage) -> None:
+    in_place.depth_maps(open_page("Depth_maps?pair=cube&overlap=0.9", scheme="dark", width=420))

@@ -22,7 +22,7 @@ from playwright.sync_api import Browser, expect
 from stereolag.ui.navigation import PAGES
 from tests.app import uploads
 from tests.browser.serving import PROJECT, served_app
-from tests.browser.visits import expect_visible, faultless_pages, settled
+from tests.browser.visits import expect_visible, faultless_pages, file_of, settled
 
 NGINX = shutil.which("nginx", path=os.pathsep.join([os.environ["PATH"], "/usr/sbin"]))  # Debian installs it there
 PROMISED = {
@@ -125,8 +125,7 @@ def test_the_policy_breaks_no_page_and_a_session_with_uploads_stays_with_one_pro
         settled(page)
         inputs = page.get_by_test_id("stFileUploader").locator("input[type=file]")
         for place, (name, picture) in enumerate({"left.png": scene[:, :-5], "right.png": scene[:, 5:]}.items()):
-            file = {"name": name, "mimeType": "image/png", "buffer": uploads.png(picture)}
-            inputs.nth(place).set_input_files(file)  # type: ignore[arg-type]
+            inputs.nth(place).set_input_files(file_of(name, uploads.png(picture)))
             settled(page)
         expect_visible(page.get_by_text("Your own pair").first)
         expect_visible(page.locator(".linked figure").first)

@@ -13,7 +13,7 @@ from stereolag.templates import match_template
 from stereolag.ui.pictures import example_pictures
 from stereolag.ui.search.hand_marks import PaintedMask, box_in, painted_mask
 from stereolag.ui.search.panels import packed, search_by_hand, show_funnel, show_score_map
-from tests.browser.parts import Parts, Show, ShowParts, redrawn, sent
+from tests.browser.parts import Parts, Show, ShowParts, box_of, drag, redrawn, sent
 from tests.browser.visits import expect_fitting, resized, screenshot, turned_dark
 
 MAZE = (1526, 2446)
@@ -31,35 +31,14 @@ def painted(page: Page) -> float:
     return float(share)
 
 
-def drag_to(page: Page, row: float, col: float) -> None:
+def drag_to(page: Page, row: float, col: float, *, finger: bool = False) -> None:
     """Drag the template until its top-left pixel is near a place in the image."""
-    picture, held = (page.locator(f".by-hand .{name}").bounding_box() for name in ("stage", "held"))
-    assert picture is not None and held is not None
+    picture, held = (box_of(page.locator(f".by-hand .{name}")) for name in ("stage", "held"))
     scale = picture["width"] / MAZE[1]
-    centre = held["x"] + held["width"] / 2, held["y"] + held["height"] / 2
-    page.mouse.move(*centre)
-    page.mouse.down()
-    end = picture["x"] + col * scale + held["width"] / 2, picture["y"] + row * scale + held["height"] / 2
-    page.mouse.move(*end, steps=6)
-    page.mouse.up()
-
-
-def touch_to(page: Page, row: float, col: float) -> None:
-    """Drag the template with a finger until its top-left pixel is near a place in the image."""
-    picture, held = (page.locator(f".by-hand .{name}").bounding_box() for name in ("stage", "held"))
-    assert picture is not None and held is not None
-    scale = picture["width"] / MAZE[1]
-    start = held["x"] + held["width"] / 2, held["y"] + held["height"] / 2
-    end = picture["x"] + col * scale + held["width"] / 2, picture["y"] + row * scale + held["height"] / 2
-    finger = page.context.new_cdp_session(page)
-    path = [
-        (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])) for share in (0, 0.3, 0.7, 1)
-    ]
-    for number, (x, y) in enumerate(path):
-        kind = "touchMove" if number else "touchStart"
-        finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
-    finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-    finger.detach()
+    (x, y), half = (held["x"], held["y"]), (held["width"] / 2, held["height"] / 2)
+    end = picture["x"] + col * scale, picture["y"] + row * scale
+    path = [(x + share * (end[0] - x), y + share * (end[1] - y)) for share in (0, 0.3, 0.7, 1)]
+    drag(page, *((x + half[0], y + half[1]) for x, y in path), finger=finger)
 
 
 def searched(name: str) -> Show:
@@ -124,8 +103,7 @@ def test_he_is_found_by_hand_with_the_mouse_and_the_keys(search: Parts) -> None:
     assert painted(page) < 0.001
 
     score_map = page.locator(".by-hand .map")
-    box = score_map.bounding_box()
-    assert box is not None
+    box = box_of(score_map)
     scale = box["width"] / (MAZE[1] - ROCKETMAN[1])
     score_map.click(position={"x": 300 * scale, "y": 200 * scale})
     expect(where).to_have_text(re.compile(r"^Row (19|20)\d, column (29|30)\d: "))
@@ -139,8 +117,7 @@ def test_the_score_map_is_read_under_the_pointer_and_compared_on_a_click(search:
     expect(where).to_contain_text("Row")
     expect(reading).to_have_text("Hover to read a score; click to compare that place below.")
     stage.scroll_into_view_if_needed()
-    box = stage.bounding_box()
-    assert box is not None
+    box = box_of(stage)
     scale = box["width"] / (MAZE[1] - ROCKETMAN[1] + 1)
     him = {"x": 982.5 * scale, "y": 528.5 * scale}
     stage.hover(position=him)
@@ -164,7 +141,7 @@ def test_the_search_by_hand_can_be_done_in_dark_and_on_a_phone_by_touch(search: 
     with redrawn(page.locator(".score-map canvas")), redrawn(page.locator(".by-hand .window canvas")):
         search.hand_over(searched("maze_dulled"))
     page.locator(".by-hand .stage").scroll_into_view_if_needed()
-    touch_to(page, 1048, 1707)
+    drag_to(page, 1048, 1707, finger=True)
     expect(page.locator(".by-hand .where")).to_contain_text(re.compile(r"Row 10[3456]\d, column 1[67]\d\d"))
     assert painted(page) > 0.01  # the template slid and the page did not scroll
     assert page.locator(".by-hand .stage").evaluate("stage => getComputedStyle(stage).touchAction") == "pan-y"
@@ -215,13 +192,11 @@ def test_the_steps_lead_from_all_pixels_to_him_and_another_pixel_can_be_picked(s
     expect(said).to_contain_text("600 of them are drawn")
     screenshot(page, "rocketman-funnel")
 
-    box = bars.bounding_box()
-    assert box is not None
+    box = box_of(bars)
     bars.click(position={"x": box["width"] * 2.5 / 24, "y": 60})
     expect(bars).to_have_attribute("aria-valuenow", "3")
     template = page.locator(".funnel .template")
-    box = template.bounding_box()
-    assert box is not None
+    box = box_of(template)
     template.click(position={"x": box["width"] * 67.5 / 111, "y": box["height"] * 55.5 / 123})
     expect(colour).to_have_text("Row 55, column 67 of the template: 24 pixels of its colour")
     assert sent(page) == []
@@ -273,37 +248,20 @@ def box(page: Page) -> list[int]:
     return [int(one.input_value()) for one in page.locator(".cutting input").all()]
 
 
-def origin(page: Page) -> tuple[float, float, float]:
-    """Return the screen position of the image's origin and the screen size of one image pixel."""
-    place = page.locator(".cutting .stage").bounding_box()
-    assert place is not None
-    return place["x"], place["y"], place["width"] / MAZE[1]
-
-
-def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> None:
+def drag_on(page: Page, *places: tuple[float, float], finger: bool = False) -> None:
     """Drag from one (row, col) in the image to another."""
-    left, top, scale = origin(page)
-    for way, (row, col) in (("down", start), ("up", end)):
-        page.mouse.move(left + col * scale, top + row * scale, steps=4)
-        getattr(page.mouse, way)()
+    stage = box_of(page.locator(".cutting .stage"))
+    scale = stage["width"] / MAZE[1]
+    drag(page, *((stage["x"] + col * scale, stage["y"] + row * scale) for row, col in places), finger=finger)
 
 
 def test_a_finger_moves_the_box(cut: Cut) -> None:
     page = cut.parts.page
     turned_dark(page, width=420)
     assert box(page) == [636, 1070, 305, 254]
-    left, top, scale = origin(page)
     touch = page.context.new_cdp_session(page)
     touch.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
-
-    def finger(kind: str, row: float, col: float) -> None:
-        points = [] if kind == "touchEnd" else [{"x": left + col * scale, "y": top + row * scale}]
-        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
-
-    finger("touchStart", 760, 1220)
-    for part in (0.3, 0.6, 1):
-        finger("touchMove", 760 + 300 * part, 1220 + 500 * part)
-    finger("touchEnd", 1060, 1720)
+    drag_on(page, (760, 1220), (850, 1370), (940, 1520), (1060, 1720), finger=True)
     row, col, width, height = box(page)
     assert (width, height) == (305, 254)
     assert np.allclose([row, col], [936, 1570], atol=25)  # a pixel of this screen covers six of the image
@@ -317,18 +275,18 @@ def test_a_finger_moves_the_box(cut: Cut) -> None:
 
 def test_a_box_is_dragged_typed_and_moved_with_keys(cut: Cut) -> None:
     page = cut.parts.page
-    drag(page, (400, 700), (560, 940))  # a new one
+    drag_on(page, (400, 700), (560, 940))  # a new one
     row, col, width, height = box(page)
     assert np.allclose([row, col, width, height], [400, 700, 240, 160], atol=4)
     assert cut.found() == [row, col, width, height]
-    drag(page, (480, 820), (580, 1020))  # moved
+    drag_on(page, (480, 820), (580, 1020))  # moved
     assert np.allclose(box(page), [row + 100, col + 200, width, height], atol=4)
     assert cut.found() == box(page)
     row, col, width, height = box(page)
-    drag(page, (row + height, col + width), (row + height - 60, col + width - 90))  # by a corner
+    drag_on(page, (row + height, col + width), (row + height - 60, col + width - 90))  # by a corner
     assert np.allclose(box(page), [row, col, width - 90, height - 60], atol=4)
     assert cut.found() == box(page)
-    drag(page, (row + 10, col + 10), (-300, -300))  # it stops at the edge
+    drag_on(page, (row + 10, col + 10), (-300, -300))  # it stops at the edge
     assert box(page)[:2] == [0, 0]
     assert cut.found() == box(page)
     stage, heard = page.locator(".cutting .stage"), len(cut.parts.sent())
@@ -362,12 +320,9 @@ def test_a_painted_mask_is_used_when_it_is_asked_for(show_parts: ShowParts) -> N
     stage = page.locator(".painting .stage")
     expect(counts).to_have_text("7,913 of 13,653 pixels count")  # where Rocketman is opaque
     expect(use).to_be_disabled()
-    place = stage.bounding_box()
-    assert place is not None
-    page.mouse.move(place["x"] + 0.3 * place["width"], place["y"] + 0.3 * place["height"])
-    page.mouse.down()
-    page.mouse.move(place["x"] + 0.7 * place["width"], place["y"] + 0.6 * place["height"], steps=5)
-    page.mouse.up()
+    place = box_of(stage)
+    corners = ((0.3, 0.3), (0.5, 0.45), (0.7, 0.6))
+    drag(page, *((place["x"] + x * place["width"], place["y"] + y * place["height"]) for x, y in corners))
     expect(counts).not_to_have_text("7,913 of 13,653 pixels count")
     painted = counts.inner_text()
     assert sent(page) == []

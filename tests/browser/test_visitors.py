@@ -18,8 +18,8 @@ import pytest
 
 from benchmarks.load import OWN, WINDOW, Server, own_pair, serving, windows_of, with_own_pair
 from benchmarks.visitors import HOST, Visitor
+from tests.app.uploads import wav
 from tests.browser.serving import PROJECT
-from tests.browser.sounds import wav_file
 
 RATE = 8_000
 SECONDS = 26
@@ -78,7 +78,7 @@ async def heard(server: Server, seed: int) -> dict[str, str]:
     async with Visitor(server.port, "Sensor_lag") as visitor:
         await visitor.choose("recordings", OWN)
         boxes = visitor.keys("recordings.")
-        files = {box: wav_file("", sound, RATE)["buffer"] for box, sound in zip(boxes, sounds, strict=True)}
+        files = {box: wav(sound, RATE) for box, sound in zip(boxes, sounds, strict=True)}
         await visitor.upload(files, "wav")
         assert visitor.complaints() == []
         addresses = [one.audio.url for _, one in visitor.elements("audio")]

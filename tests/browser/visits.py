@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, ConsoleMessage, Locator, Page, TimeoutError, expect
+from playwright.sync_api import Browser, ConsoleMessage, FilePayload, Locator, Page, TimeoutError, expect
 
 SCREENSHOTS = Path(__file__).resolve().parents[2] / "screenshots"
 
@@ -171,6 +171,11 @@ def expect_visible(wanted: Locator) -> None:
     wait out finding two."""
     expect(wanted).to_have_count(1)
     expect(wanted).to_be_visible()
+
+
+def file_of(name: str, data: bytes) -> FilePayload:
+    """Return a file as a visitor would upload it."""
+    return {"name": name, "mimeType": "application/octet-stream", "buffer": data}
 
 
 def screenshot(page: Page, name: str) -> None:

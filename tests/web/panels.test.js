@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 
-import { branch } from "../../stereolag/ui/web/plan/geometry.js";
-import { highest, measured } from "../../stereolag/ui/web/sliding/products.js";
+import { branch } from "../../stereolag/ui/web/plan/plan.js";
+import { highest, measured } from "../../stereolag/ui/web/sliding/sliding.js";
 import { eventOf, hold, received, release } from "../../stereolag/ui/web/shared/exchange.js";
 import { codesOf, scoresOf, unpacked } from "../../stereolag/ui/web/shared/packing.js";
 import { arrows } from "../../stereolag/ui/web/shared/panel.js";

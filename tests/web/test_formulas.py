@@ -51,7 +51,7 @@ SLIDES = {
 def test_products_are_those_of_numpy(node: Node, name: str, normalise: bool) -> None:
     slide = SLIDES[name]()
     example = {"cut": slide.cut.tolist(), "recording": slide.recording.tolist()}
-    found = node.call("sliding/products.js", "({ measured }, given) => measured(...given)", [example, normalise])
+    found = node.call("sliding/sliding.js", "({ measured }, given) => measured(...given)", [example, normalise])
     windows = sliding_window_view(slide.recording, slide.cut.size)
     expected = [np.corrcoef(window, slide.cut)[0, 1] for window in windows] if normalise else windows @ slide.cut
     np.testing.assert_allclose(found["sums"], expected, atol=1e-9)
@@ -87,7 +87,7 @@ MEASURE_ARROWS = """({ measuredChains, highestReaches, lagAt }, [example, whiten
 @pytest.mark.parametrize("whiten", [False, True])
 def test_the_chain_of_arrows_ends_where_numpy_correlates(node: Node, name: str, whiten: bool) -> None:
     example = ARROWS[name]()
-    told = node.call("phasors/chain.js", MEASURE_ARROWS, [described_phasors(example, **{"try": ""}), whiten])
+    told = node.call("phasors/phasors.js", MEASURE_ARROWS, [described_phasors(example, **{"try": ""}), whiten])
     lags, heights = phasors.correlation(example, whiten=whiten)
     np.testing.assert_array_equal(told["lags"], lags)
     np.testing.assert_allclose(told["reaches"], heights, atol=2e-5)
@@ -216,7 +216,7 @@ def scored(node: Node, search: ReducedSearch, places: list[tuple[int, int]]) -> 
 
     counts = search.opaque.ravel().astype(int).tolist()
     given = {"picture": told(search.picture), "template": told(search.template), "counts": counts, "places": places}
-    found: list[dict[str, Any]] = node.call("template_by_hand/scoring.js", SCORE, given)
+    found: list[dict[str, Any]] = node.call("template_by_hand/template_by_hand.js", SCORE, given)
     return found
 
 
@@ -247,7 +247,7 @@ def test_a_flat_window_has_no_score(node: Node) -> None:
 def test_masks_are_packed_alike(node: Node) -> None:
     mask = np.random.default_rng(1).random((13, 7)) < 0.5
     unpack = "({ packed, unpacked }, text) => [packed(unpacked(text, 91), 91), unpacked(text, 91)]"
-    found, painted = node.call("brush/mask.js", unpack, packed_mask(mask))
+    found, painted = node.call("brush/brush.js", unpack, packed_mask(mask))
     assert found == packed_mask(mask)
     np.testing.assert_array_equal(np.reshape(painted, mask.shape), ~mask)
     np.testing.assert_array_equal(read_packed_mask(found, mask.shape) > 0, mask)

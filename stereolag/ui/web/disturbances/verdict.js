@@ -1,9 +1,9 @@
 // The verdict on a lag: the rule of `signals/verdict.py` for the method "fft".
 
-import { correlationCurve, normalised, peakOf } from "./curve.js";
-import { driftOf } from "./drift.js";
+import { correlationCurve, FINE, normalised, partsAt, peakOf, refinedPeak } from "./curve.js";
+import { correlated } from "./fourier.js";
 import { regularSpacing, rivalsOf, toneRivals } from "./rivals.js";
-import { highestOf, median, robustDeviation } from "./statistics.js";
+import { fittedLine, highestOf, median, medianSlope, robustDeviation } from "./statistics.js";
 import { agreementAt, bestAgreement, whitePair } from "./whitening.js";
 
 const MARGIN = 1.8;
@@ -50,4 +50,42 @@ function oppositeOf(pair, agreement, curve, reach, needed) {
   if (-curve[lowest] <= 1.1 * curve[highestOf(curve)]) return null;
   const lag = lowest - reach;
   return -agreementAt(pair, lag).height >= Math.max(needed, agreement.height) ? lag : null;
+}
+
+// The drift of the lag, as measured by `signals/drift.py`: a straight line through the lags of blocks.
+
+const DRIFT = { blocks: 16, shortest: 1024, longest: 2 ** 14, farthest: 300e-6, clear: 5.5, stray: 2, most: 0.6, fewest: 5 };
+
+function driftOf({ first, second }, lag) {
+  const [one, other] = partsAt(first, second, lag);
+  const count = Math.min(DRIFT.blocks, Math.floor(one.length / DRIFT.shortest));
+  if (count < DRIFT.fewest) return null;
+  const whole = Math.floor(one.length / count);
+  const length = Math.min(whole, DRIFT.longest);
+  const reach = Math.round(Math.min(Math.max(Math.trunc(DRIFT.farthest * one.length), FINE.reach), length >> 2));
+  const padded = new Float64Array(other.length + 2 * reach);
+  padded.set(other, reach);
+  const [places, lags] = [[], []];
+  for (let block = 0; block < count; block++) {
+    const start = block * whole + ((whole - length) >> 1);
+    const products = correlated(one.subarray(start, start + length), padded.subarray(start, start + length + 2 * reach), 2 * reach);
+    const curve = products.slice(0, 2 * reach + 1);
+    const top = highestOf(curve);
+    if (!(curve[top] > DRIFT.clear * robustDeviation(curve) && top > 0 && top < 2 * reach)) continue;
+    places.push(start + length / 2);
+    lags.push(lag + refinedPeak(curve, top) - reach);
+  }
+  const enough = Math.max(DRIFT.fewest, DRIFT.most * count);
+  return places.length < enough ? null : lineOf(places, lags, one.length, enough);
+}
+
+function lineOf(places, lags, size, enough) {
+  const rough = medianSlope(places, lags);
+  const middle = median(lags) - rough * median(places);
+  const near = lags.flatMap((lag, i) => (Math.abs(lag - middle - rough * places[i]) <= DRIFT.stray ? [i] : []));
+  if (near.length < enough) return null;
+  const { slope, intercept, error } = fittedLine(near.map((i) => places[i]), near.map((i) => lags[i]));
+  const span = slope * size;
+  const shows = Math.abs(span) >= 1 && Math.abs(slope) > 4 * error;
+  return { start: intercept, ppm: 1e6 * slope, error_ppm: 1e6 * error, span, blocks: near.length, shows };
 }

@@ -6,8 +6,7 @@ import { eventOf, received, tell } from "../shared/exchange.js";
 import { legend } from "../shared/legend.js";
 import { clamp } from "../shared/numbers.js";
 import { Panel } from "../shared/panel.js";
-import { drawMark, drawOutlines, figures, fill, forget, picture, surface, textsAt } from "./drawing.js";
-import { contentOf } from "./unpacking.js";
+import { contentOf, drawMark, drawOutlines, figures, fill, forget, picture, surface, textsAt } from "./drawing.js";
 
 const CLOSEST_PX = 12;
 const SIDES = [".before", ".after"];

@@ -1,10 +1,9 @@
 // A cut of recording 1, dragged over recording 2 without server requests.
 
-import { shortened } from "../shared/numbers.js";
+import { drawAxis, sized, stacked } from "../shared/dom.js";
+import { clamp, shortened } from "../shared/numbers.js";
 import { arrows, onDrag, onKey, show } from "../shared/panel.js";
-import { VisitingPanel } from "../shared/visiting.js";
-import { highest, measured } from "./products.js";
-import { drawStrips, LEFT } from "./strips.js";
+import { pathOf, runsOf, VisitingPanel } from "../shared/visiting.js";
 
 const PAGE = 10;
 
@@ -81,4 +80,163 @@ class SlidingPanel extends VisitingPanel {
     this.stage.setAttribute("aria-valuetext", said);
     this.tell(said, example.said[this.normalised ? "normalised" : "plain"]);
   }
+}
+
+// The products at one place, and their sum.
+
+// The products of the cut with the samples under it. Normalised, both are centred and divided by their length as
+// vectors, so that the sum is Pearson's correlation; constant values give zeros.
+function productsAt(recording, cut, place, normalise) {
+  const under = recording.slice(place, place + cut.length);
+  const [first, second] = normalise ? [standardised(cut), standardised(under)] : [cut, under];
+  return first.map((value, index) => value * second[index]);
+}
+
+function standardised(values) {
+  const mean = total(values) / values.length;
+  const centred = values.map((value) => value - mean);
+  const length = Math.hypot(...centred);
+  return centred.map((value) => (length > 1e-9 ? value / length : 0));
+}
+
+function total(values) {
+  return values.reduce((sum, value) => sum + value, 0);
+}
+
+// Everything drawn for one example: products and sum at each place, and the sum of a perfect match.
+export function measured({ recording, cut }, normalise) {
+  const places = recording.length - cut.length + 1;
+  const products = Array.from({ length: places }, (_, place) => productsAt(recording, cut, place, normalise));
+  const sums = products.map(total);
+  const perfect = normalise ? 1 : total(cut.map((value) => value * value));
+  const low = normalise ? -1 : Math.min(0, ...sums);
+  const largest = Math.max(...products.flat().map(Math.abs));
+  return { products, sums, perfect, low, high: Math.max(perfect, ...sums), largest };
+}
+
+// The places with the highest sum, several if it repeats.
+export function highest({ sums, low, high }) {
+  const top = Math.max(...sums);
+  return sums.flatMap((sum, place) => (top - sum < 1e-3 * (high - low) ? [place] : []));
+}
+
+// Four strips over one axis: recording 2, the cut of recording 1, their products, and the curve of their sums.
+
+const LEFT = 6;
+const RIGHT = 58;
+const NAME = 20; // px for the name above each strip
+const STRIPS = { recording: 92, cut: 64, products: 84, curve: 130 };
+const GAP = 8;
+const AXIS = 36;
+
+// The layout of the strips for one width: their boxes, and the functions that map samples and values to px.
+function laidOut(width, example, all) {
+  const { recording, cut } = example;
+  const pitch = (width - LEFT - RIGHT) / recording.length;
+  const { boxes, height: end } = stacked(STRIPS, NAME, () => GAP);
+  const x = (sample) => LEFT + (sample + 0.5) * pitch;
+  const written = example.whole && pitch >= 14; // each number is written below its stem
+  const around = ({ top, height }, reach) => {
+    const half = (written ? height - 15 : height) / 2;
+    return (value) => top + half - (value / (reach || 1)) * (half - 4);
+  };
+  const loudest = (values) => Math.max(...values.map(Math.abs));
+  const { top, height } = boxes.curve;
+  const room = height - 16;
+  return {
+    width, pitch, boxes, x, written,
+    height: end - GAP + AXIS,
+    ofRecording: around(boxes.recording, loudest(recording)),
+    ofCut: around(boxes.cut, loudest(cut)),
+    ofProducts: around(boxes.products, all.largest),
+    ofSum: (sum) => top + 8 + ((all.high - sum) / (all.high - all.low || 1)) * room,
+  };
+}
+
+function drawStrips(svg, example, all, { place, visited, words }) {
+  const at = laidOut(svg.clientWidth, example, all);
+  const { x, pitch, boxes, width } = at;
+  const { recording, cut } = example;
+  const covered = [...cut.keys()].map((index) => place + index);
+  const add = sized(svg, at.width, at.height);
+  const stems = (kind, samples, values, y) => {
+    const d = samples.map((sample, index) => `M${x(sample)} ${y(0)}V${y(values[index])}`);
+    const dots = samples.map((sample, index) => `M${x(sample)} ${y(values[index])}h0`);
+    add("path", { class: kind, "stroke-width": clamp(pitch * 0.4, 1, 2), d: d.join("") });
+    add("path", { class: kind, "stroke-width": clamp(pitch * 0.8, 1, 8), d: dots.join("") });
+  };
+
+  for (const [name, { top, bottom }] of Object.entries(boxes)) {
+    add("text", { x: LEFT, y: top - 6, class: "name" }, words[name]);
+    const zero = { recording: at.ofRecording, cut: at.ofCut, products: at.ofProducts, curve: at.ofSum }[name](0);
+    add("path", { class: "zero", d: `M${LEFT} ${Math.min(zero, bottom)}H${width - RIGHT}` });
+  }
+
+  const first = x(place) - pitch / 2;
+  const hold = { class: "hold", x: first, width: pitch * cut.length, rx: 5 };
+  add("rect", { ...hold, y: boxes.recording.top, height: boxes.cut.bottom - boxes.recording.top });
+  const others = [...recording.keys()].filter((sample) => sample < place || sample >= place + cut.length);
+  const heard = (samples) => samples.map((sample) => recording[sample]);
+  stems("outside", others, heard(others), at.ofRecording);
+  stems("inside", covered, heard(covered), at.ofRecording);
+  add("path", { class: "ghost", d: `M${covered.map((sample, index) => `${x(sample)} ${at.ofRecording(cut[index])}`).join("L")}` });
+  stems("cut", covered, cut, at.ofCut);
+
+  const products = all.products[place];
+  const bars = (wanted) =>
+    covered.flatMap((sample, index) =>
+      wanted(products[index]) ? [`M${x(sample)} ${at.ofProducts(0)}V${at.ofProducts(products[index])}`] : [],
+    ).join("");
+  const bar = { "stroke-width": Math.max(1, pitch * 0.7) };
+  add("path", { class: "up", ...bar, d: bars((product) => product > 0) });
+  add("path", { class: "down", ...bar, d: bars((product) => product < 0) });
+  if (at.written) {
+    const write = (samples, values, y) =>
+      samples.forEach((sample, index) =>
+        add("text", { x: x(sample), y: y(values[index]), class: "small", "text-anchor": "middle" }, shortened(values[index], 0)),
+      );
+    write([...recording.keys()], recording, () => boxes.recording.bottom - 1);
+    write(covered, cut, () => boxes.cut.bottom - 1);
+    if (products.every(Number.isInteger)) write(covered, products, () => boxes.products.bottom - 1);
+  }
+
+  drawCurve(add, at, all, place, visited, words);
+  drawThermometer(add, at, all.sums[place]);
+  drawLags(add, at, example, words);
+  return at;
+}
+
+function drawCurve(add, at, all, place, visited, words) {
+  const { x, boxes, width } = at;
+  const perfect = at.ofSum(all.perfect);
+  add("path", { class: "perfect", d: `M${LEFT} ${perfect}H${width - RIGHT}` });
+  add("text", { x: width - RIGHT, y: perfect + 13, class: "small faint", "text-anchor": "end" }, words.perfect);
+  const seen = pathOf(runsOf(visited), (index) => `${x(index)} ${at.ofSum(all.sums[index])}`);
+  add("path", { class: "curve", "stroke-width": clamp(at.pitch, 1.5, 2.5), d: seen });
+  const [px, py] = [x(place), at.ofSum(all.sums[place])];
+  add("path", { class: "guide", d: `M${px} ${boxes.cut.bottom}V${boxes.curve.bottom}` });
+  add("path", { class: "level", d: `M${px} ${py}H${width - RIGHT + 20}` });
+  if (visited.every(Boolean)) {
+    const kind = Math.max(...all.sums) < all.perfect / 2 ? "peak doubtful" : "peak";
+    for (const top of highest(all)) add("circle", { class: kind, cx: x(top), cy: at.ofSum(all.sums[top]), r: 7 });
+  }
+  add("circle", { class: "now", cx: px, cy: py, r: 5 });
+}
+
+// As tall as the curve, so that its level is at the height of the current point of the curve.
+function drawThermometer(add, at, sum) {
+  const { top, bottom } = at.boxes.curve;
+  const x = at.width - RIGHT + 20;
+  const [level, zero] = [at.ofSum(sum), at.ofSum(0)];
+  add("rect", { class: "tube", x, y: top, width: 16, height: bottom - top, rx: 8 });
+  add("rect", {
+    class: sum < 0 ? "mercury below" : "mercury", x: x + 3, y: Math.min(level, zero), width: 10, height: Math.abs(level - zero), rx: 2,
+  });
+  add("path", { class: "zero", d: `M${x - 4} ${zero}h24` });
+  add("text", { x: x + 24, y: zero + 4, class: "small faint" }, "0");
+}
+
+function drawLags(add, { x, width, boxes }, { recording, lag, step }, words) {
+  const shown = { first: lag, last: lag + (recording.length - 1) * step, left: LEFT, right: width - RIGHT };
+  drawAxis(add, { ...shown, y: boxes.curve.bottom, x: (tick) => x((tick - lag) / step) }, words.axis);
 }
