@@ -71,11 +71,6 @@ class DepthPage:
             head.locator("summary").first.click()
             self.settle()
 
-    def turn_to(self, method: str) -> None:
-        """Open the controls of a method."""
-        self.page.get_by_role("radio", name=method, exact=True).first.click()
-        self.settle()
-
     def settle(self) -> None:
         """Wait until the page has answered without an exception."""
         settled(self.page)
@@ -85,8 +80,10 @@ class DepthPage:
         screenshot(self.page, f"journey-{name}")
 
     def choose(self, name: str) -> None:
-        """Choose one button of a row."""
-        self.page.get_by_role("radio", name=name, exact=True).first.click()
+        """Choose one button of a row, unless it is chosen already: another click would undo that."""
+        button = self.page.get_by_role("radio", name=name, exact=True).first
+        if not button.is_checked():
+            button.click()
         self.settle()
 
     def pick(self, label: str, option: str) -> None:

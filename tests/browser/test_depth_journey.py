@@ -200,7 +200,7 @@ def test_a_link_opens_the_page_as_it_was_and_one_zip_whatever_the_page_shows(ope
     after.open_head()
     expect_visible(after.said("240 × 240 of 480 × 480 pixels"))
     assert [after.number("Bad-2", method=method) for method in range(2)] == bad
-    after.turn_to("StereoSGBM")
+    after.choose("StereoSGBM")
     after.unfold("More settings")
     expect(after.page.get_by_role("radio", name="8", exact=True)).to_be_checked()
     after.press("Colours")
