@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import argparse
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import stereolag as sl
-from stereolag.commands.flags import SettingsFlags
-from stereolag.commands.matchers import add_choice, chosen_matcher, elsewhere, over_known_range, shortcuts_of
-from stereolag.commands.pair_flags import add_pair
-from stereolag.commands.parsing import DONE, CommandParser, add_output, tell
+from stereolag.commands.pairs import (
+    MatcherFlags,
+    Wording,
+    add_calibration,
+    rectified_as_asked,
+)
+from stereolag.commands.parsing import DONE, CommandParser, add_output, read, tell
 from stereolag.core.settings import FitsImage, marker
+from stereolag.figures.legends import searched_range
+from stereolag.figures.maps import cloud_ply, coloured_png
+from stereolag.figures.pictures import VIRIDIS
+from stereolag.io.calibrations import calibration_json, read_calibration
+from stereolag.io.disparities import image_png, image_tiff, kitti_png, npy, pfm, read_stored_disparity
+from stereolag.io.images import read_image
+from stereolag.io.results import figures_of
+from stereolag.io.settings import settings_json
+from stereolag.io.sources import write_file
+from stereolag.pair import Pair, PairId, assemble_pair, truth_in_px
 from stereolag.stereo.matcher import DisparityMap, StereoMatcher
 
-if TYPE_CHECKING:
-    from stereolag.commands.depth_pair import DepthPair
+WORDING = Wording("The images are raw", "The pair was rectified with its calibration", "The pair is rectified already")
 
 FIGURES = ("bad_2_percent", "epe_px", "d1_all_percent", "density", "truth_pixels")
 """Figures of a map with ground truth."""
@@ -27,7 +40,6 @@ ROWS_TO_LOAD = 16
 
 def run(arguments: Sequence[str]) -> int:
     """Make the map that the arguments ask for, write and print it, and return the exit code."""
-    start = chosen_matcher("depth", arguments)
     parser = CommandParser(
         "depth",
         "Match a rectified stereo pair; with the calibration of both cameras, a raw one too. Flags of single "
@@ -35,32 +47,67 @@ def run(arguments: Sequence[str]) -> int:
         "--settings.",
         "LEFT RIGHT [--out DIR] [--preset NAME] [--calibration FILE] [--truth FILE] [--json] [settings]",
     )
-    add_pair(parser)
+    _add_files(parser)
     add_output(parser)
-    add_choice(parser)
-    flags = SettingsFlags(parser, start, shortcuts_of(start), elsewhere)
+    flags = MatcherFlags(parser, arguments)
     options, matcher = flags.parsed(arguments)
-
-    # Imported only now, so that --help does not wait for them.
-    from stereolag.commands.depth_files import written_files
-    from stereolag.commands.depth_pair import read_pair
 
     if options.out is not None:
         Path(options.out).mkdir(parents=True, exist_ok=True)
-    pair = read_pair(options)
-    matcher = over_known_range(matcher, start, options, pair.calibration)
+    pair, said = _read_pair(options)
+    matcher = flags.over_known_range(matcher, options, pair.calibration)
 
     _load_loops(matcher, pair)
     result = matcher.compute(pair.left, pair.right)
     figures = _figures(pair, result)
     if options.out is not None:
-        files, left_out = written_files(options.out, pair, result, far_is_bright=options.preset == "report")
+        wanted = _files_of(pair, result, far_is_bright=options.preset == "report")
+        files, left_out = _written(Path(options.out), wanted)
         figures |= {"out": options.out, "files": files, "left_out": left_out}
-    tell(figures, _in_words(figures, pair), as_json=options.json)
+    tell(figures, "\n".join([*said, *_in_words(figures, pair)]), as_json=options.json)
     return DONE
 
 
-def _load_loops(matcher: StereoMatcher, pair: DepthPair) -> None:
+def _add_files(parser: CommandParser) -> None:
+    """Add the arguments for the files of a pair and the output of its map to a parser."""
+    parser.add_argument("left", metavar="LEFT", help="the left image: PNG, JPEG, WEBP, BMP, TIFF, PPM, PGM or GIF")
+    parser.add_argument("right", metavar="RIGHT", help="the right image, of the same size")
+    files = parser.add_argument_group("files")
+    files.add_argument("--truth", metavar="FILE", help="ground truth to judge the map by: PFM, NPY, PNG or PGM")
+    add_calibration(files)
+    files.add_argument(
+        "--out",
+        metavar="DIR",
+        help="write the map to this folder: disparity as .pfm, .npy, _kitti.png (16 bits, × 256) and _coloured.png, "
+        "settings.json, and with a calibration cloud.ply; nothing is written unless given",
+    )
+
+
+def _read_pair(options: argparse.Namespace) -> tuple[Pair, tuple[str, ...]]:
+    """Return the pair named by the arguments, ready for matching, and sentences about its processing.
+
+    Raises
+    ------
+    ValueError
+        Files that are refused, or that do not belong together.
+    OSError
+        Files that cannot be opened.
+    """
+    left, right = read(read_image, options.left), read(read_image, options.right)
+    truth = calibration = None
+    if options.truth is not None:
+        truth, _ = truth_in_px(read(read_stored_disparity, options.truth), left, right)
+    if options.calibration is not None:
+        calibration = read(read_calibration, *options.calibration)
+    pair = assemble_pair(left, right, truth, calibration, id=PairId(options.left))
+    return rectified_as_asked(pair, options, WORDING)
+
+
+def _rectified_here(pair: Pair) -> bool:
+    return pair.rectification is not None and pair.rectification.done
+
+
+def _load_loops(matcher: StereoMatcher, pair: Pair) -> None:
     """Match a few rows, so that loading or compiling the loops does not count towards the time of the map."""
     sides = [int(value) for name, value in matcher if marker(type(matcher).model_fields[name], FitsImage)]
     rows = max(sides, default=0) + ROWS_TO_LOAD
@@ -68,7 +115,7 @@ def _load_loops(matcher: StereoMatcher, pair: DepthPair) -> None:
         matcher.compute(pair.left[:rows], pair.right[:rows])
 
 
-def _figures(pair: DepthPair, result: DisparityMap) -> dict[str, Any]:
+def _figures(pair: Pair, result: DisparityMap) -> dict[str, Any]:
     rows, cols = result.disparity.shape
     figures: dict[str, Any] = {
         "command": "depth",
@@ -76,29 +123,26 @@ def _figures(pair: DepthPair, result: DisparityMap) -> dict[str, Any]:
         "height": rows,
         "method": type(result.settings).__name__,
         "range_px": result.settings.search_range(),
-        "rectified_here": pair.rectified_here,
+        "rectified_here": _rectified_here(pair),
         "coverage": result.coverage,
         "measured": float((result.valid & ~result.filled).mean()),
         "elapsed_s": result.elapsed_s,
     }
     if pair.truth is not None:
-        from stereolag.io.results import figures_of
-
         judged = figures_of(sl.evaluate(result.disparity, pair.truth))
         figures |= {name: judged[name] for name in FIGURES}
     return figures
 
 
-def _in_words(figures: dict[str, Any], pair: DepthPair) -> str:
-    lines = [*pair.said]
+def _in_words(figures: dict[str, Any], pair: Pair) -> list[str]:
     searched = ""
     if figures["range_px"] is not None:
         first, count = figures["range_px"]
         searched = f", {first} to {first + count - 1} px searched"
-    lines.append(
-        f"{figures['method']} on {figures['width']} × {figures['height']} px{searched}: {figures['elapsed_s']:.3g} s"
-    )
-    lines.append(f"disparity for {figures['coverage']:.1%} of the pixels, measured for {figures['measured']:.1%}")
+    lines = [
+        f"{figures['method']} on {figures['width']} × {figures['height']} px{searched}: {figures['elapsed_s']:.3g} s",
+        f"disparity for {figures['coverage']:.1%} of the pixels, measured for {figures['measured']:.1%}",
+    ]
     if pair.truth is not None:
         lines.append(
             f"against the ground truth: bad-2 {figures['bad_2_percent']:.2f} %, EPE {figures['epe_px']:.3f} px, "
@@ -107,4 +151,49 @@ def _in_words(figures: dict[str, Any], pair: DepthPair) -> str:
     if "files" in figures:
         lines.append(f"written to {figures['out']}: {', '.join(figures['files'])}")
         lines += [f"{name} is left out: {why}" for name, why in figures["left_out"].items()]
-    return "\n".join(lines)
+    return lines
+
+
+def _files_of(pair: Pair, result: DisparityMap, *, far_is_bright: bool) -> dict[str, Callable[[], bytes]]:
+    """Return what makes each file of a map, by name: those of the page section "Take it away", under the same names."""
+    disparity, calibration = result.disparity, pair.calibration
+    palette = VIRIDIS[::-1] if far_is_bright else VIRIDIS
+    files: dict[str, Callable[[], bytes]] = {
+        "disparity.pfm": lambda: pfm(disparity),
+        "disparity.npy": lambda: npy(disparity),
+        "disparity_kitti.png": lambda: kitti_png(disparity),
+        "settings.json": lambda: settings_json(result.settings).encode(),
+        "disparity_coloured.png": lambda: coloured_png(disparity, *searched_range([result]), palette),
+    }
+    if calibration is not None:
+        files["cloud.ply"] = lambda: cloud_ply(calibration, disparity, pair.left)
+        if _rectified_here(pair):
+            writer, ending = (image_tiff, "tif") if pair.left.dtype.kind == "f" else (image_png, "png")
+            files |= {
+                "calibration.json": lambda: calibration_json(calibration).encode(),
+                f"left.{ending}": lambda: writer(pair.left),
+                f"right.{ending}": lambda: writer(pair.right),
+            }
+    return files
+
+
+def _written(folder: Path, files: Mapping[str, Callable[[], bytes]]) -> tuple[list[str], dict[str, str]]:
+    """Write files into a folder, each whole or not at all.
+
+    Returns
+    -------
+    names
+        Names of the files written.
+    left_out
+        Error of each format that cannot store the map, by file name.
+    """
+    names: list[str] = []
+    left_out: dict[str, str] = {}
+    for name, make in files.items():
+        try:
+            write_file(folder / name, make())
+        except ValueError as error:
+            left_out[name] = str(error)
+        else:
+            names.append(name)
+    return names, left_out

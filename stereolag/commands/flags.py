@@ -55,7 +55,7 @@ class SettingsFlags(Generic[S]):
     ) -> None:
         self._hint = hint
         self._parser = parser
-        self._settings = settings
+        self.settings = settings
         self._source: Any = CliSettingsSource(
             _flag_model([type(settings)], settings),  # type: ignore[arg-type]  # any model will do
             root_parser=parser,
@@ -80,7 +80,7 @@ class SettingsFlags(Generic[S]):
             name = others[0].partition("=")[0].lstrip("-").replace("-", "_")
             if not others[0].startswith("--"):
                 self._parser.error(f"{others[0]!r} is one argument too many.")
-            self._parser.error(f"{unknown_setting(type(self._settings), name)} {self._hint(name)}")
+            self._parser.error(f"{unknown_setting(type(self.settings), name)} {self._hint(name)}")
         try:
             return options, self.applied(options)
         except SettingsError as error:
@@ -94,10 +94,10 @@ class SettingsFlags(Generic[S]):
         SettingsError
             A value that is not allowed, or that contradicts another.
         """
-        for name, problem in _contradictions(vars(options), type(self._settings)):
+        for name, problem in _contradictions(vars(options), type(self.settings)):
             raise SettingsError((Problem(name, problem),))
         given = self._source(parsed_args=options)()
-        return type(self._settings).model_validate(_merged(self._settings.model_dump(), given, type(self._settings)))
+        return type(self.settings).model_validate(_merged(self.settings.model_dump(), given, type(self.settings)))
 
 
 def _contradictions(given: Mapping[str, Any], kind: type[BaseModel]) -> Iterator[tuple[str, str]]:

@@ -38,6 +38,7 @@ class CommandParser(argparse.ArgumentParser):
     def __init__(
         self, command: str, description: str = "", usage: str = "", codes: str = "", *, add_help: bool = True
     ) -> None:
+        self.command = command
         super().__init__(
             prog=f"stereolag {command}",
             description=description,

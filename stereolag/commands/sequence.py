@@ -9,16 +9,30 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from stereolag.commands.flags import SettingsFlags
-from stereolag.commands.matchers import add_choice, chosen_matcher, elsewhere, over_known_range, shortcuts_of
-from stereolag.commands.pair_flags import add_frames
-from stereolag.commands.parsing import DAMAGED, DONE, INTERRUPTED, CommandParser, add_output, one_line, tell
+from stereolag.commands.pairs import (
+    MatcherFlags,
+    Wording,
+    add_calibration,
+    rectified_as_asked,
+)
+from stereolag.commands.parsing import DAMAGED, DONE, INTERRUPTED, CommandParser, add_output, one_line, read, tell
+from stereolag.geometry.calibration import Calibration
+from stereolag.geometry.rectification import calibration_for
+from stereolag.io.calibrations import read_calibration
+from stereolag.io.disparities import DISPARITY_FORMATS
+from stereolag.pair import Pair, PairId
 from stereolag.sequences.motion import SequenceSettings
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, PresetName
 
 if TYPE_CHECKING:
-    from stereolag.commands.sequence_frames import Drive
-    from stereolag.sequences import SequenceResult, SequenceState
+    from stereolag.sequences import SequenceResult, SequenceState, StereoSequence
+
+WORDING = Wording(
+    "The frames are raw",
+    "The frames are rectified with their calibration",
+    "The frames are rectified already",
+)
 
 PRESET: PresetName = "fast"
 """The default preset: it keeps up with the camera."""
@@ -26,7 +40,6 @@ PRESET: PresetName = "fast"
 
 def run(arguments: Sequence[str]) -> int:
     """Match the frames named by the arguments, show the progress, and return the exit code."""
-    start = chosen_matcher("sequence", arguments, PRESET)
     parser = CommandParser(
         "sequence",
         "Match every frame of a stereo camera. An interrupted run continues where it stopped; a damaged frame is left "
@@ -36,28 +49,26 @@ def run(arguments: Sequence[str]) -> int:
         "[--json] [settings]",
         f"; {DAMAGED} done, except for damaged frames; {INTERRUPTED} stopped by Ctrl-C",
     )
-    add_frames(parser)
+    _add_frames(parser)
     add_output(parser)
     _add_job(parser)
-    add_choice(parser, PRESET)
-    flags = SettingsFlags(parser, start, shortcuts_of(start), elsewhere)
+    flags = MatcherFlags(parser, arguments, PRESET)
     over_frames = SettingsFlags(parser, SequenceSettings())
     options, matcher = flags.parsed(arguments)
     beyond = over_frames.parsed(arguments)[1]
 
     # Imported only now, so that --help does not wait for them.
-    from stereolag.commands.sequence_frames import read_drive
     from stereolag.sequences import run_sequence
 
-    drive = read_drive(options)
-    matchers = _matchers(over_known_range(matcher, start, options, drive.calibration), options)
+    sequence, calibration, said = _read_sequence(options)
+    matchers = _matchers(flags.over_known_range(matcher, options, calibration), options)
     bar = _Bar(hidden=options.json or not sys.stderr.isatty())
     try:
         result = run_sequence(
-            drive.sequence,
+            sequence,
             matchers,
             options.out,
-            calibration=drive.calibration,
+            calibration=calibration,
             settings=beyond,
             video=options.video,
             disparity_format=options.disparity_format,
@@ -71,11 +82,84 @@ def run(arguments: Sequence[str]) -> int:
         return INTERRUPTED
     finally:
         bar.close()
-    figures = _figures(result, drive, matchers, options)
-    tell(figures, _in_words(figures, drive), as_json=options.json)
+    figures = _figures(result, sequence, matchers, options)
+    tell(figures, "\n".join([*said, *_in_words(figures)]), as_json=options.json)
     for name, problem in result.damaged.items():
         print(f"stereolag sequence: {name}: {one_line(problem)}", file=sys.stderr)
     return DAMAGED if result.damaged else DONE
+
+
+def _add_frames(parser: CommandParser) -> None:
+    """Add the arguments for the files of a sequence and the output of its maps to a parser."""
+    parser.add_argument(
+        "left",
+        metavar="LEFT",
+        help="left pictures, as a folder or a pattern in quotes, or the left video; alone: a ZIP of both sides, or a "
+        "video of both side by side",
+    )
+    parser.add_argument("right", metavar="RIGHT", nargs="?", help="the same for the right")
+    files = parser.add_argument_group("files")
+    files.add_argument(
+        "--out",
+        metavar="DIR",
+        required=True,
+        help="write the maps to this folder: METHOD/FRAME.png (disparity × 256 in 16 bits), frames.csv with figures of "
+        "every frame, and sequence.json; frames that are finished there are not matched again",
+    )
+    files.add_argument(
+        "--disparity-format",
+        choices=[*DISPARITY_FORMATS],
+        default=".png",
+        help=f"format of the maps; {_held()} (default: %(default)s)",
+    )
+    files.add_argument(
+        "--video",
+        metavar="FILE.mp4",
+        help="write a video of the left pictures beside the maps, in one range of colours",
+    )
+    files.add_argument("--truth", metavar="FILES", help="a folder or pattern of true disparities to judge the maps by")
+    add_calibration(files, "; gives the nearest obstacle in metres")
+    files.add_argument(
+        "--frame-rate", type=float, metavar="HZ", help="frames a second (default: that of the video; 10 for pictures)"
+    )
+
+
+def _held() -> str:
+    """Return the disparities that each format holds, in words."""
+    suffixes: dict[str, list[str]] = {}
+    for suffix, kind in DISPARITY_FORMATS.items():
+        suffixes.setdefault(kind.holds, []).append(suffix)
+    return ", ".join(
+        f"{' and '.join(some)}{' hold' if len(some) > 1 else ''} {held}" for held, some in suffixes.items()
+    )
+
+
+def _read_sequence(
+    options: argparse.Namespace,
+) -> tuple[StereoSequence, Calibration | None, tuple[str, ...]]:
+    """Return the frames named by the arguments, their calibration, and sentences; the first shows if they are raw.
+
+    Raises
+    ------
+    ValueError
+        Files that are refused, or that do not belong together.
+    OSError
+        Files that cannot be opened.
+    """
+    from stereolag.sequences import RectifiedSequence, open_sequence
+
+    sequence = open_sequence(options.left, options.right, truth=options.truth, frame_rate=options.frame_rate)
+    if options.calibration is None:
+        return sequence, None, ()
+    calibration = read(read_calibration, *options.calibration)
+    first = sequence.first_readable()
+    if first is None:
+        raise ValueError(f"None of the {len(sequence):,} frames can be read: there is nothing to calibrate.")
+    fitted = calibration_for(calibration, first.left.shape[1], first.left.shape[0])
+    pair, said = rectified_as_asked(Pair(first.left, first.right, PairId(""), calibration=fitted), options, WORDING)
+    if pair.rectification is not None and pair.rectification.done:
+        sequence = RectifiedSequence(sequence, calibration)
+    return sequence, pair.calibration, said
 
 
 def _add_job(parser: argparse.ArgumentParser) -> None:
@@ -131,7 +215,7 @@ class _Bar:
 
 
 def _figures(
-    result: SequenceResult, drive: Drive, matchers: dict[str, StereoMatcher], options: argparse.Namespace
+    result: SequenceResult, sequence: StereoSequence, matchers: dict[str, StereoMatcher], options: argparse.Namespace
 ) -> dict[str, Any]:
     return {
         "command": "sequence",
@@ -141,7 +225,7 @@ def _figures(
         "damaged": result.damaged,
         "methods": [*matchers],
         "range_px": next(iter(matchers.values())).search_range(),
-        "rectified_here": drive.sequence.rectified,
+        "rectified_here": sequence.rectified,
         "elapsed_s": result.elapsed_s,
         "frames_per_second": result.matched / result.elapsed_s if result.elapsed_s else math.nan,
         "out": options.out,
@@ -149,7 +233,7 @@ def _figures(
     }
 
 
-def _in_words(figures: dict[str, Any], drive: Drive) -> str:
+def _in_words(figures: dict[str, Any]) -> list[str]:
     said = (
         f"{figures['matched']:,} of {figures['frames']:,} frames matched in {figures['elapsed_s']:.1f} s, "
         f"{figures['frames_per_second']:.1f} a second"
@@ -159,4 +243,4 @@ def _in_words(figures: dict[str, Any], drive: Drive) -> str:
     if figures["damaged"]:
         said += f"; {len(figures['damaged']):,} are damaged"
     to = figures["out"] if figures["video"] is None else f"{figures['out']}, {figures['video']}"
-    return "\n".join([*drive.said, said, f"written to {to}"])
+    return [said, f"written to {to}"]

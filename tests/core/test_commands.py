@@ -19,7 +19,7 @@ from scipy.signal import resample_poly
 import stereolag as sl
 from stereolag import samples
 from stereolag.commands import MEASURING
-from stereolag.commands.board_pictures import board_pictures
+from stereolag.commands.calibrate import board_pictures
 from stereolag.geometry.boards import Board
 from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs

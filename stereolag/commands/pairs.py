@@ -1,0 +1,136 @@
+"""The arguments shared by the commands that match pairs: calibration, rectification, and the initial settings."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from stereolag.commands.flags import SettingsFlags
+from stereolag.commands.parsing import CommandParser, read
+from stereolag.geometry.calibration import Calibration
+from stereolag.io.settings import read_matcher
+from stereolag.pair import Pair, Preparation, Rows, prepare
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
+
+RECTIFY = {"auto": Rows.DECIDE, "yes": Rows.RAW, "no": Rows.RECTIFIED}
+"""Values of ``--rectify``: whether the images are to be rectified."""
+
+SHORTCUTS = {"search.num-disparities": "num-disparities", "search.min-disparity": "min-disparity"}
+"""Short flags for the range, the same for every method."""
+
+
+class Wording(NamedTuple):
+    """How a command says that images are raw, were rectified, or are rectified already."""
+
+    raw: str
+    done: str
+    already: str
+
+
+def add_calibration(files: argparse._ArgumentGroup, further: str = "") -> None:
+    """Add the flags for the calibration of the cameras; `further` is another purpose of it."""
+    files.add_argument(
+        "--calibration",
+        metavar="FILE",
+        nargs="+",
+        help=f"calibration of OpenCV, ROS, Kalibr, Middlebury, KITTI or JSON, in one file or two{further}",
+    )
+    files.add_argument(
+        "--rectify",
+        choices=[*RECTIFY],
+        default="auto",
+        help="with a calibration of both cameras: whether the images are raw (default: auto, judged by their rows)",
+    )
+
+
+def rectified_as_asked(pair: Pair, options: argparse.Namespace, wording: Wording) -> tuple[Pair, tuple[str, ...]]:
+    """Return a pair rectified as `add_calibration`'s flags say, and sentences about it.
+
+    Raises
+    ------
+    ValueError
+        Rectification wanted without the cameras it needs, or of images that have a ground truth.
+    """
+    if options.rectify == "yes" and pair.calibration is not None and pair.calibration.rig is None:
+        raise ValueError("The calibration is of a rectified pair: it holds no cameras to rectify with.")
+    pair = prepare(pair, Preparation(rows=RECTIFY[options.rectify]))
+    decision = pair.rectification
+    if decision is None:
+        return pair, ()
+    rows = decision.evidence
+    why = f"rows differ by {rows.given_px:.2g} px, rectified by {rows.rectified_px:.2g} px"
+    why = "as you said" if decision.chosen else why
+    if decision.done and options.truth is not None:
+        raise ValueError(
+            f"{wording.raw} ({why}) and the ground truth belongs to them before rectification: leave out --truth or "
+            "--calibration, or give --rectify no."
+        )
+    return pair, (f"{wording.done if decision.done else wording.already} ({why}).",)
+
+
+class MatcherFlags(SettingsFlags[StereoMatcher]):
+    """The flags that choose a matcher, and those of its single settings.
+
+    Parameters
+    ----------
+    parser
+        Gets the flags.
+    arguments
+        Those of the command: its settings have flags that depend on the matcher they name.
+    otherwise
+        The preset if they name no other.
+
+    Raises
+    ------
+    ValueError
+        A settings file that is refused.
+    """
+
+    def __init__(self, parser: CommandParser, arguments: Sequence[str], otherwise: PresetName = "accurate") -> None:
+        choice = CommandParser(parser.command, add_help=False)
+        for one in (choice, parser):
+            _add_choice(one, otherwise)
+        options, _ = choice.parse_known_args(arguments)
+        kinds: dict[str | None, type[StereoMatcher]] = {kind.short_name: kind for kind in METHODS}
+        if options.settings is not None:
+            start = read(read_matcher, options.settings)
+        else:
+            start = kinds[options.method]() if options.method else preset(options.preset or otherwise)
+        super().__init__(parser, start, SHORTCUTS if "search" in type(start).model_fields else {}, _elsewhere)
+
+    def over_known_range(
+        self, matcher: StereoMatcher, options: argparse.Namespace, calibration: Calibration | None
+    ) -> StereoMatcher:
+        """Return a matcher that searches the range stated by the calibration, unless flags or a settings file set it.
+
+        Parameters
+        ----------
+        matcher, options
+            The settings and arguments that were parsed.
+        calibration
+            None if unknown.
+        """
+        known = calibration and calibration.num_disparities
+        if known and options.settings is None and matcher.search_range() == self.settings.search_range():
+            return matcher.with_search_range(0, known)
+        return matcher
+
+
+def _add_choice(parser: CommandParser, otherwise: PresetName) -> None:
+    one = parser.add_argument_group(
+        "where the settings come from", "One of these; flags of single settings override them."
+    ).add_mutually_exclusive_group()
+    meanings = " ".join(f"{name}: {each.meaning}" for name, each in PRESETS.items())
+    one.add_argument("--preset", choices=[*PRESETS], help=f"{meanings} (default: {otherwise})")
+    names = [kind.short_name for kind in METHODS]
+    titles = "; ".join(f"{kind.short_name}: {kind.title}" for kind in METHODS)
+    one.add_argument("--method", choices=names, help=f"a method with its own defaults: {titles}")
+    one.add_argument("--settings", metavar="FILE.json", help="settings of a file, as the depth page or --out writes it")
+
+
+def _elsewhere(name: str) -> str:
+    """Return a sentence naming the methods that have a setting; "" if none has it."""
+    having = [kind.short_name for kind in METHODS if name in kind.model_fields]
+    return f"There is one with --method {' or '.join(having)}." if having else ""
