@@ -17,7 +17,7 @@ LOOPS := $(shell grep -rlE --include='*.py' '^(from|import) .*(numba|llvmlite|co
 run: setup
 	@exec $(BIN)/python -P stereolag/commands/serving.py --port $(PORT)
 
-setup: $(VENV)/.run-ready $(VENV)/.loops-warm
+setup: $(VENV)/.run-ready $(VENV)/.command-ready $(VENV)/.loops-warm
 
 setup-dev: setup $(VENV)/.dev-ready node_modules/.ready
 
@@ -50,6 +50,11 @@ $(VENV)/bin/python:
 
 $(VENV)/.run-ready: requirements.txt | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.txt
+	@touch $@
+
+# The command `stereolag`, which runs this checkout.
+$(VENV)/.command-ready: pyproject.toml | $(VENV)/.run-ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
 	@touch $@
 
 $(VENV)/.dev-ready: requirements-dev.txt requirements.txt | $(VENV)/bin/python
