@@ -1,22 +1,60 @@
-"""The bundled stereo pairs: ground truth, checked against the pictures independently of the renderer."""
+"""The bundled pairs and the bundled drive: ground truth, checked against the pictures independently of the renderer."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-STEREO = Path(__file__).resolve().parents[2] / "assets" / "stereo"
+from stereolag import read_calibration, samples
+from stereolag.geometry.scene import RigidMotion, rigid_motion
+from stereolag.stereo.evaluation import evaluate
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+
+STEREO, DRIVE = samples.ASSETS / "stereo", samples.ASSETS / "drive" / "motorway"
+
+
+def moved(image: np.ndarray, dx: np.ndarray, dy: np.ndarray, method: int = cv2.INTER_LINEAR) -> np.ndarray:
+    """Return the values of `image` at ``(row + dy, column + dx)``."""
+    rows, columns = np.mgrid[: image.shape[0], : image.shape[1]].astype(np.float32)
+    return cv2.remap(image, columns + dx, rows + dy, method, borderMode=cv2.BORDER_REPLICATE)
+
+
+def assert_fits(
+    first: np.ndarray, second: np.ndarray, dx: np.ndarray, dy: np.ndarray | None, chosen: np.ndarray
+) -> None:
+    """Check that `second` moved by the truth looks like `first`, worse when moved on, and best without a bias.
+
+    Without `dy`, the pair is rectified, and its truth is held to half the bias.
+    """
+    down = np.zeros_like(dx) if dy is None else dy
+
+    def disagreement(across: float, more: float = 0.0) -> float:
+        taken = moved(second, dx + np.float32(across), down + np.float32(more))
+        return float(cv2.absdiff(taken, first).max(axis=2)[chosen].mean())
+
+    exact, ways = disagreement(0.0), ((1.0, 0.0),) if dy is None else ((1.0, 0.0), (0.0, 1.0))
+    assert exact < 13
+    for across, more in ways:
+        two_off = min(disagreement(sign * 2 * across, sign * 2 * more) for sign in (-1, 1))
+        assert two_off > (1.3 if dy is None else 1.15) * exact
+        before, after = (disagreement(sign * across, sign * more) for sign in (-0.5, 0.5))
+        best = 0.5 * (before - after) / (2 * (before - 2 * exact + after))  # the vertex of a parabola through the three
+        assert abs(best) < (0.05 if dy is None else 0.1)
+
+
+# The pairs
+
 SIZES = {"cube": (640, 480), "fence": (640, 480), "giraffes": (640, 480), "square": (480, 480), "road": (881, 400)}
 CALIBRATION_KEYS = {
     "focal_px", "baseline_m", "doffs_px", "cx", "cy", "width", "height", "num_disparities", "title", "description",
 }  # fmt: skip
-MAX_BYTES = 9_000_000
 
 
 @dataclass(frozen=True)
@@ -36,7 +74,7 @@ class Sample:
         return (self.codes > 0) & (self.mask == 0)
 
 
-@lru_cache
+@cache
 def load(name: str) -> Sample:
     folder = STEREO / name
     left, right, codes, mask = (
@@ -73,8 +111,9 @@ def test_calibration_describes_the_pictures(name: str) -> None:
     assert calibration["num_disparities"] % 16 == 0
 
 
-def test_all_pairs_together_stay_small() -> None:
-    assert sum(file.stat().st_size for file in STEREO.rglob("*") if file.is_file()) <= MAX_BYTES
+@pytest.mark.parametrize(("folder", "most"), [(STEREO, 9_000_000), (DRIVE, 25_000_000)])
+def test_files_stay_small(folder: Path, most: int) -> None:
+    assert sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) <= most
 
 
 def test_disparities_lie_within_the_search_range(sample: Sample) -> None:
@@ -85,20 +124,7 @@ def test_disparities_lie_within_the_search_range(sample: Sample) -> None:
 
 
 def test_right_image_moved_by_the_truth_is_the_left_image(sample: Sample) -> None:
-    rows, columns = np.mgrid[: sample.codes.shape[0], : sample.codes.shape[1]].astype(np.float32)
-
-    def disagreement(shift: float) -> float:
-        source = columns - sample.disparity + np.float32(shift)
-        moved = cv2.remap(sample.right, source, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return float(cv2.absdiff(moved, sample.left).max(axis=2)[sample.matchable].mean())
-
-    exact = disagreement(0.0)
-    assert exact < 13
-    assert min(disagreement(-2.0), disagreement(2.0)) > 1.3 * exact
-
-    before, after = disagreement(-0.5), disagreement(0.5)
-    best = 0.5 * (before - after) / (2 * (before - 2 * exact + after))  # the vertex of a parabola through the three
-    assert abs(best) < 0.05
+    assert_fits(sample.left, sample.right, -sample.disparity, None, sample.matchable)
 
 
 def test_occlusion_follows_from_the_disparities(sample: Sample) -> None:
@@ -137,3 +163,143 @@ def test_semi_global_matching_agrees_with_the_truth(name: str, allowed: float) -
     answered = sample.matchable & (found > 0)
     assert answered.sum() > 0.6 * sample.matchable.sum()
     assert (np.abs(found - sample.disparity)[answered] > 2).mean() < allowed
+
+
+@cache
+def measured(name: str) -> np.ndarray:
+    """Return the disparities that plain correlation measures, px."""
+    count = int(load(name).calibration["num_disparities"])
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(count))
+    return matcher.compute(load(name).left[..., ::-1], load(name).right[..., ::-1]).disparity
+
+
+@pytest.mark.parametrize(
+    ("name", "allowed"), [("cube", 15), ("fence", 50), ("giraffes", 45), ("square", 15), ("road", 25)]
+)
+def test_plain_correlation_measures_the_bundled_pairs(name: str, allowed: float) -> None:
+    figures = evaluate(measured(name), load(name).disparity, mask=load(name).matchable)
+    assert figures.density > 0.9
+    assert figures.bad_measured[2.0] < allowed
+
+
+def test_windows_on_the_fence_are_matched_a_whole_number_of_pickets_away() -> None:
+    truth, found = load("fence").disparity, measured("fence")
+    pickets = (np.abs(truth - 26.5) < 0.1) & np.isfinite(found)
+    before_the_wall = pickets & (np.arange(truth.shape[0]) < 335)[:, None] & (np.arange(truth.shape[1]) < 380)
+    away = (found - truth)[before_the_wall] / 14.5
+    assert (np.abs(away) > 0.5).mean() > 0.5
+    assert (np.abs(away - np.rint(away)) < 0.1).mean() > 0.8
+
+
+# The drive
+
+FRAMES, FRAME_SIZE = 60, (400, 881)
+LOOKED_AT = (0, 21, 36, 50, 58)  # not where the sun appears from behind the bridge, with new glare
+
+
+@dataclass(frozen=True)
+class Frame:
+    left: np.ndarray
+    right: np.ndarray
+    disparity: np.ndarray
+    occluded: np.ndarray
+    objects: np.ndarray
+
+
+@cache
+def frame(number: int) -> Frame:
+    drive = samples.drives()["motorway"]
+    parts = (drive.left, drive.right, drive.disparity, drive.occlusion, drive.objects)
+    left, right, codes, occlusion, objects = (cv2.imread(str(part[number]), cv2.IMREAD_UNCHANGED) for part in parts)
+    assert codes.dtype == np.uint16
+    assert left.dtype == right.dtype == occlusion.dtype == objects.dtype == np.uint8
+    assert left.shape == right.shape == (*FRAME_SIZE, 3)
+    assert codes.shape == occlusion.shape == objects.shape == FRAME_SIZE
+    return Frame(left, right, codes / np.float32(256), occlusion > 0, objects)
+
+
+@cache
+def motion(number: int) -> RigidMotion:
+    drive = samples.drives()["motorway"]
+    here = frame(number)
+    return rigid_motion(here.disparity, here.objects, drive.motions(number), read_calibration(drive.calibration))
+
+
+def test_all_frames_are_there_in_order_and_small() -> None:
+    drive = samples.drives()["motorway"]
+    assert len(drive) == FRAMES
+    assert drive.frame_rate == 10
+    for part in (drive.left, drive.right, drive.disparity, drive.occlusion, drive.objects):
+        assert [int(path.stem) for path in part] == list(range(FRAMES))
+
+
+def test_poses_are_rigid_and_the_world_stands_still() -> None:
+    drive = samples.drives()["motorway"]
+    entry = json.loads(drive.poses.read_text())
+    cameras, objects = np.array(entry["camera"]), np.array(entry["objects"])
+    assert cameras.shape == (FRAMES, 4, 4)
+    assert objects.shape == (FRAMES, len(drive.object_names), 4, 4)
+    for poses in (cameras, objects):
+        turns = poses[..., :3, :3]
+        np.testing.assert_allclose(
+            turns @ np.swapaxes(turns, -1, -2), np.broadcast_to(np.eye(3), turns.shape), atol=1e-6
+        )
+        np.testing.assert_allclose(np.linalg.det(turns), 1, atol=1e-6)
+    np.testing.assert_array_equal(objects[:, 0], np.broadcast_to(np.eye(4), (FRAMES, 4, 4)))
+    speeds = np.linalg.norm(np.diff(cameras[:, :3, 3], axis=0), axis=1) * drive.frame_rate
+    assert (np.abs(speeds - 25) < 0.5).all()
+
+
+def test_every_body_is_seen_and_there_is_no_other() -> None:
+    drive = samples.drives()["motorway"]
+    seen = np.unique(np.concatenate([np.unique(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)) for path in drive.objects]))
+    np.testing.assert_array_equal(seen, np.arange(len(drive.object_names)))
+
+
+@pytest.mark.parametrize("number", [FRAMES - 1, -1])
+def test_there_is_no_motion_after_the_last_frame(number: int) -> None:
+    with pytest.raises(ValueError, match=f"frame is {number}; allowed are 0 to 58"):
+        samples.drives()["motorway"].motions(number)
+
+
+@pytest.mark.parametrize("number", LOOKED_AT)
+def test_right_image_of_a_frame_moved_by_the_truth_is_the_left_image(number: int) -> None:
+    here = frame(number)
+    assert here.disparity.max() <= samples.drives()["motorway"].num_disparities - 1
+    assert (here.disparity > 0).mean() > 0.6
+    assert np.ptp(here.disparity[here.disparity > 0]) > 30
+    matchable = (here.disparity > 0) & ~here.occluded
+    assert_fits(here.left, here.right, -here.disparity, np.zeros_like(here.disparity), matchable)
+
+
+@pytest.mark.parametrize("number", LOOKED_AT)
+@pytest.mark.parametrize("moving", [False, True])
+def test_next_frame_moved_by_the_flow_is_this_frame(number: int, moving: bool) -> None:
+    here, there, flow = frame(number), frame(number + 1), motion(number)
+    chosen = seen_again(number) & ((here.objects > 0) == moving) & (here.disparity > (4 if moving else 0))
+    if chosen.sum() < 2000:
+        pytest.skip(f"frame {number} shows only {chosen.sum()} px of moving bodies")
+    assert_fits(here.left, there.left, flow.dx, flow.dy, chosen)
+
+
+@pytest.mark.parametrize("number", LOOKED_AT)
+def test_disparity_of_the_next_frame_follows(number: int) -> None:
+    """Except at edges, where a pixel of the next frame may show another body than the point that moved there."""
+    here, there, flow = frame(number), frame(number + 1), motion(number)
+    there_disparity = moved(there.disparity, flow.dx, flow.dy, cv2.INTER_LINEAR)
+    rows, columns = np.mgrid[: FRAME_SIZE[0], : FRAME_SIZE[1]]
+    inside = (np.abs(columns + flow.dx - 440) < 438) & (np.abs(rows + flow.dy - 199.5) < 197) & (here.disparity > 0)
+    error = np.abs(there_disparity - here.disparity - flow.disparity_change)
+    assert np.median(error[inside]) < 0.02
+    assert (error[inside] < 0.3).mean() > 0.85
+
+
+def seen_again(number: int) -> np.ndarray:
+    """Return which pixels the next frame shows too: same body, and at the expected disparity."""
+    here, there, flow = frame(number), frame(number + 1), motion(number)
+    rows, columns = np.mgrid[: FRAME_SIZE[0], : FRAME_SIZE[1]]
+    inside = (np.abs(columns + flow.dx - 440) < 438) & (np.abs(rows + flow.dy - 199.5) < 197)
+    same = moved(there.objects, flow.dx, flow.dy, cv2.INTER_NEAREST) == here.objects
+    near = moved(there.disparity, flow.dx, flow.dy, cv2.INTER_LINEAR)
+    agrees = np.abs(near - here.disparity - flow.disparity_change) < 0.5
+    return inside & same & agrees & (here.disparity > 0)

@@ -1,19 +1,122 @@
+"""Recordings to slide, to disturb and to turn by hand: the texts beside them hold, and correlation agrees."""
+
 from __future__ import annotations
+
+from itertools import combinations
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.lib.stride_tricks import sliding_window_view
 
-from stereolag import samples
+from stereolag import samples, signal_lag
 from stereolag.io.recordings import read_signal
-from stereolag.signals import phasors, signal_lag
-from stereolag.signals.phasors import (
-    LAG,
-    LENGTH,
-    LONGEST_LAG,
-    SIZE,
-)
+from stereolag.signals import by_hand, phasors
+from stereolag.signals.by_hand import Ingredients, ingredients
+from stereolag.signals.phasors import LAG, LENGTH, LONGEST_LAG, SIZE
+
+
+def example(name: str) -> tuple[np.ndarray, np.ndarray, int]:
+    """Return the recordings of an example, and their lag."""
+    one = samples.recordings()[name]
+    first, second = (read_signal(path).channels[0] for path in (one.signal_1, one.signal_2))
+    return first, second, one.lag
+
+
+# Slid by hand
+
+
+def sums(slide: by_hand.Slide) -> np.ndarray:
+    return sliding_window_view(slide.recording, slide.cut.size) @ slide.cut
+
+
+def scores(slide: by_hand.Slide) -> np.ndarray:
+    windows = sliding_window_view(slide.recording, slide.cut.size)
+    return np.array([np.corrcoef(window, slide.cut)[0, 1] for window in windows])
+
+
+def lags(slide: by_hand.Slide, heights: np.ndarray) -> list[int]:
+    """Return the lags with the largest height."""
+    return [slide.lag + slide.step * int(place) for place in np.flatnonzero(heights > heights.max() - 1e-6)]
+
+
+def coast(**changed: int) -> by_hand.Slide:
+    first, second, lag = example("coast")
+    return by_hand.excerpt(first, second, **({"lag": lag, "start": 5191, "step": 6} | changed))
+
+
+def test_seven_numbers_meet_themselves_once_and_nothing_else_comes_near() -> None:
+    slide = by_hand.seven_numbers()
+    heights = np.sort(sums(slide))
+    assert lags(slide, sums(slide)) == lags(slide, scores(slide)) == [8]
+    assert heights[-1] == 72 and heights[-2] < 72 / 1.5
+
+
+def test_the_coast_peaks_at_its_true_lag_alone() -> None:
+    slide = coast()
+    assert lags(slide, sums(slide)) == lags(slide, scores(slide)) == [50_082]
+    assert scores(slide).max() > 0.999
+    away = np.abs(np.arange(scores(slide).size) - by_hand.HOME) > 4
+    assert scores(slide)[away].max() < 0.3
+
+
+def test_a_tone_fits_at_every_period() -> None:
+    slide = by_hand.tone()
+    assert lags(slide, sums(slide)) == list(range(-80, 101, 20))
+
+
+def test_noise_comes_nowhere_near_a_match() -> None:
+    slide = by_hand.noise()
+    assert sums(slide).max() < 0.5 * slide.cut @ slide.cut
+    assert scores(slide).max() == pytest.approx(0.45, abs=0.005)  # the value in the text beside it
+
+
+def test_the_loud_stretch_wins_until_it_is_normalised() -> None:
+    slide = by_hand.loud_stretch()
+    (loudest,) = lags(slide, sums(slide))
+    assert loudest > 130
+    assert sums(slide).max() > 1.3 * slide.cut @ slide.cut
+    assert lags(slide, scores(slide)) == [90]
+
+
+@pytest.mark.parametrize("changed", [{"step": 7}, {"start": -1}, {"start": 29_390}, {"start": 22_000}])
+def test_an_excerpt_that_is_not_there_is_refused(changed: dict[str, int]) -> None:
+    with pytest.raises(ValueError, match="lag is 50082" if "step" in changed else "start is"):
+        coast(**changed)
+
+
+# Disturbed by hand
+
+
+def arrays(parts: Ingredients) -> dict[str, np.ndarray]:
+    return {name: getattr(parts, name) for name in ("fresh", "pattern", "noise_1", "noise_2")}
+
+
+def test_the_same_is_mixed_each_time() -> None:
+    first, second = arrays(ingredients()), arrays(ingredients())
+    for name, values in first.items():
+        assert values.dtype == np.int8
+        np.testing.assert_array_equal(values, second[name])
+        assert abs(values.std() / by_hand.UNIT - 1) < 0.06
+        assert np.mean(np.abs(values) == 127) < 1e-4  # hardly anything is clipped
+
+
+def test_sensor_2_hears_the_sound_from_the_first_sample_to_the_last() -> None:
+    parts = ingredients()
+    earliest = by_hand.LAG + by_hand.ECHO_DELAY + by_hand.MOST_DRIFT
+    assert earliest < by_hand.BEFORE
+    assert parts.fresh.size == by_hand.SETTLING + by_hand.BEFORE + by_hand.SAMPLES
+    assert by_hand.SOFTNESS**by_hand.SETTLING < 1e-15
+    assert by_hand.LAG + by_hand.ECHO_DELAY < by_hand.MAX_LAG
+
+
+def test_nothing_in_it_resembles_anything_else() -> None:
+    for one, other in combinations(arrays(ingredients()).values(), 2):
+        assert signal_lag(one, other).verdict == "nothing"
+
+
+# Turned by hand
 
 WHOLE = np.arange(-LONGEST_LAG, LONGEST_LAG + 1)
 
@@ -35,9 +138,7 @@ def stretches(seed: int, length_1: int = LENGTH, length_2: int = LENGTH) -> tupl
 
 
 def excerpt(name: str) -> phasors.Phasors:
-    example = samples.recordings()[name]
-    first, second = (read_signal(path).channels[0] for path in (example.signal_1, example.signal_2))
-    found = phasors.common_stretch(name, first, second, example.lag)
+    found = phasors.common_stretch(name, *example(name))
     assert found is not None
     return found
 
