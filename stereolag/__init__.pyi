@@ -10,8 +10,7 @@ from .io.disparities import read_disparity, write_disparity
 from .io.images import read_image
 from .io.recordings import read_signal
 from .io.settings import read_matcher, write_matcher
-from .motion.matcher import optical_flow
-from .motion.result import FlowMap
+from .motion.flow import FlowMap, optical_flow
 from .motion.scene_flow import SceneFlow, scene_flow
 from .signals import SignalLag, signal_lag
 from .stereo.evaluation import Evaluation, evaluate

@@ -11,7 +11,21 @@ import numpy.typing as npt
 from stereolag.core.arrays import DoubleMap, FloatMap, Mask
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level
 from stereolag.geometry.calibration import Calibration
-from stereolag.motion.moving import KMH, MovingRegion, MovingTest, better_explained, connected, moves_as_one, region_of
+from stereolag.motion.flow import FlowMap
+from stereolag.motion.moving_objects import (
+    KMH,
+    MovingRegion,
+    MovingTest,
+    Sight,
+    Views,
+    above_ground,
+    better_explained,
+    connected,
+    fitted_shift,
+    moves_as_one,
+    region_of,
+    whole_things,
+)
 from stereolag.motion.own_motion import (
     LEAST_DISPARITY,
     OwnMotion,
@@ -21,8 +35,6 @@ from stereolag.motion.own_motion import (
     projected,
     seen_points,
 )
-from stereolag.motion.result import FlowMap
-from stereolag.motion.things import Sight, Views, above_ground, fitted_shift, whole_things
 from stereolag.stereo.matcher import DisparityMap
 
 BLUR = 1.0

@@ -23,7 +23,7 @@ from stereolag.figures.pictures import (
     with_outlines,
 )
 from stereolag.geometry.calibration import Calibration
-from stereolag.motion.matcher import optical_flow
+from stereolag.motion.flow import optical_flow
 from stereolag.motion.scene_flow import SceneFlow, scene_flow
 from stereolag.sequences.records import MOTION, FrameRecord
 from stereolag.sequences.sources import StereoFrame, StereoSequence

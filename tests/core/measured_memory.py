@@ -14,7 +14,7 @@ from benchmarks.memory import peak_extra_memory
 from stereolag.assess.diagnosis import diagnose, estimate_diagnosis
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import Progress
-from stereolag.motion.matcher import FlowMatcher
+from stereolag.motion.flow import FlowMatcher
 from stereolag.signals import estimate_lag, signal_lag
 from stereolag.stereo.matcher import PixelMatches, StereoMatcher
 from stereolag.stereo.methods import preset

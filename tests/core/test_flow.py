@@ -14,15 +14,18 @@ from pairs import shifted_pair, texture
 
 from stereolag import Reason, optical_flow
 from stereolag.core.settings import SettingsError
-from stereolag.motion.candidates import (
+from stereolag.motion.flow import FlowMatcher
+from stereolag.motion.levels import (
     Candidates,
     best_of_neighbours,
     best_of_neighbours_reference,
+    edge_aware_mean,
+    edge_aware_mean_reference,
     match_level,
+    median_residual,
+    median_residual_reference,
+    return_error,
 )
-from stereolag.motion.checks import median_residual, median_residual_reference, return_error
-from stereolag.motion.matcher import FlowMatcher
-from stereolag.motion.smoothing import edge_aware_mean, edge_aware_mean_reference
 
 DTYPES = [np.uint8, np.uint16, np.float32, np.float64]
 
@@ -64,7 +67,7 @@ def test_lags_tried_in_strips_answer_as_all_at_once(most, monkeypatch):
     second[20:30] = first[20:30]  # a part that has not moved
     first[40:50], second[40:50] = 9, 9
     whole = match_level(first, second, None, 7, 8)
-    monkeypatch.setattr("stereolag.motion.candidates.MOST_LAGS", most)
+    monkeypatch.setattr("stereolag.motion.levels.MOST_LAGS", most)
     for one, other in zip(match_level(first, second, None, 7, 8), whole, strict=True):
         np.testing.assert_allclose(one, other, atol=2e-6)
 

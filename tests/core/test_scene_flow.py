@@ -10,7 +10,7 @@ import pytest
 from pairs import texture
 
 from stereolag import Calibration
-from stereolag.motion.moving import MovingTest, better_explained
+from stereolag.motion.moving_objects import MovingTest, better_explained
 from stereolag.motion.own_motion import seen_points
 from stereolag.motion.scene_flow import disparity_at, places_of, scene_flow
 

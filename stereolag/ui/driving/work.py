@@ -11,7 +11,7 @@ import streamlit as st
 from cachetools import LRUCache
 
 from stereolag.core.jobs import Estimate
-from stereolag.motion.matcher import FlowMatcher
+from stereolag.motion.flow import FlowMatcher
 from stereolag.sequences import SequenceResult, SequenceSettings, SequenceState, SequenceVideo, run_sequence
 from stereolag.sequences.targets import SequenceMemory
 from stereolag.sequences.video import VideoPieces

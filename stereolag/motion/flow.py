@@ -1,0 +1,446 @@
+"""Optical flow between two frames, coarse to fine: the way down the levels, its settings and its result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from stereolag.core.arrays import FloatMap, Mask, ReasonMap
+from stereolag.core.settings import Settings
+from stereolag.motion.levels import Flow
+from stereolag.stereo.reasons import Reason
+
+if TYPE_CHECKING:
+    from stereolag.core.settings import Settings
+import time
+from typing import Annotated, NamedTuple
+
+from pydantic import field_validator
+
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, of_ordinary_size
+from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
+from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
+from stereolag.motion.levels import (
+    NO_SCORE,
+    Candidates,
+    ForwardBackwardCheck,
+    Frame,
+    MedianTest,
+    best_of_neighbours,
+    count_levels,
+    doubled,
+    edge_aware_mean,
+    leaves_frame,
+    match_level,
+    median_residual,
+    pyramid,
+    return_error,
+)
+from stereolag.stereo.finishing.checks import TextureTest, least_texture
+from stereolag.stereo.finishing.filters import MedianFilter
+from stereolag.stereo.finishing.weighted_median import weighted_median
+
+
+class VariationalRefinement(Settings):
+    """Adjusts the flow so that grey levels and gradients of both frames agree best while it stays smooth.
+
+    OpenCV's ``VariationalRefinement``, after T. Brox, A. Bruhn, N. Papenberg & J. Weickert, "High accuracy optical flow
+    estimation based on a theory for warping", ECCV 2004.
+    """
+
+    smoothness: float = Field(
+        default=20.0,
+        title="Smoothness",
+        description="Weight of smoothness against agreement (OpenCV's alpha).",
+        gt=0,
+        le=1000,
+        json_schema_extra={"step": 5},
+    )
+    iterations: int = Field(
+        default=3, title="Iterations", description="Of the outer loop (OpenCV's fixedPointIterations).", ge=1, le=100
+    )
+
+
+def refined(
+    flow: Flow, first: npt.NDArray[np.uint8], second: npt.NDArray[np.uint8], settings: VariationalRefinement
+) -> Flow:
+    """Return the refined flow.
+
+    Parameters
+    ----------
+    flow
+        (2, H, W) px, finite.
+    first, second
+        (H, W) uint8 frames.
+    settings
+        The settings of the refinement.
+    """
+    refinement = cv2.VariationalRefinement.create()
+    refinement.setAlpha(settings.smoothness)
+    refinement.setFixedPointIterations(settings.iterations)
+    dx, dy = refinement.calcUV(first, second, flow[1].copy(), flow[0].copy())
+    return np.stack([dy, dx])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FlowMap:
+    """Displacements of the pixels of the first frame to the second one.
+
+    Attributes
+    ----------
+    dy, dx
+        (H, W) float32 displacement, second minus first, px; NaN = none. The pixel at (row, col) of the first frame is
+        at (row + dy, col + dx) of the second one.
+    score
+        (H, W) float32 Pearson correlation of the matching window, -1..1; NaN = none.
+    reason
+        (H, W) uint8, a :class:`~stereolag.stereo.reasons.Reason` for every pixel. LEFT_RIGHT: the way back from the
+        second frame leads elsewhere, mostly because the pixel is hidden there. SPECKLE: an outlier among its
+        neighbours by the universal median test.
+    elapsed_s
+        Computation time, s.
+    settings
+        The :class:`~stereolag.motion.matcher.FlowMatcher` that made it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> first = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
+    >>> flow = sl.optical_flow(first, np.roll(first, -5, axis=1), search=16)
+    >>> flow
+    <FlowMap 100 × 60, ...% valid, in ... s>
+    >>> flow.dx[30, 2], sl.Reason(flow.reason[30, 2]).name  # px; the pixel has left the frame
+    (np.float32(nan), 'OUT_OF_FRAME')
+    """
+
+    dy: FloatMap
+    dx: FloatMap
+    score: FloatMap
+    reason: ReasonMap
+    elapsed_s: float
+    settings: Settings
+
+    def __post_init__(self) -> None:
+        for array in (self.dy, self.dx, self.score, self.reason):
+            array.flags.writeable = False
+
+    def __repr__(self) -> str:
+        rows, cols = self.dx.shape
+        return f"<FlowMap {cols} × {rows}, {self.coverage:.1%} valid, in {self.elapsed_s:.3g} s>"
+
+    @property
+    def valid(self) -> Mask:
+        """Return the mask of pixels with a displacement, measured or filled."""
+        return np.isfinite(self.dx)
+
+    @property
+    def filled(self) -> Mask:
+        """Return the mask of pixels whose displacement was filled in from the surroundings instead of measured."""
+        return np.asarray(self.reason == Reason.FILLED)
+
+    @property
+    def coverage(self) -> float:
+        """Return the share of pixels that have a displacement, 0..1."""
+        return float(np.count_nonzero(self.valid) / self.valid.size)
+
+
+RESIDUAL = 2
+"""Reach around the flow of the coarser level, px: 1 px in every direction, plus a margin for the sub-pixel fit."""
+
+TRUSTED_TEXTURE = 0.7
+"""Standard deviation from which a window has full weight among its neighbours, grey levels of 255."""
+
+TRUSTED_RETURN = 1.5
+"""Return error that halves the weight, px of the level."""
+
+ROUNDS = (1, 1, 2, 3, 2)
+"""Matching rounds per level, finest first: coarse levels have few pixels and can afford more."""
+
+
+class View(NamedTuple):
+    """The flow of one level, and the data by which its pixels are judged."""
+
+    flow: Flow
+    candidates: Candidates
+    """The window matches, before propagation."""
+    error: FloatMap
+    """(H, W) return error of the flow there and back, px."""
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Solver for the levels of two pyramids, one after the other.
+
+    Attributes
+    ----------
+    window, search
+        Side of the window, and reach at full size, px.
+    median, refinement
+        Smoothing of the flow between levels; None disables it.
+    grey_level
+        One grey level of 255 in the units of the frames.
+    """
+
+    window: int
+    search: int
+    median: MedianFilter | None
+    refinement: VariationalRefinement | None
+    grey_level: float
+
+    def descend(self, firsts: list[Frame], seconds: list[Frame], progress: Progress) -> View:
+        """Return the solution at the finest level.
+
+        Parameters
+        ----------
+        firsts, seconds
+            The pyramids of both frames, finest first.
+        progress
+            Called with the fraction done.
+        """
+        flows: tuple[Flow | None, Flow | None] = (None, None)
+        for level in range(len(firsts) - 1, -1, -1):
+            first, second = firsts[level], seconds[level]
+            there, back = (None if flow is None else doubled(flow, first.shape) for flow in flows)
+            view, back = self._solve(level, first, second, there, back)
+            flows = view.flow, back
+            progress(1 / 4**level)
+        return view
+
+    def _solve(
+        self, level: int, first: Frame, second: Frame, there: Flow | None, back: Flow | None
+    ) -> tuple[View, Flow]:
+        """Match one level both ways; the finest only forwards, if a coarser level provides the way back."""
+        both_ways = level > 0 or back is None
+        for _ in range(ROUNDS[min(level, len(ROUNDS) - 1)]):
+            candidates = self._match(level, first, second, there)
+            returning = self._match(level, second, first, back) if both_ways else None
+            returned = back if returning is None else returning.flow
+            assert returned is not None
+            error = return_error(candidates.flow, returned)
+            there = self._carried_over(level, first, candidates, error)
+            back = returned
+            if returning is not None:
+                back = self._carried_over(level, second, returning, return_error(returned, candidates.flow))
+        assert there is not None and back is not None
+        if self.refinement is not None:
+            there = refined(there, first.guide, second.guide, self.refinement)
+            if level > 0:
+                back = refined(back, second.guide, first.guide, self.refinement)
+        return View(there, candidates, return_error(there, back)), back
+
+    def _match(self, level: int, first: Frame, second: Frame, flow: Flow | None) -> Candidates:
+        reach = RESIDUAL
+        if flow is None:
+            # One lag more than requested: a peak on the border lacks a neighbour for the sub-pixel fit.
+            reach = min(-(-self.search // 2**level) + 1, max(first.shape) - 1)
+        found = match_level(first.grey, second.grey, flow, self.window, reach)
+        return best_of_neighbours(found, max(1, self.window // 5))
+
+    def _carried_over(self, level: int, frame: Frame, candidates: Candidates, error: FloatMap) -> Flow:
+        """Return the flow propagated from certain to uncertain pixels along the surfaces of the frame."""
+        sure = np.maximum(candidates.score, 0)
+        trusted = np.float32(TRUSTED_TEXTURE * self.grey_level)
+        weight = sure * sure * np.minimum(1, np.square(candidates.texture / trusted))
+        weight /= 1 + np.square(np.square(error / np.float32(TRUSTED_RETURN)))
+        flow = edge_aware_mean(candidates.flow, weight, frame.guide)
+        # At full size the refinement does as well, and the median takes as long as the matching.
+        if self.median is not None and (level > 0 or self.refinement is None):
+            guide, radius = frame.guide[:, :, None], self.median.radius
+            for part in flow:
+                # Nine neighbours: twenty-five are no better here and take three times as long.
+                part[...] = weighted_median(part, guide, radius, radius, self.median.contrast)
+        return flow
+
+
+WINDOW, SEARCH = 7, 128
+"""Defaults, px."""
+
+
+class FlowMatcher(Settings):
+    """Matcher that finds the window around every pixel of one frame in the next one, coarse to fine.
+
+    At the coarsest level of a pyramid every lag within reach is tried; at each finer level the second frame is warped
+    along the flow so far and a residual of a few px is searched, with sub-pixel precision. Between levels the flow is
+    averaged over surfaces bounded by image edges, giving more weight to matches that lead back to their start.
+    """
+
+    window_size: Annotated[int, Pixels(), FitsImage()] = Field(
+        default=WINDOW,
+        title="Window",
+        description="Side of the square window that is compared at every level, px; odd, so that a pixel is its "
+        "middle. Large windows are reliable but blur edges, small ones are sharp but easily fooled.",
+        ge=3,
+        le=255,
+        json_schema_extra={"step": 2},
+    )
+    search: Annotated[int, Pixels(rounded_up=True), OfThePair(), Usual(high=256)] = Field(
+        default=SEARCH,
+        title="Search",
+        description="How far a pixel may have moved in any direction, px.",
+        ge=1,
+        le=1024,
+    )
+    levels: int = Field(
+        default=5,
+        title="Levels",
+        description="Most levels of the pyramid, each half the size of the one before: 1 searches everything at full "
+        "size. Fewer are used where the frames or the search are too small for them.",
+        ge=1,
+        le=8,
+    )
+    texture: TextureTest | None = Field(
+        default=None, title="Texture test", description="Give no motion where a window has too little texture."
+    )
+    forward_backward: ForwardBackwardCheck | None = Field(
+        default=ForwardBackwardCheck(),
+        title="Forward-backward check",
+        description="Give no motion where matching back from the second frame ends elsewhere.",
+    )
+    median_test: MedianTest | None = Field(
+        default=MedianTest(), title="Median test", description="Give no motion where it differs from its surroundings."
+    )
+    median: MedianFilter | None = Field(
+        default=MedianFilter(),
+        title="Edge-respecting median",
+        description="Smooth the flow between the levels where the image is smooth, and only there.",
+    )
+    refinement: VariationalRefinement | None = Field(
+        default=VariationalRefinement(),
+        title="Variational refinement",
+        description="Refine the motion to fractions of a pixel using grey levels and gradients.",
+    )
+    filling: bool = Field(
+        default=False,
+        title="Fill gaps",
+        description="Fill pixels that could not be measured with the motion of the same surface.",
+    )
+
+    @field_validator("window_size")
+    @classmethod
+    def _odd(cls, value: int) -> int:
+        if value % 2 == 0:
+            raise ValueError(f"window_size is {value}; it must be odd.")
+        return value
+
+    def compute(self, first: npt.ArrayLike, second: npt.ArrayLike, *, progress: Progress | None = None) -> FlowMap:
+        """Find every pixel of the first frame in the second one.
+
+        Parameters
+        ----------
+        first, second
+            (H, W), (H, W, 3) or (H, W, 4) images of one size and type: uint8, uint16 or float.
+        progress
+            Called with the fraction done, 0..1.
+
+        Raises
+        ------
+        ValueError
+            If the images differ in size or type, contain NaN, are smaller than the window, or need more memory than one
+            job may take.
+        """
+        images = as_image_pair(first, second, ("first", "second"))
+        rows, cols = images[0].shape[:2]
+        if self.window_size > min(rows, cols):
+            raise ValueError(
+                f"window_size is {self.window_size} px and the frames are {cols} × {rows}; "
+                "the window must fit into them."
+            )
+        check_memory(self.estimate(images[0].shape, images[0].dtype))
+        start = time.perf_counter()
+        flow, score, reason = self._match(*images, progress or silent)
+        return FlowMap(flow[0], flow[1], score, reason, elapsed_s=time.perf_counter() - start, settings=self)
+
+    def estimate(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.uint8) -> Estimate:
+        """Return the memory and time of :meth:`compute` for frames of a shape, with or without channels, and dtype."""
+        pixels = shape[0] * shape[1]
+        return COSTS["flow"].estimate(pixels=pixels, doubles=pixels * (np.dtype(dtype) != np.uint8))
+
+    def _match(self, first: Image, second: Image, progress: Progress) -> tuple[Flow, FloatMap, ReasonMap]:
+        grey = of_ordinary_size(as_grey(first), as_grey(second))
+        guides = as_eight_bit(*grey)
+        shape = grey[0].shape[0], grey[0].shape[1]
+        levels = count_levels(shape, self.window_size, self.search, self.levels)
+        frames = [pyramid(Frame(*one), levels) for one in zip(grey, guides, strict=True)]
+        descent = Descent(self.window_size, self.search, self.median, self.refinement, grey_level(*grey))
+        view = descent.descend(frames[0], frames[1], progress)
+        return self._judged(view, least_texture(self.texture, *grey))
+
+    def _judged(self, view: View, flat: float) -> tuple[Flow, FloatMap, ReasonMap]:
+        """Return the flow without unreliable displacements, its scores, and the reasons."""
+        score = view.candidates.score
+        reason = np.full(score.shape, Reason.MEASURED, np.uint8)
+        tests: list[tuple[Mask, Reason]] = []
+        if self.median_test is not None:
+            spacing = max(1, self.window_size // 2)
+            residual = median_residual(view.candidates.flow, spacing, self.median_test.noise)
+            tests.append((residual > self.median_test.threshold, Reason.SPECKLE))
+        if self.forward_backward is not None:
+            tests.append((view.error > self.forward_backward.tolerance, Reason.LEFT_RIGHT))
+        tests.append((leaves_frame(view.flow), Reason.OUT_OF_FRAME))
+        tests.append((view.candidates.texture <= flat, Reason.LOW_TEXTURE))
+        for where, why in tests:
+            reason[where] = why
+        missing = reason != Reason.MEASURED
+        score = np.where(missing | (score == NO_SCORE), np.float32(np.nan), score)
+        if self.filling:
+            reason[missing] = Reason.FILLED
+        else:
+            view.flow[:, missing] = np.nan
+        return view.flow, score, reason
+
+
+def optical_flow(
+    first: npt.ArrayLike,
+    second: npt.ArrayLike,
+    *,
+    window_size: int = WINDOW,
+    search: int = SEARCH,
+    filling: bool = False,
+    progress: Progress | None = None,
+    **settings: object,
+) -> FlowMap:
+    """Find every pixel of the first frame in the second one, by windowed correlation.
+
+    Parameters
+    ----------
+    first, second
+        (H, W), (H, W, 3) or (H, W, 4) images of one size and type: uint8, uint16 or float.
+    window_size
+        Side of the compared window, px; odd.
+    search
+        Largest displacement in every direction, px.
+    filling
+        Whether to extend the motion of the same surface over pixels that could not be measured.
+    progress
+        Called with the fraction done, 0..1.
+    **settings
+        Other settings of :class:`~stereolag.motion.matcher.FlowMatcher`.
+
+    Returns
+    -------
+    FlowMap
+        Displacement (dy, dx), second minus first, px; NaN where it is missing, with a reason for every pixel.
+
+    Raises
+    ------
+    ValueError
+        If a setting is not allowed, or :meth:`FlowMatcher.compute` rejects the frames.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> first = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
+    >>> second = np.roll(first, (2, -5), axis=(0, 1))  # 2 px down, 5 px to the left
+    >>> flow = sl.optical_flow(first, second, search=16)
+    >>> round(float(np.nanmedian(flow.dy)), 1), round(float(np.nanmedian(flow.dx)), 1)  # px
+    (2.0, -5.0)
+    """
+    matcher = FlowMatcher(window_size=window_size, search=search, filling=filling, **settings)
+    return matcher.compute(first, second, progress=progress)

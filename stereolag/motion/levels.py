@@ -1,0 +1,513 @@
+"""One level of optical flow: its images, and the candidates, checks and smoothing of the flow there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from stereolag.core.arrays import Array, FloatMap
+from stereolag.core.inputs import Image
+from stereolag.core.settings import Settings
+from stereolag.loops.bands import over_bands
+from stereolag.loops.compilation import compiled
+from stereolag.stereo.windows.matches import LagMap, WindowMatches, WindowQuery
+from stereolag.stereo.windows.peak_fits import fit_peaks
+from stereolag.stereo.windows.search import MOST_LAGS, LagRange
+from stereolag.stereo.windows.window_sums import match_windows
+
+Guide: TypeAlias = npt.NDArray[np.uint8]
+"""(H, W) uint8."""
+
+Flow: TypeAlias = npt.NDArray[np.float32]
+"""(2, H, W) float32: dy and dx, px of the level."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One frame at one pyramid level.
+
+    Attributes
+    ----------
+    grey
+        (H, W) image to correlate.
+    guide
+        (H, W) uint8 image whose edges bound the smoothing.
+    """
+
+    grey: Image
+    guide: Guide
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Return (rows, cols)."""
+        return self.guide.shape[0], self.guide.shape[1]
+
+    @property
+    def halved(self) -> Frame:
+        """Return the frame at half size."""
+        guide: Guide = np.asarray(cv2.pyrDown(self.guide), np.uint8)
+        return Frame(guide if self.grey is self.guide else cv2.pyrDown(self.grey), guide)
+
+
+def pyramid(frame: Frame, levels: int) -> list[Frame]:
+    """Return the pyramid of a frame, finest level first."""
+    frames = [frame]
+    for _ in range(levels - 1):
+        frames.append(frames[-1].halved)
+    return frames
+
+
+def count_levels(shape: tuple[int, int], window: int, search: int, most: int) -> int:
+    """Return the number of useful levels: the coarsest still fits three windows and more than 2 px of the search."""
+    levels, side = 1, min(shape)
+    while levels < most and side // 2 >= 3 * window and search >> levels > 2:
+        levels, side = levels + 1, (side + 1) // 2
+    return levels
+
+
+def doubled(flow: Flow, shape: tuple[int, int]) -> Flow:
+    """Return a flow scaled up to the next finer level, of a given (rows, cols)."""
+    size = (shape[1], shape[0])
+    return np.stack([cv2.resize(part, size, interpolation=cv2.INTER_LINEAR) for part in flow]) * np.float32(2)
+
+
+def places(flow: Flow) -> tuple[FloatMap, FloatMap]:
+    """Return the end point of every pixel as (rows, cols), each (H, W)."""
+    rows, cols = flow.shape[1:]
+    row, col = np.arange(rows, dtype=np.float32)[:, None], np.arange(cols, dtype=np.float32)
+    return flow[0] + row, flow[1] + col
+
+
+def fetched(image: Image, flow: Flow) -> Image:
+    """Return the image warped back along a flow, with bilinear interpolation and replicated borders."""
+    row, col = places(flow)
+    return np.asarray(cv2.remap(image, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+def leaves_frame(flow: Flow) -> npt.NDArray[np.bool_]:
+    """Return the (H, W) mask of pixels whose flow leads out of the frame, beyond its half-pixel border."""
+    row, col = places(flow)
+    rows, cols = row.shape
+    return np.asarray((row < -0.5) | (row > rows - 0.5) | (col < -0.5) | (col > cols - 0.5))
+
+
+REACH = 4.0
+"""Standard deviation of the averaging kernel on a uniform surface, px."""
+
+EDGE = 15.0
+"""Height of an edge that counts as much as a distance of :data:`REACH`, grey levels of 255."""
+
+LEAST = np.float32(1e-6)
+"""Least weight of a pixel, so that even an area without any certain pixel has a mean."""
+
+
+def edge_aware_mean(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) -> Flow:
+    """Return the weighted mean of the flow around every pixel, over neighbours on the same image surface.
+
+    Pixels without weight are filled from those with weight, however far away: a neighbour's share falls with its
+    distance along the surface, to which edges of the guide add (normalised convolution with the recursive filter of
+    Gastal & Oliveira, "Domain transform for edge-aware image and video processing", 2011).
+
+    Parameters
+    ----------
+    flow
+        (2, H, W) px, finite.
+    weight
+        (H, W) float32, at least 0.
+    guide
+        (H, W) uint8.
+    """
+    ramp = np.exp(-math.sqrt(2) / REACH * (1 + REACH / EDGE * np.arange(256))).astype(np.float32)
+    sure = np.maximum(weight, LEAST)
+    planes = np.empty((3, *guide.shape), np.float32)
+    np.multiply(flow, sure, out=planes[:2])
+    planes[2] = sure
+    over_bands(lambda first, end: _along_rows(planes, guide, ramp, first, end), guide.shape[0])
+    over_bands(lambda first, end: _along_columns(planes, guide, ramp, first, end), guide.shape[1])
+    return np.asarray(planes[:2] / planes[2])
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _along_rows(planes: Array, guide: Array, ramp: Array, first: int, end: int) -> None:
+    """Filter rows `first` to `end` in both directions: each value passes a share, given by `ramp`, to the next."""
+    cols = guide.shape[1]
+    share = np.empty(cols, np.float32)
+    for row in range(first, end):
+        for col in range(1, cols):
+            share[col] = ramp[abs(np.int64(guide[row, col]) - np.int64(guide[row, col - 1]))]
+        a, b, c = planes[0, row], planes[1, row], planes[2, row]
+        for col in range(1, cols):
+            a[col] += share[col] * (a[col - 1] - a[col])
+            b[col] += share[col] * (b[col - 1] - b[col])
+            c[col] += share[col] * (c[col - 1] - c[col])
+        for back in range(1, cols):
+            col = cols - 1 - back
+            a[col] += share[col + 1] * (a[col + 1] - a[col])
+            b[col] += share[col + 1] * (b[col + 1] - b[col])
+            c[col] += share[col + 1] * (c[col + 1] - c[col])
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _along_columns(planes: Array, guide: Array, ramp: Array, first: int, end: int) -> None:
+    """Filter columns `first` to `end` in both directions, row by row to follow the memory layout."""
+    rows = guide.shape[0]
+    share = np.empty(end - first, np.float32)
+    for row in range(1, rows):
+        _shares(guide, row, ramp, first, share)
+        for plane in range(3):
+            _move_on(planes[plane, row - 1, first:end], planes[plane, row, first:end], share)
+    for back in range(1, rows):
+        row = rows - 1 - back
+        _shares(guide, row + 1, ramp, first, share)
+        for plane in range(3):
+            _move_on(planes[plane, row + 1, first:end], planes[plane, row, first:end], share)
+
+
+@compiled
+def _shares(guide: Array, row: int, ramp: Array, first: int, share: Array) -> None:
+    """Set the shares passed between a row and the one above it."""
+    for col in range(share.size):
+        share[col] = ramp[abs(np.int64(guide[row, first + col]) - np.int64(guide[row - 1, first + col]))]
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _move_on(source: Array, target: Array, share: Array) -> None:
+    for col in range(target.size):
+        target[col] += share[col] * (source[col] - target[col])
+
+
+def edge_aware_mean_reference(flow: Flow, weight: FloatMap, guide: npt.NDArray[np.uint8]) -> Flow:
+    """Return the result of :func:`edge_aware_mean` up to rounding, computed pixel by pixel in float64 for reference."""
+    sure = np.maximum(weight, LEAST).astype(np.float64)
+    planes = np.stack([flow[0] * sure, flow[1] * sure, sure])
+    levels: Any = guide.astype(np.float64)
+    for axis in (2, 1):
+        line, edges = np.moveaxis(planes, axis, 0), np.moveaxis(levels, axis - 1, 0)
+        share = np.exp(-math.sqrt(2) / REACH * (1 + REACH / EDGE * np.abs(np.diff(edges, axis=0))))
+        for place in range(1, len(line)):
+            line[place] += share[place - 1] * (line[place - 1] - line[place])
+        for place in range(len(line) - 2, -1, -1):
+            line[place] += share[place] * (line[place + 1] - line[place])
+    return np.asarray(planes[:2] / planes[2], dtype=np.float32)
+
+
+NO_SCORE = np.float32(-2)
+"""Lower than any correlation: no match, or a match outside the frame."""
+
+
+class Candidates(NamedTuple):
+    """The best match of every pixel's window."""
+
+    flow: Flow
+    score: FloatMap
+    """Pearson correlation; :data:`NO_SCORE` without a match."""
+    texture: FloatMap
+    """Standard deviation of the pixel's window in the first frame, grey levels."""
+
+
+def match_level(first: Image, second: Image, flow: Flow | None, window: int, reach: int) -> Candidates:
+    """Match the window around every pixel of the first frame.
+
+    Parameters
+    ----------
+    first, second
+        (H, W) grey images of one type, at least as large as the window.
+    flow
+        The flow so far: the second frame is warped along it and the residual is searched. None at the coarsest level.
+    window
+        Side of the window, px; odd.
+    reach
+        Reach of the search in every direction, px.
+
+    Returns
+    -------
+    Candidates
+        The flow so far plus the residual, with sub-pixel precision.
+    """
+    aligned = second if flow is None else fetched(second, flow)
+    framed = [_framed(image, window // 2) for image in (first, aligned)]
+    best: _Best | None = None
+    for first_dy, last_dy in _strips(reach):
+        matches = match_windows(
+            WindowQuery(framed[0], framed[1], window, 1, LagRange(first_dy, last_dy, -reach, reach))
+        )
+        best = _Best.of(matches) if best is None else best.or_better(_Best.of(matches), first_dy)
+    assert best is not None
+    matched, found = best.score > NO_SCORE, best.found
+    found[:, ~matched] = 0
+    if flow is not None:
+        found += flow
+    score = np.where(matched & ~leaves_frame(found), best.score, NO_SCORE)
+    return Candidates(found, score, matches.texture)
+
+
+class _Best(NamedTuple):
+    """The best lag of every window among those tried so far."""
+
+    score: FloatMap
+    dy: LagMap
+    dx: LagMap
+    found: Flow
+    """The same lags with sub-pixel precision."""
+
+    @classmethod
+    def of(cls, matches: WindowMatches) -> _Best:
+        offset_dy, offset_dx = fit_peaks(matches.around)
+        found = np.stack([matches.dy + offset_dy, matches.dx + offset_dx])
+        score = np.where(np.isnan(matches.score), NO_SCORE, matches.score)
+        return cls(score, matches.dy, matches.dx, found)
+
+    def or_better(self, other: _Best, first_dy: int) -> _Best:
+        """Return the better of this and the next strip, which begins at `first_dy`; the shorter lag if equal.
+
+        Strips overlap by two rows of lags; each can fit a sub-pixel peak only in the row that is not its border.
+        """
+        lengths = [np.square(one.dy, dtype=np.int32) + np.square(one.dx, dtype=np.int32) for one in (self, other)]
+        inside = (lengths[0] == lengths[1]) & (self.dy == other.dy) & (other.dy > first_dy)
+        better = (other.score > self.score) | (other.score == self.score) & ((lengths[1] < lengths[0]) | inside)
+        return _Best(
+            np.where(better, other.score, self.score),
+            np.where(better, other.dy, self.dy),
+            np.where(better, other.dx, self.dx),
+            np.where(better, other.found, self.found),
+        )
+
+
+def _strips(reach: int) -> Iterator[tuple[int, int]]:
+    """Yield the first and last dy of strips no larger than one matching pass allows; strips share two rows of lags."""
+    rows, first = min(MOST_LAGS // (2 * reach + 1), 2 * reach + 1), -reach
+    while first + rows - 1 < reach:
+        yield first, first + rows - 1
+        first += rows - 2
+    yield first, reach
+
+
+def best_of_neighbours(candidates: Candidates, spacing: int) -> Candidates:
+    """Give every pixel the match of the best of nine windows: its own and those `spacing` px around it.
+
+    A window across a motion edge contains two motions and fits neither; the pixels on either side are matched better by
+    a window entirely on their side (shiftable windows, Bobick & Intille 1999).
+
+    Parameters
+    ----------
+    candidates
+        One for every pixel.
+    spacing
+        Distance to the neighbouring windows, px; at least 1.
+    """
+    border = (spacing, spacing, spacing, spacing)
+    score = cv2.copyMakeBorder(candidates.score, *border, cv2.BORDER_CONSTANT, value=float(NO_SCORE))
+    parts = [cv2.copyMakeBorder(part, *border, cv2.BORDER_REPLICATE) for part in candidates.flow]
+    flow, best = np.empty_like(candidates.flow), np.empty_like(candidates.score)
+    over_bands(
+        lambda first, end: _take_best(parts[0], parts[1], score, spacing, first, end, flow[0], flow[1], best),
+        best.shape[0],
+    )
+    return Candidates(flow, best, candidates.texture)
+
+
+@compiled
+def _take_best(
+    dy: Array,
+    dx: Array,
+    score: Array,
+    spacing: int,
+    first: int,
+    end: int,
+    best_dy: Array,
+    best_dx: Array,
+    best: Array,
+) -> None:
+    """Set rows `first` to `end` from maps padded by `spacing` px; a pixel's own window wins ties."""
+    for row in range(first, end):
+        own = row + spacing
+        for col in range(best.shape[1]):
+            best[row, col] = score[own, col + spacing]
+            best_dy[row, col] = dy[own, col + spacing]
+            best_dx[row, col] = dx[own, col + spacing]
+        for down in range(3):
+            line = row + down * spacing
+            for aside in range(3):
+                shift = aside * spacing
+                for col in range(best.shape[1]):
+                    better = score[line, col + shift] > best[row, col]
+                    best[row, col] = score[line, col + shift] if better else best[row, col]
+                    best_dy[row, col] = dy[line, col + shift] if better else best_dy[row, col]
+                    best_dx[row, col] = dx[line, col + shift] if better else best_dx[row, col]
+
+
+def best_of_neighbours_reference(candidates: Candidates, spacing: int) -> Candidates:
+    """Return the result of :func:`best_of_neighbours`, computed pixel by pixel as a reference."""
+    rows, cols = candidates.score.shape
+    flow, best = candidates.flow.copy(), candidates.score.copy()
+    for row, col in np.ndindex(rows, cols):
+        for y in (row - spacing, row, row + spacing):
+            for x in (col - spacing, col, col + spacing):
+                if 0 <= y < rows and 0 <= x < cols and candidates.score[y, x] > best[row, col]:
+                    best[row, col] = candidates.score[y, x]
+                    flow[:, row, col] = candidates.flow[:, y, x]
+    return Candidates(flow, best, candidates.texture)
+
+
+def _framed(image: Image, margin: int) -> Image:
+    """Return the image padded by mirroring, so that every pixel has a window."""
+    return np.asarray(cv2.copyMakeBorder(image, margin, margin, margin, margin, cv2.BORDER_REFLECT_101))
+
+
+FAR_OFF = 1e4
+"""Return error assigned where no way back exists, px."""
+
+HALF = np.float32(0.5)
+
+
+class ForwardBackwardCheck(Settings):
+    """Requires that a pixel followed to the second frame and back returns to its start."""
+
+    tolerance: float = Field(
+        default=1.5,
+        title="Forward-backward tolerance",
+        description="How far from its start a pixel may end when matched to the second frame and back, px. Pixels that "
+        "fail are mostly hidden in the second frame.",
+        gt=0,
+        le=64,
+        json_schema_extra={"step": 0.5},
+    )
+
+
+class MedianTest(Settings):
+    """Requires a displacement to be similar to its neighbours (universal median test of particle image velocimetry)."""
+
+    threshold: float = Field(
+        default=6.0,
+        title="Median test",
+        description="How far a displacement may differ from the median of its eight neighbours, as a multiple of "
+        "their own median deviation. 2 is usual for particles; photographs have edges of motion and need more.",
+        gt=0,
+        le=100,
+        json_schema_extra={"step": 0.5},
+    )
+    noise: float = Field(
+        default=0.3,
+        title="Median test: noise",
+        description="Fluctuation allowed where all neighbours agree, px.",
+        gt=0,
+        le=10,
+        json_schema_extra={"step": 0.1},
+    )
+
+
+def return_error(flow: Flow, back: Flow) -> FloatMap:
+    """Return how far from its start every pixel ends after following both flows, there and back, (H, W) px.
+
+    Parameters
+    ----------
+    flow
+        From the first frame to the second.
+    back
+        From the second frame to the first.
+    """
+    row, col = places(flow)
+    returned = [
+        cv2.remap(part, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=FAR_OFF)
+        for part in back
+    ]
+    return np.asarray(np.hypot(flow[0] + returned[0], flow[1] + returned[1]))
+
+
+def median_residual(flow: Flow, spacing: int, noise: float) -> FloatMap:
+    """Return how far each displacement lies from the median of its eight neighbours, in units of their own scatter.
+
+    Parameters
+    ----------
+    flow
+        (2, H, W) px.
+    spacing
+        Distance to the neighbours, px: windows that share most of their pixels are no independent evidence.
+    noise
+        Noise level added to the scatter, px.
+
+    Returns
+    -------
+    ndarray
+        (H, W) float32, both components combined; above about 2 is an outlier.
+
+    Notes
+    -----
+    J. Westerweel & F. Scarano, "Universal outlier detection for PIV data", Experiments in Fluids 39, 2005. The flow is
+    mirrored at its borders.
+    """
+    border = (spacing, spacing, spacing, spacing)
+    parts = [cv2.copyMakeBorder(part, *border, cv2.BORDER_REFLECT_101) for part in flow]
+    out = np.zeros(flow.shape[1:], np.float32)
+    for part in parts:
+        _add_residuals(part, spacing, np.float32(noise), out)
+    return np.asarray(np.sqrt(out))
+
+
+def _add_residuals(part: Array, spacing: int, noise: Any, out: Array) -> None:
+    over_bands(lambda first, end: _add_squares(part, spacing, noise, first, end, out), out.shape[0])
+
+
+@compiled
+def _middle(a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: Any) -> Any:
+    """Return the mean of the middle two of eight numbers, by a branch-free sorting network without its last step."""
+    a, c = min(a, c), max(a, c)
+    b, d = min(b, d), max(b, d)
+    e, g = min(e, g), max(e, g)
+    f, h = min(f, h), max(f, h)
+    a, e = min(a, e), max(a, e)
+    b, f = min(b, f), max(b, f)
+    c, g = min(c, g), max(c, g)
+    d, h = min(d, h), max(d, h)
+    b = max(a, b)
+    c, d = min(c, d), max(c, d)
+    e, f = min(e, f), max(e, f)
+    g = min(g, h)
+    c, e = min(c, e), max(c, e)
+    d, f = min(d, f), max(d, f)
+    e = max(b, e)
+    d = min(d, g)
+    return HALF * (max(c, d) + min(e, f))
+
+
+@compiled
+def _add_squares(part: Array, spacing: int, noise: Any, first: int, end: int, out: Array) -> None:
+    """Add the squared residuals of one component to rows `first` to `end`."""
+    for row in range(first, end):
+        above, own, below = part[row], part[row + spacing], part[row + 2 * spacing]
+        for col in range(out.shape[1]):
+            there = col + 2 * spacing
+            a, b, c = above[col], above[col + spacing], above[there]
+            d, e = own[col], own[there]
+            f, g, h = below[col], below[col + spacing], below[there]
+            middle = _middle(a, b, c, d, e, f, g, h)
+            scatter = _middle(
+                abs(a - middle),
+                abs(b - middle),
+                abs(c - middle),
+                abs(d - middle),
+                abs(e - middle),
+                abs(f - middle),
+                abs(g - middle),
+                abs(h - middle),
+            )
+            residual = (own[col + spacing] - middle) / (scatter + noise)
+            out[row, col] += residual * residual
+
+
+def median_residual_reference(flow: Flow, spacing: int, noise: float) -> FloatMap:
+    """Return the result of :func:`median_residual`, computed with NumPy's median as a reference."""
+    rows, cols = flow.shape[1:]
+    padded = np.pad(flow, ((0, 0), (spacing, spacing), (spacing, spacing)), mode="reflect")
+    shifts = [(y, x) for y in (0, spacing, 2 * spacing) for x in (0, spacing, 2 * spacing) if (y, x) != (spacing,) * 2]
+    around = np.stack([padded[:, y : y + rows, x : x + cols] for y, x in shifts])
+    middle = np.median(around, axis=0)
+    scatter = np.median(np.abs(around - middle), axis=0)
+    return np.asarray(np.hypot(*((flow - middle) / (scatter + noise))), dtype=np.float32)
