@@ -21,8 +21,9 @@ from stereolag.figures.legends import searched_range
 from stereolag.figures.maps import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
 from stereolag.io.calibrations import calibration_json, read_calibration
-from stereolag.io.disparities import image_png, image_tiff, kitti_png, npy, pfm, read_stored_disparity
-from stereolag.io.images import read_image
+from stereolag.io.disparities import kitti_png, pfm, read_stored_disparity
+from stereolag.io.images import image_png, image_tiff, read_image
+from stereolag.io.numpy_files import npy
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 from stereolag.io.sources import write_file

@@ -35,7 +35,8 @@ from stereolag.figures.pictures import (
 )
 from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.scene import clean_point_cloud
-from stereolag.io.disparities import image_png, ply
+from stereolag.io.disparities import ply
+from stereolag.io.images import image_png
 from stereolag.stereo.evaluation import CoverageCurve
 from stereolag.stereo.reasons import Reason
 

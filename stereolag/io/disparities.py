@@ -1,23 +1,19 @@
-"""Disparity maps as files, read from untrusted bytes and written; images, masks and clouds written with them."""
+"""Disparity maps as files, read from untrusted bytes and written, with the masks and clouds made of them."""
 
 from __future__ import annotations
 
-import io
 import math
 import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import cv2
 import numpy as np
 import numpy.typing as npt
-from PIL import Image as PillowImage
 
-from stereolag.core.inputs import as_image
-from stereolag.io.images import parse_pfm, parse_pgm, read_image
+from stereolag.io.images import image_png, parse_pfm, parse_pgm, read_image
 from stereolag.io.numpy_files import MAGIC as NPY_MAGIC
-from stereolag.io.numpy_files import parse_npy
+from stereolag.io.numpy_files import npy, parse_npy
 from stereolag.io.sources import Source, check_pixels, read_bytes, write_file
 
 if TYPE_CHECKING:
@@ -238,13 +234,6 @@ def check_kitti(disparity: npt.ArrayLike) -> None:
         )
 
 
-def npy(array: npt.ArrayLike) -> bytes:
-    """Return an array of numbers as the bytes of an ``.npy`` file, bit for bit."""
-    stream = io.BytesIO()
-    np.save(stream, np.asarray(array), allow_pickle=False)
-    return stream.getvalue()
-
-
 def _as_map(disparity: npt.ArrayLike) -> npt.NDArray[np.floating[Any]]:
     values = np.asarray(disparity)
     if values.ndim != 2 or values.size == 0:
@@ -329,50 +318,6 @@ DISPARITY_FORMATS = {
     f".{one.suffixes[0]}": one for one in sorted(FORMATS, key=lambda one: one.holds != "any disparity")
 }
 """The formats by the suffix under which they are written, those that store any disparity first."""
-
-
-def image_png(image: npt.ArrayLike) -> bytes:
-    """Return an image as a lossless PNG.
-
-    Parameters
-    ----------
-    image
-        (rows, cols) grey, (rows, cols, 3) RGB or (rows, cols, 4) RGBA, uint8 or uint16; bool becomes 0 and 255.
-
-    Raises
-    ------
-    ValueError
-        Floats, which a PNG cannot store, or another shape.
-    """
-    pixels = as_image(image, "image")
-    if pixels.dtype not in (np.uint8, np.uint16):
-        raise ValueError(f"image holds {pixels.dtype}; a PNG holds uint8 or uint16, floats go into an .npy file.")
-    if pixels.ndim == 3:
-        order = cv2.COLOR_RGB2BGR if pixels.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
-        pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), order))
-    _, data = cv2.imencode(".png", pixels)
-    return data.tobytes()
-
-
-def image_tiff(image: npt.ArrayLike) -> bytes:
-    """Return a grey image of floats as a TIFF with 32 bits per pixel, since a PNG stores integers only.
-
-    Parameters
-    ----------
-    image
-        (rows, cols) float.
-
-    Raises
-    ------
-    ValueError
-        Another shape or type.
-    """
-    pixels = as_image(image, "image")
-    if pixels.ndim != 2 or pixels.dtype.kind != "f":
-        raise ValueError(f"image has shape {pixels.shape} and holds {pixels.dtype}; allowed is (rows, cols) of floats.")
-    stream = io.BytesIO()
-    PillowImage.fromarray(pixels.astype(np.float32)).save(stream, "TIFF")
-    return stream.getvalue()
 
 
 def valid_mask_png(result: DisparityMap) -> bytes:

@@ -1,4 +1,4 @@
-"""Images from untrusted bytes: those that Pillow and OpenCV decode, and Netpbm."""
+"""Images as files: read from untrusted bytes, by Pillow, OpenCV or as Netpbm, and written as PNG and TIFF."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from stereolag.core.inputs import Image, as_image
 from stereolag.core.jobs import limits
 from stereolag.io.sources import HEADER_BYTES, Source, check_pixels, read_bytes
 
+IMAGE_SUFFIXES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif")
 ACCEPTED = "PNG, JPEG, BMP, TIFF, WEBP, PPM, PGM and GIF"
 WHAT = "image"
 
@@ -278,3 +279,47 @@ def _from_text(text: bytes, magic: bytes, count: int, what: str) -> npt.NDArray[
     if pixels.size < count:
         raise ValueError(f"The {what} is cut short: {count} numbers are needed, it has {pixels.size}.")
     return pixels
+
+
+def image_png(image: npt.ArrayLike) -> bytes:
+    """Return an image as a lossless PNG.
+
+    Parameters
+    ----------
+    image
+        (rows, cols) grey, (rows, cols, 3) RGB or (rows, cols, 4) RGBA, uint8 or uint16; bool becomes 0 and 255.
+
+    Raises
+    ------
+    ValueError
+        Floats, which a PNG cannot store, or another shape.
+    """
+    pixels = as_image(image, "image")
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"image holds {pixels.dtype}; a PNG holds uint8 or uint16, floats go into an .npy file.")
+    if pixels.ndim == 3:
+        order = cv2.COLOR_RGB2BGR if pixels.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
+        pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), order))
+    _, data = cv2.imencode(".png", pixels)
+    return data.tobytes()
+
+
+def image_tiff(image: npt.ArrayLike) -> bytes:
+    """Return a grey image of floats as a TIFF with 32 bits per pixel, since a PNG stores integers only.
+
+    Parameters
+    ----------
+    image
+        (rows, cols) float.
+
+    Raises
+    ------
+    ValueError
+        Another shape or type.
+    """
+    pixels = as_image(image, "image")
+    if pixels.ndim != 2 or pixels.dtype.kind != "f":
+        raise ValueError(f"image has shape {pixels.shape} and holds {pixels.dtype}; allowed is (rows, cols) of floats.")
+    stream = io.BytesIO()
+    PillowImage.fromarray(pixels.astype(np.float32)).save(stream, "TIFF")
+    return stream.getvalue()

@@ -1,4 +1,4 @@
-"""Arrays saved by NumPy (``.npy`` and ``.npz``), from untrusted bytes: numbers only, no pickles."""
+"""Arrays as NumPy saves them (``.npy``, ``.npz``), read from untrusted bytes and written: numbers, no pickles."""
 
 from __future__ import annotations
 
@@ -76,3 +76,10 @@ def _numbers(content: bytes, what: str) -> npt.NDArray[Any] | None:
         return parse_npy(content, what) if content.startswith(MAGIC) else None
     except ValueError:
         return None
+
+
+def npy(array: npt.ArrayLike) -> bytes:
+    """Return an array of numbers as the bytes of an ``.npy`` file, bit for bit."""
+    stream = io.BytesIO()
+    np.save(stream, np.asarray(array), allow_pickle=False)
+    return stream.getvalue()

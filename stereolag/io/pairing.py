@@ -12,12 +12,12 @@ from typing import Any, TypeVar, overload
 from stereolag.core.inputs import Image
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.disparities import DISPARITY_SUFFIXES
-from stereolag.io.images import read_image
+from stereolag.io.images import IMAGE_SUFFIXES, read_image
 from stereolag.io.sources import quoted
 
 K = TypeVar("K", bound=Hashable)
 
-PICTURE_ENDINGS = frozenset(["png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif"])
+PICTURE_ENDINGS = frozenset(IMAGE_SUFFIXES)
 TRUTH_ENDINGS = frozenset(DISPARITY_SUFFIXES)
 
 LEFT, RIGHT = "left", "right"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import streamlit as st
 
 from stereolag.core.jobs import format_bytes, limits
-from stereolag.io.archive_writing import bundle
+from stereolag.io.archives import bundle
 from stereolag.ui import prose
 from stereolag.ui.jobs import HEAVY_MEMORY, Turn, limiter
 from stereolag.ui.private_files import download_button

@@ -13,6 +13,7 @@ import streamlit as st
 
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
 from stereolag.io.disparities import DISPARITY_SUFFIXES
+from stereolag.io.images import IMAGE_SUFFIXES
 from stereolag.io.sources import quoted
 from stereolag.streamlit_inside import UploadedFile
 from stereolag.ui import prose
@@ -20,7 +21,7 @@ from stereolag.ui.states import show_refused
 
 T = TypeVar("T")
 
-PICTURE_TYPES = ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "ppm", "pgm", "gif")
+PICTURE_TYPES = IMAGE_SUFFIXES
 RECORDING_TYPES = ("wav", "flac", "ogg", "mp3", "aif", "aiff", "txt", "csv", "tsv", "dat", "npy")
 DISPARITY_TYPES = DISPARITY_SUFFIXES
 CALIBRATION_TYPES = CALIBRATION_SUFFIXES

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pairs import texture
 
 from stereolag import Calibration
-from stereolag.io.disparities import image_png
+from stereolag.io.images import image_png
 from stereolag.sequences import StereoFrame
 
 Grey = npt.NDArray[np.uint8]

@@ -23,7 +23,7 @@ from stereolag.commands.calibrate import board_pictures
 from stereolag.geometry.boards import Board
 from stereolag.geometry.calibration import StereoRig
 from stereolag.geometry.drawn_boards import drawn_pairs
-from stereolag.io.disparities import image_png
+from stereolag.io.images import image_png
 
 PROJECT = Path(__file__).resolve().parents[2]
 SQUARE_M, PAIRS = 0.03, 11

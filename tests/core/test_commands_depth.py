@@ -16,7 +16,9 @@ import stereolag as sl
 from stereolag import samples
 from stereolag.figures.maps import cloud_ply, coloured_png
 from stereolag.figures.pictures import VIRIDIS
-from stereolag.io.disparities import image_png, kitti_png, npy, pfm
+from stereolag.io.disparities import kitti_png, pfm
+from stereolag.io.images import image_png
+from stereolag.io.numpy_files import npy
 from stereolag.io.results import figures_of
 from stereolag.io.settings import settings_json
 

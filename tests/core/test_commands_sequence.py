@@ -22,7 +22,7 @@ from straight_and_raw import ENTRIES, raw_pair, straight_pair
 import stereolag as sl
 from stereolag.core.settings import changed
 from stereolag.io.calibrations import calibration_json
-from stereolag.io.disparities import image_png
+from stereolag.io.images import image_png
 from stereolag.stereo.matcher import StereoMatcher
 
 PROJECT = Path(__file__).resolve().parents[2]

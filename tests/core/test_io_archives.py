@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from stereolag import read_disparity
-from stereolag.io.archive_writing import bundle, file_name
-from stereolag.io.disparities import image_png, kitti_png, pfm
+from stereolag.io.archives import bundle, file_name
+from stereolag.io.disparities import kitti_png, pfm
+from stereolag.io.images import image_png
 
 names = st.dictionaries(st.text(max_size=300), st.binary(max_size=50), min_size=1, max_size=4)
 

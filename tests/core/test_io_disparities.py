@@ -23,15 +23,14 @@ from stereolag.io.disparities import (
     FORMATS,
     check_kitti,
     confidence_png,
-    image_png,
-    image_tiff,
     kitti_png,
     measured_mask_png,
-    npy,
     pfm,
     ply,
     valid_mask_png,
 )
+from stereolag.io.images import image_png, image_tiff
+from stereolag.io.numpy_files import npy
 
 DISPARITY = np.array([[1.5, np.nan, 30.25], [255.99, 1 / 1024, 0.0]], dtype=np.float32)
 QUANTUM = 1 / 256

@@ -20,8 +20,8 @@ from pydantic import Field
 
 import stereolag as sl
 from stereolag.core.settings import Settings
-from stereolag.io.archive_writing import bundle
-from stereolag.io.disparities import image_png, image_tiff
+from stereolag.io.archives import bundle
+from stereolag.io.images import image_png, image_tiff
 from stereolag.io.programs import constructor, imports, opencv_script, script
 from stereolag.stereo.opencv import BlockMatcher
 from tests.programs import run_program, run_program_alone

@@ -22,7 +22,8 @@ import stereolag as sl
 from stereolag.commands.flags import SettingsFlags
 from stereolag.commands.parsing import CommandParser
 from stereolag.core.searches import LagSearch, TemplateQuery
-from stereolag.io.disparities import image_png, npy
+from stereolag.io.images import image_png
+from stereolag.io.numpy_files import npy
 from stereolag.io.programs import find_command, find_script, lag_command, lag_script
 from stereolag.io.results import (
     BLOCK,

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from stereolag import Calibration
-from stereolag.io.archive_writing import bundle
-from stereolag.io.archives import read_archive
+from stereolag.io.archives import bundle, read_archive
 from stereolag.io.calibrations import calibration_json
-from stereolag.io.disparities import image_png, image_tiff, pfm
+from stereolag.io.disparities import pfm
+from stereolag.io.images import image_png, image_tiff
 from stereolag.io.sessions import SESSION, Colours, Session, holds_session, read_session, session_json
 from stereolag.stereo.methods import METHODS
 

@@ -14,8 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereolag.io.archive_writing import bundle
-from stereolag.io.archives import MAX_DIRECTORY_BYTES, is_archive, read_archive
+from stereolag.io.archives import MAX_DIRECTORY_BYTES, bundle, is_archive, read_archive
 from stereolag.io.sources import MAX_BYTES
 
 MB = 2**20

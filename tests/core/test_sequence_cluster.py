@@ -16,7 +16,7 @@ import pytest
 from small_drives import pair, write_folders
 
 from stereolag import preset
-from stereolag.io.disparities import image_png
+from stereolag.io.images import image_png
 from stereolag.io.sources import Source
 from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, open_sequence, run_sequence, runners
 

@@ -13,7 +13,6 @@ from stereolag import samples, signal_lag
 from stereolag.assess.explaining import explain_match
 from stereolag.core.inputs import as_grey
 from stereolag.core.typography import typeset
-from stereolag.io.hand_marks import packed_mask, read_packed_mask
 from stereolag.io.recordings import read_signal
 from stereolag.pair import example_pair
 from stereolag.signals import by_hand, phasors
@@ -23,6 +22,7 @@ from stereolag.templates.by_hand import ReducedSearch, reduced_search
 from stereolag.ui.hovered_match import browser_settings
 from stereolag.ui.lag.panels import START, described_parts, described_phasors
 from stereolag.ui.pictures import example_pictures
+from stereolag.ui.search.hand_marks import packed_mask, read_packed_mask
 from tests.web.node import Node
 
 Pair = tuple[np.ndarray, np.ndarray]

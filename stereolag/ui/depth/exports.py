@@ -7,7 +7,8 @@ from functools import partial
 
 from stereolag.core.arrays import FloatMap
 from stereolag.figures.maps import cloud_ply, coloured_png
-from stereolag.io.disparities import check_kitti, confidence_png, kitti_png, measured_mask_png, npy, pfm, valid_mask_png
+from stereolag.io.disparities import check_kitti, confidence_png, kitti_png, measured_mask_png, pfm, valid_mask_png
+from stereolag.io.numpy_files import npy
 from stereolag.io.programs import opencv_script, script
 from stereolag.io.results import metrics_csv
 from stereolag.io.settings import opencv_yaml, settings_json

@@ -8,7 +8,8 @@ from typing import TypeVar
 
 from stereolag.core.inputs import Image
 from stereolag.io.calibrations import calibration_json
-from stereolag.io.disparities import image_png, image_tiff, pfm
+from stereolag.io.disparities import pfm
+from stereolag.io.images import image_png, image_tiff
 from stereolag.io.sessions import SESSION, session_json
 from stereolag.ui.depth.subjects import Subject
 

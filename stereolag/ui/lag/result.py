@@ -9,7 +9,7 @@ import streamlit as st
 
 from stereolag.core.searches import LagSearch
 from stereolag.figures import recordings as figures
-from stereolag.io.disparities import npy
+from stereolag.io.numpy_files import npy
 from stereolag.io.programs import lag_command, lag_script
 from stereolag.io.results import aligned_wav, check_aligned_wav, curve_csv, lag_json
 from stereolag.signals import SignalLag

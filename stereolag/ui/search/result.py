@@ -10,7 +10,7 @@ import streamlit as st
 from stereolag.core.inputs import Image
 from stereolag.core.searches import TemplateQuery
 from stereolag.figures import templates as figures
-from stereolag.io.disparities import image_png, image_tiff
+from stereolag.io.images import image_png, image_tiff
 from stereolag.io.programs import find_command, find_script
 from stereolag.io.results import matches_csv, matches_json
 from stereolag.templates import TemplateMatch, TemplateSearch
