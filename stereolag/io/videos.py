@@ -19,6 +19,7 @@ from av.video.stream import VideoStream
 
 from stereolag.core.inputs import Image
 from stereolag.core.jobs import limits
+from stereolag.io.guard import GuardedObject
 from stereolag.io.sources import Source, check_pixels, quoted, read_bytes
 
 ACCEPTED = "MP4, MOV, MKV, WebM and AVI"
@@ -108,8 +109,7 @@ class VideoFile:
         ValueError
             A damaged frame; others are not affected.
         """
-        if not 0 <= number < len(self):
-            raise IndexError(f"frame {number} of a {WHAT} of {len(self)}; allowed are 0 to {len(self) - 1}.")
+        self._check(number)
         with self._turn:
             try:
                 frame = self._decoded(number)
@@ -118,6 +118,10 @@ class VideoFile:
             except (av.FFmpegError, ValueError, EOFError) as error:
                 self._frames = None
                 raise ValueError(f"Frame {number} of the {WHAT} is damaged and cannot be decoded.") from error
+
+    def _check(self, number: int) -> None:
+        if not 0 <= number < len(self):
+            raise IndexError(f"frame {number} of a {WHAT} of {len(self)}; allowed are 0 to {len(self) - 1}.")
 
     @cached_property
     def _container(self) -> InputContainer:
@@ -194,6 +198,33 @@ class VideoFile:
                 yield from packet.decode()
             except av.FFmpegError:
                 continue  # the frame of this packet is lost; later ones may be intact
+
+
+class GuardedVideo(VideoFile):
+    """A stranger's video, which a worker of the guard opens and decodes; otherwise as :class:`VideoFile`."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = read_bytes(source, WHAT)
+        self._guarded = GuardedObject(VideoFile, self._source)
+        facts: tuple[int, int, int, float] = self._guarded.ask(_facts)
+        self._count, self.width, self.height, self.frame_rate = facts
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return GuardedVideo, (self._source,)
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return self._count
+
+    def frame(self, number: int) -> Image:
+        """Return a frame."""
+        self._check(number)
+        image: Image = self._guarded.ask(VideoFile.frame, number)
+        return image
+
+
+def _facts(video: VideoFile) -> tuple[int, int, int, float]:
+    return len(video), video.width, video.height, video.frame_rate
 
 
 @lru_cache(maxsize=8)

@@ -20,10 +20,11 @@ from stereolag.geometry.calibration import Calibration
 from stereolag.geometry.rectification import rectify
 from stereolag.io.archives import Archive, is_archive, read_archive
 from stereolag.io.disparities import read_disparity
+from stereolag.io.guard import Door, guarded, unguarded
 from stereolag.io.images import read_image
 from stereolag.io.pairing import PICTURE_ENDINGS, TRUTH_ENDINGS, left_alone, matched_pairs, natural_order
 from stereolag.io.sources import Source, quoted
-from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, VideoFile
+from stereolag.io.videos import LEAST_RATE, MOST_RATE, VIDEO_ENDINGS, GuardedVideo, VideoFile
 from stereolag.samples import DriveExample
 
 USUAL_RATE = 10.0
@@ -135,6 +136,7 @@ class ArchivedPictures(StereoSequence):
     files: tuple[FrameFiles, ...]
     archive: Path | Archive
     frame_rate: float = USUAL_RATE
+    door: Door = unguarded
 
     @property
     def has_truth(self) -> bool:
@@ -143,7 +145,7 @@ class ArchivedPictures(StereoSequence):
 
     def reader(self, number: int) -> FrameReader:
         """Return a reader for a frame from the archive."""
-        return partial(_read_archived, self.archive, self.files[number])
+        return partial(_read_archived, self.archive, self.files[number], self.door)
 
 
 class TwoVideos(StereoSequence):
@@ -217,10 +219,10 @@ def _read_files(names: FrameFiles) -> StereoFrame:
     return StereoFrame(left, right, None if names.truth is None else read_disparity(Path(names.truth)))
 
 
-def _read_archived(archive: Path | Archive, names: FrameFiles) -> StereoFrame:
+def _read_archived(archive: Path | Archive, names: FrameFiles, door: Door) -> StereoFrame:
     files = archive if isinstance(archive, Archive) else _opened_once(archive)
-    left, right = (read_image(files.read(name)) for name in (names.left, _right_of(names)))
-    return StereoFrame(left, right, None if names.truth is None else read_disparity(files.read(names.truth)))
+    left, right = (door(read_image)(files.read(name)) for name in (names.left, _right_of(names)))
+    return StereoFrame(left, right, None if names.truth is None else door(read_disparity)(files.read(names.truth)))
 
 
 @lru_cache(maxsize=2)
@@ -280,12 +282,28 @@ def open_sequence(
         If there is nothing to read, the sides cannot be paired, the frame rate is implausible, or there are more
         frames, pixels or seconds than the limits in force.
     """
+    return _opened(left, right, truth, frame_rate, unguarded)
+
+
+def open_uploads(left: bytes, right: bytes | None = None) -> StereoSequence:
+    """Open the frames in strangers' files as :func:`open_sequence` does; the guard decodes them."""
+    return _opened(left, right, None, None, guarded)
+
+
+def _opened(
+    left: Source,
+    right: Source | None,
+    truth: str | PathLike[str] | None,
+    frame_rate: float | None,
+    door: Door,
+) -> StereoSequence:
+    video = VideoFile if door is unguarded else GuardedVideo
     if frame_rate is not None and not LEAST_RATE <= frame_rate <= MOST_RATE:
         raise ValueError(f"frame_rate is {frame_rate} Hz; allowed are {LEAST_RATE} to {MOST_RATE} Hz.")
     if right is None:
-        sequence = _of_one(left, frame_rate)
+        sequence = _of_one(left, frame_rate, door, video)
     elif _holds_video(left):
-        sequence = TwoVideos(VideoFile(left), VideoFile(right), frame_rate)
+        sequence = TwoVideos(video(left), video(right), frame_rate)
     else:
         sequence = _of_pictures(left, right, truth, frame_rate or USUAL_RATE)
     if len(sequence) > limits().max_frames:
@@ -303,17 +321,18 @@ def example_sequence(example: DriveExample) -> StereoSequence:
     )
 
 
-def _of_one(source: Source, frame_rate: float | None) -> StereoSequence:
+def _of_one(source: Source, frame_rate: float | None, door: Door, video: type[VideoFile]) -> StereoSequence:
     path = Path(source).resolve() if isinstance(source, str | PathLike) else None
     if path is not None and path.is_dir():
         raise ValueError(f"{quoted(path.name)} is a folder; give two, of the left and of the right pictures.")
     if not is_archive(_beginning(source)):
-        return SideBySideVideo(VideoFile(source), frame_rate)
+        return SideBySideVideo(video(source), frame_rate)
     archive = read_archive(source, max_files=MAX_ARCHIVED)
     files = tuple(_frames_among(archive.names))
     if not files:
         raise ValueError(f"The archive of {len(archive.names):,} files holds no pictures named left and right.")
-    return ArchivedPictures(_frame_names([one.left for one in files]), files, path or archive, frame_rate or USUAL_RATE)
+    names = _frame_names([one.left for one in files])
+    return ArchivedPictures(names, files, path or archive, frame_rate or USUAL_RATE, door)
 
 
 def _frames_among(names: Sequence[str]) -> list[FrameFiles]:

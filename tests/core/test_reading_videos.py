@@ -12,7 +12,7 @@ from small_drives import number_in, numbered, video
 
 from stereolag.core import jobs as limits_module
 from stereolag.core.jobs import limits
-from stereolag.io.videos import VideoFile
+from stereolag.io.videos import GuardedVideo, VideoFile
 
 COUNT = 60
 
@@ -62,6 +62,20 @@ def test_a_video_at_a_path_is_pickled_as_its_path(mp4: bytes, tmp_path: Path) ->
     one, other = pickle.loads(packed), pickle.loads(packed)
     assert one is other and number_in(one.frame(30)) == 30
     assert number_in(pickle.loads(pickle.dumps(VideoFile(mp4))).frame(31)) == 31
+
+
+def test_a_guarded_video_is_the_same_and_survives_the_end_of_its_worker(mp4: bytes) -> None:
+    file, guarded = VideoFile(mp4), GuardedVideo(mp4)
+    assert (len(guarded), guarded.frame_rate, guarded.width, guarded.height) == (COUNT, 10.0, 96, 64)
+    for number in (0, 1, 2, 40, 3):
+        np.testing.assert_array_equal(guarded.frame(number), file.frame(number))
+    guarded._guarded.close()
+    assert number_in(guarded.frame(30)) == 30
+    assert number_in(pickle.loads(pickle.dumps(guarded)).frame(31)) == 31
+    with pytest.raises(IndexError, match="allowed are 0 to 59"):
+        guarded.frame(COUNT)
+    with pytest.raises(ValueError, match="not a video that can be read"):
+        GuardedVideo(b"no video at all" * 9)
 
 
 def test_a_number_beyond_the_end_is_refused(mp4: bytes) -> None:

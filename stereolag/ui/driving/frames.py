@@ -15,7 +15,8 @@ from stereolag.io.calibrations import read_calibration
 from stereolag.io.videos import VIDEO_ENDINGS
 from stereolag.pair import Pair, PairId
 from stereolag.samples import drives
-from stereolag.sequences import RectifiedSequence, StereoFrame, StereoSequence, example_sequence, open_sequence
+from stereolag.sequences import RectifiedSequence, StereoFrame, StereoSequence, example_sequence
+from stereolag.sequences.sources import open_uploads
 from stereolag.ui import prose
 from stereolag.ui.choices import show_awaited, show_limits
 from stereolag.ui.depth.calibrating import (
@@ -181,7 +182,7 @@ def _limits() -> str:
 def _ask_one() -> tuple[StereoSequence, str] | None:
     given = upload(
         "ZIP of left/ and right/, or a side-by-side video",
-        open_sequence,
+        open_uploads,
         key=f"{KEY}.one",
         types=("zip", *sorted(VIDEO_ENDINGS)),
         note="In a ZIP, folders or names tell the side: left/000.png and right/000.png. In a video, the left image "
@@ -204,4 +205,4 @@ def _ask_two() -> tuple[StereoSequence, str] | None:
     kept: tuple[StereoSequence, str] | None = st.session_state.get(key)
     if kept is not None and kept[1] == digest:
         return kept
-    return put_together(lambda: (open_sequence(left.content, right.content), digest), key)
+    return put_together(lambda: (open_uploads(left.content, right.content), digest), key)
