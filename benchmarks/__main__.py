@@ -19,7 +19,7 @@ from benchmarks.browser import latency_table
 from benchmarks.doctor import doctor_tables
 from benchmarks.flow import flow_table
 from benchmarks.hostile import hostile_table
-from benchmarks.load import load_table
+from benchmarks.load import load_table, short_load_table
 from benchmarks.long import LENGTHS, long_table
 from benchmarks.long_drive import long_drive_table
 from benchmarks.pairs import DATA
@@ -135,6 +135,8 @@ def main() -> None:
         keep("rocketman", "Rocketman with doubt", *rocketman_table())
     if "load" in wanted:
         keep("load", "Many visitors at once", *load_table())
+    elif not options.tables:
+        print(short_load_table(), flush=True)
     if "hostile" in wanted:
         keep("hostile", "Hostile files", *hostile_table())
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import json
 import os
 import statistics
 import subprocess
@@ -25,11 +26,14 @@ PAIRS, OWN = "pairs", "Your own files"
 WINDOW = setting_key("correlation", "window_size")
 FIRST_WINDOW = 11
 ACCURATE = preset_key("accurate")
+PLAIN = "depth.start.undo"
 DISPARITIES = setting_key("correlation", "search.rectified.num_disparities", "")
 ALONE_MOVES = 20
 WIDTH, HEIGHT = 700, 500
 LARGE_WIDTH, LARGE_HEIGHT, LARGE_DISPARITIES = 3000, 2000, 256
 BYSTANDER_CAP_S = 240.0
+
+RESULTS = Path(__file__).parent / "results"
 
 Figures = dict[str, float]
 
@@ -111,10 +115,16 @@ def latencies(moves: Sequence[Move]) -> list[float]:
     return [1000 * one.latency for one in moves if one.latency is not None]
 
 
-async def alone(server: Server) -> Figures:
-    """Return the latencies and costs of a single visitor who moves again after each map."""
+async def alone(server: Server, name: str = "alone", *, plain: bool = False) -> Figures:
+    """Return the latencies and costs of a single visitor who moves again after each map.
+
+    If `plain`, the visitor takes back the fast preset with which a pair of one's own begins: no check and no finishing,
+    as when the first figures were kept, so that these tell the cost of the page from that of the map.
+    """
     async with Visitor(server.port) as visitor:
         await with_own_pair(visitor, own_pair(1_000_000))
+        if plain:
+            await visitor.press(PLAIN)
         await visitor.move(WINDOW, 101)
         await visitor.settled()
         cpu, start = server.cpu_seconds(), len(visitor.moves)
@@ -125,9 +135,9 @@ async def alone(server: Server) -> Figures:
             await asyncio.sleep(0.2)
         times = latencies(visitor.moves[start:])
         return {
-            "alone: CPU s a move": round((server.cpu_seconds() - cpu) / ALONE_MOVES, 4),
-            "alone: kB a move": round((visitor.received_bytes - received) / ALONE_MOVES / 1000, 1),
-            **_spread("alone", times),
+            f"{name}: CPU s a move": round((server.cpu_seconds() - cpu) / ALONE_MOVES, 4),
+            f"{name}: kB a move": round((visitor.received_bytes - received) / ALONE_MOVES / 1000, 1),
+            **_spread(name, times),
         }
 
 
@@ -215,6 +225,7 @@ async def measured(users: int, every: float, moves: int, stay_away: float) -> Fi
         figures: Figures = {"users": users, "every s": every, "moves each": moves}
         figures["RSS at first, MB"] = round(server.megabytes())
         figures |= await alone(server)
+        figures |= await alone(server, "alone, plain settings", plain=True)
         figures |= await together(server, users, every, moves)
         if stay_away:
             await asyncio.sleep(stay_away)
@@ -225,6 +236,15 @@ async def measured(users: int, every: float, moves: int, stay_away: float) -> Fi
 def load_table(users: int = 20, every: float = 2.0, moves: int = 15, stay_away: float = 60) -> tuple[str, Figures]:
     """Return the load figures as Markdown and as numbers."""
     return _table(asyncio.run(measured(users, every, moves, stay_away)))
+
+
+def short_load_table(users: int = 20, moves: int = 5) -> str:
+    """Return the figures of a shorter load as Markdown, beside those kept in `benchmarks/results`."""
+    figures = asyncio.run(measured(users, 2.0, moves, 0))
+    kept = json.loads((RESULTS / "load.json").read_text(encoding="utf-8"))["figures"]
+    named = [name for name in figures if name.endswith(("p95 ms", "CPU s a move"))]
+    lines = ["| load | now | kept |", "|---|---|---|"]
+    return "\n".join(lines + [f"| {name} | {figures[name]:g} | {kept.get(name, '')} |" for name in named])
 
 
 def bystander_table(users: int = 10) -> tuple[str, Figures]:

@@ -346,7 +346,11 @@ def _reading(reading: Reading, step: int, parts: list[bytes]) -> dict[str, Any]:
     steps = np.diff(values, axis=1, prepend=np.int16(0))  # int16 overflow cancels when the steps are summed
     long = (steps > 127) | (steps < -127)
     short = np.where(long, np.int16(LONG), steps).astype(np.int8)
-    parts += [zlib.compress(one.data, zlib.Z_BEST_SPEED) for one in (short, steps[long])]
+    # Steps seldom repeat, which a search for repetitions in every map sent would find out anew; words do.
+    strategy = zlib.Z_RLE if reading.words else zlib.Z_HUFFMAN_ONLY
+    for one in (short, steps[long]):
+        compressor = zlib.compressobj(zlib.Z_BEST_SPEED, strategy=strategy)
+        parts.append(compressor.compress(one.data) + compressor.flush())
     return {
         "steps": len(parts) - 2,
         "long_steps": len(parts) - 1,

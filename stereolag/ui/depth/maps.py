@@ -373,7 +373,14 @@ def map_picture(view: DepthView, name: str, reason: ReasonMap | None = None, *, 
     With figures, it has the numbers of the whole map in place of scores and hundredths: a third of the data is sent.
     """
     result, depth = view.results[name], partial(_depth_scale, view, name)
-    said = partial(map_in_words, result.disparity)
+    said = partial(
+        remembered,
+        "map in words",
+        partial(map_in_words, result.disparity),
+        inputs=view.pair.digest,
+        settings=settings_key(result),
+        shared=view.pair.shared,
+    )
     if with_figures:
         numbers = partial(_figures, view, name)
         return Picture(name, None, _readings(result, depth, digits=1), numbers, alternative=said)
