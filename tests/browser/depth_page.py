@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from playwright.sync_api import Locator, Page, TimeoutError, expect
+from playwright.sync_api import Locator, Page, expect
 
 from tests.browser.visits import OpenPage, expect_visible, file_of, screenshot, settled
 
@@ -84,21 +84,6 @@ class DepthPage:
         button = self.page.get_by_role("radio", name=name, exact=True).first
         if not button.is_checked():
             button.click()
-        self.settle()
-
-    def pick(self, label: str, option: str) -> None:
-        """Pick an entry of a drop-down list, and open the list again if a rerun closes or redraws it."""
-        entry = self.page.get_by_role("option", name=option, exact=True)
-        for _ in range(10):
-            self.page.get_by_role("combobox", name=label).click()
-            try:
-                entry.click(timeout=3_000)
-                break
-            except TimeoutError:
-                self.page.keyboard.press("Escape")
-                self.settle()
-        else:
-            raise AssertionError(f"{option} of {label} could not be clicked")
         self.settle()
 
     def press(self, name: str) -> None:

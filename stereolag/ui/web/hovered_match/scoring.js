@@ -5,45 +5,51 @@ import { clamp } from "../shared/numbers.js";
 
 const FLAT = 0.25; // a window of whole numbers is flat up to this energy about its mean
 
+// The lags of a range, row by row: how many, the lag at an index, and the index of a lag.
+function gridOf({ dy_first, dy_last, dx_first, dx_last }) {
+  const [rows, cols] = [dy_last - dy_first + 1, dx_last - dx_first + 1];
+  const lagAt = (index) => ({ dy: dy_first + Math.floor(index / cols), dx: dx_first + (index % cols) });
+  const indexOf = ({ dy, dx }) => (dy - dy_first) * cols + dx - dx_first;
+  const contains = ({ dy, dx }) => dy >= dy_first && dy <= dy_last && dx >= dx_first && dx <= dx_last;
+  return { rows, cols, count: rows * cols, lagAt, indexOf, contains };
+}
+
 // {top, start, rows, cols, dy, dx, scores, peak, runnerUp, kind, …}; `scores` contains the lags of `asked`, row by row.
 export function explained(pair, settings, row, col) {
-  const { window_size: size, step, tried, asked } = settings;
+  const { window_size: size, step, asked } = settings;
   const startOf = (at, end) => clamp(Math.floor((at - ((size - step) >> 1)) / step), 0, Math.floor((end - size) / step)) * step;
   const [top, start] = [startOf(row, pair.rows), startOf(col, pair.cols)];
+  const [tried, grid] = [gridOf(settings.tried), gridOf(asked)];
   const window = windowAt(pair.left, pair.cols, top, start, size);
-  const every = scoresOf(pair, settings, window, top, start);
-  const [rows, cols] = [asked.dy_last - asked.dy_first + 1, asked.dx_last - asked.dx_first + 1];
-  const scores = new Float64Array(rows * cols);
-  const triedCols = tried.dx_last - tried.dx_first + 1;
-  for (let at = 0; at < scores.length; at++) {
-    const [dy, dx] = [asked.dy_first + Math.floor(at / cols), asked.dx_first + (at % cols)];
-    scores[at] = every[(dy - tried.dy_first) * triedCols + dx - tried.dx_first];
-  }
-  const lagAt = (at) => ({ dy: asked.dy_first + Math.floor(at / cols), dx: asked.dx_first + (at % cols), score: scores[at] });
+  const every = scoresOf(pair, settings, tried, window, top, start);
+  const scores = Float64Array.from({ length: grid.count }, (_, at) => every[tried.indexOf(grid.lagAt(at))]);
   const best = highest(every, tried);
-  const inside = best !== null && within(best, asked);
-  const peak = inside ? best : highest(scores, asked);
-  const seen = { top, start, size, rows, cols, asked, scores, peak, runnerUp: null, valley: NaN, flank: NaN };
+  const inside = best !== null && grid.contains(best);
+  const peak = inside ? best : highest(scores, grid);
+  const seen = { top, start, size, rows: grid.rows, cols: grid.cols, asked, scores, peak, runnerUp: null, valley: NaN, flank: NaN };
   seen.contrast = Math.sqrt(window.energy / size ** 2) / (pair.deviation || 1);
   seen.atEdge = peak !== null && (!inside || (!settings.circular && touchesFrame(pair, seen)));
   if (peak) {
     seen.asGood = settings.ambiguous_margin * Math.abs(peak.score);
     if (settings.score === "ncc") seen.asGood *= window.energy / (window.square || 1);
-    const at = (peak.dy - asked.dy_first) * cols + peak.dx - asked.dx_first;
-    const heights = passes(scores, rows, cols, at, settings.circular);
-    let second = -1;
-    for (let other = 0; other < scores.length; other++) {
-      if (Number.isNaN(scores[other])) continue;
-      if (scores[other] - heights[other] > seen.asGood) {
-        if (second < 0 || scores[other] > scores[second]) second = other;
-      } else if (Math.abs(Math.floor(other / cols) - Math.floor(at / cols)) > 1 || Math.abs((other % cols) - (at % cols)) > 1) {
-        if (!(seen.flank >= scores[other])) seen.flank = scores[other];
-      }
-    }
-    if (second >= 0) Object.assign(seen, { runnerUp: lagAt(second), valley: heights[second] });
+    findRunnerUp(seen, grid, settings.circular);
   }
   seen.kind = kindOf(seen, settings);
   return seen;
+}
+
+// The highest score on another hill than the peak's, with the valley between, and the highest on the flank of the peak.
+function findRunnerUp(seen, grid, circular) {
+  const { scores, peak, rows, cols, asGood } = seen;
+  const heights = passes(scores, rows, cols, grid.indexOf(peak), circular);
+  let second = -1;
+  scores.forEach((score, at) => {
+    const { dy, dx } = grid.lagAt(at);
+    if (score - heights[at] > asGood) {
+      if (second < 0 || score > scores[second]) second = at;
+    } else if ((Math.abs(dy - peak.dy) > 1 || Math.abs(dx - peak.dx) > 1) && !(seen.flank >= score) && !Number.isNaN(score)) seen.flank = score;
+  });
+  if (second >= 0) Object.assign(seen, { runnerUp: { ...grid.lagAt(second), score: scores[second] }, valley: heights[second] });
 }
 
 function windowAt(image, stride, top, start, size) {
@@ -61,13 +67,12 @@ function windowAt(image, stride, top, start, size) {
 }
 
 // The score at every lag tried, NaN where there is no candidate.
-function scoresOf(pair, { window_size: size, tried, score, circular }, window, top, start) {
-  const cols = tried.dx_last - tried.dx_first + 1;
-  const scores = new Float64Array((tried.dy_last - tried.dy_first + 1) * cols).fill(NaN);
+function scoresOf(pair, { window_size: size, score, circular }, tried, window, top, start) {
+  const scores = new Float64Array(tried.count).fill(NaN);
   if (window.energy <= FLAT) return scores;
   const patch = circular ? windowAt(pair.right, pair.cols, top, start, size).pixels : null;
   for (let at = 0; at < scores.length; at++) {
-    const [dy, dx] = [tried.dy_first + Math.floor(at / cols), tried.dx_first + (at % cols)];
+    const { dy, dx } = tried.lagAt(at);
     const [y, x] = [top + dy, start + dx];
     if (!circular && (y < 0 || x < 0 || y + size > pair.rows || x + size > pair.cols)) continue;
     let [product, total, square] = [0, 0, 0];
@@ -95,19 +100,14 @@ function scored(score, product, window, total, square, size) {
 }
 
 // The lag of the highest score; of equal ones, the shortest.
-function highest(scores, lags) {
-  const cols = lags.dx_last - lags.dx_first + 1;
+function highest(scores, grid) {
   let best = null;
-  for (let at = 0; at < scores.length; at++) {
-    const found = { dy: lags.dy_first + Math.floor(at / cols), dx: lags.dx_first + (at % cols), score: scores[at] };
-    if (Number.isNaN(found.score) || (best && found.score < best.score)) continue;
-    if (!best || found.score > best.score || found.dy ** 2 + found.dx ** 2 < best.dy ** 2 + best.dx ** 2) best = found;
-  }
+  scores.forEach((score, at) => {
+    if (Number.isNaN(score) || (best && score < best.score)) return;
+    const found = { ...grid.lagAt(at), score };
+    if (!best || score > best.score || found.dy ** 2 + found.dx ** 2 < best.dy ** 2 + best.dx ** 2) best = found;
+  });
   return best;
-}
-
-function within({ dy, dx }, lags) {
-  return dy >= lags.dy_first && dy <= lags.dy_last && dx >= lags.dx_first && dx <= lags.dx_last;
 }
 
 function touchesFrame(pair, { top, start, size, rows, peak }) {
