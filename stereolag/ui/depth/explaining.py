@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from functools import partial
 
 import numpy as np
 import streamlit as st
 
 from stereolag.assess.explaining import (
+    AMBIGUOUS_MARGIN,
+    BARE_CONTRAST,
+    POOR_SCORE,
+    RIVAL_SHARE,
     Box,
     ExampleKind,
     Lag,
@@ -20,6 +25,7 @@ from stereolag.assess.explaining import (
     with_rows_around,
 )
 from stereolag.core.arrays import ReasonMap
+from stereolag.core.inputs import Image, as_grey
 from stereolag.figures.legends import Legend, hexadecimal, word_legend
 from stereolag.figures.maps import REASON_COLOURS, reasons_picture, share_of_reasons
 from stereolag.figures.match import (
@@ -35,16 +41,19 @@ from stereolag.figures.match import (
     sub_pixel_fit,
     window_grid,
 )
-from stereolag.figures.pictures import as_rgb
+from stereolag.figures.pictures import CORRELATION, VIRIDIS, as_rgb
+from stereolag.pair import Pair
 from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.ui import prose
+from stereolag.ui.components import component, deliver
 from stereolag.ui.depth.maps import TRUTH, DepthView, all_maps
 from stereolag.ui.depth.sentences import (
     BEFORE_OPTIMISATION,
     EXAMPLE_LABELS,
+    HOVER_WORDS,
     NO_CORRELATION,
     NO_EXAMPLE,
     NO_FIT,
@@ -61,14 +70,15 @@ from stereolag.ui.depth.sentences import (
     scores_in_words,
 )
 from stereolag.ui.elements import show_chart, show_png, shown_progress
-from stereolag.ui.hovered_match import can_follow, hovered_match
 from stereolag.ui.linked_pictures import Mark, linked_pictures
 from stereolag.ui.navigation import fragment
-from stereolag.ui.packing import Picture, Reading
+from stereolag.ui.packing import Picture, Reading, packed_grey_pair
 from stereolag.ui.results import computed
 from stereolag.ui.sentences import OPENCV_REASONS, REASON_WORDS, REASONS_EXPLAINED, percent
 
 Pixel = tuple[int, int]
+
+_hovered_match = component("hovered_match")
 
 INSPECTION, BLANKS = "depth.inspection", "depth.blanks"
 ROWS_AROUND = 8
@@ -134,6 +144,75 @@ def show_inspection(view: DepthView) -> None:
         _show_scores(view, matcher, seen, pixel)
     _show_row(view, seen, pixel)
     show_overlap(view, matcher, seen)
+
+
+LARGEST_PIXELS = 6_000_000
+"""Largest image whose pair is sent to the browser, pixels; that is some megabytes."""
+
+MOST_PRODUCTS = 30_000_000
+"""Products of pixels per window that the browser can sum within a frame or two."""
+
+
+def can_follow(pair: Pair, matcher: CorrelationMatcher) -> bool:
+    """Return whether the browser can score windows as fast as a pointer moves."""
+    lags = matcher.search.lags(matcher.window_size)
+    height, width = pair.left.shape[:2]
+    small = height * width <= LARGEST_PIXELS and lags.count * matcher.window_size**2 <= MOST_PRODUCTS
+    return small and matcher.score != "phase" and matcher.window_size <= min(height, width)
+
+
+def hovered_match(pair: Pair, matcher: CorrelationMatcher, pixel: tuple[int, int], *, pictures: str) -> None:
+    """Show the match of the window under the crosshair of linked pictures, or at `pixel` while there is none.
+
+    Parameters
+    ----------
+    pair, matcher
+        The pair and its matcher; see :func:`can_follow`.
+    pixel
+        (row, col) in the left image.
+    pictures
+        Key of the linked pictures, the left image first, then the right one.
+    """
+    settings = browser_settings(matcher, pair.left, pair.right)
+    with st.container(gap=None):
+        grey = packed_grey_pair(pair.left, pair.right, pair.truth, name=pictures, digest=pair.digest)
+        deliver(grey, key=f"{pictures}.pair")
+        _hovered_match(
+            key=f"{pictures}.hovered",
+            data={
+                **settings,
+                "pictures": pictures,
+                "digest": pair.digest,
+                "pixel": {"row": pixel[0], "col": pixel[1]},
+                "colours": {
+                    "peak": WINDOW_COLOUR,
+                    "runner_up": RUNNER_UP_COLOUR,
+                    "truth": TRUTH_COLOUR,
+                    "search": SEARCH_COLOUR,
+                    "curve": CORRELATION,
+                },
+                "palette": VIRIDIS[::17].tolist(),
+                "words": HOVER_WORDS,
+            },
+        )
+
+
+def browser_settings(matcher: CorrelationMatcher, left: Image, right: Image) -> dict[str, object]:
+    """Return the settings of a matcher and the constants of its explanation that ``scoring.js`` needs."""
+    size = matcher.window_size
+    tried = matcher.query(as_grey(left), as_grey(right)).lags
+    return {
+        "window_size": size,
+        "step": matcher.step,
+        "score": matcher.score,
+        "circular": matcher.search.circular(size),
+        "tried": asdict(tried),
+        "asked": asdict(matcher.search.lags(size)),
+        "ambiguous_margin": AMBIGUOUS_MARGIN,
+        "rival_share": RIVAL_SHARE,
+        "poor_score": POOR_SCORE,
+        "bare_contrast": BARE_CONTRAST,
+    }
 
 
 def _correlation(view: DepthView) -> CorrelationMatcher | None:

@@ -49,7 +49,7 @@ class Line(NamedTuple):
 LINES = (Line("#785bd5", ""), Line("#d87607", "8 4"), Line("#0ca674", "2 3"), Line("#bd195c", "8 3 2 3"))
 
 
-class Played(NamedTuple):
+class VideoInfo(NamedTuple):
     """The video to play.
 
     Attributes
@@ -77,7 +77,7 @@ class Played(NamedTuple):
 
 
 def show_player(
-    played: Played,
+    played: VideoInfo,
     pieces: Sequence[bytes],
     records: Sequence[FrameRecord],
     *,
@@ -124,7 +124,7 @@ def show_player(
         _player(key=key, data=data, on_opened_change=opened)
 
 
-def described(played: Played, records: Sequence[FrameRecord]) -> dict[str, Any]:
+def described(played: VideoInfo, records: Sequence[FrameRecord]) -> dict[str, Any]:
     """Return the data the browser needs besides the video: the figures of every frame, None if unknown."""
     count = len(played.names)
     problems: list[str] = [""] * count

@@ -17,7 +17,7 @@ from stereolag.ui import prose
 from stereolag.ui.announcements import announce
 from stereolag.ui.depth.restoring import transfer
 from stereolag.ui.driving.frames import KEY, Drive
-from stereolag.ui.driving.player import Played, show_player
+from stereolag.ui.driving.player import VideoInfo, show_player
 from stereolag.ui.driving.settings import MOTION_TITLE, DriveSettings, title_of
 from stereolag.ui.driving.work import DriveWork, go_on
 from stereolag.ui.navigation import failures_answered
@@ -43,7 +43,7 @@ def _watch(work: DriveWork, drive: Drive, asked: DriveSettings) -> None:
     if running:
         st.session_state[f"{KEY}.watched"] = work.name
     _show_progress(work, drive, asked)
-    played = Played(
+    played = VideoInfo(
         work.video_name,
         asked.titles,
         {name: title_of(name) for name in asked.matchers} | ({MOTION: MOTION_TITLE} if asked.motion else {}),
