@@ -111,13 +111,6 @@ def test_pairs_are_matched_by_name_their_board_guessed_and_one_left_out_by_a_cli
     assert float(numbers(app)["Baseline"].split()[0]) == pytest.approx(2 * float(before.split()[0]), rel=0.02)
 
 
-def test_folders_of_a_zip_are_left_and_right() -> None:
-    packed = {f"{name[:-6]}/{name[-6:]}": data for name, data in files().items()}
-    app = given(("pairs.zip", zipped(packed)))
-    assert not app.error
-    assert numbers(app)["Pairs that count"] == "4 of 4"
-
-
 def test_a_board_of_another_size_is_answered_with_what_to_check() -> None:
     app = given(*[(name, files()[name]) for name in ("left01.png", "right01.png", "left02.png", "right02.png")])
     columns = next(box for box in app.number_input if box.label == "Inner corners across")
@@ -156,9 +149,11 @@ def test_files_that_cannot_be_used_are_refused_with_a_sentence(contents: dict[st
     assert not app.metric
 
 
-def test_pictures_without_a_board_ask_for_its_size() -> None:
-    noise = {name: uploads.png(uploads.texture(90, 120, seed)) for seed, name in enumerate(("left1.png", "right1.png"))}
-    app = given(*noise.items())
+def test_pictures_in_folders_of_a_zip_without_a_board_ask_for_its_size() -> None:
+    noise = {
+        f"{side}/1.png": uploads.png(uploads.texture(90, 120, seed)) for seed, side in enumerate(("left", "right"))
+    }
+    app = given(("pairs.zip", zipped(noise)))
     assert "No chessboard or ChArUco board is seen" in app.warning[0].value
     assert not app.metric
 

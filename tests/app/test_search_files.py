@@ -82,10 +82,17 @@ def test_votes_and_a_rate_that_no_wav_holds(tmp_path: Path) -> None:
     assert (tmp_path / "votes.csv").read_text().startswith("lag_samples,time_s,votes\n")
 
 
-def test_of_a_long_curve_the_part_around_the_lag_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lag_files, "CURVE_LAGS", 1000)
+def test_of_a_long_curve_the_part_around_the_lag_is_kept_and_a_reduced_one_is_called_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     pair, search = recordings(), LagSearch()
-    curve = lag_files.lag_files(pair, lag_of(pair, search), search)[0]
+    result = lag_of(pair, search)
+    assert result.lags is not None and result.correlation is not None
+    assert "of every lag" in lag_files.lag_files(pair, result, search)[0].meaning
+    reduced = replace(result, lags=result.lags[::10], correlation=result.correlation[::10])
+    assert "of each stretch" in lag_files.lag_files(pair, reduced, search)[0].meaning
+    monkeypatch.setattr(lag_files, "CURVE_LAGS", 1000)
+    curve = lag_files.lag_files(pair, result, search)[0]
     assert "of the 1,000 lags around the one found" in curve.meaning
     lines = str(curve.make()).splitlines()[1:]
     assert len(lines) == 1000
@@ -180,16 +187,6 @@ def test_a_zip_that_takes_too_much_memory_is_refused(open_page: OpenPage, monkey
     disabled = {button.proto.label: button.proto.help for button in app.get("download_button") if button.proto.disabled}
     assert [*disabled] == ["All in one ZIP"]
     assert "one job may take" in disabled["All in one ZIP"]
-
-
-def test_a_reduced_curve_is_called_one() -> None:
-    pair, search = recordings(), LagSearch()
-    result = lag_of(pair, search)
-    assert result.lags is not None
-    assert result.correlation is not None
-    assert "of every lag" in lag_files.lag_files(pair, result, search)[0].meaning
-    reduced = replace(result, lags=result.lags[::10], correlation=result.correlation[::10])
-    assert "of each stretch" in lag_files.lag_files(pair, reduced, search)[0].meaning
 
 
 def test_nothing_is_made_before_it_is_asked_for(open_page: OpenPage, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -44,10 +44,6 @@ LEAST_CONTRAST = 2.7
 Colour = str | tuple[int, int, int]
 
 
-def shades(first: int, last: int) -> dict[str, Colour]:
-    return {f"grey {level}": (level, level, level) for level in range(first, last + 1, 16)}
-
-
 TOGETHER: dict[str, dict[str, Colour]] = {
     "recordings": {"sensor 1": SENSOR_1, "sensor 2": SENSOR_2},
     "curve": {"curve": CORRELATION, "peak": PEAK},
@@ -112,15 +108,12 @@ def test_colours_that_are_seen_together_can_be_told_apart(name: str) -> None:
     assert difference >= LEAST, where
 
 
-def test_reasons_stand_out_of_the_pale_image_below_them() -> None:
-    difference, where = closest(TOGETHER["reasons"], shades(96, 223))
-    assert difference >= LEAST, where
-
-
-def test_the_true_place_is_told_from_those_found_and_dashed_besides() -> None:
-    others = {name: colour for name, colour in LINES_AND_FRAMES.items() if name in ("window", "runner-up", "search")}
-    difference, where = closest({"truth": TRUTH_COLOUR}, others)
-    assert difference >= LEAST, where
+def test_reasons_stand_out_of_the_pale_image_and_the_true_place_of_those_found() -> None:
+    shades: dict[str, Colour] = {f"grey {level}": (level, level, level) for level in range(96, 224, 16)}
+    others = {name: LINES_AND_FRAMES[name] for name in ("window", "runner-up", "search")}
+    for colours, around in ((TOGETHER["reasons"], shades), ({"truth": TRUTH_COLOUR}, others)):
+        difference, where = closest(colours, around)
+        assert difference >= LEAST, where
 
 
 def test_lines_of_methods_differ_in_more_than_colour() -> None:

@@ -41,12 +41,6 @@ def circular_lag(signal_1, signal_2):
     return lag if lag <= SAMPLES // 2 else lag - SAMPLES
 
 
-def phat_lag(signal_1, signal_2):
-    spectrum = fft.rfft(signal_2, 2 * SAMPLES) * fft.rfft(signal_1, 2 * SAMPLES).conj()
-    lag = int(np.argmax(fft.irfft(spectrum / np.abs(spectrum), 2 * SAMPLES)))
-    return lag if lag < SAMPLES else lag - 2 * SAMPLES
-
-
 def test_coast_is_the_setup_of_the_report():
     example = EXAMPLES["coast"]
     assert example.lag == 50_082
@@ -65,24 +59,16 @@ def test_files_are_mono_of_the_stated_length_rate_and_level(name):
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_linear_correlation_peaks_at_the_true_lag(name):
+def test_correlation_peaks_at_the_true_lag_plain_whitened_and_normalised_by_the_overlap(name):
     lags, correlation = linear_correlation(name)
     assert lags[np.argmax(correlation)] == EXAMPLES[name].lag
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_phat_peaks_at_the_true_lag(name):
-    assert phat_lag(*load(name)) == EXAMPLES[name].lag
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_correlation_normalised_by_the_overlap_peaks_at_the_true_lag(name):
-    lags, correlation = linear_correlation(name)
+    spectrum = fft.rfft(np.roll(correlation, 1 - SAMPLES), 2 * SAMPLES - 1)
+    whitened = fft.fftshift(fft.irfft(spectrum / np.maximum(np.abs(spectrum), 1e-12), 2 * SAMPLES - 1))
+    assert lags[np.argmax(whitened)] == EXAMPLES[name].lag
     energy_1, energy_2 = (np.cumsum(np.r_[0, (samples - samples.mean()) ** 2]) for samples in load(name))
-    overlap = SAMPLES - np.abs(lags)
     first = energy_1[np.minimum(SAMPLES, SAMPLES - lags)] - energy_1[np.maximum(0, -lags)]
     second = energy_2[np.minimum(SAMPLES, SAMPLES + lags)] - energy_2[np.maximum(0, lags)]
-    enough = overlap > SAMPLES // 40
+    enough = SAMPLES - np.abs(lags) > SAMPLES // 40
     score = correlation[enough] / np.sqrt(first[enough] * second[enough])
     assert lags[enough][np.argmax(score)] == EXAMPLES[name].lag
 
@@ -104,18 +90,11 @@ def test_coast_does_not_repeat():
     assert np.max(np.abs(autocorrelation[int(0.05 * 44_100) :])) < 0.3
 
 
-def test_harbour_has_another_gain_at_each_sensor():
+def test_harbour_has_another_gain_at_each_sensor_and_fools_simpler_ways():
     first, second = common_part("harbour")
     assert 0.3 < np.std(second) / np.std(first) < 0.6
-
-
-def test_harbour_fools_a_circular_correlation():
-    lag = circular_lag(*load("harbour"))
-    assert abs(lag - EXAMPLES["harbour"].lag) > 10_000
+    assert abs(circular_lag(*load("harbour")) - EXAMPLES["harbour"].lag) > 10_000
     assert circular_lag(*load("coast")) in (EXAMPLES["coast"].lag, EXAMPLES["coast"].lag - SAMPLES)
-
-
-def test_harbour_fools_who_lines_up_the_loudest_moments():
     loudest_1, loudest_2 = (int(np.argmax(np.abs(samples))) for samples in load("harbour"))
     assert abs(loudest_2 - loudest_1 - EXAMPLES["harbour"].lag) > 10_000
 
@@ -128,7 +107,3 @@ def test_the_script_makes_them_again(monkeypatch, tmp_path):
         committed, _ = soundfile.read(path, dtype="int16")
         # Another FFT library may round a sample the other way.
         assert np.max(np.abs(again.astype(int) - committed)) <= 1
-
-
-def test_size_budget():
-    assert sum(path.stat().st_size for path in (ASSETS / "signals").iterdir()) < 2.5e6

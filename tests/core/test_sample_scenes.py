@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -17,7 +16,7 @@ from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 
-STEREO, DRIVE = samples.ASSETS / "stereo", samples.ASSETS / "drive" / "motorway"
+STEREO = samples.ASSETS / "stereo"
 
 
 def moved(image: np.ndarray, dx: np.ndarray, dy: np.ndarray, method: int = cv2.INTER_LINEAR) -> np.ndarray:
@@ -98,22 +97,18 @@ def test_files_have_the_promised_formats(name: str) -> None:
     assert (sample.codes.shape, sample.codes.dtype) == ((height, width), np.uint16)
     assert (sample.mask.shape, sample.mask.dtype) == ((height, width), np.uint8)
     assert set(np.unique(sample.mask)) <= {0, 255}
-
-
-@pytest.mark.parametrize("name", SIZES)
-def test_calibration_describes_the_pictures(name: str) -> None:
-    calibration, (width, height) = load(name).calibration, SIZES[name]
+    calibration = sample.calibration
     assert set(calibration) == CALIBRATION_KEYS
     assert (calibration["width"], calibration["height"]) == (width, height)
     assert (calibration["cx"], calibration["cy"]) == ((width - 1) / 2, (height - 1) / 2)
-    assert calibration["focal_px"] > 0
-    assert calibration["baseline_m"] > 0
+    assert calibration["focal_px"] > 0 and calibration["baseline_m"] > 0
     assert calibration["num_disparities"] % 16 == 0
 
 
-@pytest.mark.parametrize(("folder", "most"), [(STEREO, 9_000_000), (DRIVE, 25_000_000)])
-def test_files_stay_small(folder: Path, most: int) -> None:
-    assert sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) <= most
+@pytest.mark.parametrize(("folder", "megabytes"), [("stereo", 9), ("drive", 25), ("maze", 9), ("signals", 2.5)])
+def test_files_stay_small(folder: str, megabytes: float) -> None:
+    files = (samples.ASSETS / folder).rglob("*")
+    assert sum(file.stat().st_size for file in files if file.is_file()) <= megabytes * 1e6
 
 
 def test_disparities_lie_within_the_search_range(sample: Sample) -> None:
@@ -145,24 +140,6 @@ def test_occlusion_follows_from_the_disparities(sample: Sample) -> None:
     behind = inside & hidden
     explained = covered[rows[behind], landing[behind]] - disparity[behind] > 0
     assert explained.mean() > 0.8
-
-
-@pytest.mark.parametrize(
-    ("name", "allowed"), [("cube", 0.02), ("fence", 0.35), ("giraffes", 0.15), ("square", 0.05), ("road", 0.08)]
-)
-def test_semi_global_matching_agrees_with_the_truth(name: str, allowed: float) -> None:
-    sample = load(name)
-    matcher = cv2.StereoSGBM.create(
-        numDisparities=int(sample.calibration["num_disparities"]),
-        blockSize=5,
-        P1=8 * 3 * 25,
-        P2=32 * 3 * 25,
-        uniquenessRatio=5,
-    )
-    found = matcher.compute(sample.left, sample.right) / np.float32(16)
-    answered = sample.matchable & (found > 0)
-    assert answered.sum() > 0.6 * sample.matchable.sum()
-    assert (np.abs(found - sample.disparity)[answered] > 2).mean() < allowed
 
 
 @cache

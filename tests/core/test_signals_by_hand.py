@@ -93,26 +93,19 @@ def arrays(parts: Ingredients) -> dict[str, np.ndarray]:
     return {name: getattr(parts, name) for name in ("fresh", "pattern", "noise_1", "noise_2")}
 
 
-def test_the_same_is_mixed_each_time() -> None:
-    first, second = arrays(ingredients()), arrays(ingredients())
-    for name, values in first.items():
+def test_what_is_mixed_is_the_same_each_time_long_enough_and_nothing_in_it_resembles_anything_else() -> None:
+    parts, again = ingredients(), arrays(ingredients())
+    for name, values in arrays(parts).items():
         assert values.dtype == np.int8
-        np.testing.assert_array_equal(values, second[name])
+        np.testing.assert_array_equal(values, again[name])
         assert abs(values.std() / by_hand.UNIT - 1) < 0.06
         assert np.mean(np.abs(values) == 127) < 1e-4  # hardly anything is clipped
-
-
-def test_sensor_2_hears_the_sound_from_the_first_sample_to_the_last() -> None:
-    parts = ingredients()
-    earliest = by_hand.LAG + by_hand.ECHO_DELAY + by_hand.MOST_DRIFT
-    assert earliest < by_hand.BEFORE
+    # Sensor 2 hears the sound from the first sample to the last.
+    assert by_hand.LAG + by_hand.ECHO_DELAY + by_hand.MOST_DRIFT < by_hand.BEFORE
     assert parts.fresh.size == by_hand.SETTLING + by_hand.BEFORE + by_hand.SAMPLES
     assert by_hand.SOFTNESS**by_hand.SETTLING < 1e-15
     assert by_hand.LAG + by_hand.ECHO_DELAY < by_hand.MAX_LAG
-
-
-def test_nothing_in_it_resembles_anything_else() -> None:
-    for one, other in combinations(arrays(ingredients()).values(), 2):
+    for one, other in combinations(again.values(), 2):
         assert signal_lag(one, other).verdict == "nothing"
 
 
@@ -154,13 +147,16 @@ def test_the_chain_reaches_as_far_as_numpy_correlates(seed: int, length_1: int, 
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_whitened_it_is_the_phase_transform(seed: int) -> None:
+def test_whitened_it_is_the_phase_transform_and_between_samples_the_band_limited_curve(seed: int) -> None:
     first, second = (part - part.mean() for part in stretches(seed))
     cross = np.conj(np.fft.rfft(first, SIZE)) * np.fft.rfft(second, SIZE)
     cross[0] = 0  # the mean
+    found = phasors.phasors("two", first, second)
     phat = np.fft.irfft(np.divide(cross, np.abs(cross), where=np.abs(cross) > 0, out=np.zeros_like(cross)), SIZE)
-    heights = at_whole_lags(phasors.phasors("two", first, second), whiten=True)
-    np.testing.assert_allclose(heights, phat[WHOLE] * SIZE / (SIZE - 1), atol=1e-9)
+    np.testing.assert_allclose(at_whole_lags(found, whiten=True), phat[WHOLE] * SIZE / (SIZE - 1), atol=1e-9)
+    fine = 4 * np.fft.irfft(cross, 4 * SIZE) / np.sqrt(first @ first * (second @ second))
+    lags, heights = phasors.correlation(found)
+    np.testing.assert_allclose(heights, fine[(4 * lags).astype(int)], atol=1e-9)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(-LONGEST_LAG, LONGEST_LAG))
@@ -175,14 +171,6 @@ def test_at_the_true_lag_all_arrows_are_in_line_and_the_phase_has_its_slope(seed
     assert phasors.correlation(found)[1].max() == pytest.approx(found.lengths.sum()) == pytest.approx(1)
     for method in ("fft", "phat"):
         assert signal_lag(first, second, method=method, max_lag=LONGEST_LAG).lag == lag  # type: ignore[arg-type]
-
-
-def test_between_samples_it_is_the_band_limited_curve() -> None:
-    first, second = (part - part.mean() for part in stretches(1))
-    cross = np.conj(np.fft.rfft(first, SIZE)) * np.fft.rfft(second, SIZE)
-    fine = 4 * np.fft.irfft(cross, 4 * SIZE) / np.sqrt(first @ first * (second @ second))
-    lags, heights = phasors.correlation(phasors.phasors("two", first, second))
-    np.testing.assert_allclose(heights, fine[(4 * lags).astype(int)], atol=1e-9)
 
 
 @pytest.mark.parametrize(("name", "lag"), [("coast", 50_082), ("harbour", -31_234)])
@@ -207,15 +195,12 @@ def test_whitening_makes_the_coast_a_needle_and_lets_the_wind_in() -> None:
     assert plain < 0.95 * harbour.lengths.sum()  # the arrows are nowhere quite in line
 
 
-def test_a_knock_has_all_frequencies_and_a_tone_has_one() -> None:
+def test_a_knock_has_all_frequencies_a_tone_has_one_and_noise_lines_up_nowhere() -> None:
     assert peaks(phasors.knock()) == peaks(phasors.knock(), whiten=True) == [4]
     assert phasors.knock().lengths.max() < 0.05
     tone = phasors.tone()
     assert np.count_nonzero(tone.lengths) == 1
     assert peaks(tone) == peaks(tone, whiten=True) == [-11, -6, -1, 4, 9]
-
-
-def test_noise_lines_up_nowhere() -> None:
     plain, white = (phasors.correlation(phasors.noise(), whiten=whiten)[1].max() for whiten in (False, True))
     assert (round(plain, 2), round(white, 2)) == (0.18, 0.17)  # the values in the text beside it
 
@@ -231,21 +216,15 @@ def test_any_two_recordings_give_what_they_share(lag: int, size: int) -> None:
     assert peaks(found, whiten=True) == [LAG]
 
 
-def test_the_loudest_stretch_is_taken() -> None:
+def test_the_loudest_stretch_is_taken_and_none_where_too_little_is_shared_or_heard() -> None:
     scene = np.random.default_rng(5).normal(size=60_000)
     scene[:41_000] = scene[41_200:] = 0  # all other stretches are silent
     found = phasors.common_stretch("own", scene[:-20], scene[20:], -20)
     assert found is not None and peaks(found) == [LAG]
-
-
-def test_recordings_that_share_too_little_give_nothing() -> None:
     noise = np.random.default_rng(0).normal(size=1000)
     assert phasors.common_stretch("own", noise, noise, 1000 - LENGTH - LAG) is not None
     assert phasors.common_stretch("own", noise, noise, 1000 - LENGTH - LAG + 1) is None
     assert phasors.common_stretch("own", noise, np.zeros(1000), 0) is None
-
-
-@pytest.mark.parametrize("stretch", [np.zeros(10), np.arange(SIZE + 1.0)])
-def test_a_stretch_that_has_no_spectrum_here_is_refused(stretch: np.ndarray) -> None:
-    with pytest.raises(ValueError, match=f"has {stretch.size} samples"):
-        phasors.phasors("two", stretch, np.arange(5.0))
+    for stretch in (np.zeros(10), np.arange(SIZE + 1.0)):
+        with pytest.raises(ValueError, match=f"has {stretch.size} samples"):
+            phasors.phasors("two", stretch, np.arange(5.0))
