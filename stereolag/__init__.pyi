@@ -14,10 +14,9 @@ from .motion.flow import FlowMap, optical_flow
 from .motion.scene_flow import SceneFlow, scene_flow
 from .signals import SignalLag, signal_lag
 from .stereo.evaluation import Evaluation, evaluate
-from .stereo.matcher import DisparityMap
+from .stereo.matcher import DisparityMap, Reason
 from .stereo.methods import preset
 from .stereo.opencv import StereoBM, StereoSGBM
-from .stereo.reasons import Reason
 from .stereo.semi_global.matcher import SemiGlobalMatcher
 from .stereo.windows.matcher import CorrelationMatcher
 from .stereo.windows.search import SearchArea

@@ -12,15 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from stereolag.core.arrays import FloatMap, ReasonMap
-from stereolag.core.inputs import Image, as_grey, as_stereo_pair, of_ordinary_size
+from stereolag.core.inputs import Image, as_grey, as_stereo_pair, rescale_extreme_floats
 from stereolag.core.jobs import Progress, silent
-from stereolag.stereo.matcher import DisparityMap
-from stereolag.stereo.reasons import Reason
-from stereolag.stereo.windows.engines import cheaper_engine, find_matches
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.matches import Score, WindowMatches, WindowQuery
-from stereolag.stereo.windows.peak_fits import fit_peaks
-from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.matcher import DisparityMap, Reason
+from stereolag.stereo.windows.matcher import CorrelationMatcher, cheaper_engine, find_matches
+from stereolag.stereo.windows.pixels import fit_peaks
+from stereolag.stereo.windows.search import LagRange, Score, WindowMatches, WindowQuery
 from stereolag.stereo.windows.window_fft import score_surface
 
 Surface: TypeAlias = npt.NDArray[np.float64]
@@ -259,7 +256,7 @@ class MatchExplanation:
         (3, 3) float32 scores around the peak, or (1, 3) for a search along the row, as the matcher fits them. One extra
         lag is scored at each end of the search, so that every searched lag has neighbours; NaN = no candidate.
     offset
-        (dy, dx) from the peak to the sub-pixel peak, px, from :func:`~stereolag.stereo.windows.peak_fits.fit_peaks`; 0
+        (dy, dx) from the peak to the sub-pixel peak, px, from :func:`~stereolag.stereo.windows.pixels.fit_peaks`; 0
         at the edge.
     contrast
         Standard deviation of the grey levels in the window, as a share of the whole image's.
@@ -394,7 +391,7 @@ def explain_match(
     if size > min(height, width):
         raise ValueError(f"window_size is {size} px and the images are {width} × {height}; it must fit into them.")
     top, start = (window_start(at, end, size, matcher.step) for at, end in ((row, height), (col, width)))
-    grey = of_ordinary_size(as_grey(images[0]), as_grey(images[1]))
+    grey = rescale_extreme_floats(as_grey(images[0]), as_grey(images[1]))
     query = replace(matcher.query(*grey), runner_up=False, right_matches=False)
     every_score = score_surface(query, top, start)
     best, around = best_match(every_score, query)
@@ -489,7 +486,7 @@ def blank_reasons(
     Returns
     -------
     ndarray
-        (H, W) uint8 of :class:`~stereolag.stereo.reasons.Reason`.
+        (H, W) uint8 of :class:`~stereolag.stereo.matcher.Reason`.
     """
     matcher = result.settings
     if matcher.gives_reasons:

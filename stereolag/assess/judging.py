@@ -12,9 +12,8 @@ import numpy.typing as npt
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.jobs import Estimate, Progress
-from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.matcher import Reason, StereoMatcher
 from stereolag.stereo.methods import preset
-from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 
 BAD_PX = 2.0

@@ -28,7 +28,7 @@ from stereolag.core.inputs import as_stereo_pair
 from stereolag.core.jobs import Estimate, Progress, silent
 from stereolag.core.settings import FitsImage, Settings, changed, marker
 from stereolag.stereo.finishing.checks import LeftRightCheck
-from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
+from stereolag.stereo.finishing.stages import MedianFilter, SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher

@@ -20,7 +20,7 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 """(H, W) bool."""
 
 ReasonMap: TypeAlias = npt.NDArray[np.uint8]
-"""(H, W) uint8 of :class:`stereolag.stereo.reasons.Reason`."""
+"""(H, W) uint8 of :class:`stereolag.stereo.matcher.Reason`."""
 
 Vector: TypeAlias = npt.NDArray[np.float64]
 """(N,) float64."""

@@ -196,7 +196,7 @@ def grey_level(left: Image, right: Image) -> float:
     return span / 255 or 1.0
 
 
-def of_ordinary_size(left: Image, right: Image) -> tuple[Image, Image]:
+def rescale_extreme_floats(left: Image, right: Image) -> tuple[Image, Image]:
     """Return float images, scaled by a power of two if the squares of their pixels would overflow or vanish.
 
     Only the unit changes; other images are returned unchanged.

@@ -38,7 +38,7 @@ from stereolag.geometry.scene import clean_point_cloud
 from stereolag.io.disparities import ply
 from stereolag.io.images import image_png
 from stereolag.stereo.evaluation import CoverageCurve
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import Reason
 
 
 def image_into_map(image: Image, disparity: FloatMap, low: float, high: float) -> bytes:

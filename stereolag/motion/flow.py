@@ -13,7 +13,7 @@ from pydantic import Field
 from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.settings import Settings
 from stereolag.motion.levels import Flow
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import Reason
 
 if TYPE_CHECKING:
     from stereolag.core.settings import Settings
@@ -22,7 +22,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import field_validator
 
-from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, of_ordinary_size
+from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image_pair, grey_level, rescale_extreme_floats
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import FitsImage, OfThePair, Pixels, Settings, Usual
 from stereolag.motion.levels import (
@@ -42,8 +42,7 @@ from stereolag.motion.levels import (
     return_error,
 )
 from stereolag.stereo.finishing.checks import TextureTest, least_texture
-from stereolag.stereo.finishing.filters import MedianFilter
-from stereolag.stereo.finishing.weighted_median import weighted_median
+from stereolag.stereo.finishing.stages import MedianFilter, weighted_median
 
 
 class VariationalRefinement(Settings):
@@ -99,7 +98,7 @@ class FlowMap:
     score
         (H, W) float32 Pearson correlation of the matching window, -1..1; NaN = none.
     reason
-        (H, W) uint8, a :class:`~stereolag.stereo.reasons.Reason` for every pixel. LEFT_RIGHT: the way back from the
+        (H, W) uint8, a :class:`~stereolag.stereo.matcher.Reason` for every pixel. LEFT_RIGHT: the way back from the
         second frame leads elsewhere, mostly because the pixel is hidden there. SPECKLE: an outlier among its
         neighbours by the universal median test.
     elapsed_s
@@ -362,7 +361,7 @@ class FlowMatcher(Settings):
         return COSTS["flow"].estimate(pixels=pixels, doubles=pixels * (np.dtype(dtype) != np.uint8))
 
     def _match(self, first: Image, second: Image, progress: Progress) -> tuple[Flow, FloatMap, ReasonMap]:
-        grey = of_ordinary_size(as_grey(first), as_grey(second))
+        grey = rescale_extreme_floats(as_grey(first), as_grey(second))
         guides = as_eight_bit(*grey)
         shape = grey[0].shape[0], grey[0].shape[1]
         levels = count_levels(shape, self.window_size, self.search, self.levels)

@@ -13,8 +13,7 @@ from pydantic import Field
 from stereolag.core.arrays import FloatMap, Mask
 from stereolag.core.inputs import Image, as_eight_bit, as_grey, as_image
 from stereolag.core.settings import Settings
-from stereolag.stereo.matcher import DisparityMap
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import DisparityMap, Reason
 
 STILL_LEVELS = 3.0
 """Mean change of a neighbourhood up to which it counts as still, grey levels of 255: about camera noise."""

@@ -6,6 +6,7 @@ import os
 import time
 from abc import abstractmethod
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import cv2
@@ -18,7 +19,31 @@ from stereolag.core.arrays import FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image, as_stereo_pair
 from stereolag.core.jobs import COSTS, Estimate, Progress, check_memory, silent
 from stereolag.core.settings import OfThePair, Pixels, Settings, Usual, changed, marker
-from stereolag.stereo.reasons import Reason
+
+
+class Reason(IntEnum):
+    """Reason why a pixel is blank, or how it got its disparity.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stereolag as sl
+    >>> left = np.random.default_rng(0).integers(0, 256, (60, 100), dtype=np.uint8)
+    >>> right = np.roll(left, -5, axis=1)  # disparity 5 px
+    >>> result = sl.SemiGlobalMatcher(num_disparities=16).compute(left, right)
+    >>> sl.Reason(result.reason[30, 50]).name, sl.Reason(result.reason[30, 2]).name
+    ('MEASURED', 'OUT_OF_FRAME')
+    """
+
+    MEASURED = 0
+    FILLED = 1
+    OUT_OF_FRAME = 2
+    LOW_TEXTURE = 3
+    AMBIGUOUS = 4
+    LEFT_RIGHT = 5
+    SPECKLE = 6
+    AT_SEARCH_EDGE = 7
+
 
 FARTHEST_FIRST, LARGEST_COUNT = 512, 1024
 """Limits shared by all methods: the first disparity, in either direction, and the number of disparities."""
@@ -56,7 +81,7 @@ class PixelMatches(NamedTuple):
     disparity: FloatMap
     """px; NaN = none."""
     reason: ReasonMap
-    """:class:`~stereolag.stereo.reasons.Reason` of every pixel."""
+    """:class:`~stereolag.stereo.matcher.Reason` of every pixel."""
     score: FloatMap | None = None
     """Higher is more certain; None if the method has no score."""
     dy: FloatMap | None = None
@@ -178,7 +203,7 @@ class DisparityMap:
     disparity
         (H, W) float32, px, ``-dx``; NaN = no disparity.
     reason
-        (H, W) uint8, a :class:`~stereolag.stereo.reasons.Reason` for every pixel.
+        (H, W) uint8, a :class:`~stereolag.stereo.matcher.Reason` for every pixel.
     score
         (H, W) float32 score of the match, higher is more certain; all NaN if the method has none.
     dy, dx

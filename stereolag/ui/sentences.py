@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stereolag.core.typography import typeset
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import Reason
 
 
 def duration(seconds: float) -> str:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stereolag import CorrelationMatcher, SearchArea, StereoBM, StereoSGBM, preset
-from stereolag.stereo.finishing.filters import SpeckleFilter
+from stereolag.stereo.finishing.stages import SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.ui.addresses import parameters_of, recalled_settings

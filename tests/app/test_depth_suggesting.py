@@ -15,7 +15,7 @@ from stereolag.assess.suggestion import Outcome, Suggestion, Trial
 from stereolag.core.jobs import Estimate
 from stereolag.core.typography import typeset
 from stereolag.io.settings import read_matcher
-from stereolag.stereo.finishing.filters import MedianFilter
+from stereolag.stereo.finishing.stages import MedianFilter
 from stereolag.stereo.opencv import StereoBM
 from stereolag.ui.depth.pair_sets import PairJob
 from stereolag.ui.depth.sentences import search_so_far, suggestion_in_words, value_in_words

@@ -18,7 +18,7 @@ from stereolag.io.settings import read_matcher
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM
-from stereolag.stereo.semi_global.costs import MatchingCost
+from stereolag.stereo.semi_global.cost_terms import MatchingCost
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea

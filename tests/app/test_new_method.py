@@ -20,9 +20,8 @@ from stereolag.core.jobs import Progress
 from stereolag.core.settings import Applies, FitsImage, OfThePair, Pixels
 from stereolag.io.programs import script
 from stereolag.io.settings import read_matcher, settings_json
-from stereolag.stereo.matcher import PixelMatches, StereoMatcher
+from stereolag.stereo.matcher import PixelMatches, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS
-from stereolag.stereo.reasons import Reason
 from stereolag.ui.depth.exports import EXPORTS, Export, Subject
 from tests.app import keys
 from tests.app.conftest import PROJECT, figures, viewers

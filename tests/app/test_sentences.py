@@ -34,7 +34,7 @@ from stereolag.io.recordings import Recording
 from stereolag.pair import REMEDIES_DONE, RectificationDecision
 from stereolag.signals import phasors, signal_lag
 from stereolag.stereo.evaluation import CoverageCurve
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template

@@ -7,8 +7,8 @@ import pytest
 from pairs import shifted_pair, texture
 
 from stereolag.assess.explaining import blank_reasons
+from stereolag.stereo.matcher import Reason
 from stereolag.stereo.opencv import BlockMatcher, StereoBM, StereoSGBM
-from stereolag.stereo.reasons import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 

@@ -17,7 +17,7 @@ from stereolag.stereo.finishing.checks import (
     left_right_disagree_reference,
     rejected,
 )
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import Reason
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 

@@ -18,7 +18,7 @@ from stereolag.core.settings import Bounds, Settings, SettingsError, changed, se
 from stereolag.core.settings.fields import base_type, choices, nested
 from stereolag.io.settings import write_matcher
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
-from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
+from stereolag.stereo.finishing.stages import MedianFilter, SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS, preset
 from stereolag.stereo.opencv import StereoBM

@@ -7,7 +7,7 @@ import pytest
 from pairs import shifted_pair
 
 import stereolag as sl
-from stereolag.stereo.confidence import confidence
+from stereolag.stereo.evaluation import confidence
 from stereolag.stereo.matcher import StereoMatcher
 
 MATCHERS: list[StereoMatcher] = [

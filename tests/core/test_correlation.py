@@ -15,13 +15,12 @@ from stereolag.io.disparities import read_disparity
 from stereolag.io.images import read_image
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.finishing.checks import LeftRightCheck
-from stereolag.stereo.finishing.filters import MedianFilter
+from stereolag.stereo.finishing.stages import MedianFilter
 from stereolag.stereo.finishing.surfaces import SurfaceFilling
-from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.reasons import Reason
-from stereolag.stereo.semi_global.costs import MatchingCost
+from stereolag.stereo.semi_global.cost_terms import MatchingCost
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea

@@ -15,10 +15,8 @@ from pydantic import Field
 from stereolag.core.inputs import as_eight_bit
 from stereolag.core.settings import Bounds, SettingsError
 from stereolag.stereo.semi_global import cost_volume
-from stereolag.stereo.semi_global.cost_terms import TERMS
-from stereolag.stereo.semi_global.cost_terms.census import census, census_reference
+from stereolag.stereo.semi_global.cost_terms import MOST, TERMS, MatchingCost, TermWeight, census, census_reference
 from stereolag.stereo.semi_global.cost_volume import UNSEEN, cost_reference, matching_cost
-from stereolag.stereo.semi_global.costs import MOST, MatchingCost, TermWeight
 
 Picture = npt.NDArray[np.uint8]
 

@@ -10,10 +10,8 @@ from pairs import shifted_pair, texture
 from skimage import data
 
 from stereolag.core.inputs import Image
-from stereolag.stereo.windows.engines import Engine, cheaper_engine, find_matches
-from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.matches import Score, WindowMatches, WindowQuery
-from stereolag.stereo.windows.search import LagRange, SearchArea
+from stereolag.stereo.windows.matcher import CorrelationMatcher, Engine, cheaper_engine, find_matches
+from stereolag.stereo.windows.search import LagRange, Score, SearchArea, WindowMatches, WindowQuery
 from stereolag.stereo.windows.window_fft import score_surface
 
 IMAGE = (400, 881)
@@ -125,7 +123,7 @@ def test_a_search_of_more_lags_than_window_sums_allow_is_the_ffts(monkeypatch: p
     left, right = shifted_pair(60, 90, 2, -3)
     query = WindowQuery(left, right, 16, 8, LagRange(-9, 9, -20, 20), runner_up=True)
     few = find_matches(query, "fft")
-    monkeypatch.setattr("stereolag.stereo.windows.recording.MOST_LAGS", 100)
+    monkeypatch.setattr("stereolag.stereo.windows.window_fft.MOST_LAGS", 100)
     many = find_matches(query, "fft")
     for name in ("dy", "dx", "score", "around"):
         np.testing.assert_array_equal(getattr(many, name), getattr(few, name), err_msg=name)

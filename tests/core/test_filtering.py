@@ -9,16 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from stereolag.stereo.finishing.filters import (
+from stereolag.stereo.finishing.filling import filled_from_behind
+from stereolag.stereo.finishing.stages import (
     MedianFilter,
     SpeckleFilter,
     edge_respecting_median,
-    filled_from_behind,
+    speckles,
+    speckles_reference,
+    weighted_median,
+    weighted_median_reference,
     without_speckles,
 )
-from stereolag.stereo.finishing.speckles import speckles, speckles_reference
-from stereolag.stereo.finishing.weighted_median import weighted_median, weighted_median_reference
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import Reason
 
 FloatMap = npt.NDArray[np.float32]
 NAN = np.float32(np.nan)

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.stereo.finishing.gap_ends import fill_between_ends_reference, filled_from_ends
+from stereolag.stereo.finishing.filling import fill_between_ends_reference, filled_from_ends
 
 FloatMap = npt.NDArray[np.float32]
 NAN = np.float32(np.nan)

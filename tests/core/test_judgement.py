@@ -23,9 +23,9 @@ from stereolag.assess.judging import (
     widest_range,
 )
 from stereolag.stereo.evaluation import evaluate
+from stereolag.stereo.matcher import Reason
 from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea

@@ -25,7 +25,7 @@ LAYERS: dict[str, float] = {
 }
 """The layer of every package, from the table; a package imports from the layers below and from itself."""
 
-STAGES = ({"reasons"}, {"matcher"}, {"finishing"})
+STAGES = ({"matcher"}, {"finishing"})
 LAYERS |= {
     f"stereo.{package}": LAYERS["stereo"] + number / 10
     for number, packages in enumerate(STAGES)

@@ -8,8 +8,9 @@ import pytest
 from pairs import shifted_pair
 
 from stereolag.core.settings import SettingsError
-from stereolag.stereo.opencv import StereoBM, StereoSGBM, matchers
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo import opencv as matchers
+from stereolag.stereo.matcher import Reason
+from stereolag.stereo.opencv import StereoBM, StereoSGBM
 
 
 @pytest.mark.parametrize("min_disparity", [-8, 0, 2, 5])

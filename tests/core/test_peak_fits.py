@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pairs import shifted_pair
 
 from stereolag.stereo.windows.matcher import CorrelationMatcher
-from stereolag.stereo.windows.peak_fits import fit_peaks, fit_peaks_reference
+from stereolag.stereo.windows.pixels import fit_peaks, fit_peaks_reference
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.stereo.windows.window_fft import score_surface
 

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.stereo.reasons import Reason
-from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
+from stereolag.stereo.matcher import Reason
 from stereolag.stereo.windows.pixels import spread_over_pixels, spread_over_pixels_reference
-from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.windows.search import LagRange, WindowMatches, WindowQuery
 
 
 @settings(max_examples=60)

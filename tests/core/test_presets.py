@@ -12,11 +12,10 @@ from stereolag.io.images import read_image
 from stereolag.samples import stereo_pairs
 from stereolag.stereo.evaluation import evaluate
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
-from stereolag.stereo.finishing.filters import MedianFilter, SpeckleFilter
-from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.finishing.stages import MedianFilter, SpeckleFilter
+from stereolag.stereo.matcher import Reason, StereoMatcher
 from stereolag.stereo.methods import preset
 from stereolag.stereo.opencv import StereoBM, StereoSGBM
-from stereolag.stereo.reasons import Reason
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea

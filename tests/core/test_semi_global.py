@@ -12,11 +12,10 @@ import pytest
 from stereolag.core.jobs import silent
 from stereolag.core.settings import SettingsError
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck
-from stereolag.stereo.reasons import Reason
-from stereolag.stereo.semi_global import matching as semi_global
-from stereolag.stereo.semi_global.costs import MatchingCost
-from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
-from stereolag.stereo.semi_global.matching import VolumeQuery, match_semi_global, strips
+from stereolag.stereo.matcher import Reason
+from stereolag.stereo.semi_global import matcher as semi_global
+from stereolag.stereo.semi_global.cost_terms import MatchingCost
+from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher, VolumeQuery, match_semi_global, strips
 from stereolag.stereo.semi_global.paths import SemiGlobal
 
 Picture = npt.NDArray[np.uint8]

@@ -23,8 +23,7 @@ from stereolag.io.images import image_png
 from stereolag.sequences import SequenceSettings, SequenceState, Steadiness, StereoSequence, open_sequence, run_sequence
 from stereolag.sequences.matching import FrameTask, encoded_frame, match_frame
 from stereolag.sequences.steadying import flicker, motion_since, steadied, still_pixels
-from stereolag.stereo.matcher import DisparityMap, PixelMatches
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import DisparityMap, PixelMatches, Reason
 
 Grey = npt.NDArray[np.uint8]
 ROWS, COLS, FRAMES = 96, 160, 6

@@ -22,7 +22,7 @@ from stereolag.assess.suggestion import (
 )
 from stereolag.core.settings import setting, title_of
 from stereolag.stereo.finishing.checks import AmbiguityTest, LeftRightCheck, TextureTest
-from stereolag.stereo.finishing.filters import SpeckleFilter
+from stereolag.stereo.finishing.stages import SpeckleFilter
 from stereolag.stereo.matcher import StereoMatcher
 from stereolag.stereo.methods import METHODS
 from stereolag.stereo.windows.matcher import CorrelationMatcher

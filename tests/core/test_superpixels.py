@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.stereo.finishing.superpixels import (
+from stereolag.stereo.finishing.surfaces import (
     borders,
     choose_patches,
     choose_patches_reference,

@@ -8,19 +8,22 @@ import pytest
 from scenes import steps_pair
 
 import stereolag as sl
-from stereolag.stereo.finishing.filters import filled_from_behind
-from stereolag.stereo.finishing.planes import (
+from stereolag.stereo.finishing.filling import filled_from_behind
+from stereolag.stereo.finishing.surfaces import (
     TRIALS,
     Samples,
+    SurfaceFilling,
     best_of_trials,
+    borders,
+    filled_along_surfaces,
     fitted,
+    neighbours,
     refitted,
     refitted_reference,
     sampled,
+    superpixels,
 )
-from stereolag.stereo.finishing.superpixels import borders, neighbours, superpixels
-from stereolag.stereo.finishing.surfaces import SurfaceFilling, filled_along_surfaces
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import Reason
 
 FloatMap = npt.NDArray[np.float32]
 NAN = np.float32(np.nan)

@@ -10,13 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stereolag.stereo.windows.matches import WindowQuery
 from stereolag.stereo.windows.prepared_pair import NO_RIGHT_MATCH
-from stereolag.stereo.windows.running_sums import describe_windows, describe_windows_reference
-from stereolag.stereo.windows.scores import score_volume_reference
-from stereolag.stereo.windows.search import LagRange
-from stereolag.stereo.windows.tiles import right_view_reference
-from stereolag.stereo.windows.window_sums import match_windows
+from stereolag.stereo.windows.scores import describe_windows, describe_windows_reference, score_volume_reference
+from stereolag.stereo.windows.search import LagRange, WindowQuery
+from stereolag.stereo.windows.window_sums import match_windows, right_view_reference
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from stereolag.core.inputs import FLAT_TEXTURE, Image, grey_level
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import Reason
 
 MEASURED = np.uint8(Reason.MEASURED)
 

@@ -2,23 +2,408 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Protocol
+from typing import Annotated, Any, Protocol
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from stereolag.core.arrays import Array, FloatMap, Mask, ReasonMap
 from stereolag.core.inputs import Image, as_eight_bit
-from stereolag.core.settings import Applies
-from stereolag.stereo.finishing.filters import (
-    MedianFilter,
-    SpeckleFilter,
-    edge_respecting_median,
-    filled_from_behind,
-    without_speckles,
-)
+from stereolag.core.settings import Applies, Settings
+from stereolag.loops.bands import over_bands, row_bands
+from stereolag.loops.compilation import compiled
+from stereolag.loops.vector_lanes import LANES, are_equal, cast, halved, larger, load, splat, store, where_at_most
+from stereolag.stereo.finishing.checks import rejected
+from stereolag.stereo.finishing.filling import filled_from_behind
 from stereolag.stereo.finishing.surfaces import SurfaceFilling, filled_along_surfaces
-from stereolag.stereo.matcher import PixelMatches
+from stereolag.stereo.matcher import PixelMatches, Reason
+
+SIXTEENTHS = 16
+NOTHING = -32768
+
+
+def speckles(disparity: FloatMap, size: int, difference: float) -> Mask:
+    """Return which pixels belong to a connected surface of fewer than `size` pixels.
+
+    Neighbours, left and right or above and below, are connected if their disparities, rounded to sixteenths, differ by
+    no more than `difference`. Runs of connected pixels in a row are joined where they touch a run of the row above
+    (Rosenfeld & Pfaltz 1966, by union-find), band by band; then the seams between the bands are joined.
+
+    Parameters
+    ----------
+    disparity
+        (H, W) float32 px, within ±2047; NaN = none, which is never a speckle.
+    size
+        Smallest surface that is no speckle, pixels.
+    difference
+        Largest difference of connected neighbours, px.
+    """
+    sixteenths, run = np.empty(disparity.shape, np.int32), np.empty(disparity.shape, np.int32)
+    parent, pixels = np.empty(disparity.size, np.int32), np.empty(disparity.size, np.int32)
+    most, height = round(difference * SIXTEENTHS), disparity.shape[0]
+
+    def connect(first: int, end: int) -> None:
+        _find_runs(disparity, most, first, end, sixteenths, run, parent, pixels)
+        _join_rows(sixteenths, most, first + 1, end, run, parent)
+
+    over_bands(connect, height)
+    for first, _ in row_bands(height, height)[1:]:
+        _join_rows(sixteenths, most, first, first + 1, run, parent)
+    _count_pixels(run, parent, pixels)
+    small = np.empty(disparity.shape, np.bool_)
+    over_bands(lambda first, end: _mark_small(run, parent, pixels, size, first, end, small), height)
+    return small
+
+
+@compiled
+def _find_runs(
+    disparity: FloatMap, most: int, first: int, end: int, sixteenths: Array, run: Array, parent: Array, pixels: Array
+) -> None:
+    """Label each pixel of rows `first` to `end` with its run, the index of the run's first pixel; -1 for NaN.
+
+    Each run starts as its own parent; `pixels` counts its pixels.
+    """
+    width = disparity.shape[1]
+    for y in range(first, end):
+        for x in range(width):
+            known = disparity[y, x] == disparity[y, x]
+            sixteenths[y, x] = np.int32(np.rint(disparity[y, x] * np.float32(SIXTEENTHS))) if known else NOTHING
+        start, before = -1, NOTHING
+        for x in range(width):
+            here = sixteenths[y, x]
+            if here == NOTHING:
+                start = -1
+            elif start >= 0 and abs(here - before) <= most:
+                pixels[start] += 1
+            else:
+                start = y * width + x
+                parent[start], pixels[start] = start, 1
+            run[y, x] = start
+            before = here
+
+
+@compiled
+def _root(parent: Array, run: int) -> int:
+    """Return the run that represents the surface of another, and shorten the path to it."""
+    while parent[run] != run:
+        parent[run] = parent[parent[run]]
+        run = parent[run]
+    return run
+
+
+@compiled
+def _join_rows(sixteenths: Array, most: int, first: int, end: int, run: Array, parent: Array) -> None:
+    """Join the runs of each row from `first` to `end` with the connected runs of the row above."""
+    for y in range(first, end):
+        last, last_above = -1, -1
+        for x in range(run.shape[1]):
+            here, above = run[y, x], run[y - 1, x]
+            if here < 0 or above < 0 or (here == last and above == last_above):
+                continue
+            if abs(sixteenths[y, x] - sixteenths[y - 1, x]) <= most:
+                last, last_above = here, above
+                one, other = _root(parent, here), _root(parent, above)
+                parent[max(one, other)] = min(one, other)
+
+
+@compiled
+def _count_pixels(run: Array, parent: Array, pixels: Array) -> None:
+    """Point every run directly at the first run of its surface, and count the pixels of the surface there."""
+    width = run.shape[1]
+    for y in range(run.shape[0]):
+        x = 0
+        while x < width:
+            start = run[y, x]
+            if start < 0:
+                x += 1
+                continue
+            length = pixels[start]
+            root = parent[parent[start]]
+            parent[start] = root
+            if root != start:
+                pixels[root] += length
+            x += length
+
+
+@compiled
+def _mark_small(run: Array, parent: Array, pixels: Array, size: int, first: int, end: int, small: Mask) -> None:
+    """Mark the pixels of rows `first` to `end` whose surface has fewer than `size` pixels."""
+    for y in range(first, end):
+        last, answer = -1, False
+        for x in range(run.shape[1]):
+            if run[y, x] != last:
+                last = run[y, x]
+                answer = last >= 0 and pixels[parent[last]] < size
+            small[y, x] = answer
+
+
+def speckles_reference(disparity: FloatMap, size: int, difference: float) -> Mask:
+    """Return the expected result of :func:`speckles`, computed with OpenCV, whose limit is the largest size removed."""
+    known = np.isfinite(disparity)
+    sixteenths: npt.NDArray[np.int16] = np.full(disparity.shape, NOTHING, np.int16)
+    np.rint(disparity * np.float32(SIXTEENTHS), out=sixteenths, where=known, casting="unsafe")
+    cv2.filterSpeckles(sixteenths, NOTHING, size - 1, round(difference * SIXTEENTHS))
+    return np.asarray(known & (sixteenths == NOTHING))
+
+
+UNITS = 256
+"""Values are compared in steps of 1/256."""
+
+
+def weighted_median(
+    values: FloatMap, guide: npt.NDArray[np.uint8], radius: int, spacing: int, contrast: int
+) -> FloatMap:
+    """Return the weighted median of the values on a square grid around each pixel.
+
+    This is the smallest value such that it and all smaller ones have at least half of the total weight. A neighbour
+    weighs ``max(1, contrast * channels - difference)``, where the difference is between the guide's pixels, summed over
+    its channels.
+
+    Parameters
+    ----------
+    values
+        (H, W) float32; NaN = none: ignored, and stays NaN.
+    guide
+        (H, W, channels) uint8.
+    radius, spacing
+        The neighbours are at -radius, -radius + spacing, ..., radius in both directions, px; `radius` is a multiple of
+        `spacing`.
+    contrast
+        Grey-level difference at which a neighbour loses almost all its weight.
+
+    Returns
+    -------
+    ndarray
+        (H, W) float32, rounded to 1/256.
+    """
+    height, width, channels = guide.shape
+    least, most = np.fmin.reduce(values, axis=None) * UNITS, np.fmax.reduce(values, axis=None) * UNITS
+    if np.isnan(least):
+        return values.copy()
+    votes = (2 * (radius // spacing) + 1) ** 2 * contrast * channels
+    # Sixteen numbers of 16 bits take half the registers; the lowest number marks a missing value.
+    narrow = most - least < np.iinfo(np.uint16).max - 4 and votes <= np.iinfo(np.int16).max
+    dtype: type[np.int16 | np.int32] = np.int16 if narrow else np.int32
+    middle = round((float(least) + float(most)) / 2)
+    # The border has no values, and leaves room to load the last sixteen pixels of a row.
+    beyond = radius + -width % LANES
+    framed = np.full((height + 2 * radius, width + radius + beyond), np.iinfo(dtype).min, dtype)
+    planes = np.stack(
+        [
+            cv2.copyMakeBorder(np.ascontiguousarray(plane), radius, radius, radius, beyond, cv2.BORDER_REPLICATE)
+            for plane in np.moveaxis(guide, 2, 0)
+        ]
+    )
+    out = np.empty(values.shape, np.float32)
+    over_bands(lambda first, end: _quantise_rows(values, middle, radius, first, end, framed), height)
+    over_bands(
+        lambda first, end: _median_rows(framed, planes, radius, spacing, contrast, middle, first, end, out), height
+    )
+    return out
+
+
+@compiled
+def _quantise_rows(values: FloatMap, middle: int, radius: int, first: int, end: int, framed: Array) -> None:
+    """Set rows `first` to `end`, inside a border of the radius, to 256ths minus `middle`; skip missing values."""
+    for y in range(first, end):
+        row, source = framed[y + radius], values[y]
+        for x in range(source.size):
+            known = source[x] == source[x]
+            number = np.int32(np.rint(source[x] * np.float32(UNITS))) if known else np.int32(middle)
+            row[x + radius] = number - np.int32(middle) if known else row[x + radius]
+
+
+@compiled
+def _median_rows(
+    values: Array,
+    planes: Array,
+    radius: int,
+    spacing: int,
+    contrast: int,
+    middle: int,
+    first: int,
+    end: int,
+    out: FloatMap,
+) -> None:
+    """Find the medians of rows `first` to `end`, sixteen pixels at once.
+
+    Parameters
+    ----------
+    values
+        (H, W) inside a border of the radius, 256ths minus `middle`; the lowest number of the dtype marks a missing
+        value.
+    planes
+        (channels, H, W) guide with the same border.
+    """
+    width, stride = out.shape[1], values.shape[1]
+    side = 2 * (radius // spacing) + 1
+    numbers, weights = np.empty(side * side * LANES, values.dtype), np.empty(side * side * LANES, values.dtype)
+    found = np.empty(width + LANES, values.dtype)
+    missing = values[0, 0]
+    for y in range(first, end):
+        for x in range(0, width, LANES):
+            centre = (y + radius) * stride + x + radius
+            at = 0
+            for row in range(y, y + side * spacing, spacing):
+                for place in range(row * stride + x, row * stride + x + side * spacing, spacing):
+                    _weigh(planes, centre, place, contrast, weights, at)
+                    at += LANES
+            store(found, x, _median(values, centre, y * stride + x, side, spacing, numbers, weights))
+        for x in range(width):
+            known = values[y + radius, x + radius] != missing
+            number = np.float32(np.int32(found[x]) + np.int32(middle)) / np.float32(UNITS)
+            out[y, x] = number if known else np.float32(np.nan)
+
+
+@compiled
+def _weigh(planes: Array, centre: int, place: int, contrast: int, weights: Array, at: int) -> None:
+    """Set the weights of one neighbour of each of sixteen pixels.
+
+    `centre` and `place` are the start of the pixels and of their neighbours in a plane of the guide, `at` that of the
+    weights.
+    """
+    channels, plane = planes.shape[0], planes.shape[1] * planes.shape[2]
+    weight = splat(contrast * channels, weights.dtype)
+    for channel in range(channels):
+        here = cast(load(planes, channel * plane + centre), weights.dtype)
+        there = cast(load(planes, channel * plane + place), weights.dtype)
+        weight = weight - larger(here - there, there - here)
+    store(weights, at, larger(weight, splat(1, weights.dtype)))
+
+
+@compiled
+def _median(values: Array, centre: int, corner: int, side: int, spacing: int, numbers: Array, weights: Array) -> Any:
+    """Return the medians of sixteen pixels, by bisecting the range of each.
+
+    Bisection needs no sorting: the weight at or below a value is a plain sum, the same operation for all pixels. The
+    first neighbour is at `corner`; a missing one repeats the central value and gets no weight. If the central value is
+    missing, the range is empty.
+    """
+    stride = values.shape[1]
+    own = load(values, centre)
+    nothing, missing = splat(0, values.dtype), splat(values[0, 0], values.dtype)
+    low, high, total = own, own, nothing
+    at = 0
+    for row in range(corner, corner + side * spacing * stride, spacing * stride):
+        for place in range(row, row + side * spacing, spacing):
+            number = load(values, place)
+            weight = where_at_most(number, missing, nothing, load(weights, at))
+            number = where_at_most(number, missing, own, number)
+            store(numbers, at, number)
+            store(weights, at, weight)
+            low, high = where_at_most(low, number, low, number), larger(high, number)
+            total = total + weight
+            at += LANES
+    low, high = where_at_most(own, missing, own, low), where_at_most(own, missing, own, high)
+    half = halved(total + splat(1, values.dtype))
+    while not are_equal(low, high):
+        middle, below = low + halved(high - low), nothing
+        for at in range(0, side * side * LANES, LANES):
+            below = below + where_at_most(load(numbers, at), middle, load(weights, at), nothing)
+        low = where_at_most(half, below, low, middle + splat(1, values.dtype))
+        high = where_at_most(half, below, middle, high)
+    return low
+
+
+def weighted_median_reference(
+    values: FloatMap, guide: npt.NDArray[np.uint8], radius: int, spacing: int, contrast: int
+) -> FloatMap:
+    """Return the expected result of :func:`weighted_median`, pixel by pixel, for values that are whole 256ths."""
+    height, width, channels = guide.shape
+    out = values.copy()
+    for y, x in np.argwhere(np.isfinite(values)):
+        votes = sorted(
+            (
+                float(values[row, col]),
+                max(1, contrast * channels - int(np.abs(guide[row, col].astype(int) - guide[y, x]).sum())),
+            )
+            for row in range(y - radius, y + radius + 1, spacing)
+            for col in range(x - radius, x + radius + 1, spacing)
+            if 0 <= row < height and 0 <= col < width and np.isfinite(values[row, col])
+        )
+        weights = np.cumsum([weight for _, weight in votes])
+        out[y, x] = votes[int(np.searchsorted(2 * weights, weights[-1]))][0]
+    return out
+
+
+class SpeckleFilter(Settings):
+    """Speckle filter: small islands of disparity unlike their surroundings are mismatches."""
+
+    size: int = Field(
+        default=100,
+        title="Smallest surface",
+        description="Connected surfaces of fewer pixels are removed.",
+        ge=1,
+        le=10_000,
+        json_schema_extra={"step": 10},
+    )
+    difference: float = Field(
+        default=2.0,
+        title="Connected within",
+        description="Largest difference in disparity between neighbours of one surface, px.",
+        gt=0,
+        le=64,
+        json_schema_extra={"step": 0.5},
+    )
+
+
+class MedianFilter(Settings):
+    """Edge-respecting median: each pixel takes the median disparity of its neighbours of similar colour."""
+
+    radius: int = Field(
+        default=6,
+        title="Median radius",
+        description="Radius of the neighbourhood, px.",
+        ge=2,
+        le=30,
+        multiple_of=2,
+    )
+    contrast: int = Field(
+        default=25,
+        title="Median contrast",
+        description="Difference of colour, levels of 255, from which a neighbour hardly counts.",
+        ge=1,
+        le=255,
+    )
+
+
+def without_speckles(disparity: FloatMap, reason: ReasonMap, settings: SpeckleFilter) -> tuple[FloatMap, ReasonMap]:
+    """Return the map without its small islands (like OpenCV's ``filterSpeckles``), which become SPECKLE.
+
+    Parameters
+    ----------
+    disparity
+        (H, W) float32 px, within ±2047; NaN = none.
+    reason
+        (H, W) uint8.
+    settings
+        Size below which an island is removed, and disparity step that bounds it.
+    """
+    return rejected(disparity, reason, speckles(disparity, settings.size, settings.difference), Reason.SPECKLE)
+
+
+def edge_respecting_median(disparity: FloatMap, guide: npt.NDArray[np.uint8], settings: MedianFilter) -> FloatMap:
+    """Return the weighted median of 25 neighbours on a 5 × 5 grid, weighted by similarity of colour.
+
+    Parameters
+    ----------
+    disparity
+        (H, W) float32 px; NaN is ignored, and stays NaN.
+    guide
+        (H, W) or (H, W, channels) uint8, the left image.
+    settings
+        Radius and contrast.
+
+    Returns
+    -------
+    ndarray
+        (H, W) float32, rounded to 1/256 px.
+    """
+    planes = guide[:, :, None] if guide.ndim == 2 else guide[:, :, :3]
+    return weighted_median(disparity, planes, settings.radius, settings.radius // 2, settings.contrast)
+
 
 Speckle = Annotated[
     SpeckleFilter | None,

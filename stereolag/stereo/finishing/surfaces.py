@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -13,8 +14,477 @@ from stereolag.core.arrays import Array, FloatMap
 from stereolag.core.settings import Settings
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
-from stereolag.stereo.finishing.planes import GUESSED_SAMPLES, MEASURED_SAMPLES, Samples, fitted, sampled
-from stereolag.stereo.finishing.superpixels import superpixels
+
+ROUNDS = 2
+"""Number of times the pixels are assigned to patches; a third round does not improve the filling."""
+
+AROUND = 7
+"""Touching patches are within a square of this side on the grid: a pixel is at most one square from its patch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Superpixels:
+    """Image cut into patches, numbered row by row along a grid of squares.
+
+    Attributes
+    ----------
+    labels
+        (H, W) int32, the patch of each pixel: that of its own square, or of one of the eight around it.
+    centres
+        (patches, channels + 2) float32: mean colour, row and column of each patch. An empty one keeps its last centre.
+    grid
+        Number of squares down and across.
+    """
+
+    labels: npt.NDArray[np.int32]
+    centres: FloatMap
+    grid: tuple[int, int]
+
+
+def superpixels(planes: FloatMap, side: int, contrast: float) -> Superpixels:
+    """Return the superpixels of an image.
+
+    R. Achanta et al., "SLIC superpixels compared to state-of-the-art superpixel methods", 2012, on a fixed grid: a
+    pixel chooses among the patches of its own square and of the eight around it.
+
+    Parameters
+    ----------
+    planes
+        (channels, H, W) float32, grey levels.
+    side
+        Side of the squares of the grid, px.
+    contrast
+        Colour difference, levels per channel, that weighs as much as the side of a square.
+    """
+    channels, height, width = planes.shape
+    grid = max(1, round(height / side)), max(1, round(width / side))
+    rows = ((np.arange(grid[0]) + 0.5) * height / grid[0]).astype(np.int64)
+    cols = ((np.arange(grid[1]) + 0.5) * width / grid[1]).astype(np.int64)
+    at = np.repeat(rows, grid[1]), np.tile(cols, grid[0])
+    centres = np.column_stack([*(plane[at] for plane in planes), *at]).astype(np.float32)
+    weights = np.float32(1 / (channels * contrast**2)), np.float32(1 / side**2)
+    labels = _nearest_patches(planes, centres, grid, weights)
+    for _ in range(ROUNDS - 1):
+        centres = mean_centres(planes, labels, centres)
+        labels = _nearest_patches(planes, centres, grid, weights)
+    return Superpixels(labels, mean_centres(planes, labels, centres), grid)
+
+
+def _nearest_patches(
+    planes: FloatMap, centres: FloatMap, grid: tuple[int, int], weights: tuple[Any, Any]
+) -> npt.NDArray[np.int32]:
+    labels = np.empty(planes.shape[1:], np.int32)
+    over_bands(lambda first, end: choose_patches(planes, centres, grid, weights, first, end, labels), grid[0])
+    return labels
+
+
+@compiled
+def choose_patches(
+    planes: Array,
+    centres: Array,
+    grid: tuple[int, int],
+    weights: tuple[Any, Any],
+    first: int,
+    end: int,
+    labels: Array,
+) -> None:
+    """Assign every pixel in rows `first` to `end` of the grid to the nearest patch in colour and position.
+
+    Ties go to the patch with the lower number. Equals :func:`choose_patches_reference`.
+    """
+    channels, height, width = planes.shape
+    # The patches around each pixel are written out along the row, so that the loops over it vectorise.
+    compared = np.empty((9, channels + 2, width), np.float32)
+    numbers = np.empty((9, width), np.int32)
+    nearest, away = np.empty(width, np.float32), np.empty(width, np.float32)
+    nearest_patch = np.empty(width, np.int32)
+    for row in range(first, end):
+        _spread_centres(centres, grid, row, width, compared, numbers)
+        for y in range(-(-row * height // grid[0]), -(-(row + 1) * height // grid[0])):
+            nearest[:] = np.float32(np.inf)
+            for one in range(9):
+                _place_distances(compared, one, channels, np.float32(y), weights[1], away)
+                for channel in range(channels):
+                    _add_colour_distances(planes, channel, y, compared, one, weights[0], away)
+                _keep_nearer(away, numbers, one, nearest, nearest_patch)
+            labels[y] = nearest_patch
+
+
+@compiled
+def _spread_centres(
+    centres: Array, grid: tuple[int, int], row: int, width: int, compared: Array, numbers: Array
+) -> None:
+    """Write out the centres and numbers of the nine patches around each column, at infinity where there is none."""
+    for one in range(9):
+        down = row + one // 3 - 1
+        for x in range(width):
+            across = x * grid[1] // width + one % 3 - 1
+            inside = 0 <= down < grid[0] and 0 <= across < grid[1]
+            numbers[one, x] = down * grid[1] + across if inside else 0
+            for number in range(compared.shape[1]):
+                compared[one, number, x] = centres[numbers[one, x], number] if inside else np.float32(np.inf)
+
+
+@compiled
+def _place_distances(compared: Array, one: int, channels: int, y: Any, weight: Any, away: Array) -> None:
+    """Set the weighted squared distance of each pixel of a row from one of the patches around it."""
+    for x in range(away.size):
+        down, across = compared[one, channels, x] - y, compared[one, channels + 1, x] - np.float32(x)
+        away[x] = (down * down + across * across) * weight
+
+
+@compiled
+def _add_colour_distances(
+    planes: Array, channel: int, y: int, compared: Array, one: int, weight: Any, away: Array
+) -> None:
+    """Add the weighted squared difference from that patch in one channel."""
+    for x in range(away.size):
+        apart = planes[channel, y, x] - compared[one, channel, x]
+        away[x] += apart * apart * weight
+
+
+@compiled
+def _keep_nearer(away: Array, numbers: Array, one: int, nearest: Array, nearest_patch: Array) -> None:
+    """Assign to the patch the pixels that are nearer to it than to any before."""
+    for x in range(away.size):
+        nearer = away[x] < nearest[x]
+        nearest_patch[x] = numbers[one, x] if nearer else nearest_patch[x]
+        nearest[x] = away[x] if nearer else nearest[x]
+
+
+@compiled
+def mean_centres(planes: Array, labels: Array, before: Array) -> FloatMap:
+    """Return the mean colour, row and column of each patch; an empty patch keeps those in `before`."""
+    channels, height, width = planes.shape
+    sums = np.zeros((before.shape[0], channels + 2), np.float64)
+    counts = np.zeros(before.shape[0], np.int64)
+    for y in range(height):
+        for x in range(width):
+            patch = labels[y, x]
+            counts[patch] += 1
+            sums[patch, channels] += y
+            sums[patch, channels + 1] += x
+            for channel in range(channels):
+                sums[patch, channel] += planes[channel, y, x]
+    out = before.copy()
+    for patch in range(before.shape[0]):
+        if counts[patch] > 0:
+            for number in range(channels + 2):
+                out[patch, number] = np.float32(sums[patch, number] / counts[patch])
+    return out
+
+
+def neighbours(grid: tuple[int, int]) -> npt.NDArray[np.int32]:
+    """Return the numbers of the 7 × 7 patches around each on the grid, (patches, 49); its own beyond the grid."""
+    number = np.arange(grid[0] * grid[1])
+    down, across = np.divmod(np.arange(AROUND**2), AROUND)
+    rows = number[:, None] // grid[1] + down - AROUND // 2
+    cols = number[:, None] % grid[1] + across - AROUND // 2
+    inside = (rows >= 0) & (rows < grid[0]) & (cols >= 0) & (cols < grid[1])
+    return np.where(inside, rows * grid[1] + cols, number[:, None]).astype(np.int32)
+
+
+@compiled
+def borders(labels: Array, grid: tuple[int, int]) -> FloatMap:
+    """Return (patches, 49, 3) float32: length and mean column and row of each patch's border with each neighbour."""
+    height, width = labels.shape
+    out = np.zeros((grid[0] * grid[1], AROUND * AROUND, 3), np.float32)
+    middle = AROUND // 2
+    for y in range(height):
+        for x in range(width):
+            for across in range(2):
+                row, col = y + 1 - across, x + across
+                if row == height or col == width or labels[row, col] == labels[y, x]:
+                    continue
+                one, other = labels[y, x], labels[row, col]
+                place = (other // grid[1] - one // grid[1] + middle) * AROUND + other % grid[1] - one % grid[1] + middle
+                for patch, number in ((one, place), (other, AROUND * AROUND - 1 - place)):
+                    out[patch, number, 0] += 1
+                    out[patch, number, 1] += x
+                    out[patch, number, 2] += y
+    for patch in range(out.shape[0]):
+        for number in range(AROUND * AROUND):
+            if out[patch, number, 0] > 0:
+                out[patch, number, 1] /= out[patch, number, 0]
+                out[patch, number, 2] /= out[patch, number, 0]
+    return out
+
+
+def choose_patches_reference(
+    planes: FloatMap, centres: FloatMap, grid: tuple[int, int], weights: tuple[float, float]
+) -> npt.NDArray[np.int32]:
+    """Return the patches expected of :func:`choose_patches` for all pixels, computed with plain NumPy."""
+    _, height, width = planes.shape
+    y, x = np.indices((height, width), np.float32)
+    square = np.arange(height)[:, None] * grid[0] // height, np.arange(width) * grid[1] // width
+    number = np.arange(len(centres))[:, None, None]
+    near = (abs(number // grid[1] - square[0]) <= 1) & (abs(number % grid[1] - square[1]) <= 1)
+    *colours, rows, cols = centres.T[:, :, None, None]
+    away = ((rows - y) ** 2 + (cols - x) ** 2) * weights[1]
+    for plane, colour in zip(planes, colours, strict=True):
+        away = away + (plane - colour) ** 2 * weights[0]
+    return np.asarray(np.where(near, away, np.inf).argmin(axis=0), np.int32)
+
+
+MEASURED_SAMPLES, GUESSED_SAMPLES = 32, 16
+"""Largest numbers of pixels, spread evenly over a patch, that its plane is fitted to."""
+
+GUESS_WEIGHT = 0.03
+"""Weight of a guessed pixel; a measured one has 1."""
+
+TRIALS = np.random.default_rng(0).random((16, 3)).astype(np.float32)
+"""The three guesses that each trial plane goes through, as shares of their number."""
+
+SWEEPS = 20
+"""Number of times all planes are refitted, each to its neighbours' planes from the sweep before."""
+
+SPREAD = 2.0
+"""Distance from the plane at which a pixel has lost most of its weight, px of disparity."""
+
+JOIN = 2.0
+"""Weight of a border pixel between two patches of one colour; a measured pixel has 1."""
+
+JOIN_SPREAD = 2.0
+"""Distance between two neighbouring planes at which they hardly count as one surface, px of disparity."""
+
+JOIN_CONTRAST = 10.0
+"""Colour difference, levels per channel, at which the weight of a border falls to 0.37 of JOIN."""
+
+STEEPEST = 2.0
+"""Steepest trial plane, px of disparity per pixel of the reduced map."""
+
+LEVEL = 1e-3
+"""Weight that keeps a plane level if all its points are on one line."""
+
+
+class Samples(NamedTuple):
+    """Pixels of each patch that its plane is fitted to."""
+
+    points: FloatMap
+    """(patches, 3, most): columns, rows, disparities."""
+    kept: npt.NDArray[np.int32]
+    """Number of samples in each patch."""
+    counts: npt.NDArray[np.int32]
+    """Number of pixels they represent."""
+
+
+def fitted(patches: Superpixels, measured: Samples, guessed: Samples) -> FloatMap:
+    """Return the plane of every patch with a gap, (patches, 3): slant per column and row, and value at its centre."""
+    at = np.ascontiguousarray(patches.centres[:, -2:])
+    joins = borders(patches.labels, patches.grid)
+    colour = patches.centres[:, :-2]
+    # Different colours separate patches: the weight of a border falls with the mean difference of the channels.
+    near = neighbours(patches.grid)
+    apart = np.abs(colour[near] - colour[:, None]).mean(axis=2)
+    joins[:, :, 0] *= np.float32(JOIN) * np.exp(-apart / np.float32(JOIN_CONTRAST))
+    planes = best_of_trials(*guessed[:2], at, TRIALS)
+    for _ in range(SWEEPS):
+        planes = refitted(planes, *measured, *guessed, joins, near, at)
+    return planes
+
+
+@compiled
+def sampled(labels: Array, values: Array, patches: int, most: int) -> tuple[Array, Array, Array]:
+    """Return the fields of `Samples`: at most `most` pixels of each patch, spread evenly among those with a value."""
+    height, width = labels.shape
+    counts = np.zeros(patches, np.int32)
+    for y in range(height):
+        for x in range(width):
+            counts[labels[y, x]] += not np.isnan(values[y, x])
+    points = np.zeros((patches, 3, most), np.float32)
+    kept, seen = np.zeros(patches, np.int32), np.zeros(patches, np.int32)
+    for y in range(height):
+        for x in range(width):
+            patch = labels[y, x]
+            if np.isnan(values[y, x]):
+                continue
+            # The first pixel of each of `most` equal shares.
+            if seen[patch] * most >= kept[patch] * max(counts[patch], most):
+                points[patch, 0, kept[patch]] = x
+                points[patch, 1, kept[patch]] = y
+                points[patch, 2, kept[patch]] = values[y, x]
+                kept[patch] += 1
+            seen[patch] += 1
+    return points, kept, counts
+
+
+@compiled
+def best_of_trials(points: Array, kept: Array, at: Array, trials: Array) -> FloatMap:
+    """Return the plane nearest to most samples of each patch, among level ones and those through three samples.
+
+    A patch with fewer than three samples has no plane: NaN.
+    """
+    out = np.full((kept.size, 3), np.nan, np.float32)
+    for patch in range(kept.size):
+        count = kept[patch]
+        best = np.float32(-1)
+        for trial in range(-3, trials.shape[0] if count >= 3 else -3):
+            rise, fall = np.float32(0), np.float32(0)
+            one = (trial + 4) * count // 4 if trial < 0 else int(trials[trial, 0] * count)
+            x, y, value = points[patch, 0, one], points[patch, 1, one], points[patch, 2, one]
+            if trial >= 0:
+                two, three = int(trials[trial, 1] * count), int(trials[trial, 2] * count)
+                ax, ay, az = points[patch, 0, two] - x, points[patch, 1, two] - y, points[patch, 2, two] - value
+                bx, by, bz = points[patch, 0, three] - x, points[patch, 1, three] - y, points[patch, 2, three] - value
+                area = ax * by - ay * bx
+                if abs(area) < 2:
+                    continue
+                rise, fall = (az * by - ay * bz) / area, (ax * bz - az * bx) / area
+                if max(abs(rise), abs(fall)) > np.float32(STEEPEST):
+                    continue
+            value += rise * (at[patch, 1] - x) + fall * (at[patch, 0] - y)
+            votes = _votes(points, patch, count, at[patch, 1], at[patch, 0], rise, fall, value)
+            if votes > best:
+                best = votes
+                out[patch, 0], out[patch, 1], out[patch, 2] = rise, fall, value
+    return out
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _votes(points: Array, patch: int, count: int, col: Any, row: Any, rise: Any, fall: Any, value: Any) -> Any:
+    """Return the number of points of a patch near a plane: each counts 1 on the plane, and less with distance."""
+    votes = np.float32(0)
+    for number in range(count):
+        x, y = points[patch, 0, number] - col, points[patch, 1, number] - row
+        away = (points[patch, 2, number] - value - rise * x - fall * y) / np.float32(SPREAD)
+        votes += np.float32(1) / (np.float32(1) + away * away)
+    return votes
+
+
+@compiled
+def refitted(
+    planes: Array,
+    measured: Array,
+    measured_kept: Array,
+    measured_counts: Array,
+    guessed: Array,
+    guessed_kept: Array,
+    guessed_counts: Array,
+    joins: Array,
+    near: Array,
+    at: Array,
+) -> FloatMap:
+    """Return the planes refitted by least squares, each point weighted by its closeness to the current plane.
+
+    Equals :func:`refitted_reference`, up to rounding.
+    """
+    out = planes.copy()
+    joined = np.empty((1, 3, 3), np.float32)
+    sums = np.empty(9, np.float64)
+    for patch in range(planes.shape[0]):
+        if np.isnan(planes[patch, 2]):
+            continue
+        sums[:] = 0
+        sums[0] = sums[3] = LEVEL
+        count = measured_kept[patch]
+        weight = measured_counts[patch] / max(count, 1)
+        _add(sums, planes, at, patch, measured, patch, count, np.float32(weight), np.float32(SPREAD))
+        count = guessed_kept[patch]
+        weight = GUESS_WEIGHT * guessed_counts[patch] / max(count, 1)
+        _add(sums, planes, at, patch, guessed, patch, count, np.float32(weight), np.float32(2 * SPREAD))
+        for number in range(near.shape[1]):
+            other = near[patch, number]
+            if joins[patch, number, 0] <= 0 or np.isnan(planes[other, 2]):
+                continue
+            # Two planes are one surface if they agree on the border and at both centres.
+            joined[0, 0, 0], joined[0, 1, 0] = joins[patch, number, 1], joins[patch, number, 2]
+            joined[0, 0, 1], joined[0, 1, 1] = at[patch, 1], at[patch, 0]
+            joined[0, 0, 2], joined[0, 1, 2] = at[other, 1], at[other, 0]
+            for place in range(3):
+                across, down = joined[0, 0, place] - at[other, 1], joined[0, 1, place] - at[other, 0]
+                joined[0, 2, place] = planes[other, 2] + planes[other, 0] * across + planes[other, 1] * down
+            _add(sums, planes, at, patch, joined, 0, 3, joins[patch, number, 0], np.float32(JOIN_SPREAD))
+        _solve(sums, out, patch)
+    return out
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _add(
+    sums: Array,
+    planes: Array,
+    at: Array,
+    patch: int,
+    points: Array,
+    row: int,
+    count: int,
+    weight: Any,
+    spread: Any,
+) -> None:
+    """Add the points in a row of an array to a patch's normal equations, with less weight far from its plane."""
+    rise, fall, value = planes[patch, 0], planes[patch, 1], planes[patch, 2]
+    middle, centre = at[patch, 1], at[patch, 0]
+    sxx = sxy = sx = syy = sy = s = sxz = syz = sz = np.float32(0)
+    for number in range(count):
+        x, y, z = points[row, 0, number] - middle, points[row, 1, number] - centre, points[row, 2, number]
+        away = (z - value - rise * x - fall * y) / spread
+        nearness = np.float32(1) / (np.float32(1) + away * away)
+        w = weight * nearness * nearness
+        sxx += w * x * x
+        sxy += w * x * y
+        sx += w * x
+        syy += w * y * y
+        sy += w * y
+        s += w
+        sxz += w * x * z
+        syz += w * y * z
+        sz += w * z
+    sums[0] += sxx
+    sums[1] += sxy
+    sums[2] += sx
+    sums[3] += syy
+    sums[4] += sy
+    sums[5] += s
+    sums[6] += sxz
+    sums[7] += syz
+    sums[8] += sz
+
+
+@compiled
+def _solve(sums: Array, planes: Array, patch: int) -> None:
+    """Set the plane that solves its normal equations, by Cramer's rule; keep it if they have no solution."""
+    xx, xy, x, yy, y, n, xz, yz, z = sums
+    a, b, c = yy * n - y * y, x * y - xy * n, xy * y - x * yy
+    scale = xx * a + xy * b + x * c
+    if scale <= 1e-9 * xx * yy * n:
+        return
+    planes[patch, 0] = (a * xz + b * yz + c * z) / scale
+    planes[patch, 1] = (b * xz + (xx * n - x * x) * yz + (xy * x - xx * y) * z) / scale
+    planes[patch, 2] = (c * xz + (xy * x - xx * y) * yz + (xx * yy - xy * xy) * z) / scale
+
+
+def refitted_reference(
+    planes: FloatMap,
+    measured: Samples,
+    guessed: Samples,
+    joins: FloatMap,
+    near: npt.NDArray[np.int32],
+    at: FloatMap,
+) -> FloatMap:
+    """Return the expected result of :func:`refitted`, up to rounding, computed with plain NumPy."""
+
+    def above(patch: int, x: Array, y: Array) -> Array:
+        return np.column_stack([x - at[patch, 1], y - at[patch, 0], np.ones(len(x))])
+
+    out = planes.copy()
+    for patch in np.flatnonzero(np.isfinite(planes[:, 2])).tolist():
+        groups = [
+            (samples.points[patch, :, : samples.kept[patch]], share * samples.counts[patch] / samples.kept[patch], far)
+            for samples, share, far in ((measured, 1, SPREAD), (guessed, GUESS_WEIGHT, 2 * SPREAD))
+            if samples.kept[patch] > 0
+        ]
+        for join, other in zip(joins[patch], near[patch], strict=True):
+            if join[0] > 0 and np.isfinite(planes[other, 2]):
+                x, y = np.array([join[1:], at[patch, ::-1], at[other, ::-1]]).T
+                groups.append((np.array([x, y, above(other, x, y) @ planes[other]]), join[0], JOIN_SPREAD))
+        rows, values, weights = [np.eye(2, 3)], [np.zeros(2)], [np.full(2, LEVEL)]
+        for (x, y, z), weight, far in groups:
+            rows.append(above(patch, x, y))
+            values.append(z)
+            weights.append(weight / (1 + ((z - rows[-1] @ planes[patch]) / far) ** 2) ** 2)
+        root = np.sqrt(np.concatenate(weights))
+        out[patch] = np.linalg.lstsq(np.concatenate(rows) * root[:, None], np.concatenate(values) * root)[0]
+    return out
+
 
 REDUCED = 2
 """Patches and planes are computed on every other row and column."""

@@ -6,16 +6,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import literal_unroll
-from numba.extending import overload
 
 from stereolag.core.arrays import Array
 from stereolag.core.inputs import Image
 from stereolag.loops.bands import over_bands
-from stereolag.loops.compilation import compiled
-from stereolag.stereo.semi_global.cost_terms import TERMS
-from stereolag.stereo.semi_global.cost_terms.term import Run
-from stereolag.stereo.semi_global.costs import MatchingCost
+from stereolag.loops.compilation import compiled, compiled_as, literal_unroll
+from stereolag.stereo.semi_global.cost_terms import TERMS, MatchingCost, Run
 
 Costs = npt.NDArray[np.uint8]
 
@@ -76,7 +72,7 @@ def _add(left: Any, right: Any, run: Run, carried: Array, costs: Array) -> None:
     next(term.add for term in TERMS if term.kind is type(left))(left, right, run, carried, costs)
 
 
-@overload(_add, strict=False)
+@compiled_as(_add, strict=False)
 def _add_compiled(left: Any, right: Any, run: Any, carried: Any, costs: Any) -> Any:
     """Return the compiled form of :func:`_add`, which chooses the term at compile time."""
     add = next(term.add for term in TERMS if term.kind is left.instance_class)

@@ -1,19 +1,164 @@
-"""Conversion from windows to pixels: a disparity or a reason for every pixel, in one pass over memory."""
+"""From windows to pixels: the sub-pixel fit of every peak, and a disparity or a reason for every pixel."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from stereolag.core.arrays import FloatMap, ReasonMap
+from stereolag.core.arrays import DoubleMap, FloatMap, ReasonMap
 from stereolag.loops.bands import over_bands
 from stereolag.loops.compilation import compiled
-from stereolag.stereo.matcher import PixelMatches
-from stereolag.stereo.reasons import Reason
-from stereolag.stereo.windows.matches import LagMap, WindowMatches, WindowQuery
-from stereolag.stereo.windows.peak_fits import fit_peaks
-from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.matcher import PixelMatches, Reason
+from stereolag.stereo.windows.search import LagMap, LagRange, WindowMatches, WindowQuery
+
+ZERO, HALF, ONE, TWO, THREE, FOUR = (np.float32(number) for number in (0, 0.5, 1, 2, 3, 4))
+THIRD, FIFTH, SEVENTH, NINTH = (np.float32(1 / number) for number in (3, 5, 7, 9))
+EIGHT = np.float32(8)
+
+
+@compiled
+def _log_ratio(numerator: Any, denominator: Any) -> Any:
+    """Return the logarithm of the ratio of two positive numbers: 8 artanh((a - b) / (a + b)) of their fourth roots."""
+    a, b = math.sqrt(math.sqrt(numerator)), math.sqrt(math.sqrt(denominator))
+    z = (a - b) / (a + b)
+    square = z * z
+    return EIGHT * z * (ONE + square * (THIRD + square * (FIFTH + square * (SEVENTH + square * NINTH))))
+
+
+@compiled
+def _fit_three(before: Any, peak: Any, after: Any) -> Any:
+    """Return the offset of the peak of three scores: from a Gaussian, or a parabola if one is not positive."""
+    positive = min(before, after) > ZERO
+    fall_before = _log_ratio(peak, before) if positive else peak - before
+    fall_after = _log_ratio(peak, after) if positive else peak - after
+    bend = fall_before + fall_after
+    offset = min(HALF, max(-HALF, HALF * (fall_before - fall_after) / bend))
+    # A missing neighbour makes the bend NaN, and this comparison false.
+    return offset if bend > ZERO else ZERO
+
+
+@compiled
+def _fit_along_rows(around: FloatMap, offset_dx: FloatMap, first: int, end: int) -> None:
+    """Fit rows `first` to `end` of the grid of windows after a search along one row of lags."""
+    for row in range(first, end):
+        before, peak, after, offset = around[0, 0, row], around[0, 1, row], around[0, 2, row], offset_dx[row]
+        for col in range(peak.size):
+            offset[col] = _fit_three(before[col], peak[col], after[col])
+
+
+@compiled
+def _fit_in_two_dimensions(around: FloatMap, offset_dy: FloatMap, offset_dx: FloatMap, first: int, end: int) -> None:
+    """Fit rows `first` to `end` of the grid of windows: nine scores named by compass, the peak in the middle."""
+    for row in range(first, end):
+        nw, n, ne = around[0, 0, row], around[0, 1, row], around[0, 2, row]
+        w, peak, e = around[1, 0, row], around[1, 1, row], around[1, 2, row]
+        sw, s, se = around[2, 0, row], around[2, 1, row], around[2, 2, row]
+        dy, dx = offset_dy[row], offset_dx[row]
+        for col in range(peak.size):
+            top = peak[col]
+            lowest = min(
+                min(min(nw[col], n[col]), min(ne[col], w[col])), min(min(e[col], sw[col]), min(s[col], se[col]))
+            )
+            positive = lowest > ZERO
+            # Everything is relative to the peak, which is therefore 0.
+            a = _log_ratio(nw[col], top) if positive else nw[col] - top
+            b = _log_ratio(n[col], top) if positive else n[col] - top
+            c = _log_ratio(ne[col], top) if positive else ne[col] - top
+            d = _log_ratio(w[col], top) if positive else w[col] - top
+            f = _log_ratio(e[col], top) if positive else e[col] - top
+            g = _log_ratio(sw[col], top) if positive else sw[col] - top
+            h = _log_ratio(s[col], top) if positive else s[col] - top
+            i = _log_ratio(se[col], top) if positive else se[col] - top
+            slope_y = (g + h + i - a - b - c) / (TWO * THREE)
+            slope_x = (c + f + i - a - d - g) / (TWO * THREE)
+            bend_y = (a + b + c + g + h + i - TWO * (d + f)) / (TWO * THREE)
+            bend_x = (a + d + g + c + f + i - TWO * (b + h)) / (TWO * THREE)
+            twist = (i - g - c + a) / FOUR
+            determinant = FOUR * bend_x * bend_y - twist * twist
+            joint_y = (twist * slope_x - TWO * bend_x * slope_y) / determinant
+            joint_x = (twist * slope_y - TWO * bend_y * slope_x) / determinant
+            together = (
+                (determinant > ZERO) & (bend_x < ZERO) & (bend_y < ZERO) & (abs(joint_y) <= ONE) & (abs(joint_x) <= ONE)
+            )
+            apart_y, apart_x = _fit_three(n[col], top, s[col]), _fit_three(w[col], top, e[col])
+            dy[col] = joint_y if together else apart_y
+            dx[col] = joint_x if together else apart_x
+
+
+def fit_peaks(around: FloatMap) -> tuple[FloatMap, FloatMap]:
+    """Return the sub-pixel (dy, dx) offsets of every window's peak: the one peak fit of the package.
+
+    Along one row it is a Gaussian through three scores (Willert & Gharib 1991, the usual choice in PIV), or a parabola
+    where a score is not positive and so has no logarithm. Of the fits compared on shifted textures and photographs
+    (parabola, equiangular lines, cosine, lines through the root of the distance) the Gaussian had the smallest bias: at
+    most 0.04 px on windows of 20 px, against 0.07 px for the parabola.
+
+    In two dimensions a Gaussian is fitted to the nine scores at once by regression (Nobach & Honkanen, "Two-dimensional
+    Gaussian regression for sub-pixel displacement estimation in particle image velocimetry", 2005). Two separate fits
+    are biased wherever the peak is oblique: by up to 0.14 px on shifted textures, against 0.03 px for the joint fit.
+    Where a score is missing or the nine do not bend down in all directions, the separate fits are used instead.
+
+    Parameters
+    ----------
+    around
+        (3, 3, n_rows, n_cols) float32 scores at dy - 1..dy + 1 and dx - 1..dx + 1, the largest in the middle, or
+        (1, 3, ...) after a search along one row of lags; NaN = no such lag. For a single window: (3, 3, 1, 1).
+
+    Returns
+    -------
+    tuple of ndarray
+        (n_rows, n_cols) float32, px: -0.5..0.5 along a row, within ±1 in two dimensions; 0 where nothing can be fitted.
+    """
+    offset_dy, offset_dx = np.zeros((2, *around.shape[2:]), dtype=np.float32)
+
+    def fit(first: int, end: int) -> None:
+        if around.shape[0] == 1:
+            _fit_along_rows(around, offset_dx, first, end)
+        else:
+            _fit_in_two_dimensions(around, offset_dy, offset_dx, first, end)
+
+    over_bands(fit, around.shape[2])
+    return offset_dy, offset_dx
+
+
+def fit_peaks_reference(around: FloatMap) -> tuple[FloatMap, FloatMap]:
+    """Return the expected result of :func:`fit_peaks`, within 0.003 px, computed with exact logarithms."""
+    if around.shape[0] == 1:
+        return np.zeros(around.shape[2:], np.float32), _fit_three_reference(*around[0])
+    apart_y, apart_x = _fit_three_reference(*around[:, 1]), _fit_three_reference(*around[1])
+    values = _logarithms(around.reshape(9, *around.shape[2:])).reshape(around.shape)
+    by_row, by_col = values.sum(axis=1), values.sum(axis=0)
+    slope_y, slope_x = (by_row[2] - by_row[0]) / 6, (by_col[2] - by_col[0]) / 6
+    bend_y, bend_x = (by_row[0] - 2 * by_row[1] + by_row[2]) / 6, (by_col[0] - 2 * by_col[1] + by_col[2]) / 6
+    twist = (values[2, 2] - values[2, 0] - values[0, 2] + values[0, 0]) / 4
+    determinant = 4 * bend_x * bend_y - twist**2
+    together = np.isfinite(determinant) & (determinant > 0) & (bend_x < 0) & (bend_y < 0)
+    scale = np.divide(1, determinant, where=together, out=np.zeros_like(determinant))
+    joint_y, joint_x = (
+        (twist * slope_x - 2 * bend_x * slope_y) * scale,
+        (twist * slope_y - 2 * bend_y * slope_x) * scale,
+    )
+    together &= np.maximum(np.abs(joint_y), np.abs(joint_x)) <= 1
+    return (
+        np.where(together, joint_y, apart_y).astype(np.float32),
+        np.where(together, joint_x, apart_x).astype(np.float32),
+    )
+
+
+def _fit_three_reference(before: FloatMap, peak: FloatMap, after: FloatMap) -> FloatMap:
+    low, top, high = _logarithms(np.stack([before, peak, after]))
+    curvature = low - 2 * top + high
+    offset = np.divide(low - high, 2 * curvature, where=curvature < 0, out=np.zeros_like(curvature))
+    return np.asarray(np.clip(offset, -0.5, 0.5), dtype=np.float32)
+
+
+def _logarithms(scores: FloatMap) -> DoubleMap:
+    """Return the logarithms along axis 0 where all scores are positive, the scores themselves elsewhere."""
+    values = scores.astype(np.float64)
+    return np.log(values, out=values, where=(values > 0).all(axis=0))
+
 
 NOTHING = np.float32(np.nan)
 NO_ROWS = np.empty((0, 0), np.float32)
@@ -43,6 +188,18 @@ class _Maps(NamedTuple):
     dy: FloatMap
     score: FloatMap
     reason: ReasonMap
+
+
+class _Matched(NamedTuple):
+    """Matches to spread, each (n_rows, n_cols); `refused` and `dy` may be empty."""
+
+    refused: ReasonMap
+    texture: FloatMap
+    score: FloatMap
+    dy: LagMap
+    dx: LagMap
+    beside_dy: FloatMap
+    beside_dx: FloatMap
 
 
 def spread_over_pixels(
@@ -75,7 +232,7 @@ def spread_over_pixels(
         np.empty(shape, np.float32),
         np.empty(shape, np.uint8),
     )
-    found = (
+    found = _Matched(
         np.empty((0, 0), np.uint8) if refused is None else np.ascontiguousarray(refused),
         np.ascontiguousarray(matches.texture),
         np.ascontiguousarray(matches.score),
@@ -86,7 +243,7 @@ def spread_over_pixels(
     ends = (asked.dy_first, asked.dy_last, asked.dx_first, asked.dx_last)
 
     def write(first: int, end: int) -> None:
-        _write_cells(first, end, cells, ends, query.circular, flat, *found, maps)
+        _write_cells(first, end, cells, ends, query.circular, flat, found, maps)
 
     over_bands(write, matches.score.shape[0])
     return PixelMatches(maps.disparity, maps.reason, maps.score, maps.dy if vertical else None)
@@ -100,17 +257,12 @@ def _write_cells(
     ends: tuple[int, int, int, int],
     circular: bool,
     flat: float,
-    refused: ReasonMap,
-    texture: FloatMap,
-    best: FloatMap,
-    lag_dy: LagMap,
-    lag_dx: LagMap,
-    beside_dy: FloatMap,
-    beside_dx: FloatMap,
+    found: _Matched,
     maps: _Maps,
 ) -> None:
     """Write the cells of rows `first` to `end` of the grid; its first and last row also write the border beyond."""
     offset, step, last_row, last_col = cells
+    refused, texture, best, lag_dy, lag_dx, beside_dy, beside_dx = found
     dy_first, dy_last, dx_first, dx_last = ends
     rows, cols = best.shape
     height, width = maps.reason.shape

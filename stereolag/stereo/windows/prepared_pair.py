@@ -6,41 +6,17 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from stereolag.core.arrays import Array
 from stereolag.core.inputs import Image, flat_energy
 from stereolag.loops.vector_lanes import LANES
-from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
-from stereolag.stereo.windows.running_sums import describe_windows
-from stereolag.stereo.windows.scores import as_scores
-from stereolag.stereo.windows.search import LagRange, lag_table, strips_of
+from stereolag.stereo.windows.scores import WindowResults, Windows, as_scores, describe_windows
+from stereolag.stereo.windows.search import LagRange, WindowMatches, WindowQuery, lag_table, strips_of
 
 LARGEST_EXACT_WINDOW = 181
 """px; 181² products of uint8 still fit in a signed 32-bit sum."""
 
 NO_RIGHT_MATCH = -32768
-
-
-class Windows(NamedTuple):
-    """Sums and norms of the windows of one image, (rows, cols)."""
-
-    total: Array
-    """Sum of the pixels."""
-    inverse: npt.NDArray[np.float32]
-    """1 / norm; NaN for an excluded window."""
-
-
-class Found(NamedTuple):
-    """Result for each window of the grid (rows, cols); fields not requested are empty."""
-
-    dy: npt.NDArray[np.int16]
-    dx: npt.NDArray[np.int16]
-    around: npt.NDArray[np.int32]
-    """(9 | 3, rows, cols): the scores at and around the peak, in the order of :attr:`LagTable.around`."""
-    runner_up: npt.NDArray[np.int32]
-    right_key: npt.NDArray[np.int32]
-    """(rows, columns of the framed right image): score and code of the best left window for each right window."""
 
 
 class Comparable(NamedTuple):
@@ -90,10 +66,10 @@ class PreparedPair:
         self.right_dx = np.full(seen, NO_RIGHT_MATCH, np.int16)
         self.texture = np.empty((self.rows, self.cols), np.float32)
 
-    def _room(self, runner_up: bool, right_matches: bool) -> Found:
+    def _room(self, runner_up: bool, right_matches: bool) -> WindowResults:
         shape = (self.rows, self.cols)
         vertical = self.lags is not None and self.lags.rows > 1
-        return Found(
+        return WindowResults(
             dy=np.zeros(shape if vertical or (self.lags and self.lags.dy_first) else (0, 0), np.int16),
             dx=np.zeros(shape, np.int16),
             around=np.zeros((9 if vertical else 3, *shape), np.int32),

@@ -1,10 +1,20 @@
-"""Scores of windows at every lag, and the choice of the best lag.
+"""Running sums of products, scores of windows at every lag, and the choice of the best lag.
+
+A *column sum* is the sum of the products of one image column over the window's height, for every lag. Moving down one
+row adds the products that enter and subtracts those that leave, both in one instruction if the pixels are whole numbers
+(:func:`changing_rows`). A *window sum* slides right by adding one column sum and subtracting another, so a window costs
+the same whatever its size. The lag is the innermost axis, in strips of sixteen
+(:class:`stereolag.stereo.windows.search.LagTable`).
+
+``at`` is an index into the flattened image, and ``back`` the distance from an entering pixel to the leaving one above
+it; `offsets` lead from the right pixel of the first lag to those of each strip. Sums of uint8 products are int32, and
+exact; other images have float64 sums in the same code.
 
 A score s of -1..1 is stored as the integer ``(s + OFFSET) * SCALE``: positive, below 2**31, and as fine as float32; 0
-means no candidate. With the code of the lag (:class:`stereolag.stereo.windows.search.LagTable`) in its low bits, one
-comparison finds the better of two scores and breaks ties, and nothing is divided before the best is known.
+means no candidate. With the code of the lag in its low bits, one comparison finds the better of two scores and breaks
+ties, and nothing is divided before the best is known.
 
-Inner loops take arrays as separate arguments: Numba counts references on every field taken out of a tuple.
+Fields are taken out of a record once for a group of windows: Numba counts references on each.
 """
 
 from __future__ import annotations
@@ -16,21 +26,257 @@ import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from stereolag.core.arrays import Array
-from stereolag.loops.compilation import compiled
+from stereolag.loops.compilation import compiled, compiled_as, numba_types
 from stereolag.loops.vector_lanes import (
     LANES,
     at_least,
     cast,
     item,
     larger,
+    largest,
     load,
     nearest,
+    paired_products,
     put,
     splat,
     store,
 )
-from stereolag.stereo.windows.matches import Score, WindowQuery
-from stereolag.stereo.windows.running_sums import change, left_change, slide
+from stereolag.stereo.windows.search import LagTable, Score, WindowQuery
+
+NEITHER, ENTERING, BOTH = 0, 1, 2
+"""How a row changes the column sums that end in it: not at all, by entering, or by entering as another leaves."""
+
+
+def changing_rows(image: Array, window: int) -> Array:
+    """Return the rows of an image as :func:`change` expects them.
+
+    Parameters
+    ----------
+    image
+        (H, W) uint8 or float64.
+    window
+        Height of the window: a pixel leaves when the one this many rows below enters.
+
+    Returns
+    -------
+    ndarray
+        (H, W) int32 for uint8 images: the entering pixel in the low 16 bits, the leaving one in the high ones, 0 where
+        that would be above the image. Other images are returned unchanged.
+    """
+    if image.dtype != np.uint8:
+        return image
+    rows = image.astype(np.int32)
+    rows[window:] |= rows[:-window] << 16
+    return rows
+
+
+def left_change(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
+    """Return an entering left pixel and the leaving one `back` before it, in all lanes; for compiled code only."""
+
+
+@compiled_as(left_change, strict=False)
+def _left_change_of_type(left: Any, at: Any, back: Any, which: Any, rows: Any) -> Any:
+    def packed(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
+        enters = np.int32(item(left, at)) if which != NEITHER else np.int32(0)
+        leaves = np.int32(item(left, at - back)) if which == BOTH else np.int32(0)
+        return splat(enters - leaves * 65536, np.int32)
+
+    def apart(left: Array, at: int, back: int, which: int, rows: Array) -> Any:
+        enters = item(left, at) if which != NEITHER else 0.0
+        leaves = item(left, at - back) if which == BOTH else 0.0
+        return splat(enters, rows.dtype), splat(leaves, rows.dtype)
+
+    return packed if isinstance(rows.dtype, numba_types.Integer) else apart
+
+
+def change(left: Any, rows: Array, at: int, back: int) -> Any:
+    """Return the change in the products of a left pixel with sixteen right ones; for compiled code only."""
+
+
+@compiled_as(change, strict=False)
+def _change_of_type(left: Any, rows: Any, at: Any, back: Any) -> Any:
+    def packed(left: Any, rows: Array, at: int, back: int) -> Any:
+        return paired_products(load(rows, at), left)
+
+    def apart(left: Any, rows: Array, at: int, back: int) -> Any:
+        return left[0] * load(rows, at) - left[1] * load(rows, at - back)
+
+    return packed if isinstance(rows.dtype, numba_types.Integer) else apart
+
+
+@compiled
+def change_row(
+    columns: Array,
+    width: int,
+    left: Array,
+    left_at: int,
+    left_back: int,
+    right_rows: Array,
+    right_at: int,
+    right_back: int,
+    offsets: Array,
+    which: int,
+) -> None:
+    """Change the column sums by a row: ``columns[x, lag] += left[x] * right[x + lag]``, minus the leaving products."""
+    at = 0
+    for x in range(width):
+        pixel = left_change(left, left_at + x, left_back, which, right_rows)
+        for strip in range(offsets.size):
+            there = right_at + x + item(offsets, strip)
+            store(columns, at, load(columns, at) + change(pixel, right_rows, there, right_back))
+            at += LANES
+
+
+@compiled
+def slide(window_sums: Array, columns: Array, entering: int, leaving: int) -> None:
+    """Move the window sums right: column `entering` enters; `leaving` leaves, unless it is negative."""
+    lags = columns.shape[1]
+    keep = splat(1 if leaving >= 0 else 0, columns.dtype)
+    gone = max(leaving, 0) * lags
+    for lag in range(0, lags, LANES):
+        total = load(window_sums, lag) + load(columns, entering * lags + lag)
+        store(window_sums, lag, total - keep * load(columns, gone + lag))
+
+
+@compiled
+def add_pixels(row: Array, pixels: Array, column_total: Array, column_square: Array) -> None:
+    """Add an image row to the column sums of pixels and of squares; `pixels` is a buffer of the sums' type."""
+    for x in range(row.size):
+        pixels[x] = row[x]
+    for x in range(row.size):
+        column_total[x] += pixels[x]
+        column_square[x] += pixels[x] * pixels[x]
+
+
+@compiled
+def take_pixels(row: Array, pixels: Array, column_total: Array, column_square: Array) -> None:
+    """Subtract an image row from the column sums of pixels and of squares."""
+    for x in range(row.size):
+        pixels[x] = row[x]
+    for x in range(row.size):
+        column_total[x] -= pixels[x]
+        column_square[x] -= pixels[x] * pixels[x]
+
+
+@compiled
+def sum_columns(columns: Array, count: int, window: int, span: Array, sums: Array) -> None:
+    """Set ``sums[x] = columns[x : x + window].sum()`` for `count` windows.
+
+    All three arrays have room for sixteen more. `span` is set to the sums of 1, 2, 4, ... neighbours in turn, and those
+    that make up the window are added, so that no sum waits for the one beside it.
+    """
+    span[:] = columns
+    sums[:] = 0
+    done, width = 0, 1
+    while width <= window:
+        if window & width:
+            for x in range(0, count, LANES):
+                store(sums, x, load(sums, x) + load(span, x + done))
+            done += width
+        for x in range(0, count + window - 2 * width, LANES):
+            store(span, x, load(span, x) + load(span, x + width))
+        width *= 2
+
+
+@compiled
+def energies(total: Array, square: Array, share: float, energy: Array) -> None:
+    """Set the sum of squared deviations from ``share * total``: the mean, or 0."""
+    for x in range(energy.size):
+        sum_of_window = np.float64(total[x])
+        energy[x] = square[x] - sum_of_window * sum_of_window * share
+
+
+@compiled
+def inverse_roots(energy: Array, floor: float, inverse: Array) -> None:
+    """Set ``1 / sqrt(energy)``, or NaN where the energy is at most `floor`."""
+    for x in range(energy.size):
+        known = np.float32(energy[x]) if energy[x] > floor else np.float32(np.nan)
+        inverse[x] = np.float32(1) / np.sqrt(known)
+
+
+@compiled
+def deviations(energy: Array, floor: float, window: int, texture: Array) -> None:
+    """Set the standard deviation, or 0 where the energy is at most `floor`."""
+    for x in range(energy.size):
+        known = np.float32(energy[x]) if energy[x] > floor else np.float32(0)
+        texture[x] = np.sqrt(known) * np.float32(1 / window)
+
+
+@compiled
+def describe_windows(
+    image: Array,
+    window: int,
+    step: int,
+    first: int,
+    share: float,
+    norm: float,
+    floor: float,
+    total: Array,
+    inverse: Array,
+    texture: Array,
+) -> None:
+    """Set the total, inverse norm and texture of the windows of a grid, from its row `first` on.
+
+    Parameters
+    ----------
+    image
+        (rows, cols).
+    share
+        ``1 / window**2`` for norms about the mean, 0 for norms about zero.
+    norm
+        Norm of every window, if above 0.
+    floor
+        Energy up to which a window is flat.
+    total, inverse
+        (rows, cols) of the grid; the dtype of `total` must be wide enough for the sum of squares.
+    texture
+        (rows, cols) standard deviation, empty if not requested; if it is, a flat window gets 0, and NaN as inverse
+        norm.
+    """
+    columns, width = image.shape[1], image.shape[1] - window + 1
+    room = columns + 2 * LANES
+    column_total, column_square = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
+    row_total, row_square = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
+    pixels, span = np.zeros(room, total.dtype), np.zeros(room, total.dtype)
+    energy, root, deviation = np.zeros(width), np.zeros(width, np.float32), np.zeros(width, np.float32)
+    for y in range(first * step, first * step + window - 1):
+        add_pixels(image[y], pixels, column_total, column_square)
+    for row in range(total.shape[0]):
+        bottom = (first + row) * step + window - 1
+        for y in range(bottom if row == 0 else bottom - step + 1, bottom + 1):
+            add_pixels(image[y], pixels, column_total, column_square)
+            if row > 0:
+                take_pixels(image[y - window], pixels, column_total, column_square)
+        sum_columns(column_total, width, window, span, row_total)
+        sum_columns(column_square, width, window, span, row_square)
+        total[row] = row_total[:width:step]
+        if norm > 0:
+            inverse[row] = 1 / norm
+        else:
+            energies(row_total, row_square, share, energy)
+            inverse_roots(energy, floor, root)
+            inverse[row] = root[::step]
+        if texture.size > 0:
+            if norm > 0 or share == 0:
+                energies(row_total, row_square, 1 / window**2, energy)
+            deviations(energy, floor, window, deviation)
+            texture[row] = deviation[::step]
+            for col in range(texture.shape[1]):
+                inverse[row, col] = inverse[row, col] if texture[row, col] > 0 else np.float32(np.nan)
+
+
+def describe_windows_reference(
+    image: Array, window: int, step: int, share: float, norm: float, floor: float
+) -> tuple[Array, Array, Array]:
+    """Return the total, inverse norm and texture expected of :func:`describe_windows`, from the first row on."""
+    windows = sliding_window_view(image.astype(np.float64), (window, window))[::step, ::step]
+    total, square = windows.sum((2, 3)), (windows**2).sum((2, 3))
+    energy, about_mean = square - share * total**2, square - total**2 / window**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.full(total.shape, 1 / norm) if norm > 0 else np.where(energy > floor, 1 / np.sqrt(energy), np.nan)
+        texture = np.where(about_mean > floor, np.sqrt(about_mean) / window, 0)
+    return total, np.where(texture > 0, inverse, np.nan), texture
+
 
 SCALE = 2.0**29
 OFFSET = 1.5
@@ -50,6 +296,71 @@ class LeftTerms(NamedTuple):
     """Remainder of the mean after `whole` and `coarse`."""
     scale: npt.NDArray[np.float32]
     """SCALE / norm; NaN for an excluded window."""
+
+
+class Windows(NamedTuple):
+    """Sums and norms of the windows of one image, (rows, cols)."""
+
+    total: Array
+    """Sum of the pixels."""
+    inverse: npt.NDArray[np.float32]
+    """1 / norm; NaN for an excluded window."""
+
+
+class WindowResults(NamedTuple):
+    """Result for each window of the grid (rows, cols); fields not requested are empty."""
+
+    dy: npt.NDArray[np.int16]
+    dx: npt.NDArray[np.int16]
+    around: npt.NDArray[np.int32]
+    """(9 | 3, rows, cols): the scores at and around the peak, in the order of :attr:`LagTable.around`."""
+    runner_up: npt.NDArray[np.int32]
+    right_key: npt.NDArray[np.int32]
+    """(rows, columns of the framed right image): score and code of the best left window for each right window."""
+
+
+class Workspace(NamedTuple):
+    """Buffers of a thread, small enough to stay in its core's cache."""
+
+    columns: Array
+    """(image columns of the tile, lags): column sums."""
+    window: Array
+    """(lags): the sliding window sum, without its newest column."""
+    left: LeftTerms
+    """(group): terms of a few left windows."""
+    scores: npt.NDArray[np.int32]
+    """(group, lags + 16): the scores of a few left windows; zeros after the lags."""
+    best: npt.NDArray[np.int32]
+    """(group, 16): score and code of the best lag of each lane."""
+    codes: npt.NDArray[np.int32]
+    """(group): code of the best lag."""
+
+
+class GroupPlace(NamedTuple):
+    """Place of a few neighbouring windows of a row of the grid, as indices into the flattened arrays of a tile."""
+
+    number: int
+    """Number of windows."""
+    step: int
+    window: int
+    column: int
+    """Column of the tile at which the first window ends."""
+    column_end: int
+    """Width of the tile."""
+    which: int
+    """How the newest row changes the column sums."""
+    left_row: int
+    left_back: int
+    """Pixel of the newest left row at `column`, and distance to the leaving one."""
+    right_row: int
+    right_back: int
+    """The same in the right rows, at the first lag."""
+    left_at: int
+    """The first window among the left ones."""
+    right_at: int
+    """The right window that it meets at the first lag."""
+    share: float
+    """``1 / window**2``, or 0 for a score that keeps the mean."""
 
 
 @compiled
@@ -76,7 +387,7 @@ def _set_left_terms(
 
 
 @compiled
-def _as_kept(
+def to_stored_score(
     products: Any, whole: Any, coarse: Any, fine: Any, scale: Any, right_total: Any, right_inverse: Any
 ) -> Any:
     """Return the scores of one left window at sixteen lags as stored integers; 0 where `right_inverse` is NaN.
@@ -95,45 +406,31 @@ def _as_kept(
 
 @compiled
 def score_group(
-    count: int,
-    step: int,
-    window: int,
-    column: int,
-    column_end: int,
-    columns: Array,
-    window_sums: Array,
-    left_terms: LeftTerms,
+    place: GroupPlace,
     left: Array,
-    left_row: int,
-    left_back: int,
     right_rows: Array,
-    right_row: int,
-    right_back: int,
-    which: int,
-    offsets: Array,
-    share: float,
-    left_at: int,
-    left_total: Array,
-    left_inverse: Array,
-    right_at: int,
-    right_total: Array,
-    right_inverse: Array,
-    codes: Array,
-    code_mask: int,
-    scores: Array,
-    best_lanes: Array,
+    left_windows: Windows,
+    right_windows: Windows,
+    table: LagTable,
+    work: Workspace,
     right_key: Array,
 ) -> None:
-    """Score `count` left windows of a row at every lag; the first ends at `column` of the tile, the others follow.
+    """Score some left windows of a row at every lag.
 
     One pass over the lags does everything: the column sums move down a row (as in ``change_row``), the window sums
-    slide right, the sums become scores (:func:`_as_kept`), and each lane keeps the best, as does every right window
-    unless `right_key` is empty.
+    slide right, the sums become scores (:func:`to_stored_score`), and each lane keeps the best, as does every right
+    window unless `right_key` is empty.
     """
+    count, step, window, column, column_end, which = place[:6]
+    left_row, left_back, right_row, right_back, left_at, right_at, share = place[6:]
+    left_total, left_inverse = left_windows
+    right_total, right_inverse = right_windows
+    codes, code_mask, offsets = table.codes, table.code_mask, table.right_offset
+    columns, window_sums, scores, best_lanes = work.columns, work.window, work.scores, work.best
+    wholes, coarses, fines, scales = work.left
     lags = columns.shape[1]
     seen_from_right = right_key.size > 0
     score_bits = splat(~code_mask, np.int32)
-    wholes, coarses, fines, scales = left_terms
     _set_left_terms(count, left_at, left_total, left_inverse, share, wholes, coarses, fines, scales)
     for member in range(count):
         x = member * step
@@ -152,7 +449,7 @@ def score_group(
             products = load(window_sums, lag) + column_sum
             store(window_sums, lag, products - load(columns, gone + lag))
             right = load(right_total, there), load(right_inverse, there)
-            score = _as_kept(products, whole, coarse, fine, scale, right[0], right[1])
+            score = to_stored_score(products, whole, coarse, fine, scale, right[0], right[1])
             store(scores, first + lag, score)
             key = (score & score_bits) | load(codes, lag)
             best = larger(best, key)
@@ -170,14 +467,10 @@ def score_products(
     products: Array,
     share: float,
     left_at: int,
-    left_total: Array,
-    left_inverse: Array,
+    left_windows: Windows,
     right_at: Array,
-    right_total: Array,
-    right_inverse: Array,
-    offsets: Array,
-    codes: Array,
-    code_mask: int,
+    right_windows: Windows,
+    table: LagTable,
     scores: Array,
     best_lanes: Array,
 ) -> None:
@@ -185,6 +478,9 @@ def score_products(
 
     Window 0 is left window `left_at`; at the first lag each window meets the right window in `right_at`.
     """
+    left_total, left_inverse = left_windows
+    right_total, right_inverse = right_windows
+    codes, code_mask, offsets = table.codes, table.code_mask, table.right_offset
     lags, score_bits = codes.size, splat(~code_mask, np.int32)
     wholes, scales = np.empty(1, products.dtype), np.empty(1, np.float32)
     coarses, fines = np.empty(1, np.float32), np.empty(1, np.float32)
@@ -197,7 +493,7 @@ def score_products(
             lag, there = strip * LANES, item(right_at, member) + item(offsets, strip)
             product = load(products, member * lags + lag)
             right = load(right_total, there), load(right_inverse, there)
-            score = _as_kept(product, whole, coarse, fine, scale, right[0], right[1])
+            score = to_stored_score(product, whole, coarse, fine, scale, right[0], right[1])
             store(scores, member * scores.shape[1] + lag, score)
             best = larger(best, (score & score_bits) | load(codes, lag))
         store(best_lanes, member * LANES, best)
@@ -257,3 +553,62 @@ def _score_reference(left_windows: Array, right_windows: Array, score: Score) ->
     flat |= (np.ptp(right_windows, axis=(2, 3)) == 0) if score == "zncc" else ~right.any((2, 3))
     norms = np.sqrt((left**2).sum((2, 3)) * (right**2).sum((2, 3)))
     return np.where(flat, np.nan, products / np.where(flat, 1, norms))
+
+
+@compiled
+def record_group(
+    count: int,
+    at: int,
+    left_at: int,
+    left_inverse: Array,
+    table: LagTable,
+    best_lanes: Array,
+    scores: Array,
+    found_codes: Array,
+    found: WindowResults,
+) -> None:
+    """Record the best lags of a group of windows and the scores around them, from window `at` of the grid on.
+
+    Working in groups lets the processor work on one window's best while it waits for another's.
+    """
+    code_mask, around_code, dy_of, dx_of = table.code_mask, table.around, table.dy, table.dx
+    dy, dx, around = found.dy, found.dx, found.around
+    planes = around_code.shape[1]
+    for member in range(count):
+        key = largest(load(best_lanes, member * LANES))
+        code = key & code_mask if key > code_mask and item(left_inverse, left_at + member) > 0 else 0
+        put(found_codes, member, code)
+        put(dx, at + member, item(dx_of, code))
+        if dy.size > 0:
+            put(dy, at + member, item(dy_of, code))
+    for plane in range(planes):
+        for member in range(count):
+            lag = item(around_code, item(found_codes, member) * planes + plane)
+            put(around, plane * dx.size + at + member, item(scores, member * scores.shape[1] + lag))
+
+
+@compiled
+def record_runners_up(
+    count: int,
+    at: int,
+    scores: Array,
+    found_codes: Array,
+    around_code: Array,
+    codes: Array,
+    code_mask: int,
+    runner_up: Array,
+) -> None:
+    """Record the best score more than one pixel from the peak, and clear the peak's neighbourhood in `scores`."""
+    planes = around_code.shape[1]
+    for member in range(count):
+        for plane in range(planes):
+            lag = item(around_code, item(found_codes, member) * planes + plane)
+            put(scores, member * scores.shape[1] + lag, 0)
+    score_bits = splat(~code_mask, np.int32)
+    for member in range(count):
+        best = splat(0, np.int32)
+        for lag in range(0, codes.size, LANES):
+            # The codes set the sign bit in the lanes beyond the range.
+            key = load(scores, member * scores.shape[1] + lag) | load(codes, lag)
+            best = larger(best, key & score_bits)
+        put(runner_up, at + member, largest(best) if item(found_codes, member) > 0 else 0)

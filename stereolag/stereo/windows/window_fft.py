@@ -19,11 +19,17 @@ from stereolag.core.arrays import Array
 from stereolag.core.jobs import Progress, silent
 from stereolag.loops.bands import over_bands
 from stereolag.loops.vector_lanes import LANES
-from stereolag.stereo.windows.matches import WindowMatches, WindowQuery
-from stereolag.stereo.windows.prepared_pair import PreparedPair, Windows, framed
-from stereolag.stereo.windows.recording import record_windows
-from stereolag.stereo.windows.scores import OFFSET, SCALE, as_scores, score_products
-from stereolag.stereo.windows.search import LagRange
+from stereolag.stereo.windows.prepared_pair import PreparedPair, framed
+from stereolag.stereo.windows.scores import (
+    OFFSET,
+    SCALE,
+    Windows,
+    as_scores,
+    record_group,
+    record_runners_up,
+    score_products,
+)
+from stereolag.stereo.windows.search import MOST_LAGS, LagRange, LagTable, WindowMatches, WindowQuery
 
 Spectrum = npt.NDArray[np.complex128]
 Surface = npt.NDArray[np.float64]
@@ -73,6 +79,38 @@ def match_windows_fft(query: WindowQuery, progress: Progress = silent) -> Window
             progress((first * pair.cols + int(some[-1]) + 1) / (pair.rows * pair.cols))
         pair.rescale(first, end, left.inverse)
     return pair.matches()
+
+
+def record_windows(
+    pair: PreparedPair,
+    first: int,
+    some: npt.NDArray[np.intp],
+    left: Windows,
+    scores: npt.NDArray[np.int32],
+    best_lanes: npt.NDArray[np.int32],
+) -> None:
+    """Record the best lags of some windows, counted from row `first` of the grid on."""
+    found, table, left_at = pair.found, pair.table, int(some[0])
+    at = first * pair.cols + left_at
+    score_mask, score_codes = table.code_mask, table.codes
+    if np.count_nonzero(table.codes > 0) > MOST_LAGS:
+        # Score and code do not fit in one integer: the best of each window is found separately, with no bits lost.
+        best_lanes = _best_of_many(scores, table)
+        score_mask, score_codes = 0, np.minimum(table.codes, 0)
+    codes = np.empty(some.size, np.int32)
+    record_group(some.size, at, left_at, left.inverse, table, best_lanes, scores, codes, found)
+    if found.runner_up.size:
+        record_runners_up(some.size, at, scores, codes, table.around, score_codes, score_mask, found.runner_up)
+
+
+def _best_of_many(scores: npt.NDArray[np.int32], table: LagTable) -> npt.NDArray[np.int32]:
+    """Return lanes with the code of each window's best lag in the first lane, as its only candidate."""
+    keys = scores[:, : table.codes.size].astype(np.int64) << 32 | np.maximum(table.codes, 0)
+    keys[:, table.codes < 0] = 0
+    best = keys.max(axis=1)
+    lanes = np.zeros((len(scores), LANES), np.int32)
+    lanes[:, 0] = np.where(best >> 32 > 0, (best & table.code_mask) | (table.code_mask + 1), 0)
+    return lanes
 
 
 def score_surface(query: WindowQuery, top: int, left_edge: int) -> Surface:
@@ -172,12 +210,10 @@ class _Products(_Surfaces):
                 products.reshape(some.size, -1),
                 pair.share,
                 int(some[0]),
-                *left,
+                left,
                 right_at,
-                *right,
-                table.right_offset,
-                table.codes,
-                table.code_mask,
+                right,
+                table,
                 scores,
                 best_lanes,
             )
@@ -203,7 +239,7 @@ class _Whitened(_Surfaces):
         windows = _cut(pair.left, tops, lefts, (pair.window, pair.window))
         surface = self.correlated(_mean_free(windows), _mean_free(areas), whitened=True)
         in_frame = _cut(right.inverse, tops - first * pair.step, lefts + pair.right_col, (lags.rows, lags.cols)) > 0
-        return _as_kept(pair, lags, np.where(in_frame, surface[:, : lags.rows, : lags.cols], np.nan))
+        return to_stored_score(pair, lags, np.where(in_frame, surface[:, : lags.rows, : lags.cols], np.nan))
 
 
 class _Circular(_Surfaces):
@@ -227,10 +263,10 @@ class _Circular(_Surfaces):
         if pair.score != "phase":
             right_norm = np.full(inverse.shape, 1 / pair.right_norm) if pair.score == "cross" else inverse
             surface *= (left.inverse.reshape(-1)[some] * right_norm)[:, None, None]
-        return _as_kept(pair, lags, np.where(inverse[:, None, None] > 0, surface, np.nan))
+        return to_stored_score(pair, lags, np.where(inverse[:, None, None] > 0, surface, np.nan))
 
 
-def _as_kept(
+def to_stored_score(
     pair: PreparedPair, lags: LagRange, scores: Surface
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     """Return (n, lag rows, lag cols) scores of -1..1, NaN for none, as stored integers, and the best of each lane.

@@ -43,7 +43,7 @@ from stereolag.figures.match import (
 )
 from stereolag.figures.pictures import CORRELATION, VIRIDIS, as_rgb
 from stereolag.pair import Pair
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import Reason
 from stereolag.stereo.semi_global.matcher import SemiGlobalMatcher
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea

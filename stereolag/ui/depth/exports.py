@@ -12,8 +12,7 @@ from stereolag.io.numpy_files import npy
 from stereolag.io.programs import opencv_script, script
 from stereolag.io.results import metrics_csv
 from stereolag.io.settings import opencv_yaml, settings_json
-from stereolag.stereo.confidence import confidence, has_scores
-from stereolag.stereo.evaluation import Evaluation
+from stereolag.stereo.evaluation import Evaluation, confidence, has_scores
 from stereolag.stereo.matcher import DisparityMap
 from stereolag.stereo.opencv import BlockMatcher
 from stereolag.ui import downloads

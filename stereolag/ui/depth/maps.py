@@ -19,9 +19,8 @@ from stereolag.figures.pictures import as_rgb, edge_path, thinned
 from stereolag.geometry.scene import DISPARITY_ERROR, typical_error
 from stereolag.pair import Pair
 from stereolag.stereo.evaluation import Evaluation, evaluate
-from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+from stereolag.stereo.matcher import DisparityMap, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS, PRESETS, PresetName, preset
-from stereolag.stereo.reasons import Reason
 from stereolag.streamlit_inside import Container, give_head_start
 from stereolag.ui import keys, prose
 from stereolag.ui.announcements import announce

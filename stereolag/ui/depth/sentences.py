@@ -20,7 +20,7 @@ from stereolag.figures.maps import ContactSheet
 from stereolag.figures.match import WindowGrid
 from stereolag.geometry.calibration import Calibration
 from stereolag.stereo.evaluation import CoverageCurve
-from stereolag.stereo.reasons import Reason
+from stereolag.stereo.matcher import Reason
 from stereolag.ui.sentences import REASON_WORDS, percent
 
 DOCTOR_HEALTHY = "**Input doctor:** no problems found."

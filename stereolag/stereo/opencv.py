@@ -1,4 +1,4 @@
-"""OpenCV's StereoBM and StereoSGBM: settings, memory and time estimates, and conversion of their results."""
+"""OpenCV's StereoBM and StereoSGBM behind the project's own matcher interface."""
 
 from __future__ import annotations
 
@@ -12,16 +12,61 @@ from pydantic import Field, field_validator, model_validator
 
 from stereolag.core.inputs import Image, as_eight_bit, as_grey
 from stereolag.core.jobs import COSTS, Estimate, Progress
-from stereolag.core.settings import FitsImage, OfThePair, Pixels, Usual
-from stereolag.stereo.matcher import MinDisparity, PixelMatches, StereoMatcher, grey_bytes
-from stereolag.stereo.opencv.fields import (
-    BlockSize,
-    LeftRightTolerance,
-    SpeckleRange,
-    SpeckleWindowSize,
-    UniquenessRatio,
-)
-from stereolag.stereo.reasons import Reason
+from stereolag.core.settings import Applies, FitsImage, OfThePair, Pixels, Usual
+from stereolag.stereo.matcher import MinDisparity, PixelMatches, Reason, StereoMatcher, grey_bytes
+
+BlockSize = Annotated[
+    int,
+    Pixels(),
+    FitsImage(),
+    Field(
+        title="Block",
+        description="Side of the compared block, px; odd (OpenCV's blockSize).",
+        ge=1,
+        le=51,
+        json_schema_extra={"step": 2},
+    ),
+]
+UniquenessRatio = Annotated[
+    int,
+    Field(
+        title="Uniqueness",
+        description="Least lead of the best match over the second best, percent (OpenCV's uniquenessRatio).",
+        ge=0,
+        le=100,
+    ),
+]
+SpeckleWindowSize = Annotated[
+    int,
+    Pixels(power=2),
+    Field(
+        title="Speckle size",
+        description="Smaller islands are dropped, px²; 0 keeps all (OpenCV's speckleWindowSize).",
+        ge=0,
+        le=5000,
+        json_schema_extra={"step": 10},
+    ),
+]
+SpeckleRange = Annotated[
+    int,
+    Applies(lambda settings: settings.speckle_window_size > 0, "needs speckle_window_size above 0"),
+    Field(
+        title="Speckle range",
+        description="Largest step within one island (OpenCV's speckleRange: StereoBM counts 1/16 px, StereoSGBM px).",
+        ge=0,
+        le=256,
+    ),
+]
+LeftRightTolerance = Annotated[
+    int,
+    Field(
+        title="Left-right tolerance",
+        description="Largest disagreement between the two directions, px; -1: no check (OpenCV's disp12MaxDiff).",
+        ge=-1,
+        le=64,
+    ),
+]
+
 
 SUBPIXEL = 16
 """OpenCV's disparities are integers in units of 1/16 px."""
