@@ -88,8 +88,3 @@ def test_a_mask_comes_back_as_it_was(height: int, width: int, seed: int) -> None
 def test_another_text_is_refused(value: Any) -> None:
     with pytest.raises(ValueError, match="does not have 16 × 10 pixels"):
         read_packed_mask(value, (10, 16))  # 20 bytes, 28 characters
-
-
-def test_a_mask_of_nothing_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least 2 pixels"):
-        read_packed_mask(packed_mask(np.zeros((10, 16))), (10, 16))

@@ -50,10 +50,6 @@ def plain(views: BoardViews) -> StereoCalibration:
     return calibrate_boards(views, SQUARE_M)
 
 
-def with_right(views: BoardViews, right: Sequence[Corners | None]) -> BoardViews:
-    return replace(views, right=tuple(right))
-
-
 def placed_views(true: StereoRig, poses: Sequence[tuple[np.ndarray, np.ndarray]], noise: float = 0.03) -> BoardViews:
     """Return the corners of a chessboard as seen by two cameras in these poses (rotation, position in squares)."""
     random = np.random.default_rng(0)
@@ -175,38 +171,25 @@ def test_a_charuco_board_is_drawn_whatever_the_size_of_its_markers(share: float)
     assert picture.shape == (8 * 48, 11 * 48)
 
 
-def wrong_moment(pairs: Pictures) -> tuple[np.ndarray, np.ndarray]:
-    return pairs[2][0], pairs[3][1]
-
-
-def upside_down(pairs: Pictures) -> tuple[np.ndarray, np.ndarray]:
-    return pairs[2][0], pairs[2][1][::-1, ::-1]
-
-
-@pytest.mark.parametrize("spoil", [wrong_moment, upside_down])
-def test_a_pair_that_contradicts_the_others_is_left_out(
-    pairs: Pictures, views: BoardViews, spoil: Callable[[Pictures], tuple[np.ndarray, np.ndarray]]
-) -> None:
-    (spoilt,) = find_boards([spoil(pairs)], CHESSBOARD).right
-    right = [spoilt if number == 2 else one for number, one in enumerate(views.right)]
-    result = calibrate_boards(with_right(views, right), SQUARE_M)
-    assert [pair.left_out for pair in result.pairs] == [
-        LeftOut.CONTRADICTS if number == 2 else None for number in range(len(pairs))
-    ]
-    assert max(result.pairs[2].left_rms, result.pairs[2].right_rms) > 5
+def reported(views: BoardViews, **changes: object) -> list[LeftOut | None]:
+    result = calibrate_boards(replace(views, **changes), SQUARE_M)
     check_rig(result.calibration, rig())
+    return [pair.left_out for pair in result.pairs]
 
 
-def test_a_board_that_moved_a_little_in_between_is_left_out(views: BoardViews) -> None:
-    moved = views.right[4]
-    assert moved is not None
-    right = [
-        Corners(moved.numbers, moved.points + np.array([4, 0])) if number == 4 else one
-        for number, one in enumerate(views.right)
-    ]
-    result = calibrate_boards(with_right(views, right), SQUARE_M)
-    assert result.pairs[4].left_out == LeftOut.CONTRADICTS
-    assert len(result.used) == len(views) - 1
+SPOIL: dict[str, Callable[[Pictures, BoardViews], Corners | None]] = {
+    "wrong moment": lambda pairs, views: views.right[3],
+    "upside down": lambda pairs, views: find_boards([(pairs[2][0], pairs[2][1][::-1, ::-1])], CHESSBOARD).right[0],
+    "moved a little": lambda pairs, views: Corners(np.arange(54), views.both[2][1].points + np.array([4, 0])),
+}
+
+
+@pytest.mark.parametrize("spoil", SPOIL)
+def test_a_pair_that_contradicts_the_others_is_left_out(pairs: Pictures, views: BoardViews, spoil: str) -> None:
+    spoilt = SPOIL[spoil](pairs, views)
+    right = tuple(spoilt if number == 2 else one for number, one in enumerate(views.right))
+    expected = [LeftOut.CONTRADICTS if number == 2 else None for number in range(len(pairs))]
+    assert reported(views, right=right) == expected
 
 
 @pytest.mark.parametrize("turned", [(1,), (0, 3, 5)])
@@ -217,28 +200,20 @@ def test_corners_counted_from_the_other_end_are_put_in_order(
         Corners(one.numbers, one.points[::-1]) if one is not None and number in turned else one
         for number, one in enumerate(views.right)
     ]
-    result = calibrate_boards(with_right(views, right), SQUARE_M)
+    result = calibrate_boards(replace(views, right=tuple(right)), SQUARE_M)
     assert {number for number, pair in enumerate(result.pairs) if pair.turned} ^ set(turned) == {
         number for number, pair in enumerate(plain.pairs) if pair.turned
     }
     assert result.rms == pytest.approx(plain.rms)
 
 
-def test_the_same_pair_twice_counts_once(views: BoardViews) -> None:
-    left, right, sizes = ((*all_of_them[:5], all_of_them[1]) for all_of_them in (views.left, views.right, views.sizes))
-    result = calibrate_boards(replace(views, left=left, right=right, sizes=sizes), SQUARE_M)
-    assert [pair.left_out for pair in result.pairs] == [None] * 5 + [LeftOut.SAME_VIEW]
-
-
-def test_pairs_without_a_board_or_of_another_size_or_left_out_by_hand_say_so(
-    pairs: Pictures, views: BoardViews
-) -> None:
+def test_pairs_that_cannot_be_used_say_why(pairs: Pictures, views: BoardViews) -> None:
     blank = np.full_like(pairs[0][0], 128)
     found = find_boards([(blank, pairs[4][1]), tuple(image[:-40] for image in pairs[1])], CHESSBOARD)
     assert found.left[0] is None
-    left = (*views.left[:3], None, views.left[5], None, found.left[1], views.left[6])
-    right = (*views.right[:3], found.right[0], None, None, found.right[1], views.right[6])
-    sizes = (*views.sizes[:6], found.sizes[1], views.sizes[7])
+    left = (*views.left[:3], None, views.left[5], None, found.left[1], views.left[6], views.left[1])
+    right = (*views.right[:3], found.right[0], None, None, found.right[1], views.right[6], views.right[1])
+    sizes = (*views.sizes[:6], found.sizes[1], *views.sizes[:2])
     result = calibrate_boards(replace(views, left=left, right=right, sizes=sizes), SQUARE_M, leave_out={7})
     assert [pair.left_out for pair in result.pairs[3:]] == [
         LeftOut.NOT_FOUND_LEFT,
@@ -246,52 +221,49 @@ def test_pairs_without_a_board_or_of_another_size_or_left_out_by_hand_say_so(
         LeftOut.NOT_FOUND,
         LeftOut.OTHER_SIZE,
         LeftOut.BY_HAND,
+        LeftOut.SAME_VIEW,
     ]
     assert result.used == (0, 1, 2)
 
 
-def refusal(views: BoardViews) -> str:
-    with pytest.raises(ValueError) as caught:
-        calibrate_boards(views, SQUARE_M)
-    return str(caught.value)
-
-
-def test_a_set_that_contradicts_itself_is_refused(views: BoardViews) -> None:
-    said = refusal(with_right(views, [*views.right[1:], views.right[0]]))
-    assert "contradict each other" in said
-    assert "of 8 agree" in said
-
-
-def test_left_and_right_exchanged_are_recognised(views: BoardViews) -> None:
-    assert "exchanged" in refusal(replace(views, left=views.right, right=views.left))
-
-
-def test_cameras_one_above_the_other_are_refused(views: BoardViews) -> None:
+def sideways(views: BoardViews) -> BoardViews:
+    """Return the views of cameras one above the other."""
     width, height = views.size
-
-    def turned(corners: Corners | None) -> Corners | None:
-        return (
-            None
-            if corners is None
-            else Corners(corners.numbers, corners.points[:, ::-1] * np.array([1, -1]) + np.array([0, width]))
-        )
-
-    sideways = replace(
-        views, size=(height, width), left=tuple(map(turned, views.left)), right=tuple(map(turned, views.right))
+    left, right = (
+        tuple(Corners(one.numbers, one.points[:, ::-1] * [1, -1] + [0, width]) for one in side if one is not None)
+        for side in (views.left, views.right)
     )
-    sideways = replace(sideways, sizes=(((height, width),) * 2,) * len(views))
-    assert "above or below" in refusal(sideways)
+    return BoardViews(views.board, (height, width), left, right, (((height, width),) * 2,) * len(views))
 
 
-def test_too_few_pairs_are_refused_with_their_number(views: BoardViews) -> None:
-    said = refusal(with_right(views, [*views.right[:2], *[None] * (len(views) - 2)]))
-    assert said.startswith("2 of 8 pairs can be used, and at least 3 are needed")
-
-
-def test_a_board_always_held_alike_is_refused() -> None:
-    """Parallel to the image at one distance: any focal length would fit."""
+def alike(views: BoardViews) -> BoardViews:
+    """Return views of a board parallel to the image at one distance: any focal length would fit."""
     poses = [(np.zeros(3), np.array([shift - 5, -2.5, 18.0])) for shift in (-2.0, 0.0, 1.5, 3.0)]
-    assert "tilt" in refusal(placed_views(rig(1.0), poses, noise=0.3))
+    return placed_views(rig(1.0), poses, noise=0.3)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda views: replace(views, right=(*views.right[1:], views.right[0])),
+            "contradict each other: .* of 8 agree",
+        ),
+        (lambda views: replace(views, left=views.right, right=views.left), "exchanged"),
+        (lambda views: replace(views, right=(*views.right[:2], *[None] * 6)), "^2 of 8 pairs .* at least 3 are needed"),
+        (sideways, "above or below"),
+        (alike, "tilt"),
+    ],
+    ids=["contradicting", "exchanged", "too few", "one above the other", "alike"],
+)
+def test_a_set_from_which_nothing_follows_is_refused(
+    views: BoardViews, change: Callable[[BoardViews], BoardViews], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        calibrate_boards(change(views), SQUARE_M)
+
+
+NOISE = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
 
 
 @pytest.mark.parametrize(
@@ -301,18 +273,12 @@ def test_a_board_always_held_alike_is_refused() -> None:
         ({"board": (1, 6)}, "columns of the board is 1"),
         ({"square_m": 0.0}, "square_m is 0"),
         ({"square_m": float("nan")}, "square_m is nan"),
+        ({"board": None}, "No chessboard or ChArUco board is seen in 6 pictures"),
     ],
 )
 def test_what_makes_no_sense_is_named(given: dict[str, object], word: str) -> None:
-    blank = np.zeros((60, 80), np.uint8)
     with pytest.raises(ValueError, match=word):
-        sl.calibrate(**({"pairs": [(blank, blank)] * 3, "board": (9, 6)} | given))
-
-
-def test_pictures_without_a_board_are_refused_with_what_to_give() -> None:
-    noise = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
-    with pytest.raises(ValueError, match="No chessboard or ChArUco board is seen in 4 pictures"):
-        sl.calibrate([(noise, noise)] * 2)
+        sl.calibrate(**({"pairs": [(NOISE, NOISE)] * 3, "board": (9, 6)} | given))
 
 
 def test_opencvs_own_pairs_reach_its_error(data_dir: Path) -> None:

@@ -70,6 +70,12 @@ def test_the_curve_comes_back_with_all_its_digits(lag: int, method: str) -> None
     np.testing.assert_array_equal([float(line["time_s"]) for line in lines], result.lags / 8000)
     best = max(lines, key=lambda line: float(line["correlation"]))
     assert int(best["lag_samples"]) == lag
+    for most in (1, 100, 10_000):
+        shorter = csv.DictReader(io.StringIO(curve_csv(result, 8000.0, most)))
+        lags = [int(line["lag_samples"]) for line in shorter]
+        assert len(lags) == min(most, 5999)
+        assert lags == [*range(lags[0], lags[0] + len(lags))]
+        assert lag in lags
 
 
 def test_votes_stand_in_the_place_of_a_correlation() -> None:
@@ -78,17 +84,6 @@ def test_votes_stand_in_the_place_of_a_correlation() -> None:
     lines = [*csv.DictReader(io.StringIO(curve_csv(result, 8000.0)))]
     assert {int(line["lag_samples"]): int(line["votes"]) for line in lines} == result.votes
     assert [int(line["lag_samples"]) for line in lines] == sorted(result.votes)
-
-
-@pytest.mark.parametrize("lag", [-2990, -700, 0, 2990])
-@pytest.mark.parametrize("most", [1, 100, 10_000])
-def test_a_shorter_curve_is_the_part_around_the_lag(lag: int, most: int) -> None:
-    result = measured(lag, LagSearch(method="fft"))
-    result = replace(result, lag=lag)  # set by hand: hardly anything overlaps at the ends
-    lags = [int(line["lag_samples"]) for line in csv.DictReader(io.StringIO(curve_csv(result, 1.0, most)))]
-    assert len(lags) == min(most, 5999)
-    assert lag in lags
-    assert lags == [*range(lags[0], lags[0] + len(lags))]
 
 
 def padded(signal_1: Signal, signal_2: Signal, lag: int) -> Signal:
@@ -127,15 +122,11 @@ def test_the_wav_holds_all_of_both_and_their_lag_is_0(
     assert np.abs(both).max() <= 1
     loudest = max(1.0, np.abs(first).max(), np.abs(second).max())
     np.testing.assert_allclose(both * loudest, padded(first, second, lag), rtol=1e-6)
+    if loudest == 1:
+        np.testing.assert_array_equal(both, padded(first, second, lag).astype(np.float32))
     again = sl.signal_lag(*back.channels)
     assert again.lag == 0
     assert again.score > 0.5 or abs(lag) > 1000
-
-
-def test_samples_of_24_bits_are_kept() -> None:
-    samples = np.random.default_rng(0).integers(-(2**23), 2**23, 500) / 2**23
-    back = sl.read_signal(aligned_wav(samples, samples[7:], 0, 44_100.0))
-    np.testing.assert_array_equal(back.channels[0], samples)
 
 
 def test_what_a_wav_cannot_hold_is_refused() -> None:
@@ -321,15 +312,6 @@ def test_metrics_come_back_from_the_table():
     assert float(rows[0]["bad_measured_4_percent"]) == found.bad_measured[4.0]
     assert rows[0]["bad_3_percent"] == rows[1]["epe_px"] == rows[1]["bad_measured_3_percent"] == ""
     assert float(rows[1]["bad_3_percent"]) == float(rows[1]["d1_all_percent"]) == 100
-
-
-def test_a_table_without_methods_has_its_heading():
-    assert metrics_csv({}) == "method,truth_pixels,density,epe_px,d1_all_percent\n"
-
-
-def test_evaluations_are_named_by_the_mapping():
-    evaluation = sl.Evaluation(1.0, 0.0, {}, {}, 0.0, 4)
-    assert metrics_csv({"a": evaluation}).splitlines()[1] == "a,4,1.0,0.0,0.0"
 
 
 def test_coverage_and_time_need_no_ground_truth():

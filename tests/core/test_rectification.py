@@ -112,13 +112,6 @@ def test_rows_align_and_depths_are_right(rig, pair, dtype):
     np.testing.assert_allclose(calibration.depth(in_left[:, 0] - in_right[:, 0]), marks[inside, 2], rtol=0.005)
 
 
-def test_the_baseline_is_the_distance_between_the_cameras(rig):
-    calibration = rectified_calibration(rig, (WIDTH, HEIGHT))
-    assert calibration.baseline_m == pytest.approx(np.linalg.norm(rig.translation))
-    assert calibration.doffs_px == 0
-    assert (calibration.width, calibration.height) == (WIDTH, HEIGHT)
-
-
 def test_colour_and_alpha_are_rectified_like_grey(rig, pair):
     grey = [np.rint(image * 255).astype(np.uint8) for image in pair]
     rgba = [np.dstack([image, 255 - image, image, np.full_like(image, 255)]) for image in grey]
@@ -129,28 +122,22 @@ def test_colour_and_alpha_are_rectified_like_grey(rig, pair):
     assert (left_rgba[:, :, 3] == 255).mean() > 0.98
 
 
-def test_resized_images_scale_the_rig(rig, pair):
-    small = [cv2.resize(image, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA) for image in pair]
-    _, _, full = rectify(*pair, unrectified(rig))
-    left, _, half = rectify(*small, unrectified(rig))
-    assert left.shape == (HEIGHT // 2, WIDTH // 2)
-    assert half.focal_px == pytest.approx(full.focal_px / 2, rel=0.01)
-    assert half.baseline_m == pytest.approx(full.baseline_m)
-
-
-def test_images_that_do_not_fit_are_refused(rig, pair):
-    with pytest.raises(ValueError, match="left is 480 × 360 and right is 480 × 359"):
-        rectify(pair[0], pair[1][:-1], unrectified(rig))
-    with pytest.raises(ValueError, match="480 × 340 pixels and the cameras were calibrated at 480 × 360"):
-        rectify(pair[0][:340], pair[1][:340], unrectified(rig))
-
-
-def test_the_result_has_names_and_is_rectified_no_further(rig, pair):
-    rectified = rectify(*pair, unrectified(rig))
+def test_what_does_not_fit_is_refused(rig, pair):
+    calibration = unrectified(rig)
+    rectified = rectify(*pair, calibration)
     assert rectified[0] is rectified.left and rectified[1] is rectified.right
-    assert rectified.calibration.rig is None
-    with pytest.raises(ValueError, match="calibration has no rig"):
-        rectify(*rectified)
+    for act, message in (
+        (lambda: rectify(*rectified), "calibration has no rig"),
+        (lambda: rectify(pair[0], pair[1][:-1], calibration), "left is 480 × 360 and right is 480 × 359"),
+        (lambda: rectify(pair[0][:340], pair[1][:340], calibration), "480 × 340 pixels and .* calibrated at 480 × 360"),
+        (lambda: rectify(*pair, calibration, alpha=-0.1), "alpha is -0.1; allowed are numbers from 0 to 1"),
+        (lambda: rectify(*pair, calibration, alpha=float("nan")), "alpha is nan"),
+        (lambda: halves(np.zeros((4, 1))), "1 pixel wide"),
+        (lambda: calibration_for(CALIBRATION, 640, 360), "for 640 × 480 pixels and the images are 640 × 360"),
+        *((lambda factor=factor: scaled_image(pair[0], factor), f"factor is {factor}") for factor in (0.0, 1.5, 0.001)),
+    ):
+        with pytest.raises(ValueError, match=message):
+            act()
 
 
 def by_hand(rig: StereoRig, images, alpha: float, zero_disparity: bool = True):
@@ -175,6 +162,8 @@ def test_alpha_is_that_of_opencv(rig, pair, alpha):
     np.testing.assert_array_equal(right, expected[1])
     assert calibration.focal_px == made[2][0, 0]
     assert (calibration.cx, calibration.cy) == (made[2][0, 2], made[2][1, 2])
+    assert calibration.baseline_m == pytest.approx(np.linalg.norm(rig.translation))
+    assert (calibration.doffs_px, calibration.width, calibration.height) == (0, WIDTH, HEIGHT)
     assert rectified_calibration(rig, (WIDTH, HEIGHT), alpha=alpha) == calibration
 
 
@@ -201,12 +190,6 @@ def test_resized_images_scale_how_its_maker_rectified_the_pair(rig, pair):
     assert half.calibration.baseline_m == pytest.approx(full.calibration.baseline_m)
     expected = cv2.resize(full.left, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA)
     assert np.abs(half.left - expected)[4:-4, 4:-4].mean() < 0.01
-
-
-@pytest.mark.parametrize("alpha", [-0.1, 1.1, float("nan")])
-def test_an_alpha_that_makes_no_sense_is_refused(rig, pair, alpha):
-    with pytest.raises(ValueError, match=r"alpha is .*; allowed are numbers from 0 to 1"):
-        rectify(*pair, unrectified(rig), alpha=alpha)
 
 
 def test_the_chessboard_pairs_of_opencv_are_rectified_as_by_its_own_sample(data_dir):
@@ -244,11 +227,6 @@ def test_a_side_by_side_picture_is_split_down_the_middle(cols: int, channels: tu
     np.testing.assert_array_equal(right, image[:, cols - cols // 2 :])
 
 
-def test_one_column_cannot_be_split() -> None:
-    with pytest.raises(ValueError, match="1 pixel wide"):
-        halves(np.zeros((4, 1)))
-
-
 @given(rows=st.integers(40, 60), cols=st.integers(40, 60))
 def test_what_differs_by_a_few_pixels_is_cropped_and_nothing_else(rows: int, cols: int) -> None:
     left, right = np.arange(50 * 50).reshape(50, 50), np.zeros((rows, cols))
@@ -268,11 +246,6 @@ def test_a_calibration_fits_the_images_it_was_made_for_resized_or_cropped_a_litt
     assert (half.focal_px, half.doffs_px, half.width, half.num_disparities) == (450, 1.5, 320, 32)
     unsized = Calibration(900.0, 0.1)
     assert calibration_for(unsized, 11, 7) is unsized
-
-
-def test_a_calibration_for_another_shape_is_refused() -> None:
-    with pytest.raises(ValueError, match="for 640 × 480 pixels and the images are 640 × 360"):
-        calibration_for(CALIBRATION, 640, 360)
 
 
 @pytest.mark.parametrize(
@@ -303,12 +276,6 @@ def test_a_disparity_shrinks_with_its_picture_and_invents_nothing() -> None:
     assert np.isnan(small[10:, :15]).all()
 
 
-@pytest.mark.parametrize("factor", [0.0, -1.0, 1.5, 0.001])
-def test_a_factor_out_of_bounds_is_named(factor: float) -> None:
-    with pytest.raises(ValueError, match=f"factor is {factor}"):
-        scaled_image(np.zeros((20, 30), dtype=np.uint8), factor)
-
-
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
 @pytest.mark.parametrize("deep_is_left", [True, False])
 def test_8_bits_beside_16_become_one_range(bits: int, deep_is_left: bool) -> None:
@@ -316,11 +283,7 @@ def test_8_bits_beside_16_become_one_range(bits: int, deep_is_left: bool) -> Non
     deep = np.rint(shallow / 255 * (2**bits - 1)).astype(np.uint16)
     found = as_deep(deep, shallow) if deep_is_left else as_deep(shallow, deep)
     assert [image.dtype for image in found] == [np.uint16, np.uint16]
+    same = deep, deep
+    assert all(one is deep for one in as_deep(*same))
     # One grey level of a camera with this many bits is the tolerance.
     assert np.abs(found[0].astype(float) - found[1]).max() <= 65535 / (2**bits - 1)
-
-
-@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
-def test_images_of_one_type_stay_as_they_are(kind: type) -> None:
-    pair = np.ones((3, 4), kind), np.zeros((3, 4), kind)
-    assert all(one is other for one, other in zip(as_deep(*pair), pair, strict=True))
