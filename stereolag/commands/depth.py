@@ -163,18 +163,17 @@ def _files_of(pair: Pair, result: DisparityMap, *, far_is_bright: bool) -> dict[
         "disparity.pfm": lambda: pfm(disparity),
         "disparity.npy": lambda: npy(disparity),
         "disparity_kitti.png": lambda: kitti_png(disparity),
-        "settings.json": lambda: settings_json(result.settings).encode(),
-        "disparity_coloured.png": lambda: coloured_png(disparity, *searched_range([result]), palette),
     }
     if calibration is not None:
         files["cloud.ply"] = lambda: cloud_ply(calibration, disparity, pair.left)
-        if _rectified_here(pair):
-            writer, ending = (image_tiff, "tif") if pair.left.dtype.kind == "f" else (image_png, "png")
-            files |= {
-                "calibration.json": lambda: calibration_json(calibration).encode(),
-                f"left.{ending}": lambda: writer(pair.left),
-                f"right.{ending}": lambda: writer(pair.right),
-            }
+    files["settings.json"] = lambda: settings_json(result.settings).encode()
+    if calibration is not None and _rectified_here(pair):
+        files["calibration.json"] = lambda: calibration_json(calibration).encode()
+    files["disparity_coloured.png"] = lambda: coloured_png(disparity, *searched_range([result]), palette)
+    if _rectified_here(pair):
+        writer, ending = (image_tiff, "tif") if pair.left.dtype.kind == "f" else (image_png, "png")
+        files[f"left.{ending}"] = lambda: writer(pair.left)
+        files[f"right.{ending}"] = lambda: writer(pair.right)
     return files
 
 

@@ -20,9 +20,8 @@ from stereolag.io.disparities import VERTEX
 from stereolag.io.settings import settings_json
 from stereolag.pair import Pair, PairId, resized
 from stereolag.stereo.matcher import StereoMatcher
-from stereolag.ui.depth.exports import EXPORTS, archive, files
+from stereolag.ui.depth.downloads import EXPORTS, Download, archive, files
 from stereolag.ui.depth.maps import DepthView
-from stereolag.ui.depth.subjects import Subject
 from tests.app import keys
 from tests.programs import run_program
 
@@ -73,7 +72,7 @@ def opened(pair: Pair) -> AppTest:
 def test_the_zip_reproduces_the_result(matcher: StereoMatcher, dtype: type, tmp_path: Path) -> None:
     view = view_of(small_pair(dtype), matcher)
     result = view.results[type(matcher).__name__]
-    with zipfile.ZipFile(io.BytesIO(archive(Subject.of(view, type(matcher).__name__)))) as whole:
+    with zipfile.ZipFile(io.BytesIO(archive(Download.of(view, type(matcher).__name__)))) as whole:
         whole.extractall(tmp_path)
     for name in ("disparity.pfm", "disparity.npy"):
         np.testing.assert_array_equal(read_disparity(tmp_path / name), result.disparity)
@@ -86,8 +85,8 @@ def test_the_zip_reproduces_the_result(matcher: StereoMatcher, dtype: type, tmp_
 
 def test_metrics_are_of_every_method_and_apart_without_occlusion() -> None:
     pair = replace(small_pair(), visible=np.ones((60, 100), dtype=np.bool_))
-    subject = Subject.of(view_of(pair, CORRELATION, BLOCK), "StereoBM")
-    metrics = next(file for file in files(subject) if file.name == "metrics.csv")
+    download = Download.of(view_of(pair, CORRELATION, BLOCK), "StereoBM")
+    metrics = next(file for file in files(download) if file.name == "metrics.csv")
     lines = str(metrics.make()).splitlines()
     assert [line.split(",")[0].strip('"') for line in lines] == [
         "method",
@@ -101,10 +100,10 @@ def test_metrics_are_of_every_method_and_apart_without_occlusion() -> None:
 def test_what_cannot_be_had_says_why_and_is_left_out_of_the_zip() -> None:
     pair = replace(small_pair(), truth=None, shared=True)
     backwards = StereoBM(num_disparities=16, block_size=9, min_disparity=-16)
-    subject = Subject.of(view_of(replace(pair, left=pair.right, right=pair.left), backwards), "StereoBM")
-    refusals = {file.name: file.refusal for file in files(subject) if file.refusal}
+    download = Download.of(view_of(replace(pair, left=pair.right, right=pair.left), backwards), "StereoBM")
+    refusals = {file.name: file.refusal for file in files(download) if file.refusal}
     assert refusals.keys() == {"disparity_kitti.png", "cloud.ply"}
-    with zipfile.ZipFile(io.BytesIO(archive(subject))) as whole:
+    with zipfile.ZipFile(io.BytesIO(archive(download))) as whole:
         assert not refusals.keys() & set(whole.namelist())
         said = whole.read("README.txt").decode()
         assert set(whole.namelist()) == {"README.txt"} | {
@@ -119,13 +118,12 @@ def estimating() -> None:
     import streamlit as st
 
     from stereolag.ui.depth.comparing import show_scoreboard
-    from stereolag.ui.depth.exports import files
-    from stereolag.ui.depth.subjects import Subject
+    from stereolag.ui.depth.downloads import Download, files
 
     view = st.session_state["view"]
 
     def table() -> str:
-        return next(str(file.make()) for file in files(Subject.of(view, "StereoBM")) if file.name == "metrics.csv")
+        return next(str(file.make()) for file in files(Download.of(view, "StereoBM")) if file.name == "metrics.csv")
 
     before = table()
     show_scoreboard(view)
@@ -160,12 +158,12 @@ def large_view(*matchers: StereoMatcher) -> DepthView:
 def test_from_a_reduced_preview_all_is_for_the_pair_in_its_own_size(
     heavy: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("stereolag.ui.depth.subjects.is_heavy", lambda estimate: heavy)
+    monkeypatch.setattr("stereolag.ui.depth.downloads.is_heavy", lambda estimate: heavy)
     block = StereoBM(num_disparities=32, block_size=11)
-    subject = Subject.of(large_view(block, CORRELATION), "StereoBM")
-    full = subject.pair
+    download = Download.of(large_view(block, CORRELATION), "StereoBM")
+    full = download.pair
     assert full.left.shape == (480, 800)
-    with zipfile.ZipFile(io.BytesIO(archive(subject))) as whole:
+    with zipfile.ZipFile(io.BytesIO(archive(download))) as whole:
         whole.extractall(tmp_path)
     enlarged = "_enlarged_2x" if heavy else ""
     names = {path.name for path in tmp_path.iterdir()}
@@ -197,11 +195,11 @@ def test_settings_that_the_own_size_does_not_allow_are_refused_and_the_map_is_en
     view = large_view(CORRELATION)
     wide = StereoBM(num_disparities=128, block_size=9)
     shown = replace(view.results["CorrelationMatcher"], settings=wide.model_copy(update={"num_disparities": 1024}))
-    subject = Subject.of(replace(view, results={"StereoBM": shown}), "StereoBM")
-    refusals = {file.name: file.refusal for file in files(subject) if file.refusal}
+    download = Download.of(replace(view, results={"StereoBM": shown}), "StereoBM")
+    refusals = {file.name: file.refusal for file in files(download) if file.refusal}
     assert refusals.keys() >= {"settings.json", "opencv.yml", "reproduce.py", "reproduce_opencv.py"}
     assert "num_disparities is 2048" in refusals["settings.json"]
-    assert subject.result.disparity.shape == (480, 800)
+    assert download.result.disparity.shape == (480, 800)
 
 
 def test_settings_for_the_own_size_come_back_for_the_one_shown() -> None:
@@ -215,7 +213,7 @@ def test_settings_for_the_own_size_come_back_for_the_one_shown() -> None:
 
 
 def test_a_large_map_is_computed_in_its_own_size_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stereolag.ui.depth.subjects.is_heavy", lambda estimate: True)
+    monkeypatch.setattr("stereolag.ui.depth.downloads.is_heavy", lambda estimate: True)
     app = opened(large_view().pair)
     assert "disparity_enlarged_2x.pfm" in {key for key in offered(app)}
     app.button(key="depth.take.compute").click().run()
@@ -226,7 +224,7 @@ def test_a_large_map_is_computed_in_its_own_size_when_asked_for(monkeypatch: pyt
 
 
 def test_what_takes_too_much_memory_in_its_own_size_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stereolag.ui.depth.subjects.is_heavy", lambda estimate: True)
+    monkeypatch.setattr("stereolag.ui.depth.downloads.is_heavy", lambda estimate: True)
     monkeypatch.setattr(StereoBM, "estimate", lambda self, shape, dtype=None: Estimate(10**15, 1.0))
     monkeypatch.setattr(StereoBM, "_check_memory", lambda self, image: None)
     app = opened(large_view().pair)
@@ -300,8 +298,8 @@ def test_a_settings_file_that_is_none_is_answered_with_a_sentence() -> None:
 
 def test_a_point_cloud_is_in_metres_once_there_is_a_calibration() -> None:
     pair = replace(small_pair(), calibration=Calibration(100.0, 0.1))
-    subject = Subject.of(view_of(pair, CORRELATION), "CorrelationMatcher")
-    cloud = next(file for file in files(subject) if file.name == "cloud.ply")
+    download = Download.of(view_of(pair, CORRELATION), "CorrelationMatcher")
+    cloud = next(file for file in files(download) if file.name == "cloud.ply")
     assert not cloud.refusal
     head, _, data = bytes(cloud.make()).partition(b"end_header\n")  # type: ignore[arg-type]
     points = np.frombuffer(data, VERTEX)

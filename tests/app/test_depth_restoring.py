@@ -31,11 +31,9 @@ def page() -> None:
     import streamlit as st
 
     from stereolag.stereo.methods import METHODS
-    from stereolag.ui.depth.exports import archive
+    from stereolag.ui.depth.downloads import PAIR_EXPORTS, Download, archive
     from stereolag.ui.depth.inputs import choose_pair
     from stereolag.ui.depth.maps import coloured_alike, measured, shown_methods
-    from stereolag.ui.depth.pair_exports import PAIR_EXPORTS
-    from stereolag.ui.depth.subjects import Subject
     from stereolag.ui.matcher_controls import ask_matcher
 
     pair = choose_pair()
@@ -45,7 +43,7 @@ def page() -> None:
         results |= measured(pair, matchers[method])
     view = coloured_alike(pair, results)
     st.session_state["shown"] = pair, [*matchers.values()], view
-    st.session_state["taken"] = archive(Subject.of(view, next(iter(results))), PAIR_EXPORTS)
+    st.session_state["taken"] = archive(Download.of(view, next(iter(results))), PAIR_EXPORTS)
 
 
 def opened(**state: Any) -> AppTest:

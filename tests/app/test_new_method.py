@@ -22,7 +22,7 @@ from stereolag.io.programs import script
 from stereolag.io.settings import read_matcher, settings_json
 from stereolag.stereo.matcher import PixelMatches, Reason, StereoMatcher
 from stereolag.stereo.methods import METHODS
-from stereolag.ui.depth.exports import EXPORTS, Export, Subject
+from stereolag.ui.depth.downloads import EXPORTS, Download, Export
 from tests.app import keys
 from tests.app.conftest import PROJECT, figures, viewers
 from tests.programs import run_program
@@ -157,8 +157,8 @@ def test_a_new_method_is_a_column_of_the_benchmark(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_new_export_is_a_button_and_in_the_archive() -> None:
-    def mean(subject: Subject) -> str:
-        return f"{np.nanmean(subject.result.disparity):.3f}\n"
+    def mean(download: Download) -> str:
+        return f"{np.nanmean(download.result.disparity):.3f}\n"
 
     export = Export("Mean", "mean.txt", mean, "The mean disparity.")
     EXPORTS.append(export)

@@ -1,22 +1,43 @@
-"""Take it away: buttons for all files about one result, and for loading settings."""
+"""Take it away: the files about one result, each made on request at the pair's own size, and loading of settings."""
 
 from __future__ import annotations
 
-from functools import partial
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, TypeVar, cast
 
 import streamlit as st
 
-from stereolag.core.jobs import format_bytes, limits
+from stereolag.core.arrays import FloatMap
+from stereolag.core.inputs import Image
+from stereolag.core.jobs import Estimate, format_bytes, limits
 from stereolag.core.settings import scaled_settings
-from stereolag.io.settings import read_matcher
-from stereolag.stereo.matcher import DisparityMap
+from stereolag.figures.maps import cloud_ply, coloured_png
+from stereolag.geometry.calibration import Calibration
+from stereolag.io.calibrations import calibration_json
+from stereolag.io.disparities import check_kitti, confidence_png, kitti_png, measured_mask_png, pfm, valid_mask_png
+from stereolag.io.images import image_png, image_tiff
+from stereolag.io.numpy_files import npy
+from stereolag.io.programs import opencv_script, script
+from stereolag.io.results import metrics_csv
+from stereolag.io.sessions import SESSION, session_json
+from stereolag.io.settings import opencv_yaml, read_matcher, settings_json
+from stereolag.pair import Pair
+from stereolag.stereo.evaluation import Evaluation, confidence, has_scores
+from stereolag.stereo.matcher import DisparityMap, StereoMatcher
+from stereolag.stereo.opencv import BlockMatcher
 from stereolag.ui import prose
 from stereolag.ui.depth.address import adopt
-from stereolag.ui.depth.exports import archive, files, size_in_words
+from stereolag.ui.depth.calibrating import known_distance
+from stereolag.ui.depth.comparing import estimates_so_far, evaluations
+from stereolag.ui.depth.inputs import original
 from stereolag.ui.depth.maps import DepthView, settings_key
-from stereolag.ui.depth.pair_exports import PAIR_EXPORTS
-from stereolag.ui.depth.subjects import Subject
-from stereolag.ui.downloads import made_in_turn, show_file_buttons, show_zip_button
+from stereolag.ui.depth.restoring import page_state
+from stereolag.ui.downloads import File, made_in_turn, show_file_buttons, show_zip_button
+from stereolag.ui.downloads import archive as zip_of
+from stereolag.ui.jobs import is_heavy
 from stereolag.ui.private_files import download_button
 from stereolag.ui.results import computed_in_turn
 from stereolag.ui.sentences import duration
@@ -29,6 +50,9 @@ BYTES_OF_A_PIXEL = 100
 WANTED = f"{KEY}.wanted"
 """Session-state key of the maps that the visitor wants computed at their pair's own size."""
 
+T = TypeVar("T")
+Text = str | Callable[["Download"], str]
+
 
 def show_downloads(view: DepthView) -> None:
     """Offer the files of one result, and ask for settings to load."""
@@ -38,45 +62,45 @@ def show_downloads(view: DepthView) -> None:
     with opened:
         names = [*view.results]
         chosen = st.segmented_control("Result of", names, default=names[0], required=True, key=f"{KEY}.result")
-        subject = Subject.of(view, chosen if chosen in view.results else names[0])
-        if subject.reduced:
-            _compute_in_own_size(subject)
-        rows, cols = subject.pair.left.shape[:2]
+        download = Download.of(view, chosen if chosen in view.results else names[0])
+        if download.reduced:
+            _compute_in_own_size(download)
+        rows, cols = download.pair.left.shape[:2]
         memory = BYTES_OF_A_PIXEL * rows * cols
         with st.container(horizontal=True, gap="small"):
             show_zip_button(
-                partial(archive, subject),
+                partial(archive, download),
                 memory,
                 key=KEY,
                 more="Upload it as the left image to reopen the page as it is now.",
             )
             download_button(
                 "Session ZIP",
-                partial(made_in_turn, partial(archive, subject, PAIR_EXPORTS), memory),
+                partial(made_in_turn, partial(archive, download, PAIR_EXPORTS), memory),
                 "stereolag-session.zip",
                 "application/zip",
                 key=f"{KEY}.session",
                 meaning="The pair and the page’s settings, without the results: enough to continue from here.",
                 icon=":material/bookmark:",
             )
-            show_file_buttons(files(subject), memory, key=KEY)
-        prose.caption(" ".join([size_in_words(subject), *(change.sentence for change in subject.pair.changes)]))
-        _load_settings(subject)
+            show_file_buttons(files(download), memory, key=KEY)
+        prose.caption(" ".join([size_in_words(download), *(change.sentence for change in download.pair.changes)]))
+        _load_settings(download)
 
 
-def _compute_in_own_size(subject: Subject) -> None:
-    """Offer to compute the map at the pair's own size if that takes long; store the result in the subject."""
-    matcher, pair = subject.settings, subject.pair
+def _compute_in_own_size(download: Download) -> None:
+    """Offer to compute the map at the pair's own size if that takes long; store the result in the download."""
+    matcher, pair = download.settings, download.pair
     if matcher is None:
-        prose.warning(subject.settings_refusal)
+        prose.warning(download.settings_refusal)
         return
-    if subject.light:
+    if download.light:
         return
-    wanted = f"{pair.digest} {settings_key(subject.shown)}"
+    wanted = f"{pair.digest} {settings_key(download.shown)}"
     size = f"{pair.left.shape[1]} × {pair.left.shape[0]}"
-    if subject.estimate.memory > limits().job_memory:
+    if download.estimate.memory > limits().job_memory:
         prose.caption(
-            f"Computed at {size}, this map would need about {format_bytes(subject.estimate.memory)} of memory, and "
+            f"Computed at {size}, this map would need about {format_bytes(download.estimate.memory)} of memory, and "
             f"one job may take {format_bytes(limits().job_memory)}: the map in the files is the one shown, enlarged."
         )
         return
@@ -85,7 +109,7 @@ def _compute_in_own_size(subject: Subject) -> None:
             f"Compute the map at {size}",
             key=f"{KEY}.compute",
             icon=":material/open_in_full:",
-            help=f"About {duration(subject.estimate.seconds)}. Until then, the map in the files is the one shown, "
+            help=f"About {duration(download.estimate.seconds)}. Until then, the map in the files is the one shown, "
             "enlarged.",
             on_click=_want,
             args=(wanted,),
@@ -94,20 +118,20 @@ def _compute_in_own_size(subject: Subject) -> None:
     found: DisparityMap | None = computed_in_turn(
         f"original map {matcher.short_name}",
         lambda progress: matcher.compute(pair.left, pair.right, progress=progress),
-        subject.estimate,
+        download.estimate,
         inputs=pair.digest,
         settings=matcher.model_dump_json(),
         shared=pair.shared,
         label=f"{matcher.title} at {size} …",
     )
-    subject.computed = found
+    download.computed = found
 
 
 def _want(wanted: str) -> None:
     st.session_state[WANTED] = {*st.session_state.get(WANTED, ()), wanted}
 
 
-def _load_settings(subject: Subject) -> None:
+def _load_settings(download: Download) -> None:
     """Ask for a settings file, and set the controls to it once per file, scaled to the size shown."""
     loaded = upload(
         "Load settings",
@@ -121,7 +145,409 @@ def _load_settings(subject: Subject) -> None:
     if loaded is not None and st.session_state.get(f"{KEY}.loaded") != digest:
         st.session_state[f"{KEY}.loaded"] = digest
         try:
-            adopt(scaled_settings(loaded.content, 1 / subject.factor) if subject.reduced else loaded.content)
+            adopt(scaled_settings(loaded.content, 1 / download.factor) if download.reduced else loaded.content)
         except ValueError as error:
             show_refused(f"The settings could not be scaled with the images. {error}")
     st.session_state[f"{KEY}.loaded"] = digest
+
+
+# The data
+
+
+@dataclass(eq=False)
+class Download:
+    """One map of a view and the data for its files, at the pair's own size.
+
+    Attributes
+    ----------
+    view, method
+        The view on the page, and the name of the map in it.
+    pair
+        The pair at its own size, with all changes made to it.
+    calibration
+        Calibration of that pair, derived from a known distance if one was entered.
+    factor
+        Px of the pair per px shown.
+    settings
+        Settings of the map for that size; None if they are not allowed.
+    settings_refusal
+        Why the settings are not allowed; "" if they are.
+    computed
+        The map computed at that size; None if not computed yet.
+    session
+        State of the page, as arguments of :func:`stereolag.io.session_json`.
+    estimated_bad
+        Estimated bad-2 of the maps shown, %, by method name; empty unless it was estimated.
+    """
+
+    view: DepthView
+    method: str
+    pair: Pair
+    calibration: Calibration | None
+    factor: float
+    settings: StereoMatcher | None
+    settings_refusal: str
+    computed: DisparityMap | None = None
+    session: Mapping[str, Any] = field(default_factory=dict)
+    estimated_bad: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, view: DepthView, method: str) -> Download:
+        """Return one map of a view at its own size."""
+        pair = original(view.pair)
+        factor = pair.left.shape[1] / view.pair.left.shape[1]
+        known = known_distance(view.pair)
+        shown = view.results[method]
+        settings, refusal = _for_size(shown.settings, factor)
+        return cls(
+            view,
+            method,
+            pair,
+            pair.calibration if known is None else known.calibration.scaled(factor),
+            factor,
+            settings,
+            refusal,
+            shown if pair is view.pair else None,
+            _session(view, pair, factor),
+            estimates_so_far(view) if view.pair.truth is None else {},
+        )
+
+    @property
+    def shown(self) -> DisparityMap:
+        """Return the map as the page shows it."""
+        return self.view.results[self.method]
+
+    @property
+    def reduced(self) -> bool:
+        """Return whether the page shows the pair smaller than it is."""
+        return self.pair is not self.view.pair
+
+    @cached_property
+    def estimate(self) -> Estimate:
+        """Return the memory and time needed to compute the map at the pair's own size."""
+        assert self.settings is not None
+        return self.settings.estimate(self.pair.left.shape, self.pair.left.dtype)
+
+    @property
+    def light(self) -> bool:
+        """Return whether the map at the pair's own size is cheap enough to be computed along with its file."""
+        return self.settings is not None and not is_heavy(self.estimate) and self.estimate.memory <= limits().job_memory
+
+    @property
+    def enlarged(self) -> bool:
+        """Return whether the map is the one shown, enlarged, instead of computed at the pair's own size."""
+        return self.computed is None and not self.light
+
+    @cached_property
+    def result(self) -> DisparityMap:
+        """Return the map at the pair's own size; made on first use."""
+        if self.computed is not None:
+            return self.computed
+        if self.light:
+            assert self.settings is not None
+            return self.settings.compute(self.pair.left, self.pair.right)
+        return self._enlarged(self.method)
+
+    def each_result(self) -> Iterator[tuple[str, DisparityMap]]:
+        """Yield the maps of all methods at the pair's own size, one by one; those of the other methods are enlarged."""
+        for name in self.view.results:
+            yield name, self.result if name == self.method else self._enlarged(name)
+
+    def _enlarged(self, method: str) -> DisparityMap:
+        shown = self.view.results[method]
+        if not self.reduced:
+            return shown
+        rows, cols = self.pair.left.shape[:2]
+        settings, _ = _for_size(shown.settings, self.factor)
+        return shown.enlarged(rows, cols, settings or shown.settings)
+
+    @property
+    def colour_range(self) -> tuple[float, float]:
+        """Return the colour range, px at the pair's own size."""
+        return self.view.colours.low * self.factor, self.view.colours.high * self.factor
+
+
+def _session(view: DepthView, pair: Pair, factor: float) -> dict[str, Any]:
+    shown, state = view.pair, page_state(view.pair, factor)
+    used = {type(matcher): matcher for matcher in state.matchers}
+    used |= {type(one.settings): one.settings for one in view.results.values() if type(one.settings) not in used}
+    matchers = [scaled for matcher in used.values() if (scaled := _for_size(matcher, factor)[0]) is not None]
+    return {
+        "matchers": matchers,
+        "shown": state.shown,
+        "size": state.size,
+        "colours": state.colours,
+        "description": pair.description,
+        "history": [change.sentence for change in pair.changes],
+        "num_disparities": shown.num_disparities and math.ceil(shown.num_disparities * factor),
+        "min_disparity": math.floor(shown.min_disparity * factor),
+    }
+
+
+def _for_size(settings: StereoMatcher, factor: float) -> tuple[StereoMatcher | None, str]:
+    """Return settings for images enlarged by `factor`, or None and why they are not allowed."""
+    if factor == 1:
+        return settings, ""
+    try:
+        return scaled_settings(settings, factor), ""
+    except ValueError as error:
+        return None, f"At the size of the original, {error}"
+
+
+def _known(value: T | None) -> T:
+    assert value is not None
+    return value
+
+
+# The files
+
+
+@dataclass(frozen=True)
+class Export:
+    """A file offered for download.
+
+    Attributes
+    ----------
+    label
+        Label of the button; "" for a file that is only in the ZIP.
+    name
+        File name, or a function that returns it.
+    make
+        Makes its bytes or text.
+    meaning
+        Help of the button, and description of the file in the ZIP.
+    refusal
+        Returns why the file is not available; "" if it is.
+    offered
+        Returns whether the file makes sense for this result at all.
+    """
+
+    label: Text
+    name: Text
+    make: Callable[[Download], bytes | str]
+    meaning: Text
+    refusal: Callable[[Download], str] = lambda download: ""
+    offered: Callable[[Download], bool] = lambda download: True
+
+
+def image_name(side: str, image: Image) -> str:
+    """Return the file name of an image, in a format that keeps every value."""
+    return f"{side}.tif" if image.dtype.kind == "f" else f"{side}.png"
+
+
+def image_names(download: Download) -> tuple[str, str]:
+    """Return the file names of the two images."""
+    return image_name("left", download.pair.left), image_name("right", download.pair.right)
+
+
+def _image_export(side: str, image_of: Callable[[Download], Image]) -> Export:
+    """Return the export of one image of the pair."""
+    return Export(
+        lambda it: f"{side.capitalize()} {'TIFF' if image_of(it).dtype.kind == 'f' else 'PNG'}",
+        lambda it: image_name(side, image_of(it)),
+        lambda it: image_tiff(image_of(it)) if image_of(it).dtype.kind == "f" else image_png(image_of(it)),
+        f"The {side} image as it is matched, at full size.",
+    )
+
+
+TRUTH = Export(
+    "",
+    "ground_truth.pfm",
+    lambda it: pfm(_known(it.pair.truth)),
+    "The ground truth, px; infinite: none.",
+    offered=lambda it: it.pair.truth is not None,
+)
+VISIBLE = Export(
+    "",
+    "visible.png",
+    lambda it: image_png(_known(it.pair.visible)),
+    "White where both cameras see the point.",
+    offered=lambda it: it.pair.visible is not None,
+)
+CALIBRATION = Export(
+    "",
+    "calibration.json",
+    lambda it: calibration_json(_known(it.calibration)),
+    "Focal length in px, baseline in m; the pair is rectified.",
+    offered=lambda it: it.calibration is not None and it.calibration.rig is None,
+)
+
+SESSION_EXPORT = Export(
+    "",
+    SESSION,
+    lambda it: session_json(files=pair_files(it), **it.session),
+    "The page’s settings: upload this ZIP, unchanged, as the left image to continue from here.",
+)
+
+PAIR_EXPORTS = [
+    _image_export("left", lambda it: it.pair.left),
+    _image_export("right", lambda it: it.pair.right),
+    TRUTH,
+    VISIBLE,
+    CALIBRATION,
+    SESSION_EXPORT,
+]
+"""The files of a pair and of the state of the page: everything needed to continue from there."""
+
+
+def pair_files(download: Download) -> dict[str, str]:
+    """Return the file names of the pair, by their names in a session."""
+    left, right = image_names(download)
+    others = {"truth": TRUTH, "visible": VISIBLE, "calibration": CALIBRATION}
+    offered = {what: str(export.name) for what, export in others.items() if export.offered(download)}
+    return {"left": left, "right": right} | offered
+
+
+def _of_map(ending: str) -> Callable[[Download], str]:
+    """Return a function that names a file of the map; the name of an enlarged map says so."""
+    return lambda it: f"disparity{f'_enlarged_{it.factor:.3g}x' if it.enlarged else ''}{ending}"
+
+
+def _confidence(download: Download) -> FloatMap:
+    return confidence(download.result, download.pair.left, download.pair.right)
+
+
+def _confidence_in_words(form: str) -> Callable[[Download], str]:
+    """Return a function that describes a confidence file: the source of its values for this map, and its `form`."""
+
+    def said(download: Download) -> str:
+        sure = "Confidence of each measured disparity, 0 to 1: "
+        if has_scores(download.shown):
+            return f"{sure}the method’s own score, or 0 if that is negative. {form}."
+        return (
+            f"{sure}how well the 7 × 7 pixels around it correlate (ZNCC) with those around its match, as the method "
+            f"gives no score from 0 to 1. {form}."
+        )
+
+    return said
+
+
+def _metrics(download: Download) -> str:
+    """Return the figures of every method on the page as CSV, for comparison."""
+    judged: dict[str, Evaluation] = {}
+    for name, result in download.each_result():
+        judged |= evaluations(download.pair, {name: result})
+    maps: dict[str, DisparityMap] = {**download.view.results}
+    if not download.enlarged:
+        maps[download.method] = download.result
+    return metrics_csv(judged, maps, download.estimated_bad)
+
+
+def _kitti_refusal(download: Download) -> str:
+    try:
+        check_kitti(download.shown.disparity * download.factor)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+EXPORTS: list[Export] = [
+    Export("PFM", _of_map(".pfm"), lambda it: pfm(it.result.disparity), "Disparity in px as floats; infinite: none."),
+    Export("NPY", _of_map(".npy"), lambda it: npy(it.result.disparity), "Disparity in px for NumPy; NaN: none."),
+    Export(
+        "KITTI PNG",
+        _of_map("_kitti.png"),
+        lambda it: kitti_png(it.result.disparity),
+        "Disparity × 256 in 16 bits; 0: none.",
+        _kitti_refusal,
+    ),
+    Export(
+        "Coloured PNG",
+        _of_map("_coloured.png"),
+        lambda it: coloured_png(it.result.disparity, *it.colour_range, it.view.colours.palette),
+        "As shown, with a legend.",
+    ),
+    Export("Valid mask", "valid.png", lambda it: valid_mask_png(it.result), "White where there is a disparity."),
+    Export(
+        "Measured mask",
+        "measured.png",
+        lambda it: measured_mask_png(it.result),
+        "White where the disparity was measured, black where it was filled in or there is none.",
+    ),
+    Export(
+        "Confidence PNG",
+        "confidence.png",
+        lambda it: confidence_png(_confidence(it)),
+        _confidence_in_words("× 65535 in 16 bits; 0: none"),
+    ),
+    Export("Confidence NPY", "confidence.npy", lambda it: npy(_confidence(it)), _confidence_in_words("NaN: none")),
+    Export(
+        "Point cloud PLY",
+        "cloud.ply",
+        lambda it: cloud_ply(_known(it.calibration), it.result.disparity, it.pair.left),
+        "Points in metres and true colour, flying pixels left out; at most 2 million.",
+        lambda it: "Metres need a calibration, or one point whose distance is known." if it.calibration is None else "",
+    ),
+    Export(
+        "Metrics CSV",
+        "metrics.csv",
+        _metrics,
+        "Coverage and time of every method, and its figures against the ground truth if that is known, with and "
+        "without occluded pixels; otherwise bad-2 as estimated in the scoreboard.",
+    ),
+    Export(
+        "Settings JSON",
+        "settings.json",
+        lambda it: settings_json(_known(it.settings)),
+        "Can be loaded again below.",
+        lambda it: it.settings_refusal,
+    ),
+    Export(
+        "OpenCV YAML",
+        "opencv.yml",
+        lambda it: opencv_yaml(cast(BlockMatcher, it.settings)),
+        "For OpenCV’s Algorithm::load or read.",
+        lambda it: it.settings_refusal,
+        lambda it: isinstance(it.shown.settings, BlockMatcher),
+    ),
+    Export(
+        "Python script",
+        "reproduce.py",
+        lambda it: script(_known(it.settings), *image_names(it)),
+        "Reproduces the map from these images.",
+        lambda it: it.settings_refusal,
+    ),
+    Export(
+        "OpenCV script",
+        "reproduce_opencv.py",
+        lambda it: opencv_script(cast(BlockMatcher, it.settings), *image_names(it)),
+        "Reproduces the map from these images with OpenCV alone.",
+        lambda it: it.settings_refusal,
+        lambda it: isinstance(it.shown.settings, BlockMatcher),
+    ),
+    *PAIR_EXPORTS,
+]
+"""All files about a result, in the order offered; a new one is added here and nowhere else."""
+
+
+def files(download: Download, exports: Sequence[Export] | None = None) -> list[File]:
+    """Return the files about a result in the order offered; of all exports by default."""
+
+    def said(text: Text) -> str:
+        return text if isinstance(text, str) else text(download)
+
+    return [
+        File(said(one.label), said(one.name), partial(one.make, download), said(one.meaning), one.refusal(download))
+        for one in exports or EXPORTS
+        if one.offered(download)
+    ]
+
+
+def archive(download: Download, exports: Sequence[Export] | None = None) -> bytes:
+    """Return a ZIP of the available files and a description of each; of all exports by default."""
+    return zip_of(files(download, exports), size_in_words(download))
+
+
+def size_in_words(download: Download) -> str:
+    """Return sentences about the image size of the files, and how their map was brought to it."""
+    rows, cols = download.pair.left.shape[:2]
+    said = f"All files are for the images at full size, {cols} × {rows} pixels."
+    if not download.reduced:
+        return said
+    shown = f"{download.view.pair.left.shape[1]} × {download.view.pair.left.shape[0]}"
+    if not download.enlarged:
+        return f"{said} The map was computed at that size; the page shows {shown}."
+    return (
+        f"{said} The map was computed at {shown} and enlarged, its disparities multiplied by {download.factor:.4g}: it "
+        "is no more accurate than the smaller one. Settings and programs are scaled to the images’ full size."
+    )
