@@ -226,7 +226,7 @@ def test_a_large_map_is_computed_in_its_own_size_when_asked_for(monkeypatch: pyt
 def test_what_takes_too_much_memory_in_its_own_size_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stereolag.ui.depth.downloads.is_heavy", lambda estimate: True)
     monkeypatch.setattr(StereoBM, "estimate", lambda self, shape, dtype=None: Estimate(10**15, 1.0))
-    monkeypatch.setattr(StereoBM, "_check_memory", lambda self, image: None)
+    monkeypatch.setattr("stereolag.stereo.matcher.check_memory", lambda estimate: None)
     app = opened(large_view().pair)
     assert not [button for button in app.button if button.key == "depth.take.compute"]
     assert any("one job may take" in caption.value for caption in app.caption)
