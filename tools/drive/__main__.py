@@ -7,10 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from .course import FRAMES
-from .frames import Frame, frame
-from .packing import pack
-from .world import build
+from .frames import Frame, frame, pack
+from .world import FRAMES, build
 
 PARTS = ("left", "right", "disparity", "occlusion", "objects")
 

@@ -7,11 +7,9 @@ import numpy as np
 from PIL import Image
 
 from . import things
-from .haze import raise_dust
-from .labyrinth import Theme
-from .palette import CREAM, DUNE, DUST, FOREST, GREEN, GREY, LIME, MOON, SAND, SLATE, VIOLET, mix, snap
-from .rocketman import HEIGHT, WIDTH, rocketman
-from .scene import COLUMNS, ROWS, Item, compose
+from .drawing import CREAM, DUNE, DUST, FOREST, GREEN, GREY, LIME, MOON, SAND, SLATE, VIOLET, mix, raise_dust, snap
+from .people import HEIGHT, WIDTH, rocketman
+from .scene import COLUMNS, ROWS, Item, Theme, compose
 
 MAZE = Path(__file__).parents[2] / "assets" / "maze"
 

@@ -2,8 +2,7 @@
 
 from PIL import Image
 
-from .drawing import Sketch, star
-from .palette import (
+from .drawing import (
     BLUE,
     BROWN,
     CLOTHES,
@@ -28,7 +27,9 @@ from .palette import (
     WHITE,
     YELLOW,
     Rng,
+    Sketch,
     pick,
+    star,
 )
 
 BRIGHT = (RED, BLUE, ORANGE, YELLOW, TEAL, PURPLE, PINK, GREEN, SKY)

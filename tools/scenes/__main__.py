@@ -8,9 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from .rendering import render
-from .scene import StereoScene
-from .truth import encode, trace
+from .rendering import StereoScene, encode, render, trace
 
 NAMES = ("cube", "fence", "giraffes", "square", "road")
 DESTINATION = Path(__file__).parents[2] / "assets" / "stereo"

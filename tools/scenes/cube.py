@@ -6,10 +6,9 @@ import mitsuba as mi
 import numpy as np
 
 from . import textures
-from .camera import StereoCamera
-from .materials import glossy, matte, metal
-from .meshes import Mesh, box, join, plane, revolved, rotation, tube
-from .scene import StereoScene
+from .rendering import StereoCamera, StereoScene
+from .shapes import Mesh, box, join, plane, revolved, rotation, tube
+from .surfaces import glossy, matte, metal
 
 CUBIE = 0.019
 Cubie = tuple[np.ndarray, np.ndarray, list[tuple[int, int, textures.Rgb]]]

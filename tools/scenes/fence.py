@@ -5,12 +5,9 @@ from typing import Any
 import numpy as np
 
 from . import textures
-from .camera import StereoCamera
-from .materials import VERTEX_COLOUR, glossy, matte
-from .meshes import Mesh, box, join, plane, terrain
-from .scene import StereoScene
-from .sky import sky
-from .vegetation import bush, forest, grass, tree
+from .rendering import StereoCamera, StereoScene
+from .shapes import Mesh, box, bush, forest, grass, join, plane, terrain, tree
+from .surfaces import VERTEX_COLOUR, glossy, matte, sky
 
 FOCAL_PX = 800.0
 BASELINE = 0.2

@@ -7,13 +7,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from . import textures
-from .camera import StereoCamera
-from .implicit import Volume
-from .materials import VERTEX_COLOUR, matte
-from .meshes import Mesh, box, join, terrain
-from .scene import StereoScene
-from .sky import sky
-from .vegetation import bush, forest, grass, tree
+from .rendering import StereoCamera, StereoScene
+from .shapes import Mesh, Volume, box, bush, forest, grass, join, terrain, tree
+from .surfaces import VERTEX_COLOUR, matte, sky
 
 FENCE = 19.0
 

@@ -6,24 +6,25 @@ import mitsuba as mi
 import numpy as np
 
 from . import textures
-from .camera import StereoCamera
-from .materials import VERTEX_COLOUR, glossy, matte
-from .meshes import box, plane, terrain
-from .roadside import (
+from .rendering import StereoCamera, StereoScene
+from .shapes import box, forest, grass, plane, terrain, tree
+from .street import (
+    ESTATE,
+    HATCHBACK,
+    SALOON,
     bridge,
+    car,
     carriageway,
     direction,
     guard_rail,
+    lorry,
     median_barrier,
     panel,
     sign,
     speed_limit,
     warning,
 )
-from .scene import StereoScene
-from .sky import sky
-from .vegetation import forest, grass, tree
-from .vehicles import ESTATE, HATCHBACK, SALOON, car, lorry
+from .surfaces import VERTEX_COLOUR, glossy, matte, sky
 
 LENGTH = 288.0
 

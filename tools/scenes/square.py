@@ -6,10 +6,9 @@ import mitsuba as mi
 import numpy as np
 
 from . import textures
-from .camera import StereoCamera
-from .materials import glossy, matte
-from .meshes import Mesh, box, grid, plane
-from .scene import StereoScene
+from .rendering import StereoCamera, StereoScene
+from .shapes import Mesh, box, grid, plane
+from .surfaces import glossy, matte
 
 SHEET = 0.36
 SQUARE = 0.125
