@@ -106,6 +106,7 @@ def test_the_arrows_line_up_at_the_true_lag_with_keyboard_and_mouse(arrows_page:
     for _ in range(16):
         page.keyboard.press("ArrowRight")
     expect(where).to_have_text("Lag 4 · correlation 1.00")
+    expect(root.locator(".curve")).to_have_css("fill", "none")  # the panel has the styles of the other drawings
     expect(slider).to_have_attribute("aria-valuetext", "Lag 4 · correlation 1.00")
     assert painted(root) == 17
     assert root.locator(".arrow").count() > 50  # of 62; the others are shorter than a pixel
@@ -181,6 +182,7 @@ def test_the_verdict_turns_under_the_mouse_and_the_keyboard(fooling_page: Page) 
     expect(verdict).to_have_text("Nothing in common found: the highest point is at chance level.")
     expect(said).to_contain_text("Noise never lines up")
     expect(page.locator(".disturbances svg .peak.doubtful")).to_have_count(2)
+    expect(page.locator(".disturbances svg .curve").first).to_have_css("fill", "none")
     found = numbers.inner_text()
     page.locator(".disturbances .other").press("Enter")
     expect(numbers).not_to_have_text(found)
