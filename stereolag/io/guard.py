@@ -301,13 +301,15 @@ def serve(shared_memory: int | None = None) -> None:
     """Answer jobs until the server is gone."""
     shared = None if shared_memory is None else io.FileIO(shared_memory, "r+")
     jobs, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever a decoder prints must not get among the answers
+    os.dup2(2, 1)  # whatever is printed must not get among the answers
     warnings.simplefilter("ignore")
     with suppress(OSError):
         # If the machine runs out of memory, this process ends before the server does.
         Path("/proc/self/oom_score_adj").write_text("1000")
     for name in _PRELOADED:
         importlib.import_module(name)
+    for number in (1, 2):  # decoders comment on every damaged file, which are no news for the server's log
+        os.dup2(os.open(os.devnull, os.O_WRONLY), number)
     while True:
         try:
             values, most, job = _received(jobs, shared)

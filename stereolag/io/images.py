@@ -132,7 +132,8 @@ def _deep_colours(data: bytes, image: ImageFile) -> Image:
 def _upright(pixels: Image, image: PillowImage.Image) -> Image:
     """Undo the camera's orientation: EXIF values 5 to 8 are 1 to 4 with rows and columns exchanged."""
     try:
-        orientation = image.getexif().get(_ORIENTATION, 1)
+        # Not `image.getexif`, which decodes a whole PNG to look for EXIF behind the pixels, where none may be.
+        orientation = PillowImage.Image.getexif(image).get(_ORIENTATION, 1)
     except Exception:  # broken EXIF raises all kinds of errors
         orientation = 1
     if orientation in (5, 6, 7, 8):

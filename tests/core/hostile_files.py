@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +17,6 @@ from picture_bytes import (
     READ,
     RNG_SEED,
     Case,
-    animated_png,
     big_tiff,
     bmp,
     bomb,
@@ -29,17 +27,14 @@ from picture_bytes import (
     gif_comment,
     interlaced,
     jpeg,
-    jpeg_arithmetic,
     jpeg_scans,
     jpeg_sized,
     jpeg_with,
-    largest_gif,
     noise,
     overlapping_exif,
     png,
     png_chunk,
     png_claiming,
-    png_in_tiny_chunks,
     riff_chunk,
     segment,
     smooth,
@@ -89,7 +84,6 @@ def hostile_files() -> dict[str, HostileFile]:
         "": ("image", images()),
         "recording: ": ("signal", signals()),
         "map: ": ("disparity", disparities()),
-        "map ÷ 4: ": ("disparity ÷ 4", eight_bit_disparities()),
         "calibration: ": ("calibration", calibrations()),
         "settings: ": ("matcher", matchers()),
     }
@@ -149,49 +143,25 @@ def valid_files() -> dict[str, list[bytes]]:
 
 
 def images() -> dict[str, Case]:
-    comment = b"Comment\0" + b"a" * (60 * MB)
-    packed = b"Comment\0\0" + bomb(64 * MB)
     cut = "damaged or cut short"
-    files = {
+    most = "at most 50 megapixels"
+    files: dict[str, Case] = {
         "PNG, 16-bit colour, IDAT claims 2 GB": (lambda: png_claiming(16, 2), ""),
-        "PNG, 16-bit colour and alpha, IDAT claims 2 GB": (lambda: png_claiming(16, 6), ""),
-        "PNG, 16-bit grey and alpha, IDAT claims 2 GB": (lambda: png_claiming(16, 4), ""),
-        "PNG, 8-bit, IDAT claims 2 GB": (lambda: png_claiming(8, 2), ""),
         "PNG, header claims 900 megapixels": (lambda: png(30_000, 30_000, pixels=b""), "900 megapixels"),
-        "PNG, header claims 2^31 a side": (lambda: png(2**31 - 1, 2**31 - 1, pixels=b""), "at most 50 megapixels"),
+        "PNG, header claims 2^31 a side": (lambda: png(2**31 - 1, 2**31 - 1, pixels=b""), most),
         "PNG, 49 million pixels in one column": (lambda: png(1, 49_000_000), "1,000,000 pixels in a row or column"),
-        "PNG, no pixels": (lambda: png(0, 0, pixels=b""), ""),
-        "PNG, comment of 60 MB": (lambda: png(before=png_chunk(b"tEXt", comment)), READ),
-        "PNG, packed comment of 64 MB": (lambda: png(before=png_chunk(b"zTXt", packed)), ""),
-        "PNG, 500 packed comments of 64 MB": (lambda: png(before=png_chunk(b"zTXt", packed) * 500), ""),
-        "PNG, packed international comment of 64 MB": (
-            lambda: png(before=png_chunk(b"iTXt", b"Comment\0\1\0\0\0" + bomb(64 * MB))),
-            "",
-        ),
-        "PNG, packed profile of 64 MB": (lambda: png(before=png_chunk(b"iCCP", b"sRGB\0\0" + bomb(64 * MB))), ""),
+        "PNG, comment of 60 MB": (lambda: png(before=png_chunk(b"tEXt", b"Comment\0" + b"a" * (60 * MB))), READ),
+        "PNG, packed comment of 64 MB": (lambda: png(before=png_chunk(b"zTXt", b"Comment\0\0" + bomb(64 * MB))), ""),
         "PNG, 3 million chunks": (lambda: png(before=png_chunk(b"teXt", b"") * 3_000_000), ""),
-        "PNG, 150,000 chunks": (lambda: png(before=png_chunk(b"teXt", b"") * 150_000), ""),
-        "PNG, pixels in chunks of 1 byte": (lambda: png_in_tiny_chunks(150_000), cut),
-        "PNG, animated, 80,000 frames": (lambda: animated_png(80_000), ""),
-        "PNG, EXIF of 60 MB": (lambda: png(before=png_chunk(b"eXIf", exif(3, 1, 6) + bytes(60 * MB))), READ),
         "PNG, EXIF of overlapping tags": (lambda: png(before=png_chunk(b"eXIf", overlapping_exif(4 * MB))), ""),
         "PNG, 1 pixel and 64 MB behind it": (lambda: png(1, 1, pixels=bytes(64 * MB)), READ),
         "PNG, 60 MB after its end": (lambda: png() + bytes(60 * MB), READ),
         "PNG, palette of 60 MB": (lambda: png(colour=3, before=png_chunk(b"PLTE", bytes(60 * MB))), ""),
         "PNG, palette missing": (lambda: png(colour=3), ""),
-        "PNG, wrong checksum": (lambda: png()[:-16] + b"\0\0\0\0" + png()[-12:], ""),
         "PNG, cut short": (lambda: by_pillow("PNG", noise(3, 60))[:-900], cut),
         "PNG, no IDAT": (lambda: png()[:33] + png_chunk(b"IEND", b""), cut),
         "JPEG, comments of 60 MB": (lambda: jpeg_with(segment(0xFE, b"a" * 65_000) * 960), READ),
         "JPEG, a million comments": (lambda: jpeg_with(segment(0xFE, b"") * 1_000_000), ""),
-        "JPEG, profile of 60 MB": (
-            lambda: jpeg_with(segment(0xE2, b"ICC_PROFILE\0\1\1" + bytes(65_000)) * 960),
-            READ,
-        ),
-        "JPEG, EXIF of overlapping tags": (
-            lambda: jpeg_with(segment(0xE1, b"Exif\0\0" + overlapping_exif(65_000))),
-            "",
-        ),
         "JPEG, 900 EXIF of overlapping tags": (
             lambda: jpeg_with(segment(0xE1, b"Exif\0\0" + overlapping_exif(65_000)) * 900),
             "",
@@ -199,48 +169,27 @@ def images() -> dict[str, Case]:
         "JPEG, broken EXIF": (lambda: jpeg_with(segment(0xE1, b"Exif\0\0II*\0\xff\xff\xff\xff")), READ),
         "JPEG, claims to hold many pictures": (lambda: jpeg_with(segment(0xE2, b"MPF\0II*\0\x08\0\0\0\xff\xff")), READ),
         "JPEG, 3,000 scans": (lambda: jpeg_scans(3000), ""),
-        "JPEG, 90 scans": (lambda: jpeg_scans(90), READ),
         "JPEG, 49 megapixels in 60 scans": (lambda: jpeg_scans(60, 7000), ""),
-        "JPEG, 49 megapixels in 30 scans": (lambda: jpeg_scans(24, 7000), READ),
-        "JPEG, arithmetic coding": (jpeg_arithmetic, ""),
-        "JPEG, header claims 4 gigapixels": (lambda: jpeg_sized(65_500, 65_500), "at most 50 megapixels"),
+        "JPEG, header claims 4 gigapixels": (lambda: jpeg_sized(65_500, 65_500), most),
         "JPEG, header claims 49 megapixels of 256": (lambda: jpeg_sized(7000, 7000), ""),
-        "JPEG, 3,000 tables": (lambda: jpeg_with(segment(0xDB, b"\0" + bytes([1] * 64)) * 3000), ""),
         "JPEG, 60 MB of fill bytes": (lambda: jpeg_with(b"\xff" * (60 * MB)), ""),
-        "JPEG, 60 MB of stuffed bytes": (lambda: jpeg()[:-2] + b"\xff\0" * (30 * MB) + b"\xff\xd9", ""),
         "JPEG, 30 million restarts": (lambda: jpeg()[:-2] + b"\xff\xd0" * (30 * MB) + b"\xff\xd9", ""),
-        "JPEG, 60 MB after its end": (lambda: jpeg() + bytes(60 * MB), READ),
         "JPEG, cut short": (lambda: jpeg(noise(3, 200))[:-3000], cut),
         "JPEG, nothing but its mark": (lambda: b"\xff\xd8\xff", cut),
-        "GIF, comment of 60 MB": (lambda: gif(gif_comment(60 * MB)), READ),
         "GIF, comment of 30 million blocks": (lambda: gif(gif_comment(60 * MB, 1)), ""),
-        "GIF, 300,000 comments": (lambda: gif(gif_comment(256) * 200_000), READ),
         "GIF, a million frames": (lambda: gif(count=1_000_000), ""),
         "GIF, frame beyond the screen": (lambda: gif(frame=(65_535, 65_535)), ""),
-        "GIF, screen of 4 gigapixels": (lambda: gif(screen=(65_535, 65_535)), "at most 50 megapixels"),
-        "GIF, screen of 49 megapixels, frame of 64": (lambda: gif(screen=(7000, 7000)), READ),
+        "GIF, screen of 4 gigapixels": (lambda: gif(screen=(65_535, 65_535)), most),
         "GIF, no frame": (lambda: gif(count=0), cut),
         "TIFF, directory that follows itself": (lambda: tiff_pages(0, loop=True), READ),
         "TIFF, 400,000 pages": (lambda: tiff_pages(400_000), ""),
         "TIFF, 20,000 overlapping tags of 1 MB": (tiff_overlapping, ""),
-        "TIFF, private tag of 60 MB": (
-            lambda: tiff({37_724: (7, 60 * MB, 72)}, pixels=bytes(64) + bytes(60 * MB)),
-            READ,
-        ),
         "TIFF, tile of 30,000 a side": (lambda: tiff_tiled(30_000), ""),
-        "TIFF, tile of 1,024 a side": (lambda: tiff_tiled(1024), ""),
         "TIFF, 10 million strips": (lambda: tiff({273: (4, 10_000_000, 8)}, pixels=bytes(60 * MB)), ""),
         "TIFF, strips beyond the file": (lambda: tiff({273: (4, 4_000_000, 8)}), cut),
         "TIFF, 60,000 channels": (lambda: tiff({277: (3, 1, 60_000)}), ""),
-        "TIFF, 60,000 bits": (lambda: tiff({258: (3, 1, 60_000)}), cut),
-        "TIFF, width twice": (lambda: tiff({256: (3, 2, 8 | 8 << 16)}), READ),
         "TIFF, width a word": (lambda: tiff({256: (2, 4, 0x31313131)}), cut),
-        "TIFF, no width": (lambda: tiff({256: (3, 1, 0)}), cut),
-        "TIFF, header claims 16 gigapixels": (
-            lambda: tiff({256: (4, 1, 130_000), 257: (4, 1, 130_000)}),
-            "at most 50 megapixels",
-        ),
-        "TIFF, LZMA": (lambda: tiff({259: (3, 1, 34_925)}), ""),
+        "TIFF, header claims 16 gigapixels": (lambda: tiff({256: (4, 1, 130_000), 257: (4, 1, 130_000)}), most),
         "TIFF, deflated bomb": (
             lambda: tiff({259: (3, 1, 8), 279: (4, 1, 60_000)}, pixels=bomb(64 * MB)[:60_000]),
             "",
@@ -248,218 +197,116 @@ def images() -> dict[str, Case]:
         "TIFF, BigTIFF of 2^60 strips": (lambda: big_tiff(2**60), cut),
         "TIFF, directory beyond the file": (lambda: b"II*\0\xff\xff\xff\xff" + bytes(40), cut),
         "WEBP, profile of 60 MB": (lambda: webp_with(riff_chunk(b"ICCP", bytes(60 * MB)), 0x20), READ),
-        "WEBP, 60 MB of XMP": (lambda: webp_with(riff_chunk(b"XMP ", b"<" * (60 * MB)), 4), READ),
-        "WEBP, EXIF of overlapping tags": (lambda: webp_with(riff_chunk(b"EXIF", overlapping_exif(4 * MB)), 8), READ),
-        "WEBP, 3 million chunks": (lambda: webp_with(riff_chunk(b"abcd", b"") * 3_000_000), ""),
+        "WEBP, EXIF of overlapping tags": (lambda: webp_with(riff_chunk(b"EXIF", overlapping_exif(4 * MB)), 8), ""),
         "WEBP, 90,000 frames": (lambda: webp_frames(90_000), READ),
         "WEBP, header claims 268 megapixels": (lambda: webp_sized(16_383), ""),
         "WEBP, canvas of 281 terapixels": (lambda: webp_with(b"", 0, (2**24, 2**24)), ""),
         "WEBP, cut short": (lambda: webp(noise(3, 200))[:-900], cut),
-        "BMP, header claims 4 gigapixels": (lambda: bmp(65_000, 65_000, 24, 0, bytes(64)), "at most 50 megapixels"),
+        "BMP, header claims 4 gigapixels": (lambda: bmp(65_000, 65_000, 24, 0, bytes(64)), most),
         "BMP, 60 MB of runs": (lambda: bmp(7000, 7000, 8, 1, b"\1\1" * (30 * MB)), ""),
-        "BMP, 4 MB of runs": (lambda: bmp(2000, 1000, 8, 1, (b"\1\1" * 2000 + b"\0\0") * 1000), READ),
-        "BMP, one run in 49 megapixels": (
-            lambda: bmp(1_000_000, 49, 8, 1, b"\1\1\0\0" * 49 + b"\0\1"),
-            "",
-        ),
-        "BMP, one run in 8 megapixels": (lambda: bmp(1_000_000, 8, 8, 1, b"\1\1\0\0" * 8 + b"\0\1"), READ),
-        "BMP, runs that jump": (lambda: bmp(4000, 2000, 8, 1, b"\0\2\xff\xff" * (MB - 300)), ""),
+        "BMP, one run in 49 megapixels": (lambda: bmp(1_000_000, 49, 8, 1, b"\1\1\0\0" * 49 + b"\0\1"), ""),
         "BMP, 4 billion colours": (lambda: bmp(8, 8, 8, 0, bytes(64), 2**32 - 1), ""),
-        "BMP, top row first": (lambda: bmp(8, -8, 24, 0, bytes(192)), READ),
-        "BMP, smallest height of all": (lambda: bmp(8, -(2**31), 24, 0, bytes(192)), "at most 50 megapixels"),
+        "BMP, smallest height of all": (lambda: bmp(8, -(2**31), 24, 0, bytes(192)), most),
         "PGM, 60 MB of spaces": (lambda: b"P5" + b" " * (60 * MB), "no size"),
-        "PPM, 60 MB of comment": (lambda: b"P6 # " + b"a" * (60 * MB), "no size"),
         "PPM, 60 MB of digits": (lambda: b"P6 " + b"1" * (60 * MB), "no size"),
         "PPM, 49 megapixels announced": (lambda: b"P6 7000 7000 255\n" + bytes(90), "cut short"),
-        "PPM, largest value 77": (lambda: b"P6 4000 4000 77\n" + bytes(48_000_000), READ),
-        "PPM as text, 15 MB": (lambda: b"P3 1500 1600 255\n" + b"1 2\n" * 3_600_000, ""),
         "PPM as text, 60 MB": (lambda: b"P3 4000 2500 255\n" + b"1 2\n" * 15_000_000, ""),
-        "PPM as text, 7 million comments": (lambda: b"P3 2 2 255\n" + b"#\n" * 7_000_000, ""),
-        "PBM as text, 15 MB": (lambda: b"P1 3000 5000\n" + b"1" * 15_000_000, READ),
-        "PFM, 60 MB of spaces": (lambda: b"Pf" + b" " * (60 * MB), "not a grey PFM"),
-        "60 MB of zeros": (lambda: bytes(60 * MB), ""),
+        "PPM as text, 7 million comments": (lambda: b"P3 2 2 255\n" + b"#\n" * 7_000_000, "cut short"),
+        "60 MB of zeros": (lambda: bytes(60 * MB), "not an image"),
     }
-    odd = {"0": (3, 1, 0), "9": (3, 1, 9), "255": (3, 1, 255), "a word": (2, 3, 0x7075), "a fraction": (5, 1, 26)}
-    odd |= {"two": (3, 2, 6 | 6 << 16), "a thousand": (3, 1000, 26), "4 billion": (3, 2**32 - 1, 26), "none": (3, 0, 6)}
+    odd = {"255": (3, 1, 255), "a word": (2, 3, 0x7075), "two": (3, 2, 6 | 6 << 16), "4 billion": (3, 2**32 - 1, 26)}
     for name, entry in odd.items():
-        body = segment(0xE1, b"Exif\0\0" + exif(*entry))
-        files[f"JPEG, orientation {name}"] = (partial(jpeg_with, body), READ)
-    whole = {
-        "PNG, 49 megapixels, grey": lambda: by_opencv(".png", noise(1), *FAST_PNG),
+        files[f"JPEG, orientation {name}"] = (partial(jpeg_with, segment(0xE1, b"Exif\0\0" + exif(*entry))), READ)
+    whole: dict[str, Callable[[], bytes]] = {
         "PNG, 49 megapixels, RGB noise": lambda: by_opencv(".png", noise(3), *FAST_PNG),
-        "PNG, 49 megapixels, RGBA": lambda: by_opencv(".png", smooth(4), *FAST_PNG),
-        "PNG, 49 megapixels, 16-bit grey": lambda: by_opencv(".png", smooth(1, np.uint16), *FAST_PNG),
         "PNG, 49 megapixels, 16-bit RGB": lambda: by_opencv(".png", smooth(3, np.uint16), *FAST_PNG),
         "PNG, 49 megapixels, RGB, turned": lambda: turned(by_opencv(".png", smooth(3), *FAST_PNG)),
-        "PNG, 40 megapixels, 16-bit RGB noise": lambda: by_opencv(".png", noise(6, 6300).view(np.uint16), *FAST_PNG),
         "PNG, 49 megapixels, interlaced noise": lambda: interlaced(noise(3)),
-        "PNG, a million pixels in one column": lambda: png(1, 1_000_000),
-        "TIFF, 49 megapixels, deflated noise": lambda: by_pillow("TIFF", noise(3), compression="tiff_adobe_deflate"),
-        "JPEG, 49 megapixels, RGB": lambda: by_opencv(".jpg", smooth(3)),
-        "JPEG, 49 megapixels, progressive": lambda: jpeg(smooth(3), progressive=True, subsampling=0),
-        "BMP, 49 megapixels": lambda: by_opencv(".bmp", smooth(3)),
-        "TIFF, 49 megapixels, RGB": lambda: by_opencv(".tiff", smooth(3)),
-        "TIFF, 49 megapixels, 16-bit grey": lambda: by_opencv(".tiff", smooth(1, np.uint16)),
         "TIFF, 49 megapixels, 16-bit RGB": lambda: by_opencv(".tiff", smooth(3, np.uint16)),
         "TIFF, 49 megapixels, floats": lambda: by_pillow("TIFF", smooth(1).astype(np.float32)),
-        "WEBP, 49 megapixels": lambda: by_opencv(".webp", smooth(3), cv2.IMWRITE_WEBP_QUALITY, 50),
+        "JPEG, 49 megapixels, progressive": lambda: jpeg(smooth(3), progressive=True, subsampling=0),
         "WEBP, 49 megapixels, RGBA": lambda: by_opencv(".webp", smooth(4), cv2.IMWRITE_WEBP_QUALITY, 50),
-        "GIF, 49 megapixels": largest_gif,
-        "PPM, 49 megapixels": lambda: b"P6 7000 7000 255\n" + noise(3).tobytes(),
+        "GIF, 49 megapixels": lambda: by_pillow("GIF", smooth(1)),
         "PPM, 40 megapixels, 16 bits": lambda: b"P6 8000 5000 65535\n" + bytes(240_000_000),
         "PGM, 49 megapixels, 16 bits, largest 1023": lambda: b"P5 7000 7000 1023\n" + bytes(98_000_000),
     }
     return files | {name: (make, READ) for name, make in whole.items()}
 
 
-HEADERS = {
-    "shape (True, True)": (lambda: npy_of("(True, True)"), "header cannot be read"),
-    "shape (-1,)": (lambda: npy_of("(-1,)"), "header cannot be read"),
-    "shape (2.0,)": (lambda: npy_of("(2.0,)"), "header cannot be read"),
-    "shape ('a',)": (lambda: npy_of("('a',)"), "header cannot be read"),
-    "shape of a trillion": (lambda: npy_of("(1000000000000,)"), "cut short"),
-    "shape of 10^30": (lambda: npy_of("(1000000000000000, 1000000000000000)"), "cut short"),
-    "shape of 10^999": (lambda: npy_of(f"({'9' * 999},)"), "cut short"),
-    "shape of 500 sides": (lambda: npy_of(f"({'1, ' * 300})"), "header cannot be read"),
-    "shape with a 0": (lambda: npy_of("(0, 8)"), ""),
-    "order 7": (lambda: npy_of("(8,)", order="7"), "header cannot be read"),
-    "objects": (lambda: npy_of("(8,)", "'|O'"), "holds object"),
-    "records": (lambda: npy_of("(8,)", "[('a', '<f8')]"), "records of several fields"),
-    "dates": (lambda: npy_of("(8,)", "'<M8[s]'"), "allowed are integers and floats"),
-    "text": (lambda: npy_of("(8,)", "'<U9999999'"), "allowed are integers and floats"),
-    "floats of 7 bytes": (lambda: npy_of("(8,)", "'<f7'"), "header cannot be read"),
-    "a header that is code": (lambda: npy("__import__('os').abort()"), "header cannot be read"),
-    "a header of parentheses": (lambda: npy("(" * 60_000), "header cannot be read"),
-    "a header of quotes and spaces": (lambda: npy("'descr'" + " " * 60_000), "header cannot be read"),
-    "a header that claims 4 GB": (lambda: b"\x93NUMPY\x02\0\xff\xff\xff\xff" + bytes(99), "header cannot be read"),
-    "version 200": (lambda: npy_of("(8,)").replace(b"\x01\x00", b"\xc8\0", 1), "header cannot be read"),
-}
-
-
 def signals() -> dict[str, Case]:
     broken = "damaged, cut short or without channels"
-    files = {
+    most = "at most 30,000,000"
+    header = "header cannot be read"
+    silence = np.zeros(30_000_000, np.int16)
+    return {
         "text, a short line and one of 60 MB": (lambda: b"1\n" + b"2" * (60 * MB), ""),
         "text, one line of 60 MB": (lambda: b"1," * (30 * MB), ""),
-        "text, words and one line of 60 MB": (lambda: b"a\n" * 50 + b"b" * (60 * MB), ""),
         "text, 60 million empty lines": (lambda: b"\n" * (60 * MB), ""),
         "text, 30 million lines": (lambda: b"1\n" * 29_999_000, ""),
-        "text, 10 million lines": (lambda: b"1.25\n" * 9_999_999, ""),
         "text, 60 MB of long numbers": (lambda: b"0.123456789012345678\n" * 2_900_000, READ),
-        "text, 60 MB in 32 columns": (
-            lambda: b",".join([b"12"] * 32) * 1 + (b"\n" + b",".join([b"12"] * 32)) * 600_000,
-            READ,
-        ),
-        "text, 30 million numbers in 30 columns": (
-            lambda: (b",".join([b"1"] * 30) + b"\n") * 1_000_000,
-            "",
-        ),
-        "text, 60 MB of comments": (lambda: b"# " + b"\n# ".join([b"a" * 60] * 950_000), ""),
-        "text, 9 million comments": (lambda: b"#\n" * 9_000_000, ""),
-        "text, 9 million comments, then numbers": (lambda: b"#\n" * 9_000_000 + b"1\n2\n", ""),
-        "text, 9 million numbers with comments": (lambda: b"1 #a\n" * 9_000_000, ""),
-        "text, numbers among 9 million empty lines": (lambda: b"1\n" + b"\n" * 9_000_000 + b"2\n", ""),
+        "text, 60 MB of comments": (lambda: b"# " + b"\n# ".join([b"a" * 60] * 950_000), "No line of the text"),
         "text, 60 MB of words": (lambda: b"word and word\n" * 4_000_000, ""),
         "text, wrong in the last line": (lambda: b"1.25\n" * 9_000_000 + b"x", ""),
-        "text, NaN in the last line": (lambda: b"1.25\n" * 9_000_000 + b"nan", ""),
         "text, NUL at the end": (lambda: b"1.25\n" * 9_000_000 + b"\0", ""),
-        "text, 60 MB of UTF-16": (lambda: ("1.25\n" * 6_000_000).encode("utf-16"), ""),
         "text, 60 MB of UTF-16 beyond its plane": (lambda: ("\U0001f600\n" * 9_000_000).encode("utf-16"), ""),
-        "text, 60 MB in Latin-1": (lambda: b"\xb5V\n" + b"1.25\n" * 9_000_000, ""),
         "text, 200 MB": (lambda: b"1.25\n" * 40_000_000, "at most 67 MB"),
-        "text, returns only": (lambda: b"1.25\r" * 9_000_000, ""),
         "text, 60 MB of separators": (lambda: (b";" * 4000 + b"\n") * 15_000, ""),
         "text, number of 4,000 digits": (lambda: b"1" * 4000 + b"\n2\n", ""),
         "WAV, data claims 4 GB": (lambda: plain_wav(claimed=2**32 - 1), ""),
         "WAV, 65,535 channels": (lambda: plain_wav(65_535), ""),
         "WAV, 0 channels": (lambda: plain_wav(0), broken),
-        "WAV, rate 0": (lambda: plain_wav(rate=0), ""),
         "WAV, rate of 4 billion": (lambda: plain_wav(rate=2**32 - 1), ""),
         "WAV, block of 0 bytes": (lambda: wav((1, 1, 8000, 16_000, 0, 16), bytes(800)), ""),
         "WAV, 0 bits": (lambda: wav((1, 1, 8000, 16_000, 2, 0), bytes(800)), ""),
-        "WAV, encoding 65,534": (lambda: wav((65_534, 1, 8000, 16_000, 2, 16), bytes(800)), ""),
         "WAV, ADPCM of 0 a block": (lambda: wav((17, 1, 8000, 16_000, 2, 4), bytes(800)), ""),
         "WAV, notes of 60 MB": (lambda: plain_wav(before=riff_chunk(b"LIST", b"INFO" + bytes(60 * MB))), READ),
         "WAV, 4 million chunks": (lambda: plain_wav(before=riff_chunk(b"abcd", b"") * 4_000_000), ""),
-        "WAV, 7 million cues": (
-            lambda: plain_wav(before=riff_chunk(b"cue ", struct.pack("<I", 2**31) + bytes(60 * MB))),
-            "",
-        ),
         "WAV, 30 million samples": (lambda: plain_wav(data=bytes(60_000_000)), READ),
-        "WAV, 2 × 15 million samples": (lambda: plain_wav(2, data=bytes(60_000_000)), READ),
-        "WAV, 30 million doubles": (
-            lambda: wav((3, 1, 8000, 64_000, 8, 64), bytes(240_000_000)),
-            READ,
-        ),
-        "WAV, 50 million samples": (lambda: plain_wav(data=bytes(100_000_000)), "at most 30,000,000"),
-        "WAV, only its mark": (lambda: b"RIFF", broken),
-        "FLAC, 30 million silent samples": (lambda: sound("FLAC", samples=np.zeros(30_000_000, np.int16)), READ),
-        "FLAC, 4 × 7 million silent samples": (
-            lambda: sound("FLAC", samples=np.zeros((7_000_000, 4), np.int16)),
-            READ,
-        ),
+        "WAV, 30 million doubles": (lambda: wav((3, 1, 8000, 64_000, 8, 64), bytes(240_000_000)), READ),
+        "WAV, 50 million samples": (lambda: plain_wav(data=bytes(100_000_000)), most),
+        "FLAC, 30 million silent samples": (lambda: sound("FLAC", samples=silence), READ),
         "FLAC, header claims 30 million of 100": (lambda: lying_flac(30_000_000), ""),
-        "FLAC, header claims 2^36 of 100": (lambda: lying_flac(2**36 - 1), "at most 30,000,000"),
-        "FLAC, header claims none": (lambda: lying_flac(0), ""),
-        "FLAC, cut short": (lambda: sound("FLAC")[:2000], ""),
+        "FLAC, header claims 2^36 of 100": (lambda: lying_flac(2**36 - 1), most),
         "OGG, cut short": (lambda: sound("OGG")[:1500], ""),
         "OGG, 15,000 in a row": (lambda: sound("OGG", samples=np.zeros(100)) * 15_000, ""),
-        "OGG, 60 MB of its mark": (lambda: b"OggS" * (15 * MB), broken),
-        "OGG, 20 minutes of Vorbis": (lambda: sound("OGG", samples=np.zeros(20_000_000, np.int16), rate=16_000), READ),
+        "OGG, 20 minutes of Vorbis": (lambda: sound("OGG", samples=silence[:20_000_000], rate=16_000), READ),
         "MP3, tag of 60 MB": (lambda: id3(60 * MB), ""),
         "MP3, 60 MB of its mark": (lambda: b"\xff\xfb\x90\0" * (15 * MB), ""),
         "MP3, 60 MB of noise": (lambda: b"\xff\xfb\x90\0" + np.random.default_rng(1).bytes(60 * MB), ""),
-        "MP3, 20 minutes": (lambda: sound("MP3", samples=np.zeros(20_000_000, np.int16), rate=16_000), READ),
-        "AIFF, cut short": (lambda: sound("AIFF")[:40], ""),
-        "AIFF, rate of nonsense": (lambda: sound("AIFF").replace(b"\x40\x0b\xfa", b"\x7f\xff\xff"), ""),
+        "AIFF, DWVW_16": (lambda: sound("AIFF", "DWVW_16"), "encoding DWVW"),
         "NPY, 30 million": (lambda: saved(np.zeros(30_000_000)), READ),
-        "NPY, 31 million": (lambda: saved(np.zeros(31_000_000, np.uint8)), "at most 30,000,000"),
-        "NPY, 2 × 15 million, columns first": (lambda: saved(np.asfortranarray(np.zeros((15_000_000, 2)))), READ),
+        "NPY, 31 million": (lambda: saved(np.zeros(31_000_000, np.uint8)), most),
         "NPY, halves that overflow": (lambda: saved(np.full(9, np.inf, np.float16)), "9 NaN or infinite"),
+        "NPY, shape (True, True)": (lambda: npy_of("(True, True)"), header),
+        "NPY, shape (-1,)": (lambda: npy_of("(-1,)"), header),
+        "NPY, shape ('a',)": (lambda: npy_of("('a',)"), header),
+        "NPY, shape of 10^30": (lambda: npy_of("(1000000000000000, 1000000000000000)"), "cut short"),
+        "NPY, shape of 10^999": (lambda: npy_of(f"({'9' * 999},)"), "cut short"),
+        "NPY, shape of 300 sides": (lambda: npy_of(f"({'1, ' * 300})"), header),
+        "NPY, objects": (lambda: npy_of("(8,)", "'|O'"), "holds object"),
+        "NPY, records": (lambda: npy_of("(8,)", "[('a', '<f8')]"), "records of several fields"),
+        "NPY, text": (lambda: npy_of("(8,)", "'<U9999999'"), "allowed are integers and floats"),
+        "NPY, a header that is code": (lambda: npy("__import__('os').abort()"), header),
+        "NPY, a header of parentheses": (lambda: npy("(" * 60_000), header),
+        "NPY, a header that claims 4 GB": (lambda: b"\x93NUMPY\x02\0\xff\xff\xff\xff" + bytes(99), header),
+        "NPY, version 200": (lambda: npy_of("(8,)").replace(b"\x01\x00", b"\xc8\0", 1), header),
     }
-    encodings = ["PCM_U8", "PCM_24", "FLOAT", "DOUBLE", "ULAW", "ALAW", "MS_ADPCM", "IMA_ADPCM", "GSM610", "G721_32"]
-    encodings += ["NMS_ADPCM_16", "NMS_ADPCM_24", "NMS_ADPCM_32"]
-    files |= {f"WAV, {name}": (partial(sound, "WAV", name), READ) for name in encodings}
-    for name in ("PCM_S8", "PCM_U8", "FLOAT", "ULAW", "IMA_ADPCM", "GSM610"):
-        files[f"AIFF, {name}"] = (partial(sound, "AIFF", name), READ)
-    files["AIFF, DWVW_16"] = (partial(sound, "AIFF", "DWVW_16"), "encoding DWVW")
-    files["OGG, OPUS"] = (partial(sound, "OGG", "OPUS"), READ)
-    return files | {f"NPY, {name}": case for name, case in HEADERS.items()}
 
 
 def disparities() -> dict[str, Case]:
     return {
-        "PGM, 60 MB of spaces": (lambda: b"P5" + b" " * (60 * MB), "not a binary PGM"),
         "PGM, 60 MB of comments": (lambda: b"P5" + b"#\n" * (30 * MB), "not a binary PGM"),
-        "PGM, 60 MB of digits": (lambda: b"P5 " + b"9" * (60 * MB), "not a binary PGM"),
         "PFM, 60 MB of spaces": (lambda: b"Pf" + b" " * (60 * MB), "not a grey PFM"),
         "PFM, 60 MB of scale": (lambda: b"Pf 2 2 " + b"1" * (60 * MB), "not a grey PFM"),
         "PFM, scale 1e999": (lambda: b"Pf\n2 2\n1e999\n" + bytes(16), "scale 1e999"),
         "PFM, scale nan": (lambda: b"Pf\n2 2\nnan\n" + bytes(16), "scale nan"),
-        "PFM, scale _1_": (lambda: b"Pf\n2 2\n1_1\n" + bytes(16), "scale 1_1"),
         "PFM, other digits": (lambda: "Pf\n² ²\n1\n".encode() + bytes(16), "not a grey PFM"),
         "PFM, 10^18 pixels": (lambda: b"Pf\n999999999 999999999\n1\n", "at most 50 megapixels"),
-        "PFM, 49 megapixels": (lambda: b"Pf\n7000 7000\n-1\n" + np.ones(49_000_000, "<f4").tobytes(), READ),
         "PFM, 49 megapixels, big-endian": (lambda: b"Pf\n7000 7000\n1\n" + np.ones(49_000_000, ">f4").tobytes(), READ),
         "PFM, numbers of 1e38": (lambda: b"Pf\n2 2\n-1\n" + np.full(4, 1e38, "<f4").tobytes(), READ),
         "PNG, 49 megapixels, 16 bits": (lambda: by_opencv(".png", smooth(1, np.uint16), *FAST_PNG), READ),
-        "PGM, 49 megapixels, 16 bits": (lambda: b"P5 7000 7000 65535\n" + b"\1\1" * 49_000_000, READ),
-        "NPY, 49 megapixels": (lambda: saved(np.ones((7000, 7000), np.float32)), READ),
-        "NPY, 49 megapixels, halves": (lambda: saved(np.ones((7000, 7000), np.float16)), READ),
-        "NPY, 49 megapixels, integers, columns first": (
-            lambda: saved(np.ones((7000, 7000), np.int16, order="F")),
-            READ,
-        ),
+        "NPY, 49 megapixels, columns first": (lambda: saved(np.ones((7000, 7000), np.int16, order="F")), READ),
         "NPY, no dimension": (lambda: npy_of("()"), r"shape \(\)"),
-        "NPY, no pixels": (lambda: npy_of("(0, 8)"), "holds none"),
         "NPY, zero by a billion": (lambda: npy_of("(1000000000, 0)"), "holds none"),
-        "PNG, 16 bits, IDAT claims 2 GB": (lambda: png_claiming(16, 0), ""),
         "60 MB of zeros": (lambda: bytes(60 * MB), "cannot be read"),
-    }
-
-
-def eight_bit_disparities() -> dict[str, Case]:
-    return {
-        "PNG, 49 megapixels, 8 bits": (lambda: by_opencv(".png", noise(1), *FAST_PNG), READ),
-        "PGM, 49 megapixels, 8 bits": (lambda: b"P5 7000 7000 255\n" + noise(1).tobytes(), READ),
     }

@@ -52,17 +52,6 @@ def bomb(size: int) -> bytes:
     return zlib.compress(bytes(size), 9)
 
 
-def png_in_tiny_chunks(count: int) -> bytes:
-    packed = zlib.compress(np.random.default_rng(0).bytes(2 * count), 0)[:count]
-    data = png(600, 600)
-    return data[:33] + b"".join(png_chunk(b"IDAT", packed[i : i + 1]) for i in range(count)) + png_chunk(b"IEND", b"")
-
-
-def animated_png(frames: int) -> bytes:
-    control = struct.pack(">IIIIIHHBB", 0, 8, 8, 0, 0, 1, 10, 0, 0)
-    return png(before=png_chunk(b"acTL", struct.pack(">II", frames, 0)) + png_chunk(b"fcTL", control) * frames)
-
-
 # EXIF and TIFF
 
 
@@ -162,10 +151,6 @@ def jpeg_sized(width: int, height: int) -> bytes:
     place = data.index(b"\xff\xc0") + 5
     data[place : place + 4] = struct.pack(">HH", height, width)
     return bytes(data)
-
-
-def jpeg_arithmetic() -> bytes:
-    return jpeg().replace(b"\xff\xc0", b"\xff\xc9")
 
 
 # GIF, WEBP, BMP
@@ -274,7 +259,3 @@ def interlaced(pixels: np.ndarray) -> bytes:
         packed += packer.compress(rows.tobytes())
     body = png_chunk(b"IHDR", header) + png_chunk(b"IDAT", packed + packer.flush()) + png_chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + body
-
-
-def largest_gif() -> bytes:
-    return by_pillow("GIF", smooth(1))
