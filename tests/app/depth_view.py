@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
+from streamlit.testing.v1 import AppTest
 
 from stereolag.figures.legends import Colours, disparity_range
 from stereolag.geometry.calibration import Calibration
@@ -18,6 +23,7 @@ from stereolag.ui.depth.maps import DepthView
 ROWS, COLS = slice(215, 375), slice(120, 400)
 
 
+@cache
 def small_view(*, calibrated: bool = True, truth: bool = True) -> DepthView:
     """Return a part of the puzzle cube, with or without its calibration and ground truth."""
     whole = example_pair(stereo_pairs()["cube"])
@@ -45,3 +51,22 @@ def small_view(*, calibrated: bool = True, truth: bool = True) -> DepthView:
     results = {name: matcher.compute(pair.left, pair.right) for name, matcher in matchers.items()}
     low, high = disparity_range([result.disparity for result in results.values()])
     return DepthView(pair, results, Colours(low, high))
+
+
+def _part() -> None:
+    import streamlit as st
+
+    st.session_state["show"](st.session_state["view"])
+
+
+def part_of_page(
+    show: Callable[[DepthView], None], view: DepthView | None = None, state: Mapping[str, Any] = MappingProxyType({})
+) -> AppTest:
+    """Return a part of the depth page after its first run, which must not fail; of :func:`small_view` by default."""
+    app = AppTest.from_function(_part, default_timeout=120)
+    app.session_state["show"], app.session_state["view"] = show, view or small_view()
+    for key, value in state.items():
+        app.session_state[key] = value
+    app.run()
+    assert not app.exception
+    return app

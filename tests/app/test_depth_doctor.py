@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ailing_pairs import ILLS, REMEDIES
-from raw_views import barrel
+from ailing_pairs import ILLS, REMEDIES, barrel
 from streamlit.testing.v1 import AppTest
 
 from stereolag.assess.diagnosis import FindingCode

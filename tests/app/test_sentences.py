@@ -26,15 +26,21 @@ from stereolag.assess.diagnosis import (
     judge_sides,
     judge_texture,
 )
-from stereolag.assess.explaining import ExampleKind, MatchExplanation, MatchKind, explain_match
+from stereolag.assess.explaining import Box, ExampleKind, MatchExplanation, MatchKind, explain_match
+from stereolag.assess.judging import Criterion, Unjudged
 from stereolag.assess.orientation import RowEvidence
 from stereolag.assess.remedies import Remedy
+from stereolag.assess.suggestion import Outcome, Suggestion
+from stereolag.assess.suggestion import Trial as SettingsTrial
 from stereolag.core.searches import TemplateQuery
+from stereolag.figures.match import window_grid
 from stereolag.io.recordings import Recording
 from stereolag.pair import REMEDIES_DONE, RectificationDecision
 from stereolag.signals import phasors, signal_lag
 from stereolag.stereo.evaluation import CoverageCurve
+from stereolag.stereo.finishing.stages import MedianFilter
 from stereolag.stereo.matcher import Reason
+from stereolag.stereo.opencv import StereoBM
 from stereolag.stereo.windows.matcher import CorrelationMatcher
 from stereolag.stereo.windows.search import SearchArea
 from stereolag.templates import TemplateMatch, TemplateSearch, match_template
@@ -374,5 +380,29 @@ def test_alternatives_of_depth_maps(snapshot: Snapshot) -> None:
             ],
             "error over coverage": sentences.coverage_curves_in_words(curves),
             "scores": [sentences.scores_in_words(seen, "Scores"), sentences.fit_in_words(seen)],
+        }
+    )
+
+
+def test_settings_and_windows(snapshot: Snapshot) -> None:
+    start, other = StereoBM(), StereoBM(block_size=11)
+    trials = (
+        SettingsTrial(other, 25, 3.1, whole=False),
+        SettingsTrial(other, 26.8, 3.2, whole=True),
+        SettingsTrial(StereoBM(block_size=9), 31, -1, whole=True),
+    )
+    outcomes = [Outcome.AS_GOOD, Outcome.BETTER, Unjudged.TOO_LITTLE_MEASURED, Unjudged.JUDGES_ITSELF]
+    found = [Suggestion(start, other, one, Criterion.ESTIMATED_BAD_2, 26.8, 30.0, trials) for one in outcomes]
+    found.append(replace(found[1], finished=False))
+    found.append(Suggestion(start, start, Outcome.AS_GOOD, Criterion.TRUE_BAD_2, 30.0, 30.0))
+    values = [None, True, 0.95, 9, "zncc", MedianFilter()]
+    windows = [(3, 1, 0.95), (60, 1, 0.99), (48, 1, 0.98), (255, 1, 0.999), (300, 300, 0.0)]
+    grids = [(window_grid((300, 300), Box(0, 0, size, size), step), asked) for size, step, asked in windows]
+    snapshot(
+        {
+            "outcome of a search": [sentences.suggestion_in_words(one) for one in found],
+            "a search so far": [sentences.search_so_far(one) for one in found[-2:]],
+            "values of settings": [sentences.value_in_words(one) for one in values],
+            "overlap of windows": [sentences.overlap_in_words(grid, asked) for grid, asked in grids],
         }
     )

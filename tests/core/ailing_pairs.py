@@ -1,6 +1,8 @@
-"""Ailing pairs for the input doctor to find: swapped, shifted, rotated or darkened."""
+"""Ailing pairs for the input doctor: swapped, shifted, rotated, darkened; seen by lenses and by rotated cameras."""
 
 from __future__ import annotations
+
+from functools import cache
 
 import cv2
 import numpy as np
@@ -15,11 +17,15 @@ def turned(image: np.ndarray, degrees: float, scale: float = 1.0) -> np.ndarray:
     return cv2.warpAffine(image, turn, (width, height), borderMode=cv2.BORDER_REFLECT)
 
 
+def darkened(image: np.ndarray) -> np.ndarray:
+    return np.rint(image * 0.6).astype(np.uint8)
+
+
 ILLS = {
     FindingCode.SWAPPED: lambda left, right: (right, left),
     FindingCode.ROWS: lambda left, right: (left, np.roll(right, 3, axis=0)),
     FindingCode.ROTATION: lambda left, right: (left, turned(right, 1.0)),
-    FindingCode.EXPOSURE: lambda left, right: (left, np.rint(right * 0.6).astype(np.uint8)),
+    FindingCode.EXPOSURE: lambda left, right: (left, darkened(right)),
 }
 """Functions that make a healthy 8-bit pair ill."""
 
@@ -30,3 +36,42 @@ REMEDIES = {
     FindingCode.EXPOSURE: Remedy.MATCH_EXPOSURE,
 }
 """The remedy for each of them."""
+
+
+def barrel(image: np.ndarray, k1: float) -> np.ndarray:
+    """Return an image as seen by a lens with OpenCV's k1 and a focal length of one image width."""
+    where = _straight_places(image.shape[:2], k1)
+    return cv2.remap(image, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+@cache
+def _straight_places(shape: tuple[int, int], k1: float) -> np.ndarray:
+    """Return the (x, y) in the undistorted image that each pixel of such a lens shows, (rows, cols, 2)."""
+    height, width = shape
+    centre = np.array([width - 1, height - 1]) / 2
+    rows, cols = np.indices(shape)
+    distorted = (np.dstack([cols, rows]) - centre) / width
+    straight = np.linspace(0, 1, 20_001)
+    radius = np.linalg.norm(distorted, axis=2)
+    scale = np.interp(radius, straight * (1 + k1 * straight**2), straight) / np.maximum(radius, 1e-9)
+    return (distorted * scale[..., None] * width + centre).astype(np.float32)
+
+
+def through_barrel(points: np.ndarray, shape: tuple[int, int], k1: float) -> np.ndarray:
+    """Return where that lens maps points, (n, 2) (x, y), px."""
+    centre = (np.array(shape[::-1]) - 1) / 2
+    straight = (points - centre) / shape[1]
+    return straight * (1 + k1 * (straight**2).sum(axis=1, keepdims=True)) * shape[1] + centre
+
+
+def turning(shape: tuple[int, int], turn: tuple[float, float, float]) -> np.ndarray:
+    """Return the homography of a camera with a focal length of one width, rotated about x, y and z, radians."""
+    height, width = shape
+    camera = np.array([[width, 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1.0]])
+    return camera @ cv2.Rodrigues(np.array(turn, dtype=float))[0] @ np.linalg.inv(camera)
+
+
+def turned_camera(image: np.ndarray, turn: tuple[float, float, float]) -> np.ndarray:
+    """Return an image as seen by a camera rotated about x, y and z, radians."""
+    height, width = image.shape[:2]
+    return cv2.warpPerspective(image, turning((height, width), turn), (width, height), borderMode=cv2.BORDER_REFLECT)

@@ -1,0 +1,386 @@
+"""Sweep and Suggest: jobs in the background of the page, their progress, their results, and when they become void."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
+
+from stereolag.assess.judging import Criterion, TuningPair
+from stereolag.assess.remedies import Remedy
+from stereolag.assess.suggestion import Outcome, Suggestion
+from stereolag.assess.sweep import parameters, sweep
+from stereolag.core.jobs import Estimate
+from stereolag.core.typography import typeset
+from stereolag.figures.maps import ContactSheet, sweep_bad, sweep_maps
+from stereolag.io.settings import read_matcher
+from stereolag.pair import PairId, Rows
+from stereolag.stereo.matcher import StereoMatcher
+from stereolag.stereo.methods import preset
+from stereolag.stereo.opencv import StereoBM
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+from stereolag.ui.depth.address import ADOPTED
+from stereolag.ui.depth.calibrating import alpha_key, rows_key
+from stereolag.ui.depth.maps import DepthView
+from stereolag.ui.depth.pair_sets import PairJob, begin_job, job_on
+from stereolag.ui.depth.tuning import Axis, settings_of_cell, show_suggest, show_sweep
+from stereolag.ui.jobs import Job
+from stereolag.ui.keys import PAIR, SIZE
+from tests.app.depth_view import part_of_page, small_view
+from tests.app.test_depth_restoring import given, packed, pair_of
+
+LIGHT = Estimate(0, 0.0)
+SWEEP, SUGGEST = "depth.sweep", "depth.suggest"
+BLOCKS = StereoBM(num_disparities=64)
+
+
+def with_result(view: DepthView, matcher: StereoMatcher) -> DepthView:
+    """Return the view with one more map, or one in place of the same method's."""
+    return replace(view, results={**view.results, matcher.title: matcher.compute(view.pair.left, view.pair.right)})
+
+
+def judged_blind() -> DepthView:
+    """Return a view without truth, with a map of the method that judges the others."""
+    return with_result(small_view(truth=False), preset("accurate"))
+
+
+def ended(app: AppTest, key: str) -> AppTest:
+    app.session_state[key].job.result()
+    app.run()
+    assert not app.exception
+    return app
+
+
+def cancel(app: AppTest) -> AppTest:
+    return next(button for button in app.button if button.label == "Cancel").click().run()
+
+
+# Sweep
+
+
+def sweep_of(*values: str, view: DepthView | None = None) -> AppTest:
+    app = part_of_page(show_sweep, view)
+    for box, text in zip(app.text_input, values, strict=True):
+        box.set_value(text)
+    return app.run()
+
+
+def swept(*values: str, view: DepthView | None = None) -> AppTest:
+    return ended(sweep_of(*values, view=view).button[0].click().run(), SWEEP)
+
+
+def charts(app: AppTest) -> list[dict[str, Any]]:
+    return [json.loads(chart.proto.spec) for chart in app.get("plotly_chart")]
+
+
+@pytest.mark.parametrize(("truth", "named"), [(True, "bad-2"), (False, "estimated bad-2")])
+def test_a_sweep_shows_a_map_and_a_figure_for_every_combination(truth: bool, named: str) -> None:
+    app = swept("32, 64", "9 15;21", view=small_view(truth=truth))
+    assert app.button[0].label == "Sweep 6 combinations"
+    maps, bad = charts(app)
+    assert maps["data"][0]["type"] == "image"
+    assert bad["layout"]["xaxis"]["ticktext"] == ["9", "15", "21"]
+    assert bad["layout"]["yaxis"]["ticktext"] == ["32", "64"]
+    assert len(maps["data"][1]["text"]) == 6
+    assert named in maps["data"][1]["text"][0]
+    assert app.session_state[SWEEP].job.result().bad.shape == (2, 3)
+    assert f"Right: {named}, %, lower is better." in app.caption[0].value
+    assert ("estimated" in app.markdown[0].value) != truth
+
+
+def test_a_cell_is_taken_over_from_the_list_too_the_best_first() -> None:
+    app = swept("48, 64", "11, 15")
+    cells = next(box for box in app.selectbox if box.label == "Take settings over")
+    shares = [float(option.rpartition(": ")[2].removesuffix(" %")) for option in cells.options]
+    assert len(shares) == 4
+    assert shares == sorted(shares)
+    row, col = map(int, re.findall(r" (\d+)[,:]", cells.options[0]))
+    cells.set_value(cells.options[0]).run()
+    taken = read_matcher(app.session_state[ADOPTED].encode())
+    assert isinstance(taken, CorrelationMatcher)
+    assert (taken.search.num_disparities, taken.window_size) == (row, col)
+
+
+def test_other_values_ask_for_another_sweep() -> None:
+    app = swept("48, 64", "11, 15")
+    for values, shown in (("11, 15", 2), ("11", 0), ("15, 11", 2)):
+        app.text_input[1].set_value(values).run()
+        assert len(app.get("plotly_chart")) == shown
+
+
+def test_a_sweep_can_be_called_off_and_keeps_its_maps() -> None:
+    app = sweep_of("32, 48, 64", "9, 11, 13, 15, 17, 19, 21, 23").button[0].click().run()
+    assert app.button[0].disabled
+    app = ended(cancel(app), SWEEP)
+    assert not app.button[0].disabled
+    assert not app.session_state[SWEEP].job.result().finished
+    assert "ended before" in app.caption[0].value
+
+
+def test_maps_of_the_judge_itself_have_no_figure() -> None:
+    view = judged_blind()
+    app = swept("32, 64", "7, 9", view=replace(view, results={"Semi-global": view.results["Semi-global"]}))
+    assert "nothing to judge Semi-global by" in app.markdown[0].value
+    (maps,) = charts(app)
+    assert "not judged" in maps["data"][1]["text"][0]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("5, wide", "not a list of whole numbers"), ("", "has 0 values"), (", ".join(map(str, range(30))), "30 values")],
+)
+def test_values_that_are_none_are_named(text: str, said: str) -> None:
+    app = sweep_of(text, "15")
+    assert not app.exception
+    assert said in app.error[0].value
+    assert not app.button
+
+
+def test_one_setting_against_itself_is_refused() -> None:
+    app = part_of_page(show_sweep)
+    app.selectbox[0].set_value("window_size").run()
+    assert "two different settings" in app.error[0].value
+
+
+def test_a_cell_gives_its_settings_to_the_page() -> None:
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(64))
+    known = parameters(matcher)
+    axes = Axis(known["search.num_disparities"], (32, 64)), Axis(known["window_size"], (9, 15, 21))
+    wanted = CorrelationMatcher(window_size=21, search=SearchArea.rectified(32))
+    assert settings_of_cell(matcher, axes, 0, 2) == wanted
+
+
+def test_the_figures_show_holes_and_frames() -> None:
+    view = small_view()
+    tuning_pair = TuningPair.of(view.pair.left, view.pair.right, view.pair.truth)
+    centred = CorrelationMatcher(window_size=9, search=SearchArea.centred(33))
+    grid = sweep(centred, [tuning_pair], rows=("window_size", [9, 41]), cols=("search.search_size", [33, 64]))
+    sheet = ContactSheet.of(grid, view.pair.left.shape)
+    assert sheet.maps.shape == (2 * sheet.height, 2 * sheet.width)
+    assert np.isnan(sheet.maps[sheet.height :, : sheet.width]).all()
+    names = ("Window", "Search area")
+    for figure in (sweep_maps(sheet, names, view.colours, (0, 0)), sweep_bad(sheet, names, (0, 0))):
+        assert [shape.line.dash for shape in figure.layout.shapes] == ["solid", "dot"]
+        assert "does not fit" in figure.data[1].text[2]
+
+
+# Suggest
+
+
+def search_of(method: str, view: DepthView | None = None) -> AppTest:
+    app = part_of_page(show_suggest, view)
+    app.segmented_control[0].set_value(method)
+    app.segmented_control[1].set_value(10).run()
+    return app.button[0].click().run()
+
+
+def test_a_search_ends_with_reasons_and_settings_to_use() -> None:
+    app = ended(search_of("StereoBM"), SUGGEST)
+    found = app.session_state[SUGGEST].job.result()
+    assert found.changes
+    change = f"Bad-2 on the whole images: **{found.bad_before:.1f} % → {found.bad:.1f} %**"
+    assert typeset(change) in app.success[0].value
+    assert list(app.dataframe[0].value.columns) == ["Setting", "Before", "Suggested"]
+    assert len(app.dataframe[0].value) == len(found.changes)
+    app.button[1].click().run()
+    assert read_matcher(app.session_state[ADOPTED].encode()) == found.matcher
+
+
+def found_for_blocks(matcher: StereoBM, outcome: Outcome) -> AppTest:
+    """Return the page after a search from StereoBM's defaults has found these settings."""
+    found = Suggestion(BLOCKS, matcher, outcome, Criterion.TRUE_BAD_2, 26.8, 30.0)
+    job: Job[Suggestion] = Job(lambda job: found, LIGHT)
+    job.result()
+    app = part_of_page(show_suggest, state={SUGGEST: PairJob(small_view().pair.id.judged, BLOCKS, job)})
+    app.segmented_control[0].set_value("StereoBM").run()
+    assert "StereoBM" in app.success[0].value
+    return app
+
+
+def in_use(app: AppTest, matcher: StereoMatcher) -> AppTest:
+    app.session_state["view"] = with_result(small_view(), matcher)
+    return app.run()
+
+
+def test_a_result_is_said_only_of_the_settings_asked_about() -> None:
+    app = found_for_blocks(BLOCKS, Outcome.AS_GOOD)
+    for name, shown in {"Convolution": 0, "StereoSGBM": 0, "StereoBM": 1}.items():
+        app.segmented_control[0].set_value(name).run()
+        assert len(app.success) == shown, name
+    assert not in_use(app, StereoBM(num_disparities=64, block_size=9)).success
+    assert in_use(app, BLOCKS).success
+
+
+def test_a_suggestion_stays_once_it_is_in_use() -> None:
+    better = StereoBM(num_disparities=64, block_size=11)
+    app = found_for_blocks(better, Outcome.BETTER)
+    assert app.button[1].label == "Use these settings"
+    app = in_use(app, better)
+    assert (app.button[1].label, app.button[1].disabled, len(app.dataframe)) == ("In use", True, 1)
+    app = in_use(app, StereoBM(num_disparities=64, block_size=9))
+    assert not app.success
+    assert not app.dataframe
+
+
+def test_a_search_that_runs_is_seen_and_ended_beside_every_method() -> None:
+    end = threading.Event()
+
+    def work(job: Job[Suggestion]) -> Suggestion:
+        job.report(0.5)
+        while not (job.cancelled or end.wait(0.001)):
+            pass
+        return Suggestion(StereoBM(), StereoBM(), Outcome.AS_GOOD, Criterion.ESTIMATED_BAD_2, 30.0, 30.0)
+
+    job, view = Job(work, LIGHT), judged_blind()
+    try:
+        app = part_of_page(show_suggest, view, {SUGGEST: PairJob(view.pair.id.judged, StereoBM(), job)})
+        for name in ("Convolution", "Semi-global"):
+            app.segmented_control[0].set_value(name).run()
+            assert "StereoBM" in app.get("progress")[0].proto.text
+        cancel(app)
+        assert job.cancelled
+    finally:
+        end.set()
+
+
+def test_without_ground_truth_it_says_estimated_and_by_what_and_nothing_judges_the_judge() -> None:
+    app = search_of("StereoBM", judged_blind())
+    assert "**estimated** against the accurate preset" in app.markdown[0].value
+    app = ended(app, SUGGEST)
+    assert "Estimated bad-2" in app.success[0].value
+    app = part_of_page(show_suggest, judged_blind())
+    app.segmented_control[0].set_value("Semi-global").run()
+    assert "nothing to judge Semi-global by" in app.info[0].value
+    assert not app.button
+
+
+def test_cancel_keeps_the_best_so_far() -> None:
+    app = search_of("StereoSGBM")
+    assert app.button[0].disabled
+    app = ended(cancel(app), SUGGEST)
+    assert not app.session_state[SUGGEST].job.result().finished
+    assert "ended before" in app.success[0].value
+
+
+def test_a_search_on_another_pair_is_called_off() -> None:
+    app = search_of("StereoSGBM")
+    search = app.session_state[SUGGEST]
+    app.session_state[SUGGEST] = replace(search, digest="another pair")
+    app.run()
+    assert not app.exception
+    assert search.job.cancelled
+    assert SUGGEST not in app.session_state
+    assert not app.button[0].disabled
+    search.job.result()
+
+
+# Jobs
+
+
+def test_a_job_runs_beside_and_can_be_called_off() -> None:
+    started = threading.Event()
+
+    def work(job: Job[str]) -> str:
+        job.report(0.5)
+        job.found("something")
+        started.set()
+        while not job.cancelled:
+            threading.Event().wait(0.001)
+        return "ended"
+
+    job = Job(work, LIGHT)
+    assert started.wait(10)
+    assert job.running
+    assert (job.progress, job.so_far) == (0.5, "something")
+    job.cancel()
+    assert job.result() == "ended"
+    assert not job.running
+
+
+def test_an_error_of_the_work_is_not_lost() -> None:
+    def refuse(job: Job[Any]) -> None:
+        raise ValueError("no")
+
+    job = Job(refuse, LIGHT)
+    with pytest.raises(ValueError, match="no"):
+        job.result()
+    assert not job.running
+
+
+# On a set of pairs
+
+
+def sweeping_on_a_set() -> None:
+    from stereolag import StereoBM
+    from stereolag.figures.legends import Colours
+    from stereolag.ui.depth.inputs import choose_pair
+    from stereolag.ui.depth.maps import DepthView
+    from stereolag.ui.depth.tuning import show_sweep
+
+    pair = choose_pair()
+    matcher = StereoBM(num_disparities=16, block_size=9)
+    show_sweep(DepthView(pair, {matcher.title: matcher.compute(pair.left, pair.right)}, Colours(0, 16)))
+
+
+def swept_on_a_set() -> AppTest:
+    """Return the page after a sweep on the first of two pairs."""
+    app = AppTest.from_function(sweeping_on_a_set, default_timeout=120)
+    app.session_state["pairs"] = "own"
+    app.session_state["pairs.arrangement"] = "several"
+    app.session_state["depth.head"] = True
+    app.run()
+    given(app, "several", ("pairs.zip", packed(pair_of(1, 5) | pair_of(2, 9))))
+    for box, values in zip(app.text_input, ("16", "9, 15"), strict=True):
+        box.set_value(values)
+    app.run().button(key=f"{SWEEP}.start").click().run()
+    app = ended(app, SWEEP)
+    assert len(app.get("plotly_chart")) == 2
+    return app
+
+
+def test_the_small_maps_of_a_sweep_on_a_set_say_of_which_pair_they_are() -> None:
+    app = swept_on_a_set()
+    assert typeset("Left: the maps of pair 1 of 2.") in app.caption[-1].value
+    app.button(key="pairs.step.1").click().run()
+    assert not app.exception
+    assert typeset("Left: the maps of pair 1 of 2, not of the pair in use.") in app.caption[-1].value
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [(rows_key(PAIR), Rows.RECTIFIED), (alpha_key(PAIR), 0.5), (SIZE, "Full")],
+    ids=["choice", "frame", "size"],
+)
+def test_another_preparation_of_the_set_makes_a_sweep_void(key: str, value: Any) -> None:
+    app = swept_on_a_set()
+    app.session_state[key] = value
+    app.run()
+    assert not app.exception
+    assert not app.get("plotly_chart")
+
+
+def test_a_remedy_for_the_pair_looked_at_makes_it_void_and_a_step_does_not() -> None:
+    def look(view: DepthView) -> None:
+        if "begun" not in st.session_state:
+            st.session_state["begun"] = True
+            begin_job(view.pair, "job", None, lambda job: None, LIGHT)
+        st.session_state["there"] = job_on(view.pair, "job") is not None
+
+    def of_set(number: int, *remedies: Remedy) -> DepthView:
+        view = small_view()
+        return replace(view, pair=replace(view.pair, id=PairId(f"set {number}", collection="set", remedies=remedies)))
+
+    app = part_of_page(look, of_set(0))
+    for view, there in ((of_set(0), True), (of_set(1), True), (of_set(0, Remedy.SWAP_SIDES), False)):
+        app.session_state["view"] = view
+        app.run()
+        assert not app.exception
+        assert app.session_state["there"] == there

@@ -1,0 +1,409 @@
+"""The input doctor finds the fault of a pair, finds nothing wrong with a healthy one, and its remedies work."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from ailing_pairs import ILLS, REMEDIES, barrel, darkened, through_barrel, turned, turned_camera, turning
+from straight_and_raw import ENTRIES, RECTIFYING, raw_pair, straight_pair
+
+from stereolag import read_calibration, read_disparity, read_image, rectify
+from stereolag.assess.diagnosis import Diagnosis, Finding, FindingCode, diagnose, judge_range
+from stereolag.assess.disparities import DIVISORS, likely_divisor
+from stereolag.assess.features import Correspondences
+from stereolag.assess.orientation import (
+    RowEvidence,
+    best_rectification,
+    find_correspondences,
+    fit_rectification,
+    robust_fit,
+    row_evidence,
+)
+from stereolag.assess.remedies import Remedy, apply_remedy
+from stereolag.geometry.rectification import scaled_disparity, scaled_image
+from stereolag.samples import stereo_pairs
+
+Pair = tuple[np.ndarray, np.ndarray]
+SHAPE = (480, 640)
+NAN = float("nan")
+GEOMETRY = {FindingCode.SWAPPED, FindingCode.ROWS, FindingCode.ROTATION}
+PAIRS = pytest.mark.parametrize("name", ["road", "cube"])
+
+
+@cache
+def bundled(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    example = stereo_pairs()[name]
+    return read_image(example.left), read_image(example.right), np.asarray(read_disparity(example.disparity), float)
+
+
+@cache
+def healthy(name: str = "cube") -> Diagnosis:
+    return diagnose(*bundled(name)[:2])
+
+
+@cache
+def ill_cube(code: FindingCode) -> tuple[Pair, Diagnosis]:
+    pair = ILLS[code](*bundled("cube")[:2])
+    return pair, diagnose(*pair)
+
+
+def amber(diagnosis: Diagnosis) -> set[FindingCode]:
+    return {finding.code for finding in diagnosis.findings if not finding.healthy}
+
+
+def found(diagnosis: Diagnosis, code: FindingCode) -> Finding:
+    finding = diagnosis.finding(code)
+    assert finding is not None
+    return finding
+
+
+def covered(diagnosis: Diagnosis, disparities: np.ndarray) -> float:
+    assert diagnosis.suggested_range is not None
+    first, count = diagnosis.suggested_range
+    return float(np.mean((disparities >= first) & (disparities < first + count)))
+
+
+# Rectified pairs
+
+
+@PAIRS
+def test_a_rectified_pair_is_healthy_in_its_geometry(name: str) -> None:
+    diagnosis = healthy(name)
+    assert not amber(diagnosis) & {*GEOMETRY, FindingCode.EXPOSURE, FindingCode.MATCHES, FindingCode.IDENTICAL}
+    assert abs(found(diagnosis, FindingCode.ROWS).numbers["offset_px"]) < 0.3
+    numbers = found(diagnosis, FindingCode.ROTATION).numbers
+    assert abs(numbers["rotation_deg"]) < 0.1
+    assert numbers["scale"] == pytest.approx(1, abs=0.003)
+
+
+@PAIRS
+@pytest.mark.parametrize(
+    ("damage", "code", "expected"),
+    [
+        (lambda view: np.roll(view, -5, axis=0), FindingCode.ROWS, {"offset_px": (-5, 0.3)}),
+        # getRotationMatrix2D takes anticlockwise as positive, but rows grow downwards.
+        (lambda view: turned(view, -2.0), FindingCode.ROTATION, {"rotation_deg": (2, 0.15), "scale": (1, 0.005)}),
+        (lambda view: turned(view, 0, 1.02), FindingCode.ROTATION, {"rotation_deg": (0, 0.15), "scale": (1.02, 0.005)}),
+        (darkened, FindingCode.EXPOSURE, {"gain": (0.6, 0.08)}),
+    ],
+    ids=["offset", "rotation", "scale", "exposure"],
+)
+def test_a_fault_is_measured_and_fixed(name: str, damage: Any, code: FindingCode, expected: dict[str, Any]) -> None:
+    left, right, _ = bundled(name)
+    finding = found(diagnose(left, damage(right)), code)
+    assert not finding.healthy
+    for number, (value, tolerance) in expected.items():
+        assert finding.numbers[number] == pytest.approx(value, abs=tolerance)
+    again = diagnose(*apply_remedy(left, damage(right), REMEDIES[code]))
+    assert not amber(again) & {code, FindingCode.ROWS}
+
+
+@pytest.mark.parametrize("code", ILLS)
+def test_every_remedy_fixes_its_finding_and_keeps_size_and_type(code: FindingCode) -> None:
+    left, right, _ = bundled("cube")
+    pair, diagnosis = ill_cube(code)
+    finding = found(diagnosis, code)
+    assert not finding.healthy
+    assert finding.remedy is REMEDIES[code]
+    mended = apply_remedy(*pair, finding.remedy)
+    again = found(diagnose(*mended), code)
+    assert again.healthy
+    assert again.remedy is None
+    assert (mended[1].shape, mended[1].dtype) == (right.shape, right.dtype)
+    assert mended[0] is left
+
+
+def test_aligned_rows_keep_the_disparities() -> None:
+    left, right, _ = bundled("cube")
+    aligned = apply_remedy(left, np.roll(right, 3, axis=0), Remedy.ALIGN_ROWS)[1]
+    assert np.mean(np.abs(aligned[8:-8].astype(float) - right[8:-8])) < 2.5
+
+
+def test_a_remedy_that_cannot_be_applied_is_refused() -> None:
+    left, right, _ = bundled("cube")
+    with pytest.raises(ValueError, match="remedy is 'set_range', which changes the search range of a matcher"):
+        apply_remedy(left, right, Remedy.SET_RANGE)
+    with pytest.raises(ValueError, match="hardly better than moving, rotating and scaling"):
+        apply_remedy(left, right, Remedy.RECTIFY)
+    noise = np.random.default_rng(1).integers(0, 255, (2, 200, 300), dtype=np.uint8)
+    assert FindingCode.MATCHES in amber(diagnose(*noise))
+    with pytest.raises(ValueError, match="features were matched"):
+        apply_remedy(*noise, Remedy.LEVEL)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 2), (1, 3_000), (30, 200), (64, 1)])
+def test_images_too_small_for_features_are_examined_all_the_same(shape: tuple[int, int]) -> None:
+    left, right = np.random.default_rng(3).integers(0, 256, (2, *shape), dtype=np.uint8)
+    assert len(find_correspondences(left, right)) == 0
+    assert FindingCode.MATCHES in amber(diagnose(left, right))
+
+
+def test_low_texture_is_found() -> None:
+    flat = np.full((200, 300), 90, np.uint8)
+    flat[80:120, 100:180] = np.random.default_rng(0).integers(0, 255, (40, 80))
+    assert FindingCode.TEXTURE in amber(diagnose(flat, flat))
+
+
+@pytest.mark.parametrize("quality", [None, 70])
+def test_one_picture_twice_is_told_and_nothing_else_of_its_geometry(quality: int | None) -> None:
+    again = left = bundled("cube")[0]
+    if quality is not None:
+        again = cv2.imdecode(cv2.imencode(".jpg", left, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], -1)
+    diagnosis = diagnose(left, again)
+    codes = {finding.code for finding in diagnosis.findings}
+    assert FindingCode.IDENTICAL in amber(diagnosis)
+    assert not codes & {FindingCode.SWAPPED, FindingCode.ROWS, FindingCode.BENT_ROWS, FindingCode.RANGE}
+    assert diagnosis.suggested_range is None
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_every_type_of_image_is_examined(dtype: type) -> None:
+    images = [image.astype(dtype) * (257 if dtype == np.uint16 else 1) for image in bundled("cube")[:2]]
+    assert len(find_correspondences(*images)) > 100
+    assert apply_remedy(*images, Remedy.MATCH_EXPOSURE)[1].dtype == dtype
+
+
+def test_findings_are_frozen_and_survive_another_process() -> None:
+    diagnosis = healthy()
+    with pytest.raises(TypeError):
+        diagnosis.findings[0].numbers["count"] = 0  # type: ignore[index]
+    assert pickle.loads(pickle.dumps(diagnosis)) == diagnosis
+    assert len({*diagnosis.findings}) == len(diagnosis.findings)
+
+
+def test_real_pairs(data_dir: Path) -> None:
+    for name in ("motorcycle_q", "cones", "kitti2015_000046"):
+        left, right = (read_image(data_dir / "stereo" / name / f"{side}.png") for side in ("left", "right"))
+        assert not amber(diagnose(left, right)) & GEOMETRY, name
+        for code in GEOMETRY:
+            assert code in amber(diagnose(*ILLS[code](left, right))), name
+
+
+# The range
+
+
+@PAIRS
+def test_the_range_is_judged_against_the_disparities_in_the_pair(name: str) -> None:
+    diagnosis = healthy(name)
+    assert diagnosis.suggested_range is not None
+    first, count = diagnosis.suggested_range
+    assert count % 16 == 0
+    for searched, missing in ((16, True), (256, False)):
+        finding = judge_range(diagnosis, 0, searched)
+        assert finding is not None
+        assert finding.remedy is Remedy.SET_RANGE
+        assert (finding.numbers["missing_px"] > 0) == missing
+        assert finding.numbers["suggested_min_disparity"] == first
+        assert finding.numbers["suggested_num_disparities"] == count
+    well = judge_range(diagnosis, first, count)
+    assert well is not None
+    assert well.healthy
+
+
+def test_a_range_judged_later_is_judged_alike_and_not_of_swapped_sides() -> None:
+    left, right, _ = bundled("cube")
+    wide = diagnose(left, right, num_disparities=256)
+    assert judge_range(healthy(), 0, 256) == wide.finding(FindingCode.RANGE)
+    _, swapped = ill_cube(FindingCode.SWAPPED)
+    assert judge_range(swapped, 0, 64) is swapped.finding(FindingCode.RANGE) is swapped.suggested_range is None
+
+
+@pytest.mark.parametrize("name", stereo_pairs())
+def test_the_suggested_range_holds_what_there_is_and_little_more(name: str) -> None:
+    diagnosis, truth = healthy(name), bundled(name)[2]
+    known = truth[np.isfinite(truth)]
+    low, high = np.percentile(known, (0.1, 99.9))
+    assert diagnosis.suggested_range is not None
+    first, count = diagnosis.suggested_range
+    assert covered(diagnosis, known) > 0.998
+    assert -16 <= first <= low < high <= first + count - 1 <= high + 0.3 * (high - low) + 31
+
+
+# Unrectified pairs: the model
+
+
+def matched(left: np.ndarray, right: np.ndarray, shape: tuple[int, int] = SHAPE) -> Correspondences:
+    inside = ((left >= 0) & (right >= 0) & (left < shape[::-1]) & (right < shape[::-1])).all(axis=1)
+    return Correspondences(left[inside].astype(np.float32), right[inside].astype(np.float32), shape)
+
+
+def scattered_points() -> Pair:
+    rng = np.random.default_rng(0)
+    left = rng.uniform((40, 20), (620, 460), (400, 2))
+    return left, left - np.column_stack([rng.uniform(5, 60, 400), np.zeros(400)])
+
+
+def truth_points(disparity: np.ndarray, count: int = 4000) -> Pair:
+    """Return matching points of a rectified pair, (n, 2) (x, y) each, px, sampled uniformly from its ground truth."""
+    rows, cols = np.nonzero(np.isfinite(disparity))
+    drawn = np.random.default_rng(0).choice(len(rows), min(count, len(rows)), replace=False)
+    left = np.column_stack([cols[drawn], rows[drawn]]).astype(float)
+    return left, left - np.column_stack([disparity[rows[drawn], cols[drawn]], np.zeros(len(drawn))])
+
+
+def moved(points: np.ndarray, homography: np.ndarray) -> np.ndarray:
+    return cv2.perspectiveTransform(points[:, None], homography)[:, 0]
+
+
+@pytest.mark.parametrize("lens", [0.0, -0.25, 0.1])
+@pytest.mark.parametrize("turns", [((0, 0, 0), (0, 0, 0)), ((0, 0.04, 0.01), (0.03, -0.05, -0.02))])
+def test_rows_match_after_turning_and_freeing_of_the_lens(lens: float, turns: tuple) -> None:
+    left, right = (moved(points, turning(SHAPE, turn)) for points, turn in zip(scattered_points(), turns, strict=True))
+    views = matched(through_barrel(left, SHAPE, lens), through_barrel(right, SHAPE, lens))
+    wrong = Correspondences(views.left[::-1][:60], views.right[:60], SHAPE)
+    model = fit_rectification(views.joined(wrong), lens=True)
+    assert np.percentile(np.abs(model.row_errors(views)), 90) < 0.5
+    exchanged = Correspondences(views.right, views.left, SHAPE)
+    swapped = fit_rectification(exchanged, lens=True)
+    assert np.median(model.disparities(views)[0]) > 0 > np.median(swapped.disparities(exchanged)[0])
+
+
+def test_images_are_warped_to_where_their_points_go() -> None:
+    left, right = scattered_points()
+    right = moved(right, turning(SHAPE, (0, 0, 0.02)))
+    views = matched(through_barrel(left, SHAPE, -0.2), through_barrel(right, SHAPE, -0.2))
+    model = fit_rectification(views, lens=True)
+    rows = np.indices(SHAPE)[0].astype(np.float32)
+    warped = model.applied(rows, rows)
+    # The images contain their own row numbers, which are read where the model puts the matched points.
+    for image, points, at in zip(warped, (views.left, views.right), model.places(views), strict=True):
+        seen = cv2.remap(image, at.astype(np.float32)[:, None], None, cv2.INTER_LINEAR, borderValue=np.nan).ravel()
+        there = np.isfinite(seen)
+        assert there.mean() > 0.5
+        assert np.abs(seen[there] - points[there, 1]).max() < 0.2
+
+
+def test_a_fit_is_not_led_by_outliers() -> None:
+    rng = np.random.default_rng(2)
+    terms = np.column_stack([np.ones(200), rng.uniform(-1, 1, (200, 2))])
+    values = terms @ [3.0, -2.0, 1.0] + rng.normal(0, 0.05, 200)
+    values[:50] += rng.uniform(5, 50, 50)
+    np.testing.assert_allclose(robust_fit(terms, values), [3.0, -2.0, 1.0], atol=0.05)
+
+
+# Unrectified pairs: lenses and rotated cameras
+
+
+@pytest.mark.parametrize(("name", "k1"), [("cube", -0.05), ("road", -0.3), ("cube", -0.3), ("giraffes", -0.3)])
+def test_bent_rows_are_measured_and_straightened_into_the_corners(name: str, k1: float) -> None:
+    left, right, disparity = bundled(name)
+    views, shape = (barrel(left, k1), barrel(right, k1)), left.shape[:2]
+    true = matched(*(through_barrel(points, shape, k1) for points in truth_points(disparity)), shape)
+    diagnosis = diagnose(*views)
+    bent = found(diagnosis, FindingCode.BENT_ROWS)
+    assert covered(diagnosis, -true.dx) > 0.998
+    assert found(diagnosis, FindingCode.SWAPPED).healthy
+    assert bent.healthy == (k1 > -0.1)
+    if not bent.healthy:
+        assert bent.remedy is Remedy.RECTIFY
+        assert bent.numbers["lens"] == pytest.approx(k1, abs=0.1)
+        assert bent.numbers["spread_px"] == pytest.approx(float(np.std(true.dy)), rel=0.4)
+        rectification = best_rectification(find_correspondences(*views))
+        assert rectification is not None
+        assert np.sqrt(np.mean(rectification.row_errors(true) ** 2)) < 0.35
+        again = diagnose(*apply_remedy(*views, bent.remedy))
+        assert not amber(again) & {FindingCode.BENT_ROWS, FindingCode.ROWS, FindingCode.SWAPPED}
+
+
+@pytest.mark.parametrize("order", [1, -1], ids=["right", "swapped"])
+def test_turned_cameras_are_turned_back_and_their_sides_told(order: int) -> None:
+    left, right, _ = bundled("cube")
+    views = (turned_camera(left, (0.0, 0.05, 0.0)), turned_camera(right, (0.02, -0.03, 0.01)))[::order]
+    diagnosis = diagnose(*views)
+    assert found(diagnosis, FindingCode.BENT_ROWS).remedy is Remedy.RECTIFY
+    assert found(diagnosis, FindingCode.ROWS).remedy is None  # one remedy for both
+    sides = found(diagnosis, FindingCode.SWAPPED)
+    assert sides.numbers["known"]
+    assert sides.healthy == (order == 1)
+    again = diagnose(*apply_remedy(*views, Remedy.RECTIFY))
+    assert not amber(again) & {FindingCode.ROWS, FindingCode.ROTATION, FindingCode.BENT_ROWS}
+
+
+def test_real_raw_pairs(data_dir: Path) -> None:
+    for number in ("02", "06", "08"):
+        folder = data_dir / "calibration" / "opencv_chessboard"
+        left, right = (read_image(folder / f"{side}{number}.jpg") for side in ("left", "right"))
+        diagnosis = diagnose(left, right)
+        assert found(diagnosis, FindingCode.MATCHES).numbers["count"] > 100
+        bent = found(diagnosis, FindingCode.BENT_ROWS)
+        assert bent.remedy is Remedy.RECTIFY
+        assert bent.numbers["rectified_px"] < 0.7
+        assert found(diagnosis, FindingCode.SWAPPED).healthy
+        assert covered(diagnosis, np.arange(30, 145)) == 1
+    assert found(diagnose(right, left), FindingCode.SWAPPED).remedy is Remedy.SWAP_SIDES
+
+
+# Rows before and after a rectification by calibration
+
+
+@pytest.mark.parametrize("given", [{}, RECTIFYING], ids=["alpha", "the file's own"])
+def test_a_rectified_pair_is_not_rectified_again_and_a_raw_one_is(given: dict[str, Any]) -> None:
+    entries = {name: np.asarray(value).tolist() for name, value in (ENTRIES | given).items()}
+    cameras = read_calibration(json.dumps(entries).encode())
+    straight, raw = (row_evidence(pair, rectify(*pair, cameras)[:2]) for pair in (straight_pair(), raw_pair()))
+    assert straight.already_rectified
+    assert straight.given_px < 0.1
+    assert straight.rectified_px > 1.0
+    assert not raw.already_rectified
+    assert raw.given_px > 1.0
+    assert raw.rectified_px < 0.2
+    assert min(raw.given_matches, raw.rectified_matches) > 25
+
+
+@pytest.mark.parametrize(
+    ("given", "rectified", "already"),
+    [
+        (0.1, 3.0, True),
+        (3.0, 0.1, False),
+        (0.30, 0.35, False),
+        (3.0, 9.0, True),
+        (9.0, 12.0, False),
+        (0.2, NAN, True),
+        (3.0, NAN, False),
+        (NAN, 0.2, False),
+        (NAN, NAN, False),
+    ],
+)
+def test_rows_are_evidence_where_they_differ(given: float, rectified: float, already: bool) -> None:
+    assert RowEvidence(given, rectified, 50, 50).already_rectified is already
+
+
+def test_images_without_features_are_no_evidence() -> None:
+    flat = np.full((360, 480), 99, np.uint8)
+    evidence = row_evidence((flat, flat), (flat, flat))
+    assert np.isnan([evidence.given_px, evidence.rectified_px]).all()
+    assert not evidence.already_rectified
+
+
+# The scale factor of an 8-bit ground truth
+
+
+@pytest.mark.parametrize("divisor", DIVISORS)
+def test_the_divisor_is_told_wherever_the_truth_fits_into_8_bits(divisor: int) -> None:
+    left, right, truth = bundled("cube")
+    # Divisors as large as Tsukuba's 16 are for small images.
+    factor = min(1.0, 255 / (divisor * float(np.nanmax(truth))))
+    values = np.rint(scaled_disparity(truth.astype(np.float32), factor) * divisor)
+    stored = np.where(values == 0, np.nan, values).astype(np.float32)
+    assert likely_divisor(stored, scaled_image(left, factor), scaled_image(right, factor)) == divisor
+
+
+@pytest.mark.parametrize("name", ["tsukuba", "teddy", "cones", "aloe_half"])
+def test_the_divisor_is_the_one_its_makers_name(name: str, data_dir: Path) -> None:
+    folder = data_dir / "stereo" / name
+    left, right, truth = (next(folder.glob(f"{stem}.*")) for stem in ("left", "right", "gt"))
+    meant = json.loads((folder / "calib.json").read_text(encoding="utf-8"))["disparity_divisor"]
+    assert likely_divisor(read_disparity(truth, divisor=1), read_image(left), read_image(right)) == meant
+
+
+@pytest.mark.parametrize("side", [4, 40])
+def test_the_divisor_is_the_smallest_where_nothing_tells(side: int) -> None:
+    flat = np.zeros((side, side), np.uint8)
+    assert likely_divisor(np.full((side, side), 40.0), flat, flat) == DIVISORS[0]

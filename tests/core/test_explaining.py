@@ -1,0 +1,384 @@
+"""Explanations of a match compared with the map that it explains; example pixels; the reasons of blank pixels."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from pairs import shifted_pair, texture
+from skimage.morphology import reconstruction
+
+from stereolag.assess.explaining import (
+    Box,
+    ExampleKind,
+    MatchKind,
+    blank_reasons,
+    example_pixel,
+    explain_match,
+    lobe,
+    passes,
+    with_rows_around,
+)
+from stereolag.io.disparities import read_disparity
+from stereolag.io.images import read_image
+from stereolag.samples import stereo_pairs
+from stereolag.stereo.matcher import Reason
+from stereolag.stereo.opencv import BlockMatcher, StereoBM, StereoSGBM
+from stereolag.stereo.windows.matcher import CorrelationMatcher
+from stereolag.stereo.windows.search import SearchArea
+
+
+@cache
+def fence() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    pair = stereo_pairs()["fence"]
+    return read_image(pair.left), read_image(pair.right), read_disparity(pair.disparity)
+
+
+def test_window_and_search_lie_where_they_should() -> None:
+    left, right = shifted_pair(90, 120, 0, -6)
+    seen = explain_match(CorrelationMatcher(window_size=20, search=SearchArea.centred(40)), left, right, 45, 60)
+    assert seen.window == Box(36, 51, 20, 20)
+    assert seen.search == Box(26, 41, 40, 40)
+    assert seen.surface.shape == (21, 21)
+
+
+def test_near_the_border_the_nearest_whole_window_stands_in() -> None:
+    left, right = shifted_pair(90, 120, 0, -6)
+    seen = explain_match(CorrelationMatcher(window_size=21, search=SearchArea.rectified(16)), left, right, 0, 0)
+    assert seen.window == Box(0, 0, 21, 21)
+    assert np.isnan(seen.surface[0, :-1]).all()
+    assert np.isfinite(seen.surface[0, -1])
+
+
+def test_a_flat_wall_and_a_fence_are_explained() -> None:
+    flat = np.full((60, 100), 80, np.uint8)
+    matcher = CorrelationMatcher(window_size=11, search=SearchArea.rectified(24))
+    wall = explain_match(matcher, flat, flat, 30, 60)
+    assert wall.peak is None
+    assert wall.found is None
+    assert wall.kind is MatchKind.NOTHING
+    assert wall.runner_up is None
+    assert np.isnan(wall.disparity)
+    stripes = np.tile((np.sin(np.arange(100) * 2 * np.pi / 8) * 90 + 128).astype(np.uint8), (60, 1))
+    stripes = np.clip(stripes + np.random.default_rng(0).normal(0, 1, stripes.shape), 0, 255).astype(np.uint8)
+    fence = explain_match(matcher, stripes, np.roll(stripes, -4, axis=1), 30, 60)
+    assert fence.kind is MatchKind.REPEATS
+    assert explain_match(matcher, *shifted_pair(60, 100, 0, -6), 30, 60).kind is MatchKind.CLEAR
+
+
+@pytest.mark.parametrize("pitch", [6.0, 9.5, 14.5, 21.0])
+@pytest.mark.parametrize("score", ["zncc", "ncc", "cross"])
+def test_the_runner_up_of_a_periodic_texture_is_one_period_away(pitch: float, score: str) -> None:
+    rng = np.random.default_rng(2)
+    pattern = 128 + 60 * np.sin(np.arange(160) * 2 * np.pi / pitch) + 10 * np.sin(np.arange(80) / 5)[:, None]
+    left, right = (pattern + rng.normal(0, 1, pattern.shape), np.roll(pattern, -26, axis=1))
+    matcher = CorrelationMatcher(window_size=13, search=SearchArea.rectified(48), score=score)
+    seen = explain_match(matcher, left, right + rng.normal(0, 1, pattern.shape), 40, 90)
+    assert seen.kind is MatchKind.REPEATS
+    assert seen.peak is not None
+    assert seen.runner_up is not None
+    apart = abs(seen.runner_up[1] - seen.peak[1]) / pitch
+    assert apart == pytest.approx(max(1, round(apart)), abs=0.6 / pitch)
+
+
+@pytest.mark.parametrize("search", [SearchArea.rectified(40), SearchArea.centred(51)])
+def test_the_flank_of_a_broad_peak_is_no_runner_up(search: SearchArea) -> None:
+    left, right = shifted_pair(90, 160, 0, -8, seed=6)
+    blurred = [cv2.GaussianBlur(image, (0, 0), 5) for image in (left, right)]
+    noise = np.random.default_rng(1).normal(0, 0.05, (2, *left.shape))
+    seen = explain_match(
+        CorrelationMatcher(window_size=21, search=search), *(blurred[at] + noise[at] for at in (0, 1)), 45, 90
+    )
+    assert seen.kind in (MatchKind.CLEAR, MatchKind.SMOOTH)
+    assert seen.peak is not None
+    if seen.runner_up:
+        assert seen.valley < seen.runner_up_score - seen.as_good
+        assert max(abs(np.subtract(seen.runner_up, seen.peak))) > 4
+
+
+def test_on_the_fence_a_wrong_match_is_called_a_repetition() -> None:
+    left, right, truth = fence()
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(64))
+    seen = [explain_match(matcher, left, right, row, col) for row in (310, 330) for col in range(190, 380, 2)]
+    pickets = [truth[row, col] for row in (310, 330) for col in range(190, 380, 2)]
+    wrong = [one for one, true in zip(seen, pickets, strict=True) if 26 < true < 27 and abs(one.disparity - true) > 1]
+    assert len(wrong) > 30
+    assert all(one.kind is MatchKind.REPEATS for one in wrong)
+    apart = [abs(one.runner_up[1] - one.peak[1]) / 14.5 for one in wrong if one.runner_up and one.peak]
+    np.testing.assert_allclose(apart, np.rint(apart), atol=0.1)
+    assert min(apart) > 0.9
+
+
+def test_smooth_windows_bare_walls_and_hidden_places_are_told_apart() -> None:
+    rng = np.random.default_rng(1)
+    matcher = CorrelationMatcher(window_size=11, search=SearchArea.rectified(24))
+    smooth = np.tile(128 + 100 * np.sin(np.arange(100) / 100), (60, 1))
+    assert explain_match(matcher, smooth, np.roll(smooth, -4, axis=1), 30, 60).kind is MatchKind.SMOOTH
+    edge = np.where(np.arange(100) < 10, 0.0, 100.0) + np.zeros((60, 1))
+    walls = [edge + rng.normal(0, 1, edge.shape) for _ in range(2)]
+    assert explain_match(matcher, walls[0], walls[1], 30, 60).kind is MatchKind.BARE
+    strangers = [texture(60, 100, seed=seed) for seed in (1, 2)]
+    assert explain_match(matcher, strangers[0], strangers[1], 30, 61).kind is MatchKind.UNLIKE
+
+
+def test_rows_around_are_added_and_never_taken_away() -> None:
+    strip = CorrelationMatcher(search=SearchArea.rectified(20))
+    assert with_rows_around(strip, 6).search == SearchArea.rectified(20, vertical=6)
+    square = CorrelationMatcher(search=SearchArea.centred(60))
+    assert with_rows_around(square, 6) is square
+    unpadded = CorrelationMatcher(search=SearchArea.centred(20))
+    assert with_rows_around(unpadded, 6) is unpadded
+
+
+@pytest.mark.parametrize(("row", "col"), [(-1, 0), (0, 100), (60, 0)])
+def test_a_pixel_outside_is_refused(row: int, col: int) -> None:
+    left, right = shifted_pair(60, 100, 0, -6)
+    with pytest.raises(ValueError, match="outside the image"):
+        explain_match(CorrelationMatcher(window_size=9), left, right, row, col)
+
+
+STRIP, SQUARE = SearchArea.rectified(64), SearchArea.centred(40)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"window_size": 11, "search": STRIP},
+        {"window_size": 20, "search": SQUARE},
+        {"window_size": 9, "overlap": 0.5, "search": SearchArea.rectified(48, 3, vertical=2)},
+        {"window_size": 15, "search": STRIP, "score": "ncc"},
+        {"search": STRIP, "score": "cross"},
+        {"window_size": 16, "overlap": 0.7, "search": SQUARE, "engine": "fft"},
+        {"window_size": 16, "overlap": 0.7, "search": STRIP, "score": "phase"},
+        {"window_size": 24, "overlap": 0.8, "search": SearchArea.centred(24)},
+        {"window_size": 9, "overlap": 0.0, "search": STRIP},
+    ],
+    ids=str,
+)
+def test_disparity_and_score_are_those_of_the_map(settings: dict[str, Any]) -> None:
+    pair = stereo_pairs()["road"]
+    left, right = (read_image(side)[160:400] for side in (pair.left, pair.right))
+    matcher = CorrelationMatcher(**settings)
+    result = matcher.compute(left, right)
+    disparity = result.disparity
+    margin = matcher.window_size  # nearer the border, pixels are in no cell, and the nearest window is explained
+    pixels = np.random.default_rng(5).integers(margin, np.array(disparity.shape) - margin, (40, 2))
+    explained = [explain_match(matcher, left, right, *map(int, pixel)) for pixel in pixels]
+    expected, scores = (of_map[tuple(pixels.T)] for of_map in (disparity, result.score))
+    known = np.isfinite(expected)
+    assert known.sum() > 10
+    np.testing.assert_allclose([seen.disparity for seen in explained], expected, atol=1e-5)
+    np.testing.assert_allclose(np.array([seen.peak_score for seen in explained])[known], scores[known], rtol=1e-4)
+
+
+def test_a_better_score_just_beyond_the_search_is_an_edge() -> None:
+    left, right = shifted_pair(60, 100, 0, -8)
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(8))
+    seen = explain_match(matcher, left, right, 30, 60)
+    assert seen.kind is MatchKind.AT_EDGE
+    assert seen.peak == (0, -7)
+    assert np.isnan(seen.disparity)
+    assert np.isnan(matcher.compute(left, right).disparity[30, 60])
+
+
+@pytest.mark.parametrize(
+    ("search", "dy"), [(SearchArea.rectified(20), 0), (SearchArea.centred(41), 1.4)], ids=["strip", "square"]
+)
+@pytest.mark.parametrize("score", ["zncc", "cross"])
+def test_the_fit_goes_through_the_scores_and_is_highest_at_the_offset(search: Any, dy: float, score: str) -> None:
+    matcher = CorrelationMatcher(window_size=15, search=search, score=score)
+    seen = explain_match(matcher, *shifted_pair(60, 100, dy, -6.3), 30, 60)
+    assert seen.peak is not None
+    if dy == 0:
+        at = seen.peak[1] - seen.dx[0]
+        np.testing.assert_allclose(seen.fit([-1, 0, 1]), seen.row[at - 1 : at + 2], rtol=1e-5)
+    fine = np.linspace(-1, 1, 2001)
+    assert fine[np.argmax(seen.fit(fine))] == pytest.approx(seen.offset[1], abs=3e-3)
+    assert seen.disparity == pytest.approx(6.3, abs=0.05)
+    assert seen.found == seen.window_at(seen.peak)
+
+
+# The lobe of a peak
+
+
+@pytest.mark.parametrize("shape", [(1, 64), (21, 33)])
+def test_the_passes_are_those_of_a_reconstruction_from_the_peak(shape: tuple[int, int]) -> None:
+    scores = np.random.default_rng(4).normal(size=shape)
+    peak = divmod(int(np.argmax(scores)), shape[1])
+    seed = np.full(shape, scores.min())
+    seed[peak] = scores[peak]
+    expected = reconstruction(seed, scores, footprint=np.ones((3, 3)))
+    np.testing.assert_array_equal(passes(scores, peak), expected)
+
+
+def test_every_tooth_of_a_comb_is_a_hill_of_its_own_and_a_ripple_is_not() -> None:
+    along = np.arange(64)
+    comb = np.cos((along - 26) * 2 * np.pi / 14.5)[None]
+    own = lobe(comb, passes(comb, (0, 26)), 0.03)[0]
+    assert own[20:33].all()
+    assert not own[[12, 40, 41, 55]].any()
+    rippled = (1 - np.abs(along - 26) / 40 + 0.01 * np.cos(along * np.pi))[None]
+    assert lobe(rippled, passes(rippled, (0, 26)), 0.03).all()
+
+
+def test_a_place_beyond_a_gap_lies_outside_and_beyond_the_border_inside_if_the_search_wraps() -> None:
+    scores = np.array([[1.0, 0.9, 0.5, np.nan, 0.7, 0.8]])
+    assert lobe(scores, passes(scores, (0, 0)), 0.03).tolist() == [[True, True, True, False, False, False]]
+    around = lobe(scores, passes(scores, (0, 0), wrapped=True), 0.03)
+    assert around.tolist() == [[True, True, True, False, True, True]]
+
+
+# Example pixels, on a scene with walls, fences and hidden strips in known places
+
+
+MATCHER = CorrelationMatcher(window_size=11, search=SearchArea.rectified(40))
+
+WALL, PICKETS, NEAR_SQUARE = slice(120, 160), slice(70, 110), (slice(10, 60), slice(120, 200))
+BEHIND, NEAR = 5, 25
+
+
+def scene(*, wall: bool = True, fence: bool = True, near: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(3)
+    left = texture(170, 280, seed=1)
+    if wall:
+        left[WALL] = 90
+    if fence:
+        left[PICKETS] = 128 + 60 * np.sin(np.arange(280) * 2 * np.pi / 14)
+    right = np.roll(left, -BEHIND, axis=1)
+    if near:
+        rows, cols = NEAR_SQUARE
+        left[rows, cols] = texture(50, 80, seed=2)
+        right[rows, cols.start - NEAR : cols.stop - NEAR] = left[rows, cols]
+    noisy = [np.clip(np.rint(image + rng.normal(0, 1, image.shape)), 0, 255) for image in (left, right)]
+    return noisy[0].astype(np.uint8), noisy[1].astype(np.uint8)
+
+
+def test_a_clear_match_is_clear_and_right() -> None:
+    left, right = scene()
+    pixel = example_pixel(ExampleKind.CLEAR, MATCHER, left, right)
+    assert pixel is not None
+    seen = explain_match(MATCHER, left, right, *pixel)
+    assert seen.kind is MatchKind.CLEAR
+    assert min(abs(seen.disparity - shift) for shift in (BEHIND, NEAR)) < 0.1
+
+
+def test_the_fence_and_the_wall_are_found() -> None:
+    left, right = scene()
+    repeats = example_pixel(ExampleKind.REPEATS, MATCHER, left, right)
+    assert repeats is not None
+    assert PICKETS.start <= repeats[0] < PICKETS.stop
+    bare = example_pixel(ExampleKind.BARE, MATCHER, left, right)
+    assert bare is not None
+    assert WALL.start <= bare[0] < WALL.stop
+
+
+def test_the_hidden_strip_lies_left_of_the_near_square() -> None:
+    left, right = scene(wall=False, fence=False)
+    pixel = example_pixel(ExampleKind.HIDDEN, MATCHER, left, right)
+    assert pixel is not None
+    rows, cols = NEAR_SQUARE
+    assert rows.start <= pixel[0] < rows.stop
+    assert cols.start - (NEAR - BEHIND) <= pixel[1] < cols.start
+
+
+@pytest.mark.parametrize("search", [SearchArea.rectified(64), SearchArea.centred(60)])
+def test_a_repeating_pattern_of_the_fence_is_its_pickets(search: SearchArea) -> None:
+    left, right, truth = fence()
+    pixel = example_pixel(ExampleKind.REPEATS, CorrelationMatcher(window_size=15, search=search), left, right)
+    assert pixel is not None
+    row, col = pixel
+    on_pickets = np.abs(truth[row, col - 8 : col + 8] - 26.5) < 0.3
+    assert on_pickets.any()
+    seen = explain_match(CorrelationMatcher(window_size=15, search=search), left, right, row, col)
+    assert seen.runner_up is not None
+    assert seen.peak is not None
+    assert max(abs(np.subtract(seen.runner_up, seen.peak))) > 5
+
+
+def test_a_bare_wall_is_no_smooth_sky() -> None:
+    left, right, truth = fence()
+    matcher = CorrelationMatcher(window_size=15, search=SearchArea.rectified(64))
+    pixel = example_pixel(ExampleKind.BARE, matcher, left, right)
+    assert pixel is not None
+    assert truth[pixel] == pytest.approx(15.1, abs=0.3)
+    assert explain_match(matcher, left, right, *pixel).kind is MatchKind.BARE
+
+
+@pytest.mark.parametrize("search", [SearchArea.rectified(40), SearchArea.centred(31)])
+def test_shifted_noise_repeats_nowhere(search: SearchArea) -> None:
+    noise = np.random.default_rng(7).integers(0, 256, (120, 200), dtype=np.uint8)
+    matcher = CorrelationMatcher(window_size=11, search=search)
+    assert example_pixel(ExampleKind.REPEATS, matcher, noise, np.roll(noise, -7, axis=1)) is None
+
+
+@pytest.mark.parametrize("kind", [ExampleKind.REPEATS, ExampleKind.BARE, ExampleKind.HIDDEN])
+def test_a_scene_without_it_has_none(kind: ExampleKind) -> None:
+    assert example_pixel(kind, MATCHER, *scene(wall=False, fence=False, near=False)) is None
+
+
+@pytest.mark.parametrize("matcher", [MATCHER.model_copy(update={"score": "phase"}), CorrelationMatcher(window_size=16)])
+def test_every_score_and_search_can_be_asked(matcher: CorrelationMatcher) -> None:
+    left, right = scene(near=False)
+    assert example_pixel(ExampleKind.CLEAR, matcher, left, right) is not None
+
+
+# Reasons of blank pixels
+
+
+OPEN_BM = {"uniqueness_ratio": 0, "texture_threshold": 0}
+OPEN_SGBM = {"uniqueness_ratio": 0, "speckle_window_size": 0, "disp12_max_diff": 64}
+
+
+@pytest.mark.parametrize(
+    ("matcher", "reason"),
+    [
+        (StereoBM(num_disparities=32, block_size=9, **OPEN_BM | {"uniqueness_ratio": 20}), Reason.AMBIGUOUS),
+        (StereoBM(num_disparities=32, block_size=9, **OPEN_BM | {"texture_threshold": 400}), Reason.LOW_TEXTURE),
+        (StereoBM(num_disparities=32, block_size=9, **OPEN_BM, disp12_max_diff=1), Reason.LEFT_RIGHT),
+        (
+            StereoBM(num_disparities=32, block_size=9, **OPEN_BM, speckle_window_size=80, speckle_range=16),
+            Reason.SPECKLE,
+        ),
+        (StereoSGBM(num_disparities=32, **OPEN_SGBM | {"uniqueness_ratio": 20}), Reason.AMBIGUOUS),
+        (StereoSGBM(num_disparities=32, **OPEN_SGBM | {"disp12_max_diff": 1}), Reason.LEFT_RIGHT),
+        (StereoSGBM(num_disparities=32, **OPEN_SGBM | {"speckle_window_size": 400}), Reason.SPECKLE),
+    ],
+)
+def test_a_filter_alone_is_the_reason_of_all_that_it_takes_away(matcher: BlockMatcher, reason: Reason) -> None:
+    left, right = scene()
+    result = matcher.compute(left, right)
+    found = blank_reasons(result, left, right)
+    switched_off = OPEN_BM if isinstance(matcher, StereoBM) else OPEN_SGBM
+    everything = type(matcher)(num_disparities=32, block_size=matcher.block_size, **switched_off).compute(left, right)
+    taken = everything.valid & ~result.valid
+    assert taken.sum() > 100
+    assert (found[taken] == reason).all()
+    assert (found[~everything.valid & ~result.valid] == Reason.OUT_OF_FRAME).all()
+    assert (found[result.valid] == Reason.MEASURED).all()
+
+
+@pytest.mark.parametrize(
+    "matcher",
+    [
+        StereoBM(num_disparities=32, block_size=9, texture_threshold=700, disp12_max_diff=1, speckle_window_size=80),
+        StereoSGBM(num_disparities=32),
+    ],
+)
+def test_each_filter_answers_for_what_it_is_the_first_to_blank(matcher: BlockMatcher) -> None:
+    left, right = scene()
+    result = matcher.compute(left, right)
+    found = blank_reasons(result, left, right)
+    assert ((found == Reason.MEASURED) == result.valid).all()
+    causes = {Reason(cause) for cause in np.unique(found)}
+    assert causes >= {Reason.MEASURED, Reason.OUT_OF_FRAME, Reason.AMBIGUOUS, Reason.LEFT_RIGHT}
+    if isinstance(matcher, StereoBM):
+        assert (found[135:145, 60:250] == Reason.LOW_TEXTURE).mean() > 0.9
+
+
+def test_a_matcher_that_knows_its_reasons_is_believed() -> None:
+    left, right = shifted_pair(60, 90, 0, -5)
+    result = CorrelationMatcher(window_size=9, search=SearchArea.rectified(16)).compute(left, right)
+    assert blank_reasons(result, left, right) is result.reason
