@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -503,8 +503,15 @@ def _fitted(markers: SeenMarkers, width: int, shift: int) -> FittedMarkers:
     return FittedMarkers(homography, np.linalg.norm(placed - centres, axis=1) < limit)
 
 
-Pairs: TypeAlias = Sequence[tuple[npt.ArrayLike, npt.ArrayLike]]
-"""Left and right pictures; each is requested when needed, and not kept."""
+class Pairs(Protocol):
+    """Left and right pictures; each is requested when needed, and not kept."""
+
+    def __len__(self) -> int:
+        """Return the number of pairs."""
+
+    def __getitem__(self, number: int, /) -> tuple[npt.ArrayLike, npt.ArrayLike]:
+        """Return one pair."""
+
 
 GUESSED_FROM = 8
 """Number of pairs from which the board is guessed, spread over all."""
@@ -570,7 +577,7 @@ def find_boards(
     ValueError
         No pairs or more than 100, a picture that is not an image, or a board of unknown size that no picture shows.
     """
-    pairs = pairs if isinstance(pairs, Sequence) else list(pairs)
+    pairs = list(pairs) if isinstance(pairs, Iterable) else pairs
     if not 1 <= len(pairs) <= MOST_PAIRS:
         raise ValueError(f"pairs holds {len(pairs)}; allowed are 1 to {MOST_PAIRS} pairs of pictures.")
     report = progress or silent

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -13,6 +13,9 @@ import numpy.typing as npt
 from stereolag.core.arrays import DoubleMap
 from stereolag.geometry.boards import MARGIN_SQUARES, Board, Grey8, board_picture
 from stereolag.geometry.calibration import StereoRig
+
+Pose: TypeAlias = tuple[DoubleMap, npt.NDArray[np.float64]]
+"""The rotation (3, 3) and the translation (3,) of a board in a camera's frame, in squares."""
 
 FINER = 3
 """Rays per pixel, each way."""
@@ -26,6 +29,11 @@ SQUARE_PX = 48
 BACKGROUND = 110
 BLACK, WHITE = 25, 225
 """Grey levels of the background, and of the board's ink and paper."""
+
+BLUR = 0.6
+"""Standard deviation of the lens blur, px."""
+NOISE = 2.0
+"""Standard deviation of the sensor noise, grey levels."""
 
 TRIES = 200
 
@@ -87,22 +95,6 @@ def _printed(board: Board) -> Grey8:
     return np.where(board_picture(board, SQUARE_PX) > 127, WHITE, BLACK).astype(np.uint8)
 
 
-@dataclass(frozen=True)
-class Look:
-    """Imperfections of the pictures.
-
-    Attributes
-    ----------
-    blur
-        Standard deviation of the lens blur, px.
-    noise
-        Standard deviation of the sensor noise, grey levels.
-    """
-
-    blur: float = 0.6
-    noise: float = 2.0
-
-
 def drawn_pairs(
     rig: StereoRig,
     board: Board,
@@ -110,7 +102,6 @@ def drawn_pairs(
     *,
     square_m: float,
     seed: int = 0,
-    look: Look | None = None,
     partly: bool = False,
 ) -> Iterator[tuple[Grey8, Grey8]]:
     """Draw pairs of a board held at various positions and tilts in front of a stereo camera.
@@ -127,8 +118,6 @@ def drawn_pairs(
         Side of a square, metres.
     seed
         Seed of the positions, tilts and noise.
-    look
-        Blur and noise.
     partly
         Whether up to half of the board may be outside a picture.
 
@@ -144,64 +133,62 @@ def drawn_pairs(
     """
     if rig.width is None or rig.height is None:
         raise ValueError("rig has no width and height; a picture needs its size.")
-    look = look or Look()
     random = np.random.default_rng(seed)
     size = rig.width, rig.height
-    left = DrawnCamera(rig.left_matrix, rig.left_distortion, size)
-    right = DrawnCamera(rig.right_matrix, rig.right_distortion, size)
+    cameras = (
+        DrawnCamera(rig.left_matrix, rig.left_distortion, size),
+        DrawnCamera(rig.right_matrix, rig.right_distortion, size),
+    )
     for number in range(count):
-        rotation, translation = _pose(rig, board, square_m, random, number / max(1, count - 1), partly)
-        beside = rig.rotation @ translation + rig.translation / square_m
-        poses = ((left, rotation, translation), (right, rig.rotation @ rotation, beside))
-        first, second = (_taken(camera.picture(board, turn, place), look, random) for camera, turn, place in poses)
-        yield first, second
+        poses = _poses(rig, size, board, square_m, random, number / max(1, count - 1), partly)
+        left, right = (
+            _taken(camera.picture(board, *pose), random) for camera, pose in zip(cameras, poses, strict=True)
+        )
+        yield left, right
 
 
-def _pose(
-    rig: StereoRig, board: Board, square_m: float, random: np.random.Generator, part: float, partly: bool
-) -> tuple[DoubleMap, npt.NDArray[np.float64]]:
-    """Return a pose, in squares, at which both cameras see the board."""
-    assert rig.width is not None
-    assert rig.height is not None
+def _poses(
+    rig: StereoRig,
+    size: tuple[int, int],
+    board: Board,
+    square_m: float,
+    random: np.random.Generator,
+    part: float,
+    partly: bool,
+) -> tuple[Pose, Pose]:
+    """Return the poses, in squares, of a board that both cameras see."""
     points = board.points()
     middle = points.mean(axis=0)
     for attempt in range(TRIES):
         turn = np.clip(random.normal(0, (0.35, 0.35, 0.2)), -MOST_TILT, MOST_TILT)
-        rotation = cv2.Rodrigues(turn)[0]
+        rotation = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
         # Later attempts are farther away and closer to the middle.
         ease = attempt / TRIES
         share = random.uniform(0.3, 0.6) * (1 - 0.5 * ease)
-        distance = rig.left_matrix[0, 0] * board.columns / (share * rig.width)
+        distance = rig.left_matrix[0, 0] * board.columns / (share * size[0])
         corner = random.uniform(-1, 1, 2) * (1 - ease)
-        towards = corner * np.array([rig.width, rig.height]) / 2 / np.diag(rig.left_matrix)[:2]
+        towards = corner * np.array(size) / 2 / np.diag(rig.left_matrix)[:2]
         between = -0.5 * rig.translation / square_m
         translation = np.array([*(towards * distance * 0.8), distance]) + between - rotation @ middle
+        beside = rig.rotation @ rotation, rig.rotation @ translation + rig.translation / square_m
         seen = []
-        for matrix, distortion, pose in (
+        for matrix, distortion, (turned, place) in (
             (rig.left_matrix, rig.left_distortion, (rotation, translation)),
-            (
-                rig.right_matrix,
-                rig.right_distortion,
-                (rig.rotation @ rotation, rig.rotation @ translation + rig.translation / square_m),
-            ),
+            (rig.right_matrix, rig.right_distortion, beside),
         ):
-            places = cv2.projectPoints(points, cv2.Rodrigues(pose[0])[0], pose[1], matrix, distortion)[0][:, 0]
-            border = 0.01 * rig.width + 0.2 * distance**-1 * matrix[0, 0]
-            inside = ((places > border) & (places < np.array([rig.width, rig.height]) - border)).all(axis=1)
-            seen.append(float(inside.mean()))
+            places = cv2.projectPoints(points, cv2.Rodrigues(turned)[0], place, matrix, distortion)[0][:, 0]
+            border = 0.01 * size[0] + 0.2 * distance**-1 * matrix[0, 0]
+            seen.append(float(((places > border) & (places < np.array(size) - border)).all(axis=1).mean()))
         if min(seen) >= (0.5 if partly else 1.0) and (not partly or part < 0.3 or max(seen) < 1):
-            return np.asarray(rotation, dtype=np.float64), translation
+            return (rotation, translation), beside
     raise ValueError(
         f"The views of the two cameras hardly overlap: in {TRIES} places no board of {board.columns} × {board.rows} "
         "corners was in both pictures."
     )
 
 
-def _taken(picture: Grey8, look: Look, random: np.random.Generator) -> Grey8:
+def _taken(picture: Grey8, random: np.random.Generator) -> Grey8:
     """Return a picture with light falling off to one side, lens blur and sensor noise."""
     start, end = 1 + random.uniform(-0.15, 0.15, 2)
-    real: DoubleMap = picture.astype(np.float64) * np.linspace(start, end, picture.shape[1])
-    if look.blur > 0:
-        real = np.asarray(cv2.GaussianBlur(real, (0, 0), look.blur), dtype=np.float64)
-    noisy = np.rint(real + random.normal(0, look.noise, real.shape))
-    return np.asarray(np.clip(noisy, 0, 255), dtype=np.uint8)
+    real = cv2.GaussianBlur(picture * np.linspace(start, end, picture.shape[1]), (0, 0), BLUR)
+    return np.asarray(np.clip(np.rint(real + random.normal(0, NOISE, real.shape)), 0, 255), dtype=np.uint8)

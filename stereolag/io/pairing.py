@@ -7,7 +7,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
-from typing import Any, TypeVar, overload
+from typing import TypeVar
 
 from stereolag.core.inputs import Image
 from stereolag.io.calibrations import CALIBRATION_SUFFIXES
@@ -281,31 +281,22 @@ def _folder(name: str) -> str:
     return str(PurePosixPath(name.replace("\\", "/")).parent)
 
 
-class PicturesOfFiles(Sequence[tuple[Image, Image]]):
+@dataclass(frozen=True)
+class PicturesOfFiles:
     """Pairs of pictures that are decoded again on every access: all at once would take gigabytes."""
 
-    def __init__(
-        self, files: Sequence[PairFiles], read: Callable[[str], bytes], decode: Callable[[bytes], Image] = read_image
-    ) -> None:
-        self._files = files
-        self._read = read
-        self._decode = decode
+    files: Sequence[PairFiles]
+    read: Callable[[str], bytes]
+    decode: Callable[[bytes], Image] = read_image
 
     def __len__(self) -> int:
-        return len(self._files)
+        return len(self.files)
 
-    @overload
-    def __getitem__(self, number: int) -> tuple[Image, Image]: ...
-    @overload
-    def __getitem__(self, number: slice) -> Sequence[tuple[Image, Image]]: ...
-    def __getitem__(self, number: Any) -> Any:
-        if isinstance(number, slice):
-            return PicturesOfFiles(self._files[number], self._read, self._decode)
-        files = self._files[number]
-        return self._picture(files.left), self._picture(files.right)
+    def __getitem__(self, number: int) -> tuple[Image, Image]:
+        return self._picture(self.files[number].left), self._picture(self.files[number].right)
 
     def _picture(self, name: str) -> Image:
         try:
-            return self._decode(self._read(name))
+            return self.decode(self.read(name))
         except ValueError as error:
             raise ValueError(f"{quoted(name)}: {error}") from error
